@@ -1,0 +1,115 @@
+"""Parsing, features and masks."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from tests_support import random_rotations
+
+from troupe_training.bvh import BvhError, read_bvh
+from troupe_training.features import ClipStore, random_keyframe_mask, random_slot_masks
+from troupe_training.losses import Kinematics
+from troupe_training.prepare import load_clip
+from troupe_training.rotations import (
+    matrix_to_quat,
+    matrix_to_six_d,
+    quat_to_matrix,
+    six_d_to_matrix,
+    yaw_matrix,
+)
+from troupe_training.tokenizer import integrate_root
+
+
+def test_rotation_forms_agree():
+    matrices = random_rotations(500)
+    assert torch.allclose(six_d_to_matrix(matrix_to_six_d(matrices)), matrices, atol=1e-5)
+    assert torch.allclose(quat_to_matrix(matrix_to_quat(matrices)), matrices, atol=1e-5)
+
+
+def test_yaw_takes_forward_to_the_heading():
+    forward = yaw_matrix(torch.tensor(torch.pi / 2)) @ torch.tensor([0.0, 0.0, 1.0])
+    assert torch.allclose(forward, torch.tensor([1.0, 0.0, 0.0]), atol=1e-6)
+
+
+def test_prepare_keeps_good_clips_and_names_the_broken_one(cache: Path):
+    index = json.loads((cache / "clips.json").read_text())
+    assert len(index["clips"]) == 30
+    assert list(index["dropped"]) == ["broken.bvh"]
+    skeleton = ClipStore(cache, "train").skeleton
+    assert skeleton.names[0] == "Hips"
+    assert skeleton.left_axis == [1.0, 0.0, 0.0]
+    assert [skeleton.names[j] for j in skeleton.contact_joints] == ["Foot_L", "Toes_L", "Foot_R", "Toes_R"]
+
+
+def test_bvh_errors_say_where(tmp_path: Path, bvh_folder: Path):
+    text = (bvh_folder / "walk_00.bvh").read_text()
+    for broken, message in (
+        (text.replace("MOTION", "NOTION"), "no MOTION"),
+        (text.rsplit("\n", 2)[0] + "\n", "lines follow"),
+        (text.replace("Frame Time:", "Frame Rate:"), "Frame Time"),
+    ):
+        path = tmp_path / "x.bvh"
+        path.write_text(broken)
+        with pytest.raises(BvhError, match=message):
+            read_bvh(path)
+
+
+def test_segments_start_in_the_segment_frame(cache: Path):
+    store = ClipStore(cache, "train")
+    segments = store.segments(store.sample(8, 8, torch.Generator().manual_seed(1)), 32)
+    anchor = segments.global_root[:, 3]
+    assert torch.allclose(anchor[:, [0, 2]], torch.zeros(8, 2), atol=1e-5)
+    assert torch.allclose(anchor[:, 3:], torch.tensor([[1.0, 0.0]]).expand(8, 2), atol=1e-4)
+    # the walk goes where it faces, whatever its heading in the file
+    assert (segments.global_root[:, -1, 2] > 0.2).all()
+    assert (segments.global_root[:, -1, 0].abs() < 0.05).all()
+    # pelvis position is relative to its own projection on the ground
+    assert segments.positions[:, :, 0, [0, 2]].abs().max() < 1e-5
+
+
+def test_local_root_integrates_back_to_the_global_root(cache: Path):
+    store = ClipStore(cache, "train")
+    segments = store.batch(512, torch.Generator().manual_seed(2), 10)
+    again = integrate_root(segments.global_root[:, 0], segments.local_root)
+    assert torch.allclose(again, segments.global_root, atol=1e-4)
+
+
+def test_forward_kinematics_gives_the_files_positions(cache: Path):
+    store = ClipStore(cache, "train")
+    segments = store.batch(512, torch.Generator().manual_seed(3), 5)
+    kinematics = Kinematics(store.skeleton)
+    relative = kinematics.positions(six_d_to_matrix(segments.six_d)) + segments.positions[:, :, :1]
+    assert torch.allclose(relative, segments.positions, atol=1e-4)
+
+
+def test_keyframe_masks_keep_to_zero_to_ten_and_vary():
+    mask = random_keyframe_mask(4000, 64, torch.Generator().manual_seed(4))
+    counts = mask.sum(-1)
+    assert counts.min() == 0 and counts.max() == 10
+    assert len(np.unique(counts)) == 11
+    as_served = mask[:, :4].min(-1).values == 1
+    assert 0.5 < as_served.float().mean() < 0.8
+
+
+def test_slot_masks_always_give_the_context_root():
+    masks = random_slot_masks(1000, torch.Generator().manual_seed(5))
+    assert masks["global_root"][:, :4].min() == 1
+    for mask in masks.values():
+        share = mask[:, 4:].mean()
+        assert 0.05 < share < 0.9
+
+
+def test_a_moving_joint_above_the_pelvis_carries_it(tmp_path: Path, bvh_folder: Path):
+    """Some captures move ``joint_Root`` instead of ``Hips``; the motion in the world is what counts."""
+    lines = (bvh_folder / "walk_00.bvh").read_text().splitlines()
+    body = next(i for i, line in enumerate(lines) if line.startswith("Frame Time")) + 1
+    for i in range(body, len(lines)):
+        values = lines[i].split()
+        values[0], values[2], values[6], values[8] = values[6], values[8], "0", "0"
+        lines[i] = " ".join(values)
+    (tmp_path / "moved.bvh").write_text("\n".join(lines) + "\n")
+    moved, plain = load_clip(tmp_path / "moved.bvh"), load_clip(bvh_folder / "walk_00.bvh")
+    assert moved["names"] == plain["names"]
+    assert np.allclose(moved["positions"], plain["positions"], atol=1e-4)

@@ -1,0 +1,85 @@
+"""From a folder of BVH files to a pack in one command, and its evaluation."""
+
+import json
+from pathlib import Path
+
+import onnxruntime
+import pytest
+
+from troupe_training.card import COLUMNS, METHODS, tomllib
+from troupe_training.cli import main
+
+
+@pytest.fixture(scope="module")
+def pack(bvh_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pack")
+    argv = [
+        "pack",
+        str(bvh_folder),
+        "--run",
+        str(folder / "run"),
+        "--cache",
+        str(folder / "cache"),
+        "--steps",
+        "30",
+    ]
+    argv += ["--preset", "test", "--out", str(folder / "human"), "--frames-per-step", "512", "--workers", "1"]
+    assert main(argv + ["--credit", "synthetic walks"]) == 0
+    return folder
+
+
+def test_pack_is_complete(pack: Path):
+    manifest = tomllib.loads((pack / "human" / "pack.toml").read_text())
+    assert manifest["format"] == 1
+    assert manifest["credits"] == ["synthetic walks"]
+    assert [j["name"] for j in manifest["skeleton"]["joints"]][:2] == ["Hips", "Spine"]
+    assert manifest["content_hash"].startswith("sha256:")
+    assert max(manifest["training"]["onnx_check"].values()) < 1e-3
+    assert (pack / "human" / "curves.png").stat().st_size > 10_000
+    for stage in ("root", "pose", "decoder"):
+        session = onnxruntime.InferenceSession(
+            pack / "human" / f"{stage}.onnx", providers=["CPUExecutionProvider"]
+        )
+        assert all(isinstance(i.shape[0], str) for i in session.get_inputs()), "the batch axis is dynamic"
+
+
+def test_evaluate_reports_all_methods(pack: Path):
+    out = pack / "report.json"
+    argv = ["evaluate", "--pack", str(pack / "human"), "--cache", str(pack / "cache"), "--gaps", "15", "30"]
+    assert main(argv + ["--split", "train", "--json", str(out)]) == 0
+    report = json.loads(out.read_text())
+    for gap in ("15", "30"):
+        truth = report[gap]["ground truth"]
+        assert truth["l2p_m"] < 1e-4 and truth["npss"] < 1e-6
+        assert report[gap]["interpolation"]["context_keyframe_error_m"] < 1e-4
+        assert report[gap]["pack"]["windows"] > 20
+
+
+def test_card_takes_the_figures_of_this_pack_only(pack: Path):
+    content_hash = tomllib.loads((pack / "human" / "pack.toml").read_text())["content_hash"]
+    figures = {figure: 0.5 for figure, *_ in COLUMNS}
+    gap = {"gap_frames": 30, "windows": 7} | {method: figures for method, _ in METHODS}
+    report = {
+        "content_hash": content_hash,
+        "clips": 3,
+        "stride_frames": 20,
+        "temperature": 0.0,
+        "pose_steps": 1,
+    }
+    report |= {"gaps": [gap], "claims": [{"claim": "it walks", "holds": True}]}
+    path = pack / "eval.json"
+    path.write_text(json.dumps(report))
+    argv = ["card", "--pack", str(pack / "human"), "--evaluation", str(path)]
+    assert main(argv) == 0 and main(argv) == 0  # the second time replaces the table
+    assert "it walks: holds" in (pack / "human" / "README.md").read_text()
+    manifest = tomllib.loads((pack / "human" / "pack.toml").read_text())
+    assert manifest["evaluation"]["gap_30_pack"]["l2p_m"] == 0.5
+    path.write_text(json.dumps(report | {"content_hash": "sha256:0"}))
+    with pytest.raises(SystemExit, match="content hash"):
+        main(argv)
+
+
+def test_a_second_data_set_does_not_reuse_the_first_ones_cache(pack: Path, tmp_path: Path):
+    argv = ["pack", str(tmp_path), "--run", str(pack / "run"), "--cache", str(pack / "cache"), "--steps", "1"]
+    with pytest.raises(SystemExit, match="was made from"):
+        main(argv)

@@ -1,0 +1,7 @@
+"""Lets ``python -m troupe_training`` run the command line."""
+
+import sys
+
+from troupe_training.cli import main
+
+sys.exit(main())

@@ -1,0 +1,210 @@
+"""The command line: prepare, train, export, evaluate, curves, card, and `pack`, which makes a pack in one go."""
+
+import argparse
+import json
+import os
+from pathlib import Path
+
+import torch
+
+from troupe_training.config import PRESETS
+
+DEFAULT_MINUTES = {"tokenizer": 45.0, "root": 97.0, "pose": 41.0, "refine": 24.0}
+DEFAULT_SEEDS = {"tokenizer": 10, "root": 11, "pose": 12, "refine": 13}
+DEFAULT_RATES = {"tokenizer": 5e-4, "root": 5e-4, "pose": 5e-4, "refine": 4e-4}
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="troupe-train", description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    def add(name: str, text: str) -> argparse.ArgumentParser:
+        return commands.add_parser(
+            name, help=text, description=text, formatter_class=argparse.ArgumentDefaultsHelpFormatter
+        )
+
+    def data_options(command: argparse.ArgumentParser) -> None:
+        command.add_argument(
+            "--contact-joints",
+            nargs="+",
+            help="names of the joints that touch the ground; found by name if left out",
+        )
+        command.add_argument(
+            "--scale",
+            type=float,
+            help="metres per unit of the files; told from the pelvis height if left out",
+        )
+        command.add_argument(
+            "--split-list", type=Path, help="also write the names of the test clips here, one a line"
+        )
+        command.add_argument("--workers", type=int, default=os.cpu_count(), help="parsing processes")
+
+    def training_options(command: argparse.ArgumentParser) -> None:
+        command.add_argument(
+            "--run", type=Path, default=Path("runs/human"), help="folder of checkpoints and curves"
+        )
+        command.add_argument(
+            "--cache", type=Path, default=Path("runs/cache"), help="folder that `prepare` wrote"
+        )
+        command.add_argument("--preset", choices=PRESETS, default="default", help="network sizes")
+        command.add_argument(
+            "--minutes", type=float, help="time for each stage; the default pack's times if neither is given"
+        )
+        command.add_argument("--steps", type=int, help="updates for each stage")
+        command.add_argument("--frames-per-step", type=int, default=4096, help="frames in one update")
+        command.add_argument("--seed", type=int, help="random seed; the default pack's if left out")
+        command.add_argument(
+            "--device", default="cuda" if torch.cuda.is_available() else "cpu", help="cpu or cuda"
+        )
+        command.add_argument("--threads", type=int, default=os.cpu_count(), help="CPU threads")
+
+    def export_options(command: argparse.ArgumentParser) -> None:
+        command.add_argument("--out", type=Path, default=Path("models/human"), help="pack folder to write")
+        command.add_argument("--name", default="human", help="pack name")
+        command.add_argument("--version", default="0.1.0", help="pack version")
+        command.add_argument(
+            "--licence", default="unknown", help="licence of the weights, as the data demands"
+        )
+        command.add_argument("--credit", action="append", default=[], help="whom to credit; may be repeated")
+
+    prepare = add("prepare", "A folder of BVH files -> cached features.")
+    prepare.add_argument("source", type=Path, help="folder of BVH files, searched recursively")
+    prepare.add_argument("--cache", type=Path, default=Path("runs/cache"), help="folder to write")
+    data_options(prepare)
+
+    train = add("train", "Trains one stage; stops at any moment (ctrl-c) and resumes from its checkpoint.")
+    train.add_argument("stage", choices=("tokenizer", "root", "pose", "refine"))
+    training_options(train)
+
+    export = add("export", "Checkpoints -> a pack of ONNX files, checked against PyTorch.")
+    export.add_argument("--run", type=Path, default=Path("runs/human"))
+    export.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    export_options(export)
+
+    evaluate = add("evaluate", "Figures of a pack on the test split, without a server.")
+    evaluate.add_argument("--pack", type=Path, default=Path("models/human"))
+    evaluate.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    evaluate.add_argument("--gaps", type=int, nargs="+", default=[15, 30, 45])
+    evaluate.add_argument("--stride", type=int, default=20, help="frames between evaluation windows")
+    evaluate.add_argument("--split", choices=("test", "train"), default="test")
+    evaluate.add_argument("--threads", type=int, default=os.cpu_count())
+    evaluate.add_argument("--json", type=Path, help="also write the figures here")
+
+    curves = add("curves", "Loss curves as PNG.")
+    curves.add_argument("--run", type=Path, default=Path("runs/human"))
+    curves.add_argument("--out", type=Path, default=Path("curves.png"))
+
+    card = add("card", "Writes a pack's README from its manifest and the JSON of `troupe eval`.")
+    card.add_argument("--pack", type=Path, default=Path("models/human"))
+    card.add_argument("--evaluation", type=Path, required=True, help="what `troupe eval --json FILE` wrote")
+    card.add_argument("--notes", type=Path, help="Markdown about data and limits, put into the card")
+
+    pack = add(
+        "pack", "A folder of BVH files -> a trained pack: prepare, all stages, export, in one command."
+    )
+    pack.add_argument("source", type=Path, help="folder of BVH files")
+    data_options(pack)
+    training_options(pack)
+    export_options(pack)
+    pack.set_defaults(run=None, cache=None)  # runs/NAME and runs/NAME/cache
+    return parser
+
+
+def _prepare(args: argparse.Namespace) -> None:
+    from troupe_training.prepare import prepare
+
+    prepare(args.source, args.cache, args.contact_joints, args.scale, args.workers, args.split_list)
+
+
+def _prepare_once(args: argparse.Namespace) -> None:
+    """Prepares, unless the cache is there already; refuses a cache that was made from another folder."""
+    index = args.cache / "clips.json"
+    if not index.exists():
+        _prepare(args)
+        return
+    source = json.loads(index.read_text())["source"]
+    if Path(source) != args.source.resolve():
+        raise SystemExit(f"{args.cache} was made from {source}; choose another --name, or --run and --cache")
+
+
+def _train(args: argparse.Namespace, stage: str) -> bool:
+    from troupe_training.stages import train_stage
+    from troupe_training.trainer import Budget
+
+    torch.set_num_threads(args.threads)
+    minutes = args.minutes if args.minutes or args.steps else DEFAULT_MINUTES[stage]
+    budget = Budget(minutes=minutes, steps=args.steps, learning_rate=DEFAULT_RATES[stage])
+    seed = args.seed if args.seed is not None else DEFAULT_SEEDS[stage]
+    done = train_stage(
+        stage, args.cache, args.run, args.preset, budget, args.frames_per_step, seed, args.device
+    )
+    if not done:
+        print(f"{stage}: stopped; the same command goes on from the checkpoint")
+    return done
+
+
+def _export(args: argparse.Namespace) -> None:
+    from troupe_training.config import ModelConfig
+    from troupe_training.export import export_pack
+    from troupe_training.features import ClipStore
+    from troupe_training.plots import plot_curves
+    from troupe_training.stages import STAGES, load
+
+    store = ClipStore(args.cache, "train")
+    decoder_stage = "refine" if (args.run / "refine.pt").exists() else "tokenizer"
+    tokenizer, root, pose = (load(args.run, s, store) for s in (decoder_stage, "root", "pose"))
+    training = {"clips": len(store.clips), "frames": sum(c["frames"] for c in store.clips)}
+    config = None
+    for stage in STAGES:
+        path = args.run / f"{stage}.pt"
+        if path.exists():
+            state = torch.load(path, map_location="cpu", weights_only=False)
+            config = config or ModelConfig(**state["meta"]["model"])
+            training[f"{stage}_steps"] = state["step"]
+            training[f"{stage}_minutes"] = round(state["seconds"] / 60, 1)
+            training[f"{stage}_final_loss"] = state["history"][-1]["total"] if state["history"] else None
+    training = {k: v for k, v in training.items() if v is not None}
+    about = {"licence": args.licence, "credits": args.credit, "training": training}
+    export_pack(args.out, args.name, args.version, config, store, tokenizer, root, pose, about)
+    plot_curves(args.run, args.out / "curves.png")
+
+
+def _evaluate(args: argparse.Namespace) -> None:
+    from troupe_training.evaluate import evaluate, print_report
+
+    report = evaluate(args.pack, args.cache, args.gaps, args.stride, args.split, args.threads)
+    print_report(report)
+    if args.json:
+        args.json.write_text(json.dumps(report, indent=1) + "\n")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs one command; 0 on success, 130 where training was stopped before its budget was spent."""
+    args = _parser().parse_args(argv)
+    if args.command == "prepare":
+        _prepare(args)
+    elif args.command == "train":
+        return 0 if _train(args, args.stage) else 130
+    elif args.command == "export":
+        _export(args)
+    elif args.command == "evaluate":
+        _evaluate(args)
+    elif args.command == "curves":
+        from troupe_training.plots import plot_curves
+
+        plot_curves(args.run, args.out)
+    elif args.command == "card":
+        from troupe_training.card import write_card
+
+        write_card(args.pack, args.evaluation, args.notes)
+    elif args.command == "pack":
+        args.run = args.run or Path("runs") / args.name
+        args.cache = args.cache or args.run / "cache"
+        _prepare_once(args)
+        for stage in DEFAULT_MINUTES:
+            if not _train(args, stage):
+                return 130
+        _export(args)
+    return 0

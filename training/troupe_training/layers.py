@@ -1,0 +1,161 @@
+"""Building blocks shared by the networks: normalisation constants, residual convolutions, transformer layers."""
+
+import functools
+import math
+from collections.abc import Callable
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+
+def full_precision(function: Callable) -> Callable:
+    """Runs ``function`` in 32 bits inside autocast too.
+
+    Sixteen bits are enough for the networks' trunks, but not for metres: at three metres from the origin a bfloat16 step
+    is more than a centimetre. Geometry, losses and the layers that write metres go through here.
+    """
+
+    @functools.wraps(function)
+    def exact(*args, **kwargs):
+        for device in ("cpu", "cuda"):
+            if torch.is_autocast_enabled(device):
+                with torch.autocast(device, enabled=False):
+                    return function(*args, **kwargs)
+        return function(*args, **kwargs)
+
+    return exact
+
+
+class Standardiser(nn.Module):
+    """Turns physical units into zero mean and unit deviation, and back; the constants live in the exported graph."""
+
+    def __init__(self, dim: int):
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(dim))
+        self.register_buffer("std", torch.ones(dim))
+
+    def set(self, mean: torch.Tensor, std: torch.Tensor) -> None:
+        """Fixes the constants, measured on training data."""
+        self.mean.copy_(mean)
+        self.std.copy_(std)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Physical to standardised."""
+        return (x - self.mean) / self.std
+
+    def invert(self, x: torch.Tensor) -> torch.Tensor:
+        """Standardised to physical."""
+        return x * self.std + self.mean
+
+
+class ChannelNorm(nn.Module):
+    """Layer norm over channels of ``[B, C, T]``, each frame for itself, so that padding cannot leak."""
+
+    def __init__(self, channels: int):
+        super().__init__()
+        self.norm = nn.LayerNorm(channels)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return self.norm(x.transpose(1, 2)).transpose(1, 2)
+
+
+class ResidualConv(nn.Module):
+    """``x + conv(relu(norm(x)))`` with frames outside the segment held at zero."""
+
+    def __init__(self, channels: int, kernel: int):
+        super().__init__()
+        self.norm = ChannelNorm(channels)
+        self.conv = nn.Conv1d(channels, channels, kernel, padding=kernel // 2)
+
+    def forward(self, x: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
+        return x + self.conv(F.relu(self.norm(x)) * valid)
+
+
+class ConvStack(nn.Module):
+    """Three residual convolutions with growing kernels (paper section 7.4)."""
+
+    def __init__(self, channels: int, kernels: tuple[int, ...]):
+        super().__init__()
+        self.blocks = nn.ModuleList(ResidualConv(channels, k) for k in kernels)
+
+    def forward(self, x: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
+        for block in self.blocks:
+            x = block(x, valid)
+        return x
+
+
+def stack_frames(x: torch.Tensor, factor: int) -> torch.Tensor:
+    """``[B, T, D] -> [B, T/factor, factor*D]``."""
+    batch, frames, dim = x.shape
+    return x.reshape(batch, frames // factor, factor * dim)
+
+
+def unstack_frames(x: torch.Tensor, factor: int) -> torch.Tensor:
+    """Inverse of `stack_frames`."""
+    batch, frames, dim = x.shape
+    return x.reshape(batch, frames * factor, dim // factor)
+
+
+def sinusoids(length: int, dim: int) -> torch.Tensor:
+    """Fixed positional encoding ``[length, dim]`` (Vaswani et al. 2017)."""
+    position = torch.arange(length)[:, None]
+    frequency = torch.exp(torch.arange(0, dim, 2) * (-math.log(10000.0) / dim))
+    table = torch.zeros(length, dim)
+    table[:, 0::2] = torch.sin(position * frequency)
+    table[:, 1::2] = torch.cos(position * frequency)
+    return table
+
+
+class TransformerLayer(nn.Module):
+    """Pre-norm self-attention and feed-forward; ``bias`` ``[B, 1, 1, N]`` is added to the attention scores."""
+
+    def __init__(self, dim: int, head_dim: int):
+        super().__init__()
+        self.heads = dim // head_dim
+        self.norm1 = nn.LayerNorm(dim)
+        self.qkv = nn.Linear(dim, 3 * dim)
+        self.out = nn.Linear(dim, dim)
+        self.norm2 = nn.LayerNorm(dim)
+        self.up = nn.Linear(dim, 4 * dim)
+        self.down = nn.Linear(4 * dim, dim)
+
+    def forward(self, x: torch.Tensor, bias: torch.Tensor | None) -> torch.Tensor:
+        batch, length, dim = x.shape
+        qkv = self.qkv(self.norm1(x)).reshape(batch, length, 3, self.heads, dim // self.heads)
+        q, k, v = qkv.permute(2, 0, 3, 1, 4).unbind(0)
+        scores = q @ k.transpose(-1, -2) * (dim // self.heads) ** -0.5
+        if bias is not None:
+            scores = scores + bias
+        mixed = (torch.softmax(scores, -1) @ v).transpose(1, 2).reshape(batch, length, dim)
+        x = x + self.out(mixed)
+        return x + self.down(F.gelu(self.up(self.norm2(x))))
+
+
+class Transformer(nn.Module):
+    """A stack of `TransformerLayer` with a final norm."""
+
+    def __init__(self, dim: int, layers: int, head_dim: int):
+        super().__init__()
+        self.layers = nn.ModuleList(TransformerLayer(dim, head_dim) for _ in range(layers))
+        self.norm = nn.LayerNorm(dim)
+
+    def forward(self, x: torch.Tensor, valid: torch.Tensor | None = None) -> torch.Tensor:
+        """``valid`` ``[B, N]`` of 0/1 masks keys out."""
+        bias = None if valid is None else ((1.0 - valid) * -1e4)[:, None, None, :]
+        for layer in self.layers:
+            x = layer(x, bias)
+        return self.norm(x)
+
+
+def mlp3(inputs: int, dim: int) -> nn.Sequential:
+    """The three-layer perceptron that embeds constraints and timing (paper section 5.1)."""
+    return nn.Sequential(
+        nn.Linear(inputs, dim), nn.GELU(), nn.Linear(dim, dim), nn.GELU(), nn.Linear(dim, dim)
+    )
+
+
+def valid_frames(num_tokens: torch.Tensor, length: int, per_token: int) -> torch.Tensor:
+    """``[B, length]`` of 0/1: steps inside the segment, with ``per_token`` steps a token."""
+    steps = torch.arange(length, device=num_tokens.device)
+    return (steps[None] < num_tokens[:, None] * per_token).float()

@@ -1,0 +1,75 @@
+"""Reconstruction losses of the tokenizer and of the refined decoder, on motion as a viewer sees it."""
+
+import torch
+from torch.nn import functional as F
+
+from troupe_training.config import FPS
+from troupe_training.features import Segments
+from troupe_training.layers import full_precision
+from troupe_training.rotations import matrix_to_six_d
+from troupe_training.skeleton import Skeleton
+from troupe_training.tokenizer import Decoded, Decoder
+
+KEYFRAME_WEIGHT = 4.0
+
+
+class Kinematics:
+    """Forward kinematics with constant offsets: world rotations to joint positions."""
+
+    def __init__(self, skeleton: Skeleton, device: str = "cpu"):
+        self.parents = torch.tensor([max(p, 0) for p in skeleton.parents], device=device)
+        self.offsets = torch.tensor(skeleton.offsets, dtype=torch.float32, device=device)
+        self.ancestors = torch.from_numpy(skeleton.ancestor_matrix()).to(device)
+        self.feet = skeleton.contact_joints
+
+    @full_precision
+    def positions(self, rotations: torch.Tensor) -> torch.Tensor:
+        """Joint positions relative to the root joint ``[..., J, 3]`` from world rotations ``[..., J, 3, 3]``."""
+        bones = torch.einsum("...jik,jk->...ji", rotations[..., self.parents, :, :], self.offsets)
+        return torch.einsum("lj,...ji->...li", self.ancestors, bones)
+
+
+def _difference(x: torch.Tensor) -> torch.Tensor:
+    return (x[:, 1:] - x[:, :-1]) * FPS
+
+
+@full_precision
+def reconstruction_losses(
+    out: Decoded, truth: Segments, mask: torch.Tensor, decoder: Decoder, kinematics: Kinematics
+) -> dict[str, torch.Tensor]:
+    """Named, weighted terms; their sum is minimised. ``mask`` ``[B, T]`` marks given keyframes, which weigh more."""
+    weight = (1.0 + (KEYFRAME_WEIGHT - 1.0) * mask)[..., None]
+    weight = weight / weight.mean()
+    pose = torch.cat([out.positions, matrix_to_six_d(out.rotations)], -1).flatten(2)
+    pose_error = F.smooth_l1_loss(decoder.pose_scale(pose), decoder.pose_scale(truth.pose), reduction="none")
+
+    # What the server shows: rotations through forward kinematics, carried by the refined root.
+    height = torch.zeros_like(out.global_root[..., :3])
+    height[..., 1] = out.global_root[..., 1]
+    shown = kinematics.positions(out.rotations) + height[:, :, None]
+    ground = torch.stack(
+        [out.global_root[..., 0], torch.zeros_like(height[..., 0]), out.global_root[..., 2]], -1
+    )
+    true_ground = truth.global_root[..., :3] * torch.tensor([1.0, 0.0, 1.0], device=height.device)
+    world = shown + ground[:, :, None]
+    true_world = truth.positions + true_ground[:, :, None]
+    speed, true_speed = _difference(world), _difference(true_world)
+    feet = world[:, :, kinematics.feet]
+    planted = truth.contacts[:, 1:] * truth.contacts[:, :-1]
+    slide = (_difference(feet)[..., [0, 2]].abs().sum(-1) * planted).sum() / planted.sum().clamp_min(1.0)
+    return {
+        "pose": (pose_error * weight).mean(),
+        "fk": 6.0 * ((shown - truth.positions).abs() * weight[..., None]).mean(),
+        "speed": 0.4 * (speed - true_speed).abs().mean(),
+        "acceleration": 0.006 * (_difference(speed) - _difference(true_speed)).abs().mean(),
+        "slide": 0.4 * slide,
+        "velocity": 0.2
+        * F.smooth_l1_loss(
+            decoder.velocity_scale(out.velocities.flatten(2)),
+            decoder.velocity_scale(truth.velocities.flatten(2)),
+        ),
+        "contact": 0.1 * F.binary_cross_entropy_with_logits(out.contact_logits, truth.contacts),
+        "local_root": 0.5
+        * F.smooth_l1_loss(decoder.root_scale(out.local_root), decoder.root_scale(truth.local_root)),
+        "global_root": 1.5 * (out.global_root - truth.global_root).abs().mean(),
+    }

@@ -1,0 +1,121 @@
+"""Rotation maths in numpy (data preparation) and torch (training): matrices, Euler angles, 6D, headings.
+
+The 6D form (Zhou et al. 2019) is the first two columns of the matrix, column 0 then column 1.
+"""
+
+import numpy as np
+import torch
+
+_AXES = {"X": 0, "Y": 1, "Z": 2}
+
+
+def axis_rotation(axis: str, degrees: np.ndarray) -> np.ndarray:
+    """Rotation matrices ``[..., 3, 3]`` about one coordinate axis."""
+    angle = np.radians(degrees)
+    c, s = np.cos(angle), np.sin(angle)
+    out = np.zeros(angle.shape + (3, 3), dtype=np.float64)
+    i = _AXES[axis]
+    j, k = (i + 1) % 3, (i + 2) % 3
+    out[..., i, i] = 1.0
+    out[..., j, j] = c
+    out[..., k, k] = c
+    out[..., j, k] = -s
+    out[..., k, j] = s
+    return out
+
+
+def wrap_angle(angle):
+    """Angle wrapped to (-pi, pi]; numpy or torch."""
+    lib = torch if isinstance(angle, torch.Tensor) else np
+    return lib.arctan2(lib.sin(angle), lib.cos(angle))
+
+
+def yaw_matrix(psi: torch.Tensor) -> torch.Tensor:
+    """Rotation about +Y by ``psi`` ``[...]`` as ``[..., 3, 3]``; takes +Z to (sin psi, 0, cos psi)."""
+    c, s = torch.cos(psi), torch.sin(psi)
+    zero, one = torch.zeros_like(c), torch.ones_like(c)
+    rows = [torch.stack([c, zero, s], -1), torch.stack([zero, one, zero], -1), torch.stack([-s, zero, c], -1)]
+    return torch.stack(rows, -2)
+
+
+def six_d_to_matrix(six: torch.Tensor) -> torch.Tensor:
+    """Gram-Schmidt of ``[..., 6]`` to ``[..., 3, 3]``."""
+    a, b = six[..., :3], six[..., 3:]
+    x = a / torch.sqrt((a * a).sum(-1, keepdim=True) + 1e-8)
+    b = b - (x * b).sum(-1, keepdim=True) * x
+    y = b / torch.sqrt((b * b).sum(-1, keepdim=True) + 1e-8)
+    z = torch.stack(
+        [
+            x[..., 1] * y[..., 2] - x[..., 2] * y[..., 1],
+            x[..., 2] * y[..., 0] - x[..., 0] * y[..., 2],
+            x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0],
+        ],
+        -1,
+    )
+    return torch.stack([x, y, z], -1)
+
+
+def matrix_to_six_d(matrix: torch.Tensor) -> torch.Tensor:
+    """First two columns of ``[..., 3, 3]`` as ``[..., 6]``."""
+    return torch.cat([matrix[..., 0], matrix[..., 1]], -1)
+
+
+def quat_to_matrix(quat: torch.Tensor) -> torch.Tensor:
+    """Unit quaternions (w, x, y, z) ``[..., 4]`` to ``[..., 3, 3]``."""
+    w, x, y, z = quat.unbind(-1)
+    rows = [
+        torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
+        torch.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
+        torch.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
+    ]
+    return torch.stack(rows, -2)
+
+
+def matrix_to_quat(matrix: torch.Tensor) -> torch.Tensor:
+    """Rotation matrices ``[..., 3, 3]`` to unit quaternions (w, x, y, z), w or the largest part positive."""
+    m = matrix
+    t = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    candidates = torch.stack(
+        [
+            torch.stack(
+                [
+                    1 + t,
+                    m[..., 2, 1] - m[..., 1, 2],
+                    m[..., 0, 2] - m[..., 2, 0],
+                    m[..., 1, 0] - m[..., 0, 1],
+                ],
+                -1,
+            ),
+            torch.stack(
+                [
+                    m[..., 2, 1] - m[..., 1, 2],
+                    1 + m[..., 0, 0] - m[..., 1, 1] - m[..., 2, 2],
+                    m[..., 0, 1] + m[..., 1, 0],
+                    m[..., 0, 2] + m[..., 2, 0],
+                ],
+                -1,
+            ),
+            torch.stack(
+                [
+                    m[..., 0, 2] - m[..., 2, 0],
+                    m[..., 0, 1] + m[..., 1, 0],
+                    1 - m[..., 0, 0] + m[..., 1, 1] - m[..., 2, 2],
+                    m[..., 1, 2] + m[..., 2, 1],
+                ],
+                -1,
+            ),
+            torch.stack(
+                [
+                    m[..., 1, 0] - m[..., 0, 1],
+                    m[..., 0, 2] + m[..., 2, 0],
+                    m[..., 1, 2] + m[..., 2, 1],
+                    1 - m[..., 0, 0] - m[..., 1, 1] + m[..., 2, 2],
+                ],
+                -1,
+            ),
+        ],
+        -2,
+    )
+    best = candidates.norm(dim=-1).argmax(-1)
+    quat = torch.gather(candidates, -2, best[..., None, None].expand(*best.shape, 1, 4)).squeeze(-2)
+    return quat / quat.norm(dim=-1, keepdim=True).clamp_min(1e-8)
