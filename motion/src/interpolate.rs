@@ -1,0 +1,75 @@
+//! The baseline in-betweening: linear root, slerp rotations.
+
+use glam::{Quat, Vec3};
+
+use crate::clip::{Clip, ClipError};
+use crate::rotation::slerp_pose;
+
+/// Blends two poses: linear root position, slerp of every rotation along the shorter way. `t` = 0 gives `from`, 1 gives
+/// `to`. Writes one rotation a joint into `out` and returns the root position. Does not allocate.
+pub fn blend(from: (Vec3, &[Quat]), to: (Vec3, &[Quat]), t: f32, out: &mut [Quat]) -> Vec3 {
+    slerp_pose(from.1, to.1, t, out);
+    from.0.lerp(to.0, t)
+}
+
+/// A copy of `clip` whose frames strictly between `from` and `to` are interpolated between these two.
+///
+/// # Errors
+/// [`ClipError::Range`] unless `from < to < frames`.
+pub fn fill_gap(clip: &Clip, from: usize, to: usize) -> Result<Clip, ClipError> {
+    let frames = clip.frames();
+    if from >= to || to >= frames {
+        return Err(ClipError::Range {
+            start: from,
+            end: to.saturating_add(1),
+            frames,
+        });
+    }
+    let mut out = clip.clone();
+    for frame in from + 1..to {
+        let t = (frame - from) as f32 / (to - from) as f32;
+        let ends = [from, to].map(|f| (clip.root_positions[f], clip.rotations_at(f)));
+        out.root_positions[frame] = blend(ends[0], ends[1], t, out.rotations_at_mut(frame));
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rotation::angle_between;
+    use crate::testing::walk;
+
+    #[test]
+    fn a_gap_is_filled_evenly() {
+        let mut clip = walk(9);
+        clip.root_positions[2] = Vec3::ZERO;
+        clip.root_positions[6] = Vec3::new(4.0, 2.0, -8.0);
+        clip.rotations_at_mut(2)[1] = Quat::from_rotation_x(0.2);
+        clip.rotations_at_mut(6)[1] = -Quat::from_rotation_x(1.0);
+        let filled = fill_gap(&clip, 2, 6).unwrap();
+        assert!(filled.root_positions[3].abs_diff_eq(Vec3::new(1.0, 0.5, -2.0), 1e-6));
+        for (f, angle) in [(3, 0.4), (4, 0.6), (5, 0.8)] {
+            // The short way, whatever the signs of the quaternions.
+            assert!(angle_between(filled.rotations_at(f)[1], Quat::from_rotation_x(angle)) < 1e-5);
+        }
+        for f in [0, 1, 2, 6, 7, 8] {
+            assert_eq!(
+                filled.rotations_at(f),
+                clip.rotations_at(f),
+                "frames outside the gap stay"
+            );
+            assert_eq!(filled.root_positions[f], clip.root_positions[f]);
+        }
+    }
+
+    #[test]
+    fn gaps_outside_the_clip_are_refused() {
+        for (from, to) in [(2, 2), (3, 2), (0, 9), (0, usize::MAX)] {
+            assert!(matches!(
+                fill_gap(&walk(9), from, to),
+                Err(ClipError::Range { .. })
+            ));
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! The motion core of Troupe: pure maths and file formats, without async, network or inference.
+//!
+//! Conventions, unless an item says otherwise: right-handed, Y up, +Z forward, metres, seconds, radians.
+//! A heading ψ is the angle about +Y; forward is `(sin ψ, 0, cos ψ)`. Arrays over frames and joints are flat
+//! and frame-major: entry `frame * joints + joint`. Rotations of a pose are one quaternion a joint: joint 0 (the
+//! pelvis) in the world, every other relative to its parent.
+//!
+//! State of a frame (MotionBricks, section 4): global root `r_g` ([`root::GlobalRoot`]), local root `r_l`
+//! ([`root::LocalRoot`]), joint positions relative to the projected root and 6D rotations in the world
+//! ([`features`]), joint velocities, and foot contacts ([`contacts`]).
+
+pub mod bvh;
+pub mod clip;
+pub mod contacts;
+pub mod conventions;
+pub mod features;
+pub mod fk;
+pub mod glb;
+pub mod inspect;
+pub mod interpolate;
+pub mod metrics;
+pub mod pin;
+pub mod root;
+pub mod rotation;
+pub mod segment;
+pub mod skeleton;
+
+#[cfg(test)]
+mod testing;
+
+pub use clip::Clip;
+pub use root::{GlobalRoot, LocalRoot};
+pub use segment::SegmentFrame;
+pub use skeleton::{ContactParams, Joint, Skeleton};
+
+pub use glam::{Quat, Vec3};

@@ -1,0 +1,77 @@
+//! Measures of generated motion against ground truth (MotionBricks, section 7.2; L2P, L2Q and NPSS as in LaFAN1, Harvey
+//! et al. 2020).
+//!
+//! Everything is measured on world transforms from forward kinematics ([`WorldMotion`]). [`evaluate`] measures one
+//! in-betweening task; [`Summary`] gathers many.
+
+mod accuracy;
+mod npss;
+mod physical;
+mod precision;
+mod summary;
+
+pub use accuracy::{l2p_m, l2q};
+pub use npss::{Npss, npss};
+pub use physical::{
+    contact_accuracy, foot_skate_m_per_frame, joint_jitter_mps2, penetration_m, root_jitter_mps2,
+};
+pub use precision::{REACH_ANGLE_RAD, REACH_DISTANCE_M, keyframe_error_m, reached, root_error_m};
+pub use summary::{Evaluation, Figures, Summary, Task, evaluate};
+
+use std::ops::Range;
+
+use crate::fk::WorldMotion;
+
+/// Why motions cannot be measured against each other.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MetricError {
+    /// The motions differ in joints or frames, or in rate.
+    #[error("the motions differ in {0}")]
+    Shape(&'static str),
+    /// No frames to measure over.
+    #[error("frames {start}..{end} are empty or not in a motion of {frames} frames")]
+    Range {
+        /// First frame.
+        start: usize,
+        /// One past the last.
+        end: usize,
+        /// Frames of the motion.
+        frames: usize,
+    },
+    /// Contacts are measured, but the skeleton has no contact joints.
+    #[error("the skeleton has no contact joints")]
+    NoContacts,
+}
+
+/// Frames `range` of a motion are there.
+fn check_range(motion: &WorldMotion, range: &Range<usize>) -> Result<(), MetricError> {
+    if range.is_empty() || range.end > motion.frames() {
+        return Err(MetricError::Range {
+            start: range.start,
+            end: range.end,
+            frames: motion.frames(),
+        });
+    }
+    Ok(())
+}
+
+/// Both motions have the same joints and frames, and `range` is in them.
+fn check_pair(a: &WorldMotion, b: &WorldMotion, range: &Range<usize>) -> Result<(), MetricError> {
+    if a.joints != b.joints {
+        return Err(MetricError::Shape("joints"));
+    }
+    if a.frames() != b.frames() {
+        return Err(MetricError::Shape("frames"));
+    }
+    check_range(a, range)
+}
+
+/// The mean of an iterator; 0 where it is empty.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0u64), |(sum, count), v| (sum + v, count + 1));
+    if count == 0 { 0.0 } else { sum / count as f64 }
+}
+
+#[cfg(test)]
+mod tests;

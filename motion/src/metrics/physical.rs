@@ -1,0 +1,133 @@
+//! Physical plausibility and smoothness: skating, penetration, contacts, jitter.
+
+use std::ops::Range;
+
+use glam::Vec3;
+
+use super::{MetricError, check_pair, check_range, mean};
+use crate::contacts;
+use crate::fk::WorldMotion;
+use crate::skeleton::{ContactParams, Skeleton};
+
+/// Height over the clearance at which skating stops counting, metres (Zhang et al. 2018).
+const SKATE_HEIGHT_M: f32 = 0.025;
+/// How deep a joint may be below its clearance before it counts as penetration, metres.
+const PENETRATION_TOLERANCE_M: f32 = 0.005;
+
+fn contacts_of(skeleton: &Skeleton) -> Result<&ContactParams, MetricError> {
+    skeleton
+        .contacts
+        .as_ref()
+        .filter(|c| !c.is_empty())
+        .ok_or(MetricError::NoContacts)
+}
+
+/// Foot skate: mean over the frames of `range` and the contact joints of the horizontal distance since the frame before,
+/// weighted by `clamp(2 - 2^(h / 0.025), 0, 1)`, h the height over the joint's clearance; metres a frame.
+///
+/// Frame 0 has no frame before it and is left out.
+///
+/// # Errors
+/// [`MetricError`] where the range does not fit or the skeleton has no contact joints.
+pub fn foot_skate_m_per_frame(
+    skeleton: &Skeleton,
+    motion: &WorldMotion,
+    range: Range<usize>,
+) -> Result<f64, MetricError> {
+    check_range(motion, &range)?;
+    let params = contacts_of(skeleton)?;
+    Ok(mean(range.filter(|&f| f > 0).flat_map(|f| {
+        let (now, before) = (motion.positions_at(f), motion.positions_at(f - 1));
+        params
+            .joints
+            .iter()
+            .zip(&params.clearance_m)
+            .map(move |(&joint, &clearance)| {
+                let step = (now[joint] - before[joint]) * Vec3::new(1.0, 0.0, 1.0);
+                let height = now[joint].y - skeleton.ground_y_m - clearance;
+                let weight = (2.0 - (height / SKATE_HEIGHT_M).exp2()).clamp(0.0, 1.0);
+                f64::from(step.length() * weight)
+            })
+    })))
+}
+
+/// Penetration: mean over the frames of `range` and the contact joints of `max(0, clearance - 5 mm - height)`, metres.
+///
+/// # Errors
+/// [`MetricError`] where the range does not fit or the skeleton has no contact joints.
+pub fn penetration_m(
+    skeleton: &Skeleton,
+    motion: &WorldMotion,
+    range: Range<usize>,
+) -> Result<f64, MetricError> {
+    check_range(motion, &range)?;
+    let params = contacts_of(skeleton)?;
+    Ok(mean(range.flat_map(|f| {
+        let now = motion.positions_at(f);
+        params
+            .joints
+            .iter()
+            .zip(&params.clearance_m)
+            .map(move |(&joint, &clearance)| {
+                let height = now[joint].y - skeleton.ground_y_m;
+                f64::from((clearance - PENETRATION_TOLERANCE_M - height).max(0.0))
+            })
+    })))
+}
+
+/// Contact accuracy: share (0 to 1) of the frames of `range` and contact joints in which the contact computed from the
+/// motion ([`contacts::detect`]) is that of ground truth.
+///
+/// # Errors
+/// [`MetricError`] where the motions or the range do not fit or the skeleton has no contact joints.
+pub fn contact_accuracy(
+    skeleton: &Skeleton,
+    motion: &WorldMotion,
+    truth: &WorldMotion,
+    range: Range<usize>,
+    fps: f32,
+) -> Result<f64, MetricError> {
+    check_pair(motion, truth, &range)?;
+    let params = contacts_of(skeleton)?;
+    let [found, wanted] = [motion, truth].map(|m| contacts::detect(m, params, skeleton.ground_y_m, fps));
+    let at = range.start * params.len()..range.end * params.len();
+    let pairs = found[at.clone()].iter().zip(&wanted[at]);
+    Ok(mean(pairs.map(|(a, b)| f64::from(u8::from(a == b)))))
+}
+
+/// Joint jitter: mean over the frames of `range` and all joints of the acceleration's magnitude
+/// `|p[t+1] - 2 p[t] + p[t-1]| * fps²`, m/s².
+///
+/// The neighbours of the range's ends lie outside it, so a jump at the seam counts; the motion's own first and last frame
+/// are left out.
+///
+/// # Errors
+/// [`MetricError`] where the range does not fit.
+pub fn joint_jitter_mps2(motion: &WorldMotion, range: Range<usize>, fps: f32) -> Result<f64, MetricError> {
+    jitter(motion, range, fps, 0..motion.joints)
+}
+
+/// Root jitter: [`joint_jitter_mps2`] of joint 0 alone.
+///
+/// # Errors
+/// [`MetricError`] where the range does not fit.
+pub fn root_jitter_mps2(motion: &WorldMotion, range: Range<usize>, fps: f32) -> Result<f64, MetricError> {
+    jitter(motion, range, fps, 0..1)
+}
+
+fn jitter(
+    motion: &WorldMotion,
+    range: Range<usize>,
+    fps: f32,
+    joints: Range<usize>,
+) -> Result<f64, MetricError> {
+    check_range(motion, &range)?;
+    let last = motion.frames() - 1;
+    Ok(mean(range.filter(|&f| f > 0 && f < last).flat_map(|f| {
+        let at = |f| motion.positions_at(f);
+        let (before, now, after) = (at(f - 1), at(f), at(f + 1));
+        joints
+            .clone()
+            .map(move |j| f64::from((after[j] - 2.0 * now[j] + before[j]).length() * fps * fps))
+    })))
+}

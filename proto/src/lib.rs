@@ -1,0 +1,14 @@
+//! The public contract of Troupe, generated from `troupe/v1/motion.proto`: the protobuf messages, the gRPC client
+//! and server, and the same messages as JSON (serde, `snake_case` names) with their `OpenAPI` schemas.
+//!
+//! A message missing a JSON field reads as protobuf does: the field takes its default. Requests refuse unknown
+//! fields, answers tolerate them.
+
+/// Version 1 of the API.
+#[allow(missing_docs, unused_qualifications, clippy::all)]
+pub mod v1 {
+    tonic::include_proto!("troupe.v1");
+
+    /// The compiled descriptors of this version, for gRPC reflection.
+    pub const FILE_DESCRIPTOR_SET: &[u8] = tonic::include_file_descriptor_set!("troupe.v1");
+}

@@ -1,0 +1,92 @@
+//! The JSON form of the messages: names, defaults, refusal of what is unknown.
+
+use prost::Message as _;
+use troupe_proto::v1::{
+    Character, FILE_DESCRIPTOR_SET, InBetweenRequest, Keyframe, Pack, Pose, Root, RootVelocity, Vec3,
+};
+
+fn request() -> InBetweenRequest {
+    let keyframe = Keyframe {
+        root: Some(Root {
+            position: Some(Vec3 {
+                x: 0.1,
+                y: 0.9,
+                z: -2.5,
+            }),
+            heading: Some(1.5),
+        }),
+        velocity: Some(RootVelocity {
+            x: 1.0,
+            z: 0.5,
+            angular: -0.1,
+            height: None,
+        }),
+        pose: Some(Pose {
+            rotations: vec![1.0, 0.0, 0.0, 0.0],
+            root_height: Some(0.9),
+        }),
+    };
+    InBetweenRequest {
+        pack: "human".into(),
+        characters: vec![Character {
+            id: "one".into(),
+            context: vec![keyframe.clone(); 4],
+            targets: vec![keyframe],
+            frame_count: Some(40),
+            seed: (1 << 53) - 1,
+            temperature: 0.5,
+            pose_steps: Some(3),
+            return_positions: true,
+            ..Character::default()
+        }],
+    }
+}
+
+#[test]
+fn json_and_protobuf_carry_the_same_request() {
+    let request = request();
+    let json = serde_json::to_string(&request).unwrap();
+    assert!(
+        json.contains(r#""frame_count":40"#) && json.contains(r#""return_positions":true"#),
+        "{json}"
+    );
+    assert_eq!(serde_json::from_str::<InBetweenRequest>(&json).unwrap(), request);
+    assert_eq!(
+        InBetweenRequest::decode(request.encode_to_vec().as_slice()).unwrap(),
+        request
+    );
+}
+
+#[test]
+fn missing_fields_take_protobuf_defaults() {
+    let character: Character = serde_json::from_str(r#"{"context":[{"root":{}}]}"#).unwrap();
+    assert_eq!(character.frame_count, None);
+    assert_eq!(character.temperature, 0.0);
+    assert_eq!(character.context[0].root, Some(Root::default()));
+    let absent = serde_json::to_value(Keyframe::default()).unwrap();
+    assert_eq!(absent, serde_json::json!({}));
+}
+
+#[test]
+fn requests_refuse_unknown_fields_and_answers_tolerate_them() {
+    let error = serde_json::from_str::<InBetweenRequest>(r#"{"charakters":[]}"#).unwrap_err();
+    assert!(error.to_string().contains("charakters"), "{error}");
+    let pack: Pack = serde_json::from_str(r#"{"name":"human","since_version_9":true}"#).unwrap();
+    assert_eq!(pack.name, "human");
+}
+
+#[test]
+fn the_descriptor_set_describes_the_service() {
+    let set = prost_types::FileDescriptorSet::decode(FILE_DESCRIPTOR_SET).unwrap();
+    let file = set
+        .file
+        .iter()
+        .find(|file| file.package() == "troupe.v1")
+        .unwrap();
+    let methods: Vec<_> = file.service[0]
+        .method
+        .iter()
+        .map(|method| method.name())
+        .collect();
+    assert_eq!(methods, ["InBetween", "ListPacks", "GetPack"]);
+}
