@@ -1,0 +1,105 @@
+//! gRPC: the Motion service, health and reflection.
+
+use std::convert::Infallible;
+use std::sync::Arc;
+
+use axum::body::Body;
+use axum::{Router, middleware};
+use tonic::server::NamedService;
+use tonic::{Request, Response, Status};
+use tonic_health::ServingStatus;
+use tonic_health::pb::health_server::HealthServer;
+use tonic_health::server::{HealthReporter, HealthService};
+use tonic_reflection::server::{Builder, Error};
+use troupe_proto::v1;
+use troupe_proto::v1::motion_server::{Motion, MotionServer};
+
+use super::track::{self, Tracker};
+use crate::config::Config;
+use crate::service::Service;
+
+/// Tells health checks whether the Motion service, and the server as a whole, serves.
+pub async fn set_serving(health: &HealthReporter, serving: bool) {
+    let status = if serving {
+        ServingStatus::Serving
+    } else {
+        ServingStatus::NotServing
+    };
+    health.set_service_status("", status).await;
+    health
+        .set_service_status(<MotionServer<MotionApi> as NamedService>::NAME, status)
+        .await;
+}
+
+/// The Motion service over gRPC.
+struct MotionApi(Arc<Service>);
+
+#[tonic::async_trait]
+impl Motion for MotionApi {
+    async fn in_between(
+        &self,
+        request: Request<v1::InBetweenRequest>,
+    ) -> Result<Response<v1::InBetweenResponse>, Status> {
+        match self.0.in_between(request.into_inner()).await {
+            Ok(answer) => Ok(Response::new(answer)),
+            Err(error) => Err(error.status()),
+        }
+    }
+
+    async fn list_packs(
+        &self,
+        _: Request<v1::ListPacksRequest>,
+    ) -> Result<Response<v1::ListPacksResponse>, Status> {
+        match self.0.list_packs() {
+            Ok(answer) => Ok(Response::new(answer)),
+            Err(error) => Err(error.status()),
+        }
+    }
+
+    async fn get_pack(&self, request: Request<v1::GetPackRequest>) -> Result<Response<v1::Pack>, Status> {
+        match self.0.get_pack(&request.into_inner().name) {
+            Ok(answer) => Ok(Response::new(answer)),
+            Err(error) => Err(error.status()),
+        }
+    }
+}
+
+/// The routes of all gRPC services.
+pub(super) fn router(
+    service: &Arc<Service>,
+    health: &HealthReporter,
+    config: &Config,
+) -> Result<Router, Error> {
+    let tracker = Arc::new(Tracker::new(service, config));
+    // Answers are as large as the request asked for; the limit on requests bounds them.
+    let motion = MotionServer::new(MotionApi(service.clone()))
+        .max_decoding_message_size(config.max_message_bytes)
+        .max_encoding_message_size(usize::MAX);
+    let router = mount(Router::new(), motion).layer(middleware::from_fn_with_state(tracker, track::grpc));
+    let router = mount(
+        router,
+        HealthServer::new(HealthService::from_health_reporter(health.clone())),
+    );
+    let router = mount(router, reflection().build_v1()?);
+    // Older tools only speak the alpha version.
+    Ok(mount(router, reflection().build_v1alpha()?))
+}
+
+fn reflection() -> Builder<'static> {
+    Builder::configure()
+        .register_encoded_file_descriptor_set(v1::FILE_DESCRIPTOR_SET)
+        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+}
+
+fn mount<S>(router: Router, service: S) -> Router
+where
+    S: tower::Service<http::Request<Body>, Error = Infallible, Response = http::Response<tonic::body::Body>>
+        + NamedService
+        + Clone
+        + Send
+        + Sync
+        + 'static,
+    S::Future: Send + 'static,
+{
+    router.route_service(&format!("/{}/{{*rpc}}", S::NAME), service)
+}

@@ -1,0 +1,38 @@
+//! The public interface: gRPC and HTTP on one port, one validation, one mapping of errors.
+//!
+//! [`ApiError`] is the only place that knows how an error looks to a caller. Both fronts hand requests to
+//! [`Service`], under one time limit and one set of metrics.
+
+mod error;
+mod grpc;
+mod http;
+mod openapi;
+mod shape;
+mod track;
+
+use std::sync::Arc;
+
+use axum::Router;
+use tonic_health::server::HealthReporter;
+
+use crate::config::Config;
+use crate::service::Service;
+
+pub use error::{ApiError, ErrorBody, ErrorDetail};
+pub use grpc::set_serving;
+pub use openapi::document;
+
+/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it.
+///
+/// # Errors
+/// Where the descriptors of the gRPC reflection service do not read, which a build that passes its tests rules out.
+pub fn router(
+    service: &Arc<Service>,
+    health: &HealthReporter,
+    config: &Config,
+) -> Result<Router, tonic_reflection::server::Error> {
+    let grpc = grpc::router(service, health, config)?;
+    Ok(grpc
+        .merge(http::router(service, config))
+        .fallback(http::unknown_route))
+}

@@ -1,0 +1,201 @@
+//! What every remote procedure shares, over gRPC and HTTP alike: a time limit and metrics.
+
+use std::error::Error as _;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use axum::extract::{MatchedPath, Request, State};
+use axum::middleware::Next;
+use axum::response::{IntoResponse as _, Response};
+use http_body_util::LengthLimitError;
+use tonic::Status;
+
+use super::error::{ApiError, CodeLabel};
+use super::shape;
+use crate::config::Config;
+use crate::service::Service;
+use crate::telemetry::Telemetry;
+
+/// The state of the middleware.
+#[derive(Clone)]
+pub(super) struct Tracker {
+    telemetry: Telemetry,
+    timeout: Duration,
+    max_message_bytes: usize,
+    max_characters: usize,
+}
+
+impl Tracker {
+    pub(super) fn new(service: &Service, config: &Config) -> Self {
+        Self {
+            telemetry: service.telemetry().clone(),
+            timeout: config.request_timeout(),
+            max_message_bytes: config.max_message_bytes,
+            max_characters: config.max_characters_per_request,
+        }
+    }
+}
+
+/// Notes an answer when it is dropped, so that a caller who goes away is noted too.
+struct Note<'a> {
+    telemetry: &'a Telemetry,
+    rpc: &'static str,
+    code: &'static str,
+    arrived: Instant,
+}
+
+impl Drop for Note<'_> {
+    fn drop(&mut self) {
+        self.telemetry
+            .answered(self.rpc, self.code, self.arrived.elapsed());
+    }
+}
+
+/// Runs an HTTP handler within the time limit.
+pub(super) async fn http(State(tracker): State<Arc<Tracker>>, request: Request, next: Next) -> Response {
+    let path = request
+        .extensions()
+        .get::<MatchedPath>()
+        .map(|path| path.as_str().to_owned());
+    let rpc = match path.as_deref() {
+        Some("/v1/inbetween") => "InBetween",
+        Some("/v1/packs") => "ListPacks",
+        _ => "GetPack",
+    };
+    let mut note = Note {
+        telemetry: &tracker.telemetry,
+        rpc,
+        code: "CANCELLED",
+        arrived: Instant::now(),
+    };
+    let response = match tokio::time::timeout(tracker.timeout, next.run(request)).await {
+        Ok(response) => response,
+        Err(_) => ApiError::DeadlineExceeded(tracker.timeout).into_response(),
+    };
+    note.code = code_of(&response);
+    response
+}
+
+/// The code of an HTTP answer; only a success may have none noted on it.
+fn code_of(response: &Response) -> &'static str {
+    match response.extensions().get::<CodeLabel>() {
+        Some(label) => label.0,
+        None if response.status().is_success() => "OK",
+        None => "UNKNOWN",
+    }
+}
+
+/// Runs a gRPC handler within the time limit: the server's, or the caller's where that is shorter. Statuses that the
+/// gRPC library makes itself, for requests that it cannot read, become those of [`ApiError`].
+pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, next: Next) -> Response {
+    let rpc = match request.uri().path().rsplit('/').next() {
+        Some("InBetween") => "InBetween",
+        Some("ListPacks") => "ListPacks",
+        Some("GetPack") => "GetPack",
+        _ => "unknown",
+    };
+    let asked = request
+        .headers()
+        .get("grpc-timeout")
+        .and_then(|value| grpc_timeout(value.to_str().ok()?));
+    let limit = asked.map_or(tracker.timeout, |asked| asked.min(tracker.timeout));
+    let mut note = Note {
+        telemetry: &tracker.telemetry,
+        rpc,
+        code: "CANCELLED",
+        arrived: Instant::now(),
+    };
+    let handled = async {
+        let request = match rpc {
+            "InBetween" => screened(request, &tracker).await?,
+            _ => request,
+        };
+        Ok(next.run(request).await)
+    };
+    let response = match tokio::time::timeout(limit, handled).await {
+        Ok(Ok(response)) => response,
+        Ok(Err(error)) => ApiError::status(&error).into_http(),
+        Err(_) => ApiError::DeadlineExceeded(limit).status().into_http(),
+    };
+    let error = match response.extensions().get::<Status>() {
+        Some(status) => ApiError::of_status(status, tracker.max_message_bytes),
+        // For a method that it does not know the library sets the header without a status.
+        None if response.headers().contains_key(Status::GRPC_STATUS) => {
+            ApiError::Unimplemented("there is no such method".to_owned())
+        }
+        None => {
+            note.code = "OK";
+            return response;
+        }
+    };
+    note.code = error.label();
+    error.status().into_http()
+}
+
+/// Reads the one message of a request and looks at its shape before it is decoded.
+async fn screened(request: Request, tracker: &Tracker) -> Result<Request, ApiError> {
+    let (parts, body) = request.into_parts();
+    let limit_bytes = tracker.max_message_bytes;
+    // The frame's head comes on top of the message.
+    let frame = axum::body::to_bytes(body, limit_bytes.saturating_add(5))
+        .await
+        .map_err(|error| {
+            let too_large = error
+                .source()
+                .is_some_and(|source| source.is::<LengthLimitError>());
+            match too_large {
+                true => ApiError::TooLarge { limit_bytes },
+                false => ApiError::Truncated {
+                    problem: "it is shorter than announced".to_owned(),
+                    limit_bytes,
+                },
+            }
+        })?;
+    shape::check_grpc(&frame, tracker.max_characters)?;
+    Ok(Request::from_parts(parts, frame.into()))
+}
+
+/// The `grpc-timeout` header: at most eight digits and a unit.
+fn grpc_timeout(value: &str) -> Option<Duration> {
+    let unit = value.chars().last()?;
+    let digits = value.strip_suffix(unit)?;
+    if digits.is_empty() || digits.len() > 8 || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
+        return None;
+    }
+    let amount: u64 = digits.parse().ok()?;
+    match unit {
+        'H' => Some(Duration::from_secs(amount * 3600)),
+        'M' => Some(Duration::from_secs(amount * 60)),
+        'S' => Some(Duration::from_secs(amount)),
+        'm' => Some(Duration::from_millis(amount)),
+        'u' => Some(Duration::from_micros(amount)),
+        'n' => Some(Duration::from_nanos(amount)),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_success_without_a_code_is_ok() {
+        assert_eq!(code_of(&"fine".into_response()), "OK");
+        assert_eq!(
+            code_of(&http::StatusCode::NOT_ACCEPTABLE.into_response()),
+            "UNKNOWN"
+        );
+        let error = ApiError::WrongMethod("PUT".to_owned()).into_response();
+        assert_eq!(code_of(&error), "METHOD_NOT_ALLOWED");
+    }
+
+    #[test]
+    fn grpc_timeouts_follow_the_specification() {
+        assert_eq!(grpc_timeout("250m"), Some(Duration::from_millis(250)));
+        assert_eq!(grpc_timeout("2H"), Some(Duration::from_secs(7200)));
+        assert_eq!(grpc_timeout("99999999n"), Some(Duration::from_nanos(99_999_999)));
+        for bad in ["", "m", "5", "5x", "-5m", "123456789m", "5é"] {
+            assert_eq!(grpc_timeout(bad), None, "{bad}");
+        }
+    }
+}

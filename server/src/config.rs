@@ -1,0 +1,321 @@
+//! Configuration: flags before environment variables before the configuration file before defaults.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Parser;
+use confique::Config as _;
+
+use crate::batch::scheduler::Limits;
+use crate::engine::onnx::RuntimeOptions;
+use crate::inbetween::RequestLimits;
+
+/// The file that is read where `--config` names none; it need not exist.
+pub const DEFAULT_FILE: &str = "troupe.toml";
+
+// The text on each field is the configuration template's, the flag's help and the documentation in one.
+/// The server's configuration.
+#[derive(Debug, Clone, confique::Config)]
+#[config(layer_attr(derive(Debug, clap::Args)))]
+#[config(layer_attr(serde(deny_unknown_fields)))]
+pub struct Config {
+    /// Address of the one port for gRPC and HTTP. 0.0.0.0:8080 listens on all interfaces.
+    #[config(
+        env = "TROUPE_LISTEN",
+        default = "127.0.0.1:8080",
+        layer_attr(arg(long, value_name = "ADDRESS"))
+    )]
+    pub listen: SocketAddr,
+
+    /// Folder of the model packs: a folder that holds pack folders, or a single pack.
+    #[config(
+        env = "TROUPE_PACKS",
+        default = "models",
+        layer_attr(arg(long, value_name = "FOLDER"))
+    )]
+    pub packs: PathBuf,
+
+    /// Pack that answers requests which name none. Left out: `human` where there is one, else the first by name.
+    #[config(env = "TROUPE_DEFAULT_PACK", layer_attr(arg(long, value_name = "NAME")))]
+    pub default_pack: Option<String>,
+
+    /// The ONNX Runtime library. `make runtime` fetches one and `cargo run` finds it.
+    #[config(env = "ORT_DYLIB_PATH", layer_attr(arg(long, value_name = "FILE")))]
+    pub onnx_runtime: Option<PathBuf>,
+
+    /// Threads for inference. 0: as many as this process may use, container limits included.
+    #[config(
+        env = "TROUPE_THREADS",
+        default = 0,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub threads: usize,
+
+    /// Whether idle inference threads spin before they sleep: a little faster where the CPU has nothing else to do.
+    #[config(
+        env = "TROUPE_SPIN",
+        default = false,
+        layer_attr(arg(long, value_name = "BOOL"))
+    )]
+    pub spin: bool,
+
+    /// Most characters in one inference call.
+    #[config(
+        env = "TROUPE_MAX_BATCH",
+        default = 64,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_batch: usize,
+
+    /// Most characters that may wait for a pack; requests beyond are refused at once.
+    #[config(
+        env = "TROUPE_MAX_QUEUED_CHARACTERS",
+        default = 1024,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_queued_characters: usize,
+
+    /// Most characters in one request.
+    #[config(
+        env = "TROUPE_MAX_CHARACTERS_PER_REQUEST",
+        default = 256,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_characters_per_request: usize,
+
+    /// Most bytes of one request, as protobuf or as JSON.
+    #[config(
+        env = "TROUPE_MAX_MESSAGE_BYTES",
+        default = 16_777_216,
+        layer_attr(arg(long, value_name = "BYTES"))
+    )]
+    pub max_message_bytes: usize,
+
+    /// Most open connections; further ones, health checks included, wait in the system's backlog until one closes.
+    /// Connections times max_message_bytes bounds the memory of HTTP/1.1 request bodies in flight; an HTTP/2 connection
+    /// may carry many requests at once and so take a multiple of that.
+    #[config(
+        env = "TROUPE_MAX_CONNECTIONS",
+        default = 10_000,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_connections: usize,
+
+    /// A request that takes longer than this is given up, in milliseconds.
+    #[config(
+        env = "TROUPE_REQUEST_TIMEOUT_MS",
+        default = 30_000,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub request_timeout_ms: u64,
+
+    /// How long requests may still finish after a signal to stop, in milliseconds. Then connections are cut.
+    #[config(
+        env = "TROUPE_DRAIN_TIMEOUT_MS",
+        default = 10_000,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub drain_timeout_ms: u64,
+
+    /// Silence after which a connection is asked for a sign of life, in milliseconds.
+    #[config(
+        env = "TROUPE_KEEPALIVE_MS",
+        default = 20_000,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub keepalive_ms: u64,
+
+    /// What to log: a level (error, warn, info, debug, trace), or a level for each module.
+    #[config(
+        env = "TROUPE_LOG",
+        default = "info,ort=warn",
+        layer_attr(arg(long, value_name = "FILTER"))
+    )]
+    pub log: String,
+
+    /// Log lines as text or as JSON.
+    #[config(
+        env = "TROUPE_LOG_FORMAT",
+        default = "text",
+        layer_attr(arg(long, value_name = "FORMAT"))
+    )]
+    pub log_format: LogFormat,
+}
+
+/// How log lines look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum LogFormat {
+    /// For people.
+    Text,
+    /// For machines.
+    Json,
+}
+
+/// The command line.
+#[derive(Debug, Parser)]
+#[command(
+    name = "troupe-server",
+    version,
+    about = "Serves motion in-betweening over gRPC and HTTP, on one port"
+)]
+pub struct Cli {
+    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is one.
+    #[arg(long, env = "TROUPE_CONFIG", value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Print a configuration file with every option, its meaning and its default, and exit.
+    #[arg(long)]
+    pub print_config: bool,
+
+    #[command(flatten)]
+    flags: <Config as confique::Config>::Layer,
+}
+
+/// A configuration that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// `--config` names a file that is not there.
+    #[error("there is no configuration file at {}", .0.display())]
+    MissingFile(PathBuf),
+    /// A value of the wrong form, or a file that does not parse.
+    #[error("{0:#}")]
+    Load(#[from] confique::Error),
+    /// A value out of its range.
+    #[error("{option} is {found}; allowed: {allowed}")]
+    Value {
+        /// The option.
+        option: &'static str,
+        /// Its value.
+        found: String,
+        /// What it may be.
+        allowed: String,
+    },
+}
+
+impl Config {
+    /// The configuration from a command line, the environment and the configuration file.
+    ///
+    /// # Errors
+    /// [`ConfigError`], which names the option.
+    pub fn load(cli: Cli) -> Result<Self, ConfigError> {
+        let file = match cli.config {
+            Some(file) if !file.is_file() => return Err(ConfigError::MissingFile(file)),
+            Some(file) => file,
+            None => PathBuf::from(DEFAULT_FILE),
+        };
+        let config = Self::builder().preloaded(cli.flags).env().file(file).load()?;
+        config.checked()
+    }
+
+    /// The defaults, with packs from `packs` and any free port of the loopback interface: for tests and embedding.
+    ///
+    /// # Errors
+    /// Never for the defaults above; the library cannot know that.
+    pub fn local(packs: &Path) -> Result<Self, ConfigError> {
+        let defaults = Self::builder().load()?;
+        let listen = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let onnx_runtime = std::env::var_os(crate::engine::onnx::LIBRARY_VARIABLE).map(PathBuf::from);
+        Self {
+            listen,
+            packs: packs.to_owned(),
+            onnx_runtime,
+            ..defaults
+        }
+        .checked()
+    }
+
+    /// A configuration file with every option, its meaning and its default.
+    pub fn template() -> String {
+        confique::toml::template::<Self>(confique::toml::FormatOptions::default())
+    }
+
+    fn checked(self) -> Result<Self, ConfigError> {
+        let at_least_one = [
+            ("max_batch", self.max_batch),
+            ("max_characters_per_request", self.max_characters_per_request),
+            ("max_message_bytes", self.max_message_bytes),
+            ("max_connections", self.max_connections),
+            ("request_timeout_ms", self.request_timeout_ms as usize),
+            ("keepalive_ms", self.keepalive_ms as usize),
+        ];
+        for (option, value) in at_least_one {
+            if value == 0 {
+                return Err(ConfigError::Value {
+                    option,
+                    found: "0".into(),
+                    allowed: "1 or more".into(),
+                });
+            }
+        }
+        let at_most = [
+            ("max_batch", self.max_batch, 4096),
+            ("max_connections", self.max_connections, 1_000_000),
+        ];
+        for (option, value, most) in at_most {
+            if value > most {
+                return Err(ConfigError::Value {
+                    option,
+                    found: value.to_string(),
+                    allowed: format!("1 to {most}"),
+                });
+            }
+        }
+        if self.max_queued_characters < self.max_characters_per_request {
+            return Err(ConfigError::Value {
+                option: "max_queued_characters",
+                found: self.max_queued_characters.to_string(),
+                allowed: format!(
+                    "max_characters_per_request ({}) or more",
+                    self.max_characters_per_request
+                ),
+            });
+        }
+        Ok(self)
+    }
+
+    /// The batcher's limits.
+    pub fn batch_limits(&self) -> Limits {
+        Limits {
+            max_batch: self.max_batch,
+            max_queued: self.max_queued_characters,
+        }
+    }
+
+    /// The limits of one request.
+    pub fn request_limits(&self) -> RequestLimits {
+        RequestLimits {
+            max_characters: self.max_characters_per_request,
+        }
+    }
+
+    /// The inference runtime's options.
+    pub fn runtime_options(&self) -> RuntimeOptions {
+        RuntimeOptions {
+            library: self.onnx_runtime.clone(),
+            threads: self.threads,
+            spin: self.spin,
+        }
+    }
+
+    /// [`Config::request_timeout_ms`] as a duration.
+    pub fn request_timeout(&self) -> Duration {
+        Duration::from_millis(self.request_timeout_ms)
+    }
+
+    /// [`Config::drain_timeout_ms`] as a duration.
+    pub fn drain_timeout(&self) -> Duration {
+        Duration::from_millis(self.drain_timeout_ms)
+    }
+
+    /// [`Config::keepalive_ms`] as a duration.
+    pub fn keepalive(&self) -> Duration {
+        Duration::from_millis(self.keepalive_ms)
+    }
+}
+
+#[cfg(test)]
+#[path = "config_tests.rs"]
+mod tests;

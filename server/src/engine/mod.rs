@@ -1,0 +1,93 @@
+//! Inference: the three stages of a pack behind the [`Stages`] trait, and the [`Pipeline`] that takes a batch of
+//! characters through them. One thread owns a pipeline; nothing here is shared or locked.
+//!
+//! [`onnx::OnnxStages`] runs the stages on ONNX Runtime. Other engines (and tests) implement [`Stages`].
+
+pub mod onnx;
+mod pipeline;
+mod sampling;
+mod tensors;
+mod work;
+
+use crate::pack::Stage;
+
+pub use pipeline::{Pipeline, RowAnswer, StageTimes, buckets};
+pub use tensors::{DecoderOutput, PoseOutput, RootInput, RootOutput, Rows, TokenInput};
+pub use work::{KeyTensors, RawMotion, WorkItem};
+
+/// Runs the networks of one pack.
+///
+/// `rows` is the batch size of the call: one of [`buckets`], so an engine sees few different shapes, all of them
+/// during warm-up. Only the first `rows` rows of inputs and outputs count. A row's result must not depend on the
+/// other rows.
+pub trait Stages: Send {
+    /// Token count and root trajectory from constraints.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the engine fails; the whole batch fails with it.
+    fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError>;
+
+    /// Logits of every pose token.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the engine fails; the whole batch fails with it.
+    fn pose(&mut self, rows: usize, input: &TokenInput, output: &mut PoseOutput) -> Result<(), EngineError>;
+
+    /// Frames from tokens.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the engine fails; the whole batch fails with it.
+    fn decoder(
+        &mut self,
+        rows: usize,
+        input: &TokenInput,
+        output: &mut DecoderOutput,
+    ) -> Result<(), EngineError>;
+}
+
+/// Why inference failed.
+#[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
+pub enum EngineError {
+    /// The ONNX Runtime library is missing or unusable.
+    #[error("ONNX Runtime: {0}. Run `make runtime` to fetch it, or set ORT_DYLIB_PATH to libonnxruntime")]
+    Library(String),
+    /// A stage that does not load.
+    #[error("cannot load {file}: {reason}")]
+    Load {
+        /// The stage's file.
+        file: &'static str,
+        /// What the runtime says.
+        reason: String,
+    },
+    /// A stage whose tensors differ from the contract.
+    #[error("{file}: {problem}")]
+    Signature {
+        /// The stage's file.
+        file: &'static str,
+        /// Which tensor, what it is and what it must be.
+        problem: String,
+    },
+    /// A run that failed.
+    #[error("the {} stage failed: {reason}", stage.name())]
+    Run {
+        /// The stage.
+        stage: Stage,
+        /// What the runtime says.
+        reason: String,
+    },
+    /// A run that gave values out of the contract.
+    #[error("the {} stage gave {problem}", stage.name())]
+    Output {
+        /// The stage.
+        stage: Stage,
+        /// What is wrong with its output.
+        problem: String,
+    },
+    /// A run that panicked: a defect of the engine. It takes the next batch all the same.
+    #[error("the engine panicked: {0}")]
+    Panicked(String),
+    /// The thread that owns the engine has ended.
+    #[error("the engine has stopped")]
+    Stopped,
+}

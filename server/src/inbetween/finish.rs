@@ -1,0 +1,191 @@
+//! From raw motion to frames.
+
+use troupe_motion::fk::{local_from_world_rotations, world_transforms};
+use troupe_motion::pin::{PosePin, pin_poses};
+use troupe_motion::root::heading_of;
+use troupe_motion::rotation::{align_sign, from_six_d};
+use troupe_motion::segment::{RootPin, pin_targets};
+use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
+use troupe_proto::v1;
+
+use super::{Given, PIN_REACH_FRAMES, Plan};
+use crate::engine::RawMotion;
+use crate::pack::{Dims, GLOBAL_ROOT, Pack, SIX_D};
+
+/// The model gave numbers that are not finite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the model gave frames that are not finite")]
+pub struct NonFinite;
+
+/// Turns what the stages made of one character into its answer, in the world.
+///
+/// # Errors
+/// [`NonFinite`] where the frames, or what the stages before them gave, are not usable.
+pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::CharacterResult, NonFinite> {
+    let dims = &pack.dims;
+    let frames = plan.frames.unwrap_or(raw.num_tokens * dims.frames_per_token);
+    let finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
+    let outputs = [
+        &raw.count_probs,
+        &raw.root_r_g3,
+        &raw.root_r_g4,
+        &raw.rotations,
+        &raw.contacts,
+    ];
+    if !outputs.into_iter().all(|values| finite(values)) {
+        return Err(NonFinite);
+    }
+
+    let mut roots: Vec<GlobalRoot> = roots(&raw.root_r_g4[..frames * GLOBAL_ROOT]).collect();
+    let mut rotations = parent_relative(raw, frames, dims, &pack.skeleton);
+    pin(&mut roots, &mut rotations, plan, &pack.skeleton);
+
+    let root_positions: Vec<Vec3> = roots
+        .iter()
+        .map(|root| plan.frame.to_world_position(root.position))
+        .collect();
+    to_world_rotations(&plan.frame, dims.joints, &mut rotations);
+    let positions = match plan.positions {
+        true => world_positions(&pack.skeleton, &root_positions, &rotations),
+        false => Vec::new(),
+    };
+    Ok(v1::CharacterResult {
+        id: plan.id.clone(),
+        frames: Some(v1::Frames {
+            frame_count: frames as u32,
+            root_positions: root_positions.iter().flat_map(Vec3::to_array).collect(),
+            rotations: rotations.iter().flat_map(|q| [q.w, q.x, q.y, q.z]).collect(),
+            contacts: raw.contacts[..frames * dims.contacts]
+                .iter()
+                .map(|c| c.clamp(0.0, 1.0))
+                .collect(),
+            positions,
+        }),
+        intermediates: plan.intermediates.then(|| intermediates(raw, &plan.frame, dims)),
+    })
+}
+
+/// Has the frames meet their keyframes: roots over the whole gap, poses over a few frames on either side.
+///
+/// A root's heading is that of the pelvis that the decoder made, which r_g4's heading only comes close to.
+fn pin(roots: &mut [GlobalRoot], rotations: &mut [Quat], plan: &Plan, skeleton: &Skeleton) {
+    let joints = skeleton.joint_count();
+    for (root, pose) in roots.iter_mut().zip(rotations.chunks_exact(joints)) {
+        root.heading = heading_of(pose[0], skeleton.left_axis);
+    }
+    let first_target = roots.len().saturating_sub(plan.targets.len());
+    let targets = plan
+        .targets
+        .iter()
+        .enumerate()
+        .map(|(index, key)| (first_target + index, key));
+    let keys: Vec<(usize, &Given)> = plan.context.iter().enumerate().chain(targets).collect();
+
+    let root_pins: Vec<RootPin> = keys
+        .iter()
+        .filter_map(|&(frame, key)| {
+            Some(RootPin {
+                frame,
+                root: key.root?,
+            })
+        })
+        .collect();
+    // Nothing to spread the first frame's residual over: it is met outright.
+    if let (Some(start), Some(RootPin { frame: 0, root })) = (roots.first_mut(), root_pins.first()) {
+        *start = *root;
+    }
+    pin_targets(roots, rotations, joints, 0, &root_pins);
+
+    // Heights without a root come second: the pins of roots have moved the place on the ground that they keep.
+    let height_pins: Vec<RootPin> = keys
+        .iter()
+        .filter_map(|&(frame, key)| {
+            let mut root = *roots.get(frame)?;
+            root.position.y = key.height?;
+            Some(RootPin { frame, root })
+        })
+        .collect();
+    pin_targets(roots, rotations, joints, 0, &height_pins);
+
+    let pose_pins: Vec<PosePin<'_>> = keys
+        .iter()
+        .filter_map(|&(frame, key)| {
+            Some(PosePin {
+                frame,
+                rotations: key.rotations.as_deref()?,
+            })
+        })
+        .collect();
+    pin_poses(rotations, joints, &pose_pins, PIN_REACH_FRAMES);
+}
+
+fn roots(values: &[f32]) -> impl Iterator<Item = GlobalRoot> {
+    values
+        .chunks_exact(GLOBAL_ROOT)
+        .map(|r| GlobalRoot::from_array([r[0], r[1], r[2], r[3], r[4]]))
+}
+
+/// World 6D rotations to quaternions, joint 0 in the (segment's) world and the others relative to their parents.
+fn parent_relative(raw: &RawMotion, frames: usize, dims: &Dims, skeleton: &Skeleton) -> Vec<Quat> {
+    let joints = dims.joints;
+    let mut world = vec![Quat::IDENTITY; joints];
+    let mut rotations = vec![Quat::IDENTITY; frames * joints];
+    for (frame, six_d) in raw
+        .rotations
+        .chunks_exact(joints * SIX_D)
+        .take(frames)
+        .enumerate()
+    {
+        for (rotation, d) in world.iter_mut().zip(six_d.chunks_exact(SIX_D)) {
+            *rotation = from_six_d([d[0], d[1], d[2], d[3], d[4], d[5]]);
+        }
+        local_from_world_rotations(
+            skeleton,
+            &world,
+            &mut rotations[frame * joints..(frame + 1) * joints],
+        );
+    }
+    rotations
+}
+
+/// Turns joint 0 of every frame into the world, and keeps each joint's quaternion in the hemisphere of the frame before
+/// it, so that clients may interpolate between frames without care.
+fn to_world_rotations(frame: &SegmentFrame, joints: usize, rotations: &mut [Quat]) {
+    for pose in rotations.chunks_exact_mut(joints) {
+        pose[0] = frame.to_world_rotation(pose[0]).normalize();
+    }
+    for index in joints..rotations.len() {
+        rotations[index] = align_sign(rotations[index], rotations[index - joints]);
+    }
+}
+
+fn world_positions(skeleton: &Skeleton, roots: &[Vec3], rotations: &[Quat]) -> Vec<f32> {
+    let joints = skeleton.joint_count();
+    let mut positions = vec![Vec3::ZERO; joints];
+    let mut world = vec![Quat::IDENTITY; joints];
+    let mut out = Vec::with_capacity(roots.len() * joints * 3);
+    for (root, pose) in roots.iter().zip(rotations.chunks_exact(joints)) {
+        world_transforms(skeleton, *root, pose, &mut positions, &mut world);
+        out.extend(positions.iter().flat_map(Vec3::to_array));
+    }
+    out
+}
+
+fn intermediates(raw: &RawMotion, frame: &SegmentFrame, dims: &Dims) -> v1::Intermediates {
+    let world = |values: &[f32]| {
+        roots(values)
+            .flat_map(|root| frame.to_world_root(root).to_array())
+            .collect()
+    };
+    v1::Intermediates {
+        predicted_frame_count: (raw.num_tokens * dims.frames_per_token) as u32,
+        token_count_probabilities: raw.count_probs.clone(),
+        root_r_g3: world(&raw.root_r_g3),
+        tokens: raw.tokens.clone(),
+        root_r_g4: world(&raw.root_r_g4),
+    }
+}
+
+#[cfg(test)]
+#[path = "finish_tests.rs"]
+mod tests;

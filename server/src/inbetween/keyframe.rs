@@ -1,0 +1,418 @@
+//! One keyframe: its checks, and its tensors in the segment frame.
+
+use troupe_motion::features::pose_features_from_world;
+use troupe_motion::fk::world_transforms;
+use troupe_motion::root::{heading_of, wrap_angle};
+use troupe_motion::{GlobalRoot, LocalRoot, Quat, SegmentFrame, Skeleton, Vec3};
+use troupe_proto::v1;
+
+use super::{
+    FieldError, Given, HEADING_TOLERANCE, HEIGHT_TOLERANCE_M, MAX_DISTANCE_M, MAX_HEIGHT_M, MAX_VELOCITY,
+    Path, UNIT_TOLERANCE,
+};
+use crate::engine::KeyTensors;
+use crate::pack::POSE_FEATURES;
+
+/// Least part of the character's left that must lie on the ground for its pose to have a heading worth comparing:
+/// below it the left is within six degrees of the vertical.
+const MIN_GROUND_LEFT: f32 = 0.1;
+
+/// Whether a keyframe must be complete.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Role {
+    /// Root position and pose are required.
+    Context,
+    /// Any subset, but something.
+    Target,
+}
+
+/// A keyframe with every value checked on its own, still in the world.
+#[derive(Debug, Clone)]
+pub(super) struct Checked {
+    pub(super) root: Option<GlobalRoot>,
+    /// Height of the root joint, wherever it was given.
+    height: Option<f32>,
+    velocity: Option<Velocity>,
+    pose: Option<CheckedPose>,
+}
+
+impl Checked {
+    /// What the keyframe fixes, in the segment frame.
+    pub(super) fn given(&self, frame: &SegmentFrame) -> Given {
+        let rotations = self.pose.as_ref().map(|pose| {
+            let mut rotations = pose.rotations.clone();
+            if let Some(pelvis) = rotations.first_mut() {
+                *pelvis = frame.to_segment_rotation(*pelvis);
+            }
+            rotations
+        });
+        let root = self.root.map(|root| frame.to_segment_root(root));
+        Given {
+            root,
+            height: self.height,
+            rotations,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Velocity {
+    vx: f32,
+    vz: f32,
+    omega: f32,
+    height: f32,
+}
+
+#[derive(Debug, Clone)]
+struct CheckedPose {
+    /// Unit length; joint 0 in the world, others parent-relative.
+    rotations: Vec<Quat>,
+    /// Height of the root joint, metres.
+    height: f32,
+}
+
+/// Checks the values of one keyframe. Distances from the context are checked once that is known: [`check_reach`].
+pub(super) fn check(
+    path: &Path<'_>,
+    key: &v1::Keyframe,
+    role: Role,
+    skeleton: &Skeleton,
+) -> Result<Checked, FieldError> {
+    match role {
+        Role::Context if key.root.is_none() => {
+            return Err(path
+                .field("root")
+                .error("is missing", "root and pose in every context keyframe"));
+        }
+        Role::Context if key.pose.is_none() => {
+            return Err(path
+                .field("pose")
+                .error("is missing", "root and pose in every context keyframe"));
+        }
+        _ if key.root.is_none() && key.velocity.is_none() && key.pose.is_none() => {
+            return Err(path.error("gives nothing", "at least one of root, velocity and pose"));
+        }
+        _ => {}
+    }
+    let position = key
+        .root
+        .as_ref()
+        .map(|root| check_position(path, root))
+        .transpose()?;
+    let height = check_heights(path, key, skeleton.ground_y_m)?;
+    let pose_height = key
+        .pose
+        .as_ref()
+        .map(|pose| check_pose_height(path, pose, position))
+        .transpose()?;
+    let rotations = key
+        .pose
+        .as_ref()
+        .map(|pose| check_rotations(path, pose, skeleton))
+        .transpose()?;
+    let root = match (&key.root, position) {
+        (Some(root), Some(position)) => {
+            let heading = check_heading(path, root, rotations.as_deref(), skeleton)?;
+            Some(GlobalRoot::new(position, heading))
+        }
+        _ => None,
+    };
+    let velocity = key
+        .velocity
+        .as_ref()
+        .map(|velocity| check_velocity(path, velocity, height))
+        .transpose()?;
+    let pose = rotations
+        .zip(pose_height)
+        .map(|(rotations, height)| CheckedPose { rotations, height });
+    Ok(Checked {
+        root,
+        height,
+        velocity,
+        pose,
+    })
+}
+
+fn check_position(path: &Path<'_>, root: &v1::Root) -> Result<Vec3, FieldError> {
+    let path = path.field("root");
+    let path = path.field("position");
+    let Some(v1::Vec3 { x, y, z }) = root.position else {
+        return Err(path.error("is missing", "x, y and z in metres"));
+    };
+    for (name, value) in [("x", x), ("z", z)] {
+        finite(&path.field(name), value)?;
+    }
+    Ok(Vec3::new(x, y, z))
+}
+
+/// The root joint's height, from the first field that gives it; the others must give the same.
+fn check_heights(path: &Path<'_>, key: &v1::Keyframe, ground_y_m: f32) -> Result<Option<f32>, FieldError> {
+    let (root, pose, velocity) = (path.field("root"), path.field("pose"), path.field("velocity"));
+    let position = root.field("position");
+    let fields = [
+        (
+            position.field("y"),
+            key.root.and_then(|root| root.position).map(|position| position.y),
+        ),
+        (
+            pose.field("root_height"),
+            key.pose.as_ref().and_then(|pose| pose.root_height),
+        ),
+        (
+            velocity.field("height"),
+            key.velocity.and_then(|velocity| velocity.height),
+        ),
+    ];
+    let mut height = None;
+    for (path, value) in fields {
+        let Some(value) = value else { continue };
+        if (finite(&path, value)? - ground_y_m).abs() > MAX_HEIGHT_M {
+            let (low, high) = (ground_y_m - MAX_HEIGHT_M, ground_y_m + MAX_HEIGHT_M);
+            return Err(path.error(format!("is {value:?} m"), format!("{low} to {high}")));
+        }
+        let height = *height.get_or_insert(value);
+        if (value - height).abs() > HEIGHT_TOLERANCE_M {
+            return Err(path.error(
+                format!("is {value} m, but the keyframe's root is at {height} m"),
+                format!("within {HEIGHT_TOLERANCE_M} m of {height}, or left out"),
+            ));
+        }
+    }
+    Ok(height)
+}
+
+fn check_heading(
+    path: &Path<'_>,
+    root: &v1::Root,
+    rotations: Option<&[Quat]>,
+    skeleton: &Skeleton,
+) -> Result<f32, FieldError> {
+    let path = path.field("root");
+    let path = path.field("heading");
+    let pelvis = rotations.and_then(|rotations| rotations.first()).copied();
+    let given = root.heading.map(|heading| finite(&path, heading)).transpose()?;
+    match (given, pelvis) {
+        (Some(heading), Some(pelvis)) => {
+            let faces = heading_of(pelvis, skeleton.left_axis);
+            let left = pelvis * skeleton.left_axis;
+            let defined = left.x.hypot(left.z) > MIN_GROUND_LEFT;
+            if defined && wrap_angle(heading - faces).abs() > HEADING_TOLERANCE {
+                return Err(path.error(
+                    format!("is {heading}, but the pose faces {faces}"),
+                    format!("within {HEADING_TOLERANCE} rad of {faces}, or left out"),
+                ));
+            }
+            Ok(heading)
+        }
+        (Some(heading), None) => Ok(heading),
+        (None, Some(pelvis)) => Ok(heading_of(pelvis, skeleton.left_axis)),
+        (None, None) => Err(path.error(
+            "is missing, and there is no pose to take it from",
+            "a heading in radians, or a pose in the same keyframe",
+        )),
+    }
+}
+
+fn check_pose_height(path: &Path<'_>, pose: &v1::Pose, position: Option<Vec3>) -> Result<f32, FieldError> {
+    let path = path.field("pose");
+    let path = path.field("root_height");
+    let height = position.map(|position| position.y).or(pose.root_height);
+    height.ok_or_else(|| {
+        path.error(
+            "is missing, and the keyframe has no root",
+            "the root joint's height in metres, or a root",
+        )
+    })
+}
+
+fn check_rotations(path: &Path<'_>, pose: &v1::Pose, skeleton: &Skeleton) -> Result<Vec<Quat>, FieldError> {
+    let path = path.field("pose");
+    let joints = skeleton.joint_count();
+    if pose.rotations.len() != joints * 4 {
+        return Err(path.field("rotations").error(
+            format!("has {} numbers", pose.rotations.len()),
+            format!(
+                "exactly {}: 4 (w, x, y, z) for each of the pack's {joints} joints",
+                joints * 4
+            ),
+        ));
+    }
+    let mut rotations = Vec::with_capacity(joints);
+    for (joint, wxyz) in pose.rotations.chunks_exact(4).enumerate() {
+        for (axis, &value) in wxyz.iter().enumerate() {
+            finite(&path.element("rotations", joint * 4 + axis), value)?;
+        }
+        let rotation = Quat::from_xyzw(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
+        let length = rotation.length();
+        // An overflow to infinity, or NaN, is outside too.
+        if !(1.0 - UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(&length) {
+            return Err(path.element("rotations", joint * 4).error(
+                format!(
+                    "the rotation of joint {} has length {length}",
+                    skeleton.joints[joint].name
+                ),
+                format!(
+                    "unit length, {} to {}",
+                    1.0 - UNIT_TOLERANCE,
+                    1.0 + UNIT_TOLERANCE
+                ),
+            ));
+        }
+        rotations.push(rotation / length);
+    }
+    Ok(rotations)
+}
+
+fn check_velocity(
+    path: &Path<'_>,
+    velocity: &v1::RootVelocity,
+    height: Option<f32>,
+) -> Result<Velocity, FieldError> {
+    let path = path.field("velocity");
+    for (name, value) in [
+        ("x", velocity.x),
+        ("z", velocity.z),
+        ("angular", velocity.angular),
+    ] {
+        let path = path.field(name);
+        if finite(&path, value)?.abs() > MAX_VELOCITY {
+            return Err(path.error(
+                format!("is {value}"),
+                format!("-{MAX_VELOCITY} to {MAX_VELOCITY}"),
+            ));
+        }
+    }
+    let height = height.ok_or_else(|| {
+        path.field("height").error(
+            "is missing, and the keyframe has neither a root nor a pose with root_height",
+            "the root joint's height in metres, or a root",
+        )
+    })?;
+    Ok(Velocity {
+        vx: velocity.x,
+        vz: velocity.z,
+        omega: velocity.angular,
+        height,
+    })
+}
+
+fn finite(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(path.error(format!("is {value}"), "a finite number"))
+    }
+}
+
+/// Checks that a keyframe is within reach of `anchor`, the last context frame's root position.
+pub(super) fn check_reach(path: &Path<'_>, key: &Checked, anchor: Vec3) -> Result<(), FieldError> {
+    if let Some(root) = key.root {
+        let distance = root.position.distance(anchor);
+        // An overflow to infinity, or NaN, is outside too.
+        if !(0.0..=MAX_DISTANCE_M).contains(&distance) {
+            let path = path.field("root");
+            return Err(path.field("position").error(
+                format!("is {distance} m from the last context frame"),
+                format!("at most {MAX_DISTANCE_M} m from the last context frame"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Makes keyframe tensors in a segment frame; keeps its scratch memory between keyframes.
+pub(super) struct KeyWriter<'a> {
+    skeleton: &'a Skeleton,
+    fps: f32,
+    local: Vec<Quat>,
+    positions: Vec<Vec3>,
+    rotations: Vec<Quat>,
+}
+
+impl<'a> KeyWriter<'a> {
+    pub(super) fn new(skeleton: &'a Skeleton, fps: f32) -> Self {
+        let joints = skeleton.joint_count();
+        Self {
+            skeleton,
+            fps,
+            local: vec![Quat::IDENTITY; joints],
+            positions: vec![Vec3::ZERO; joints],
+            rotations: vec![Quat::IDENTITY; joints],
+        }
+    }
+
+    /// Tensors of consecutive keyframes. A velocity that is not given follows from the root of the keyframe before it;
+    /// the first keyframe takes that of the second, as in training.
+    pub(super) fn write(&mut self, frame: &SegmentFrame, keys: &[Checked]) -> Vec<KeyTensors> {
+        let roots: Vec<Option<GlobalRoot>> = keys
+            .iter()
+            .map(|key| key.root.map(|root| frame.to_segment_root(root)))
+            .collect();
+        let step = |pair: &[Option<GlobalRoot>]| Some(self.local_root(&pair[0]?, &pair[1]?));
+        let mut locals: Vec<Option<LocalRoot>> = std::iter::once(None)
+            .chain(roots.windows(2).map(step))
+            .take(keys.len())
+            .collect();
+        if let ([first, Some(second), ..], Some(root)) =
+            (locals.as_mut_slice(), roots.first().copied().flatten())
+        {
+            *first = Some(LocalRoot {
+                height: root.position.y,
+                ..*second
+            });
+        }
+        for (local, key) in locals.iter_mut().zip(keys) {
+            if let Some(Velocity {
+                vx,
+                vz,
+                omega,
+                height,
+            }) = key.velocity
+            {
+                *local = Some(frame.to_segment_local_root(LocalRoot {
+                    vx,
+                    vz,
+                    omega,
+                    height,
+                }));
+            }
+        }
+        keys.iter()
+            .zip(roots)
+            .zip(locals)
+            .map(|((key, root), local)| KeyTensors {
+                local_root: local.map(LocalRoot::to_array),
+                global_root: root.map(GlobalRoot::to_array),
+                pose: key.pose.as_ref().map(|pose| self.pose(frame, pose)),
+            })
+            .collect()
+    }
+
+    /// The backward difference of two consecutive roots.
+    fn local_root(&self, before: &GlobalRoot, now: &GlobalRoot) -> LocalRoot {
+        let velocity = (now.position - before.position) * self.fps;
+        LocalRoot {
+            vx: velocity.x,
+            vz: velocity.z,
+            omega: wrap_angle(now.heading - before.heading) * self.fps,
+            height: now.position.y,
+        }
+    }
+
+    fn pose(&mut self, frame: &SegmentFrame, pose: &CheckedPose) -> Box<[f32]> {
+        self.local.copy_from_slice(&pose.rotations);
+        self.local[0] = frame.to_segment_rotation(self.local[0]);
+        // Features are relative to the projected root, so the root stands above the origin whatever its place.
+        let root = Vec3::new(0.0, pose.height, 0.0);
+        world_transforms(
+            self.skeleton,
+            root,
+            &self.local,
+            &mut self.positions,
+            &mut self.rotations,
+        );
+        let mut features = vec![0.0; self.skeleton.joint_count() * POSE_FEATURES].into_boxed_slice();
+        pose_features_from_world(root, &self.positions, &self.rotations, &mut features);
+        features
+    }
+}

@@ -1,0 +1,243 @@
+//! From a request to work items.
+
+use troupe_motion::{GlobalRoot, Quat, SegmentFrame};
+use troupe_proto::v1;
+
+use super::keyframe::{self, Checked, KeyWriter, Role};
+use super::{FieldError, MAX_ID_BYTES, MAX_POSE_STEPS, MAX_TEMPERATURE, Path};
+use crate::engine::WorkItem;
+use crate::pack::{Dims, Pack};
+
+/// Limits of a request that the server sets, beside those of the pack.
+#[derive(Debug, Clone, Copy)]
+pub struct RequestLimits {
+    /// Most characters of a request.
+    pub max_characters: usize,
+}
+
+/// What it takes to turn a character's raw motion into its answer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// The character's id.
+    pub id: String,
+    /// Where the segment lies in the world.
+    pub frame: SegmentFrame,
+    /// Frames of the segment, where the request fixes them.
+    pub frames: Option<usize>,
+    /// The context keyframes.
+    pub context: Vec<Given>,
+    /// The target keyframes; the last is the segment's last frame.
+    pub targets: Vec<Given>,
+    /// Whether to return what each stage produced.
+    pub intermediates: bool,
+    /// Whether to return world joint positions.
+    pub positions: bool,
+}
+
+/// What a keyframe fixes, in the segment frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Given {
+    /// Where the root is and faces.
+    pub root: Option<GlobalRoot>,
+    /// How high the root is, metres; given without a root too.
+    pub height: Option<f32>,
+    /// One rotation for each joint: joint 0 in the segment, others parent-relative.
+    pub rotations: Option<Vec<Quat>>,
+}
+
+/// Checks a request for `pack` and brings it into the form of the stages.
+///
+/// # Errors
+/// [`FieldError`] for the first value that is not accepted.
+pub fn prepare(
+    request: &v1::InBetweenRequest,
+    pack: &Pack,
+    limits: RequestLimits,
+) -> Result<(Vec<WorkItem>, Vec<Plan>), FieldError> {
+    let root = Path::root();
+    let count = request.characters.len();
+    if count == 0 || count > limits.max_characters {
+        let message = if count == 0 {
+            "is empty".to_owned()
+        } else {
+            format!("has {count} characters")
+        };
+        return Err(root
+            .field("characters")
+            .error(message, format!("1 to {}", limits.max_characters)));
+    }
+    let mut writer = KeyWriter::new(&pack.skeleton, pack.manifest.fps);
+    let mut items = Vec::with_capacity(count);
+    let mut plans = Vec::with_capacity(count);
+    for (index, character) in request.characters.iter().enumerate() {
+        let (item, plan) =
+            prepare_character(&root.element("characters", index), character, pack, &mut writer)?;
+        items.push(item);
+        plans.push(plan);
+    }
+    Ok((items, plans))
+}
+
+fn prepare_character(
+    path: &Path<'_>,
+    character: &v1::Character,
+    pack: &Pack,
+    writer: &mut KeyWriter<'_>,
+) -> Result<(WorkItem, Plan), FieldError> {
+    check_options(path, character, &pack.dims)?;
+    let frames = check_frame_count(path, character, &pack.dims)?;
+    let allowed_counts = check_counts(path, character, &pack.dims, frames)?;
+    let context = check_keyframes(path, "context", &character.context, Role::Context, pack)?;
+    let targets = check_keyframes(path, "targets", &character.targets, Role::Target, pack)?;
+    let Some(anchor) = context.last().and_then(|key| key.root) else {
+        return Err(path
+            .field("context")
+            .error("has no root", "a root in every context keyframe"));
+    };
+    for (name, keys) in [("context", &context), ("targets", &targets)] {
+        for (index, key) in keys.iter().enumerate() {
+            keyframe::check_reach(&path.element(name, index), key, anchor.position)?;
+        }
+    }
+
+    let frame = SegmentFrame::from_root(anchor);
+    let item = WorkItem {
+        context: writer.write(&frame, &context),
+        targets: writer.write(&frame, &targets),
+        frames,
+        allowed_counts,
+        seed: character.seed,
+        temperature: character.temperature,
+        pose_steps: character.pose_steps.unwrap_or(1),
+    };
+    let plan = Plan {
+        id: character.id.clone(),
+        frame,
+        frames,
+        context: context.iter().map(|key| key.given(&frame)).collect(),
+        targets: targets.iter().map(|key| key.given(&frame)).collect(),
+        intermediates: character.return_intermediates,
+        positions: character.return_positions,
+    };
+    Ok((item, plan))
+}
+
+fn check_options(path: &Path<'_>, character: &v1::Character, dims: &Dims) -> Result<(), FieldError> {
+    if character.id.len() > MAX_ID_BYTES {
+        let message = format!("has {} bytes", character.id.len());
+        return Err(path
+            .field("id")
+            .error(message, format!("at most {MAX_ID_BYTES} bytes")));
+    }
+    let keyframes = [
+        (
+            "context",
+            character.context.len(),
+            dims.context_frames,
+            dims.context_frames,
+        ),
+        ("targets", character.targets.len(), 1, dims.max_targets),
+    ];
+    for (name, count, low, high) in keyframes {
+        if !(low..=high).contains(&count) {
+            let allowed = if low == high {
+                format!("exactly {low}")
+            } else {
+                format!("{low} to {high}")
+            };
+            return Err(path.field(name).error(format!("has {count} keyframes"), allowed));
+        }
+    }
+    let temperature = character.temperature;
+    if !(0.0..=MAX_TEMPERATURE).contains(&temperature) {
+        let allowed = format!("0 to {MAX_TEMPERATURE}");
+        return Err(path
+            .field("temperature")
+            .error(format!("is {temperature}"), allowed));
+    }
+    match character.pose_steps {
+        Some(steps) if !(1..=MAX_POSE_STEPS).contains(&steps) => {
+            let allowed = format!("1 to {MAX_POSE_STEPS}");
+            Err(path.field("pose_steps").error(format!("is {steps}"), allowed))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_frame_count(
+    path: &Path<'_>,
+    character: &v1::Character,
+    dims: &Dims,
+) -> Result<Option<usize>, FieldError> {
+    let Some(frames) = character.frame_count else {
+        return Ok(None);
+    };
+    let path = path.field("frame_count");
+    let (low, high) = (dims.min_frames(), dims.max_frames());
+    let frames = frames as usize;
+    if !(low..=high).contains(&frames) {
+        let message = format!(
+            "is {frames}: frame_count counts the {} context frames, the gap and the targets",
+            dims.context_frames
+        );
+        return Err(path.error(message, format!("{low} to {high}")));
+    }
+    let keyframes = dims.context_frames + character.targets.len();
+    if frames < keyframes {
+        let message = format!("is {frames}, too few for the context and target keyframes");
+        return Err(path.error(message, format!("{keyframes} to {high}")));
+    }
+    Ok(Some(frames))
+}
+
+/// Which token counts the root stage may choose from.
+fn check_counts(
+    path: &Path<'_>,
+    character: &v1::Character,
+    dims: &Dims,
+    frames: Option<usize>,
+) -> Result<Vec<bool>, FieldError> {
+    let given = &character.allowed_token_counts;
+    let list = path.field("allowed_token_counts");
+    // The keyframes alone may need more than the fewest tokens.
+    let keyframes = dims.context_frames + character.targets.len();
+    let low = dims.min_tokens.max(dims.tokens_for(keyframes));
+    let high = dims.max_tokens;
+    let mut allowed = vec![false; dims.counts()];
+    match frames {
+        Some(_) if !given.is_empty() => {
+            return Err(list.error("is given together with frame_count", "only one of the two"));
+        }
+        Some(frames) => allowed[dims.tokens_for(frames) - dims.min_tokens] = true,
+        None if given.is_empty() => allowed[low - dims.min_tokens..].fill(true),
+        None => {
+            for (index, &count) in given.iter().enumerate() {
+                let tokens = count as usize;
+                if !(low..=high).contains(&tokens) {
+                    return Err(path
+                        .element("allowed_token_counts", index)
+                        .error(format!("is {count}"), format!("{low} to {high}")));
+                }
+                allowed[tokens - dims.min_tokens] = true;
+            }
+        }
+    }
+    Ok(allowed)
+}
+
+fn check_keyframes(
+    path: &Path<'_>,
+    name: &'static str,
+    keys: &[v1::Keyframe],
+    role: Role,
+    pack: &Pack,
+) -> Result<Vec<Checked>, FieldError> {
+    keys.iter()
+        .enumerate()
+        .map(|(index, key)| keyframe::check(&path.element(name, index), key, role, &pack.skeleton))
+        .collect()
+}
+
+#[cfg(test)]
+#[path = "prepare_tests.rs"]
+pub(crate) mod tests;

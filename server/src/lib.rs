@@ -1,0 +1,32 @@
+//! Troupe's motion server.
+//!
+//! # The way of a request
+//! A request arrives over gRPC or HTTP ([`api`]), is checked and brought into each character's segment frame
+//! ([`inbetween`]), waits in a bounded queue until the engine is free and travels with whatever else waits ([`batch`]),
+//! passes root, pose and decoder ([`engine`]) of a model pack ([`pack`]), and comes back as frames ([`inbetween`]).
+//! [`service`] ties these together, [`server`] runs them on a port, [`telemetry`] counts, [`config`] configures.
+//!
+//! # Embedding
+//! ```no_run
+//! # async fn example() -> Result<(), Box<dyn std::error::Error>> {
+//! use std::path::Path;
+//!
+//! let config = troupe_server::config::Config::local(Path::new("models"))?;
+//! let listener = tokio::net::TcpListener::bind(config.listen).await?;
+//! let mut server = troupe_server::server::serve(config, listener).await?;
+//! server.ready().await?;
+//! println!("serving on http://{}", server.address());
+//! server.shut_down().await;
+//! # Ok(())
+//! # }
+//! ```
+
+pub mod api;
+pub mod batch;
+pub mod config;
+pub mod engine;
+pub mod inbetween;
+pub mod pack;
+pub mod server;
+pub mod service;
+pub mod telemetry;

@@ -1,0 +1,163 @@
+//! The `troupe-server` binary.
+
+use std::io::{self, IsTerminal as _, Write as _};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use clap::Parser as _;
+use tokio::net::TcpListener;
+use tracing_subscriber::EnvFilter;
+use troupe_server::config::{Cli, Config, LogFormat};
+use troupe_server::server::{ServerHandle, serve};
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = if cli.print_config {
+        say(&Config::template()).map(|()| ExitCode::SUCCESS)
+    } else {
+        run(cli)
+    };
+    result.unwrap_or_else(|error| {
+        // Unlike `eprintln`, this does not panic where nobody listens.
+        let _ = writeln!(io::stderr(), "troupe-server: {error:#}");
+        ExitCode::FAILURE
+    })
+}
+
+/// Writes to standard output. That nobody listens there is no error.
+fn say(text: &str) -> anyhow::Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        result => result.context("cannot write to standard output"),
+    }
+}
+
+fn run(cli: Cli) -> anyhow::Result<ExitCode> {
+    let config = Config::load(cli)?;
+    start_logging(&config)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()
+        .context("cannot start the asynchronous runtime")?;
+    let code = runtime.block_on(serve_until_stopped(config))?;
+    // Threads in the middle of an inference call must not hold up the exit.
+    runtime.shutdown_timeout(Duration::from_millis(100));
+    Ok(code)
+}
+
+fn start_logging(config: &Config) -> anyhow::Result<()> {
+    let filter = EnvFilter::try_new(&config.log).with_context(|| format!("log is {:?}", config.log))?;
+    let logging = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_ansi(io::stderr().is_terminal())
+        // Reports of lines that could not be written go to standard error too, and panic where it is closed.
+        .log_internal_errors(false)
+        .with_writer(io::stderr);
+    match config.log_format {
+        LogFormat::Text => logging.init(),
+        LogFormat::Json => logging.json().init(),
+    }
+    Ok(())
+}
+
+async fn serve_until_stopped(config: Config) -> anyhow::Result<ExitCode> {
+    let mut signals = StopSignals::listen().context("cannot listen for signals to stop")?;
+    let listener = TcpListener::bind(config.listen)
+        .await
+        .with_context(|| format!("cannot listen on {}", config.listen))?;
+    let mut server = serve(config, listener).await?;
+    tokio::select! {
+        ready = server.ready() => ready?,
+        () = signals.next() => return Ok(ExitCode::SUCCESS),
+    }
+    if let Err(error) = say(&greeting(&server)) {
+        tracing::warn!("{error:#}");
+    }
+    signals.next().await;
+    tracing::info!("stopping: requests in flight may finish");
+    let clean = tokio::select! {
+        clean = server.shut_down() => clean,
+        () = signals.next() => {
+            tracing::warn!("stopped again: not waiting for requests in flight");
+            false
+        }
+    };
+    Ok(if clean {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+fn greeting(server: &ServerHandle) -> String {
+    let address = server.address();
+    let packs = server
+        .service()
+        .list_packs()
+        .map(|list| list.packs)
+        .unwrap_or_default();
+    let packs = packs.iter().map(|pack| {
+        let default = if pack.is_default { " (default)" } else { "" };
+        let (name, version, joints) = (&pack.name, &pack.version, pack.joints.len());
+        format!(
+            "  pack {name} {version}{default}: {joints} joints, {}\n",
+            pack.licence
+        )
+    });
+    let packs: String = packs.collect();
+    // In a checkout there is a clip to try it with.
+    let fill = if std::path::Path::new("examples/walk.bvh").exists() {
+        "cargo run --release -p troupe-client -- inbetween --clip examples/walk.bvh --from 30 --to 65 --out filled.glb"
+    } else {
+        "troupe inbetween --clip FILE.bvh --from FRAME --to FRAME --out OUT.glb"
+    };
+    format!(
+        "Troupe serves gRPC and HTTP on http://{address}\n\
+         {packs}\
+         Try next:\n  \
+           curl http://{address}/v1/packs\n  \
+           {fill}\n  \
+           http://{address}/docs/ in a browser, for the HTTP interface\n  \
+           http://{address}/metrics, for Prometheus\n"
+    )
+}
+
+/// Ctrl-c, and SIGTERM where there is such a thing. Made once, so that no signal between two waits is lost.
+struct StopSignals {
+    #[cfg(unix)]
+    interrupt: tokio::signal::unix::Signal,
+    #[cfg(unix)]
+    terminate: tokio::signal::unix::Signal,
+    #[cfg(windows)]
+    interrupt: tokio::signal::windows::CtrlC,
+}
+
+impl StopSignals {
+    #[cfg(unix)]
+    fn listen() -> io::Result<Self> {
+        use tokio::signal::unix::{SignalKind, signal};
+        Ok(Self {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+        })
+    }
+
+    #[cfg(windows)]
+    fn listen() -> io::Result<Self> {
+        let interrupt = tokio::signal::windows::ctrl_c()?;
+        Ok(Self { interrupt })
+    }
+
+    /// Waits for the next signal.
+    async fn next(&mut self) {
+        #[cfg(unix)]
+        tokio::select! {
+            _ = self.interrupt.recv() => {}
+            _ = self.terminate.recv() => {}
+        }
+        #[cfg(windows)]
+        let _ = self.interrupt.recv().await;
+    }
+}

@@ -1,0 +1,167 @@
+use super::*;
+
+const MANIFEST: &str = r#"
+format = 1
+name = "toy"
+version = "1.0.0"
+licence = "Apache-2.0"
+credits = ["Somebody"]
+fps = 30.0
+frames_per_token = 4
+min_tokens = 3
+max_tokens = 16
+heads = 4
+codes = 256
+context_frames = 4
+max_targets = 4
+parameters = 12
+content_hash = "sha256:HASH"
+
+[skeleton]
+left_axis = [1.0, 0.0, 0.0]
+[[skeleton.joints]]
+name = "Hips"
+parent = ""
+offset_m = [0.0, 0.9, 0.0]
+[[skeleton.joints]]
+name = "Foot"
+parent = "Hips"
+offset_m = [0.0, -0.85, 0.0]
+[skeleton.contacts]
+joints = ["Foot"]
+max_height_m = [0.1]
+max_speed_mps = 0.3
+clearance_m = [0.05]
+
+[training]
+steps = 10
+
+[exporter]
+unknown = "and ignored"
+"#;
+
+/// sha256 of "root" + "pose" + "decoder".
+fn toy_hash() -> String {
+    let hash: String = Sha256::digest(b"rootposedecoder")
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
+    hash
+}
+
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(test: &str, manifest: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("troupe-pack-{test}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        for stage in Stage::ALL {
+            std::fs::write(path.join(stage.file_name()), stage.name()).unwrap();
+        }
+        std::fs::write(path.join(MANIFEST_FILE), manifest).unwrap();
+        Self(path)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn problem(test: &str, change: (&str, &str)) -> String {
+    let manifest = MANIFEST.replace("HASH", &toy_hash());
+    assert!(manifest.contains(change.0));
+    let folder = Folder::new(test, &manifest.replace(change.0, change.1));
+    let error = Pack::load(&folder.0).unwrap_err();
+    assert!(
+        error.to_string().contains(&folder.0.display().to_string()),
+        "{error}"
+    );
+    error.problem.to_string()
+}
+
+#[test]
+fn a_good_pack_loads_and_describes_itself() {
+    let folder = Folder::new("good", &MANIFEST.replace("HASH", &toy_hash()));
+    let pack = Pack::load(&folder.0).unwrap();
+    assert_eq!(
+        (pack.dims.min_frames(), pack.dims.max_frames(), pack.dims.counts()),
+        (12, 64, 14)
+    );
+    let public = pack.describe(true);
+    assert_eq!(
+        (public.name.as_str(), public.max_frames, public.is_default),
+        ("toy", 64, true)
+    );
+    assert_eq!(public.joints[0].parent, -1);
+    assert_eq!(
+        (public.joints[1].parent, public.contact_joints),
+        (0, vec!["Foot".to_owned()])
+    );
+    assert_eq!(
+        public.figures_json,
+        r#"{"evaluation":{},"training":{"steps":10}}"#
+    );
+    assert_eq!(find_packs(&folder.0).unwrap(), std::slice::from_ref(&folder.0));
+}
+
+#[test]
+fn every_mistake_is_named() {
+    let cases = [
+        ("format = 1", "format = 7", "format 7 is not supported"),
+        (
+            "name = \"toy\"",
+            "name = \"Toy Pack\"",
+            "name is Toy Pack; allowed: 1 to 64 of a-z",
+        ),
+        ("fps = 30.0", "fps = nan", "fps is NaN"),
+        (
+            "max_tokens = 16",
+            "max_tokens = 2",
+            "max_tokens is 2; allowed: 3 to 1024",
+        ),
+        ("heads = 4", "heads = 0", "heads is 0; allowed: 1 to 64"),
+        ("heads = 4", "", "missing field `heads`"),
+        ("max_targets = 4", "max_targets = 62", "at least 66 frames"),
+        ("joints = [\"Foot\"]", "joints = [\"Paw\"]", "Paw"),
+        ("sha256:", "md5:", "allowed: sha256: and 64"),
+        ("parent = \"Hips\"", "parent = \"\"", "Foot"),
+    ];
+    for (index, (from, to, expected)) in cases.into_iter().enumerate() {
+        let text = problem(&format!("mistake-{index}"), (from, to));
+        assert!(text.contains(expected), "{to:?} gave {text:?}");
+    }
+}
+
+#[test]
+fn changed_files_are_found_out() {
+    let folder = Folder::new("hash", &MANIFEST.replace("HASH", &toy_hash()));
+    std::fs::write(folder.0.join("pose.onnx"), "tampered").unwrap();
+    let error = Pack::load(&folder.0).unwrap_err();
+    assert!(
+        matches!(error.problem, PackProblem::ContentHash { .. }),
+        "{error}"
+    );
+    std::fs::remove_file(folder.0.join("decoder.onnx")).unwrap();
+    assert!(
+        Pack::load(&folder.0)
+            .unwrap_err()
+            .to_string()
+            .contains("decoder.onnx")
+    );
+}
+
+#[test]
+fn a_folder_without_packs_says_so() {
+    let folder = Folder::new("none", "");
+    std::fs::remove_file(folder.0.join(MANIFEST_FILE)).unwrap();
+    assert!(matches!(
+        find_packs(&folder.0).unwrap_err().problem,
+        PackProblem::NoPacks
+    ));
+    assert!(matches!(
+        find_packs(&folder.0.join("absent")).unwrap_err().problem,
+        PackProblem::Read { .. }
+    ));
+}

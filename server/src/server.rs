@@ -1,0 +1,263 @@
+//! The running server: loads packs behind an open port, accepts connections, drains on request.
+
+mod connections;
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+use tonic_health::server::HealthReporter;
+use troupe_proto::v1::motion_server;
+
+use crate::api;
+use crate::batch::{Batcher, EngineFactory};
+use crate::config::Config;
+use crate::engine::onnx::{OnnxStages, Runtime};
+use crate::engine::{EngineError, Pipeline, Stages};
+use crate::pack::{Pack, PackError, PackProblem, find_packs};
+use crate::service::{LoadedPack, PackTable, Service};
+use crate::telemetry::Telemetry;
+
+/// The pack that is the default where nothing else is said.
+const USUAL_DEFAULT: &str = "human";
+/// How often recorded samples are folded into their buckets.
+const UPKEEP_INTERVAL: Duration = Duration::from_secs(5);
+
+/// Makes the stages of a pack, on the thread that will own them.
+pub type StagesFactory = Box<dyn FnOnce(&Pack) -> Result<Box<dyn Stages>, EngineError> + Send>;
+
+/// A pack and what runs it.
+pub struct PackSource {
+    /// The pack.
+    pub pack: Pack,
+    /// Makes its stages.
+    pub stages: StagesFactory,
+}
+
+/// Why a server did not start.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// A pack that cannot be used.
+    #[error(transparent)]
+    Pack(#[from] PackError),
+    /// Two packs of one name, or a default that is not loaded.
+    #[error("{0}")]
+    Packs(String),
+    /// An engine that does not start.
+    #[error("pack {pack}: {error}")]
+    Engine {
+        /// The pack's name.
+        pack: String,
+        /// What went wrong.
+        error: EngineError,
+    },
+    /// The port cannot be used.
+    #[error("cannot listen: {0}")]
+    Listen(std::io::Error),
+    /// A part of the server that does not come up; a bug.
+    #[error("internal: {0}")]
+    Internal(String),
+}
+
+/// The packs that `config` names, to run on ONNX Runtime.
+///
+/// # Errors
+/// [`StartError`] where a pack cannot be used, or two have one name.
+pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
+    let mut sources: Vec<PackSource> = Vec::new();
+    for folder in find_packs(&config.packs)? {
+        let pack = Pack::load(&folder)?;
+        if sources.iter().any(|source| source.pack.name() == pack.name()) {
+            let problem = PackProblem::DuplicateName(pack.name().to_owned());
+            return Err(PackError { folder, problem }.into());
+        }
+        let options = config.runtime_options();
+        let stages: StagesFactory = Box::new(move |pack| {
+            let runtime = Runtime::new(&options)?;
+            Ok(Box::new(OnnxStages::load(&runtime, pack)?))
+        });
+        sources.push(PackSource { pack, stages });
+    }
+    Ok(sources)
+}
+
+/// Starts a server on `listener` with the packs that `config` names. The port answers at once; requests are served when
+/// [`ServerHandle::ready`] says so.
+///
+/// # Errors
+/// [`StartError`] where the server cannot be set up. Packs load later: [`ServerHandle::ready`] tells their errors.
+pub async fn serve(config: Config, listener: TcpListener) -> Result<ServerHandle, StartError> {
+    let for_packs = config.clone();
+    serve_packs(config, listener, move || packs_of(&for_packs)).await
+}
+
+/// [`serve`], with packs and engines of the caller's choice. `packs` runs on the pool for blocking work.
+///
+/// # Errors
+/// [`StartError`] where the server cannot be set up.
+pub async fn serve_packs(
+    config: Config,
+    listener: TcpListener,
+    packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
+) -> Result<ServerHandle, StartError> {
+    let internal = |error: &dyn std::fmt::Display| StartError::Internal(error.to_string());
+    let address = listener.local_addr().map_err(StartError::Listen)?;
+    let telemetry = Telemetry::new().map_err(|error| internal(&error))?;
+    let service = Arc::new(Service::new(config.request_limits(), telemetry.clone()));
+    let health = HealthReporter::new();
+    api::set_serving(&health, false).await;
+    let router = api::router(&service, &health, &config).map_err(|error| internal(&error))?;
+
+    let (stop, stopping) = watch::channel(false);
+    let connections = tokio::spawn(connections::accept(listener, router, config.clone(), stopping));
+    let upkeep = tokio::spawn(async move {
+        let mut ticks = tokio::time::interval(UPKEEP_INTERVAL);
+        loop {
+            ticks.tick().await;
+            telemetry.run_upkeep();
+        }
+    });
+    let starting = tokio::spawn(start(config, service.clone(), health.clone(), packs));
+    Ok(ServerHandle {
+        address,
+        service,
+        health,
+        stop,
+        starting: Some(starting),
+        connections,
+        upkeep,
+    })
+}
+
+/// Loads and warms up all packs, then opens the service.
+async fn start(
+    config: Config,
+    service: Arc<Service>,
+    health: HealthReporter,
+    packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
+) -> Result<(), StartError> {
+    let gone = |_| StartError::Internal("the task that loads packs has stopped".to_owned());
+    let sources = tokio::task::spawn_blocking(packs).await.map_err(gone)??;
+    let default = default_pack(&config, &sources)?;
+    let mut loaded = Vec::with_capacity(sources.len());
+    for source in sources {
+        loaded.push(load(&config, &service, source).await?);
+    }
+    service.open(PackTable::new(loaded, default));
+    api::set_serving(&health, true).await;
+    Ok(())
+}
+
+fn default_pack(config: &Config, sources: &[PackSource]) -> Result<String, StartError> {
+    let names: Vec<&str> = sources.iter().map(|source| source.pack.name()).collect();
+    let list = names.join(", ");
+    match &config.default_pack {
+        Some(wanted) if names.contains(&wanted.as_str()) => Ok(wanted.clone()),
+        Some(wanted) => Err(StartError::Packs(format!(
+            "default_pack is {wanted}; allowed: {list}"
+        ))),
+        None if names.contains(&USUAL_DEFAULT) => Ok(USUAL_DEFAULT.to_owned()),
+        None => names
+            .iter()
+            .min()
+            .map(|name| (*name).to_owned())
+            .ok_or_else(|| StartError::Packs("no pack to serve".to_owned())),
+    }
+}
+
+async fn load(config: &Config, service: &Service, source: PackSource) -> Result<LoadedPack, StartError> {
+    let PackSource { pack, stages } = source;
+    let metrics = service.telemetry().pack(pack.name(), &pack.manifest.version);
+    let pack = Arc::new(pack);
+    let max_batch = config.max_batch;
+    let (for_engine, engine_metrics) = (pack.clone(), metrics.clone());
+    let factory: EngineFactory = Box::new(move || {
+        let loading = Instant::now();
+        let mut pipeline = Pipeline::new(for_engine.dims, stages(&for_engine)?, max_batch);
+        let warming = Instant::now();
+        pipeline.warm_up()?;
+        let (load, warmup) = (warming - loading, warming.elapsed());
+        engine_metrics.started(load, warmup);
+        tracing::info!(pack = for_engine.name(), ?load, ?warmup, "pack ready");
+        Ok(pipeline)
+    });
+    let batcher = Batcher::start(pack.name(), config.batch_limits(), metrics.clone(), factory)
+        .await
+        .map_err(|error| StartError::Engine {
+            pack: pack.name().to_owned(),
+            error,
+        })?;
+    Ok(LoadedPack {
+        pack,
+        batcher,
+        metrics,
+    })
+}
+
+/// A running server. Dropping the handle does not stop it.
+pub struct ServerHandle {
+    address: SocketAddr,
+    service: Arc<Service>,
+    health: HealthReporter,
+    stop: watch::Sender<bool>,
+    starting: Option<JoinHandle<Result<(), StartError>>>,
+    connections: JoinHandle<bool>,
+    upkeep: JoinHandle<()>,
+}
+
+impl ServerHandle {
+    /// The address that the server listens on.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// What the server serves with: packs, metrics, readiness.
+    pub fn service(&self) -> &Arc<Service> {
+        &self.service
+    }
+
+    /// Waits until all packs are loaded and warm.
+    ///
+    /// # Errors
+    /// [`StartError`] where they are not to be had; the server is then of no use.
+    pub async fn ready(&mut self) -> Result<(), StartError> {
+        match self.starting.as_mut() {
+            Some(starting) => {
+                let result = starting.await;
+                self.starting = None;
+                result.map_err(|error| StartError::Internal(error.to_string()))?
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Stops accepting connections, lets requests finish for at most the configured time, then cuts what is left.
+    /// Answers whether everything finished.
+    pub async fn shut_down(mut self) -> bool {
+        self.service.drain();
+        if let Some(starting) = self.starting.take() {
+            starting.abort();
+            // Once it is gone it cannot say any more that the server serves.
+            let _ = starting.await;
+        }
+        api::set_serving(&self.health, false).await;
+        // Ends the streams of health watchers, once they have the status: open streams would hold up the stop.
+        for service in ["", motion_server::SERVICE_NAME] {
+            self.health.clear_service_status(service).await;
+        }
+        let _ = self.stop.send(true);
+        let clean = match self.connections.await {
+            Ok(clean) => clean,
+            Err(error) => {
+                tracing::error!(%error, "the accept loop failed");
+                false
+            }
+        };
+        self.upkeep.abort();
+        clean
+    }
+}

@@ -1,0 +1,159 @@
+//! The accept loop: HTTP/1.1 and HTTP/2 (prior knowledge, h2c) on one port.
+
+use std::io::{self, Cursor};
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
+use hyper_util::server::conn::auto::Builder;
+use hyper_util::server::graceful::{GracefulShutdown, Watcher};
+use hyper_util::service::TowerToHyperService;
+use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Notify, Semaphore, watch};
+
+use crate::config::Config;
+
+/// How long to pause where the system has no more file handles.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+/// What an HTTP/2 connection begins with (RFC 9113, section 3.4).
+const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+
+/// Accepts until told to stop, then waits for requests in flight, at most for the configured time. Answers whether all of
+/// them finished. At the limit of open connections it does not accept, so that new ones wait in the system's backlog.
+pub(super) async fn accept(
+    listener: TcpListener,
+    router: Router,
+    config: Config,
+    mut stopping: watch::Receiver<bool>,
+) -> bool {
+    let connections = Connections {
+        builder: builder(&config),
+        service: TowerToHyperService::new(router),
+        first_bytes_timeout: config.request_timeout(),
+    };
+    let connections = Arc::new(connections);
+    let places = Arc::new(Semaphore::new(config.max_connections));
+    let graceful = GracefulShutdown::new();
+    let cut = Arc::new(Notify::new());
+    loop {
+        let next = async {
+            // The semaphore is never closed, so there is always a place in the end.
+            let place = places.clone().acquire_owned().await.ok();
+            (place, listener.accept().await)
+        };
+        let (place, accepted) = tokio::select! {
+            next = next => next,
+            () = stopped(&mut stopping) => break,
+        };
+        let stream = match accepted {
+            Ok((stream, _)) => stream,
+            Err(error) => {
+                tracing::warn!(%error, "cannot accept a connection");
+                tokio::time::sleep(ACCEPT_PAUSE).await;
+                continue;
+            }
+        };
+        prepare(&stream);
+        let (connections, watcher) = (connections.clone(), graceful.watcher());
+        let (cut, mut stopping) = (cut.clone(), stopping.clone());
+        tokio::spawn(async move {
+            let _place = place;
+            tokio::select! {
+                () = connections.serve(stream, watcher, &mut stopping) => {}
+                () = cut.notified() => {}
+            }
+        });
+    }
+    drop(listener);
+    let open = graceful.count();
+    // Connections that stay silent do not notice a graceful shutdown, so the wait has an end.
+    let clean = tokio::time::timeout(config.drain_timeout(), graceful.shutdown())
+        .await
+        .is_ok();
+    if !clean {
+        tracing::warn!(
+            connections = open,
+            "not all connections finished in time; cutting the rest"
+        );
+        cut.notify_waiters();
+    }
+    clean
+}
+
+/// Ends when the server is told to stop. Where the handle is gone it never does: the server runs until the process ends.
+async fn stopped(stopping: &mut watch::Receiver<bool>) {
+    if stopping.wait_for(|stop| *stop).await.is_err() {
+        std::future::pending().await
+    }
+}
+
+/// How connections are served.
+struct Connections {
+    builder: Builder<TokioExecutor>,
+    service: TowerToHyperService<Router>,
+    first_bytes_timeout: Duration,
+}
+
+impl Connections {
+    /// Serves one connection to its end.
+    async fn serve(&self, stream: TcpStream, watcher: Watcher, stopping: &mut watch::Receiver<bool>) {
+        let begun = tokio::select! {
+            begun = tokio::time::timeout(self.first_bytes_timeout, begin(stream)) => begun,
+            () = stopped(stopping) => return,
+        };
+        let stream = match begun {
+            Ok(Ok(stream)) => TokioIo::new(stream),
+            Ok(Err(error)) => return tracing::debug!(%error, "a connection ended before its first request"),
+            Err(_) => return tracing::debug!("a connection did not begin a request in time"),
+        };
+        let connection = self
+            .builder
+            .serve_connection_with_upgrades(stream, self.service.clone());
+        if let Err(error) = watcher.watch(connection).await {
+            tracing::debug!(error = %error, "a connection ended with an error");
+        }
+    }
+}
+
+/// Reads until it is clear which HTTP version a connection speaks, and gives a stream that begins with what was read.
+/// The connection builder decides the same, but without a time limit.
+async fn begin(mut stream: TcpStream) -> io::Result<impl AsyncRead + AsyncWrite + Unpin + Send + 'static> {
+    let mut first = Vec::with_capacity(HTTP2_PREFACE.len());
+    while first.len() < HTTP2_PREFACE.len() && HTTP2_PREFACE.starts_with(&first) {
+        let missing = (HTTP2_PREFACE.len() - first.len()) as u64;
+        if (&mut stream).take(missing).read_buf(&mut first).await? == 0 {
+            break;
+        }
+    }
+    let (read, write) = stream.into_split();
+    Ok(tokio::io::join(Cursor::new(first).chain(read), write))
+}
+
+fn builder(config: &Config) -> Builder<TokioExecutor> {
+    let mut builder = Builder::new(TokioExecutor::new());
+    builder
+        .http1()
+        .timer(TokioTimer::new())
+        // For each head of a request, the wait between two requests included. The first bytes have `begin`'s limit.
+        .header_read_timeout(config.request_timeout());
+    builder
+        .http2()
+        .timer(TokioTimer::new())
+        .adaptive_window(true)
+        .keep_alive_interval(config.keepalive())
+        .keep_alive_timeout(config.keepalive());
+    builder
+}
+
+/// Small answers must not wait for acknowledgements (40 ms stalls), and dead peers must be noticed.
+fn prepare(stream: &TcpStream) {
+    let keepalive = socket2::TcpKeepalive::new().with_time(Duration::from_secs(60));
+    let result = stream
+        .set_nodelay(true)
+        .and_then(|()| socket2::SockRef::from(stream).set_tcp_keepalive(&keepalive));
+    if let Err(error) = result {
+        tracing::debug!(%error, "cannot set socket options");
+    }
+}

@@ -1,0 +1,209 @@
+//! The service behind both fronts: finds the pack, checks the request, has it served, and makes the answer.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use troupe_proto::v1;
+
+use crate::api::ApiError;
+use crate::batch::{Batcher, Served};
+use crate::inbetween::{Plan, RequestLimits, finish, prepare};
+use crate::pack::Pack;
+use crate::telemetry::{PackMetrics, Telemetry};
+
+/// Requests of up to this many characters are checked and finished on the task that received them; larger ones go to the
+/// pool for blocking work, so that they do not hold up other connections.
+const INLINE_CHARACTERS: usize = 4;
+
+/// A pack and the way to its engine.
+#[derive(Debug)]
+pub struct LoadedPack {
+    /// The pack.
+    pub pack: std::sync::Arc<Pack>,
+    /// The way to its engine.
+    pub batcher: Batcher,
+    /// Its metrics.
+    pub metrics: PackMetrics,
+}
+
+/// All packs of a server.
+#[derive(Debug)]
+pub struct PackTable {
+    packs: BTreeMap<String, LoadedPack>,
+    default: String,
+}
+
+impl PackTable {
+    /// A table whose default is `default`, one of the names of `packs`.
+    pub fn new(packs: Vec<LoadedPack>, default: String) -> Self {
+        let packs = packs
+            .into_iter()
+            .map(|loaded| (loaded.pack.name().to_owned(), loaded))
+            .collect();
+        Self { packs, default }
+    }
+
+    /// The pack of that name, which the request gave in `field`; the default where it is empty.
+    fn find(&self, field: &'static str, name: &str) -> Result<&LoadedPack, ApiError> {
+        let wanted = if name.is_empty() { &self.default } else { name };
+        self.packs.get(wanted).ok_or_else(|| ApiError::UnknownPack {
+            name: wanted.chars().take(64).collect(),
+            field,
+            loaded: self.packs.keys().cloned().collect(),
+        })
+    }
+
+    fn describe(&self, loaded: &LoadedPack) -> v1::Pack {
+        loaded.pack.describe(loaded.pack.name() == self.default)
+    }
+}
+
+/// The state that all requests share. It starts without packs and serves once [`Service::open`] has given it some.
+#[derive(Debug)]
+pub struct Service {
+    packs: OnceLock<PackTable>,
+    draining: AtomicBool,
+    limits: RequestLimits,
+    telemetry: Telemetry,
+}
+
+impl Service {
+    /// A service that is not ready yet.
+    pub fn new(limits: RequestLimits, telemetry: Telemetry) -> Self {
+        Self {
+            packs: OnceLock::new(),
+            draining: AtomicBool::new(false),
+            limits,
+            telemetry,
+        }
+    }
+
+    /// Starts to serve. Only the first call counts.
+    pub fn open(&self, packs: PackTable) {
+        if self.packs.set(packs).is_err() {
+            tracing::warn!("the service is open already");
+        }
+    }
+
+    /// Reports "not ready" from now on, so that no new work is sent here. Requests are still served.
+    pub fn drain(&self) {
+        self.draining.store(true, Ordering::Relaxed);
+    }
+
+    /// The server's metrics.
+    pub fn telemetry(&self) -> &Telemetry {
+        &self.telemetry
+    }
+
+    /// Whether the server should be sent requests.
+    ///
+    /// # Errors
+    /// [`ApiError::Unavailable`] while it starts or drains, or where an engine has stopped.
+    pub fn ready(&self) -> Result<(), ApiError> {
+        if self.draining.load(Ordering::Relaxed) {
+            return Err(ApiError::Unavailable("shutting down"));
+        }
+        match self
+            .table()?
+            .packs
+            .values()
+            .all(|loaded| loaded.batcher.is_running())
+        {
+            true => Ok(()),
+            false => Err(ApiError::Unavailable("broken: an engine has stopped")),
+        }
+    }
+
+    fn table(&self) -> Result<&PackTable, ApiError> {
+        self.packs
+            .get()
+            .ok_or(ApiError::Unavailable("starting: its packs are not loaded yet"))
+    }
+
+    /// `troupe.v1.Motion/ListPacks`.
+    ///
+    /// # Errors
+    /// [`ApiError::Unavailable`] while the server starts.
+    pub fn list_packs(&self) -> Result<v1::ListPacksResponse, ApiError> {
+        let table = self.table()?;
+        Ok(v1::ListPacksResponse {
+            packs: table.packs.values().map(|pack| table.describe(pack)).collect(),
+        })
+    }
+
+    /// `troupe.v1.Motion/GetPack`.
+    ///
+    /// # Errors
+    /// [`ApiError::UnknownPack`], or [`ApiError::Unavailable`] while the server starts.
+    pub fn get_pack(&self, name: &str) -> Result<v1::Pack, ApiError> {
+        let table = self.table()?;
+        Ok(table.describe(table.find("name", name)?))
+    }
+
+    /// `troupe.v1.Motion/InBetween`.
+    ///
+    /// # Errors
+    /// [`ApiError`], for the whole request.
+    pub async fn in_between(&self, request: v1::InBetweenRequest) -> Result<v1::InBetweenResponse, ApiError> {
+        let arrived = Instant::now();
+        let loaded = self.table()?.find("pack", &request.pack)?;
+        let characters = request.characters.len();
+        let (pack, limits) = (loaded.pack.clone(), self.limits);
+        let (items, plans) = offload(characters, move || prepare(&request, &pack, limits)).await??;
+
+        let served = loaded.batcher.submit(items).await?;
+
+        let mut timing = timing(&served);
+        let copied = served.scatter;
+        let scattering = Instant::now();
+        let pack = loaded.pack.clone();
+        let results = offload(characters, move || finish_all(&served, &plans, &pack)).await??;
+        let made = scattering.elapsed();
+        let frames: u32 = results
+            .iter()
+            .filter_map(|result| result.frames.as_ref())
+            .map(|frames| frames.frame_count)
+            .sum();
+        loaded.metrics.scattered(made, frames as usize);
+        timing.scatter_us = (copied + made).as_micros() as u64;
+        timing.total_us = arrived.elapsed().as_micros() as u64;
+        Ok(v1::InBetweenResponse {
+            pack: loaded.pack.name().to_owned(),
+            pack_version: loaded.pack.manifest.version.clone(),
+            characters: results,
+            timing: Some(timing),
+        })
+    }
+}
+
+fn finish_all(served: &Served, plans: &[Plan], pack: &Pack) -> Result<Vec<v1::CharacterResult>, ApiError> {
+    let pairs = served.motions.iter().zip(plans);
+    pairs
+        .map(|(motion, plan)| finish(motion, plan, pack).map_err(ApiError::from))
+        .collect()
+}
+
+fn timing(served: &Served) -> v1::Timing {
+    v1::Timing {
+        queue_us: served.queued.as_micros() as u64,
+        assemble_us: served.assemble.as_micros() as u64,
+        inference_us: served.inference.as_micros() as u64,
+        batch_size: served.batch_size as u32,
+        ..v1::Timing::default()
+    }
+}
+
+/// Runs CPU work for a request: here where it is small, on the blocking pool where it is not.
+async fn offload<T: Send + 'static>(
+    characters: usize,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, ApiError> {
+    if characters <= INLINE_CHARACTERS {
+        return Ok(work());
+    }
+    tokio::task::spawn_blocking(work)
+        .await
+        .map_err(|_| ApiError::Internal("a worker stopped before it was done".to_owned()))
+}

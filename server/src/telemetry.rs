@@ -1,0 +1,299 @@
+//! Metrics, behind names of our own: the rest of the server speaks to [`Telemetry`] and [`PackMetrics`], never to a
+//! metrics library. Every server has its own registry, so several can live in one process.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use metrics::{Counter, Gauge, Histogram, Key, Label, Level, Metadata, Recorder as _};
+use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusRecorder};
+
+use crate::engine::StageTimes;
+use crate::pack::Stage;
+
+/// Upper bounds of the latency buckets, in seconds: they end on frame budgets (90, 60, 30 and 15 Hz among them).
+const LATENCY_BUCKETS: [f64; 17] = [
+    0.000_25, 0.000_5, 0.001, 0.002, 0.004, 0.008, 0.011_1, 0.016_7, 0.025, 0.033_3, 0.05, 0.066_7, 0.1, 0.2,
+    0.5, 1.0, 2.5,
+];
+/// Upper bounds of the batch size buckets, in characters.
+const BATCH_BUCKETS: [f64; 9] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0];
+/// Upper bounds of the padding buckets: the share of padding rows in a batch.
+const RATIO_BUCKETS: [f64; 6] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5];
+
+const REQUESTS: &str = "troupe_requests_total";
+const REQUEST_DURATION: &str = "troupe_request_duration_seconds";
+const QUEUE_DURATION: &str = "troupe_queue_duration_seconds";
+const ASSEMBLE_DURATION: &str = "troupe_assemble_duration_seconds";
+const INFERENCE_DURATION: &str = "troupe_inference_duration_seconds";
+const SCATTER_DURATION: &str = "troupe_scatter_duration_seconds";
+const BATCH_SIZE: &str = "troupe_batch_size";
+const PADDING_RATIO: &str = "troupe_batch_padding_ratio";
+const DISPATCHES: &str = "troupe_dispatch_total";
+const PENDING_REQUESTS: &str = "troupe_pending_requests";
+const PENDING_CHARACTERS: &str = "troupe_pending_characters";
+const REJECTIONS: &str = "troupe_rejections_total";
+const FRAMES: &str = "troupe_frames_generated_total";
+const LOAD_SECONDS: &str = "troupe_model_load_seconds";
+const WARMUP_SECONDS: &str = "troupe_warmup_seconds";
+
+const DESCRIPTIONS: [(&str, &str); 15] = [
+    (REQUESTS, "Requests answered, by remote procedure and status code"),
+    (REQUEST_DURATION, "From a request's arrival to its answer"),
+    (
+        QUEUE_DURATION,
+        "From a request's arrival at the batcher to the cut of its first batch",
+    ),
+    (
+        ASSEMBLE_DURATION,
+        "Filling a batch's input tensors, the choice of tokens included",
+    ),
+    (INFERENCE_DURATION, "One stage over one batch, all its passes"),
+    (
+        SCATTER_DURATION,
+        "Copying a batch out of its tensors, and making a request's frames from that: a sample each",
+    ),
+    (BATCH_SIZE, "Characters in a batch, without padding"),
+    (PADDING_RATIO, "Share of padding rows in a batch"),
+    (
+        DISPATCHES,
+        "Batches cut, by reason: the engine was idle, a backlog had formed, or the batch was full",
+    ),
+    (PENDING_REQUESTS, "Requests that wait for a batch"),
+    (PENDING_CHARACTERS, "Characters that wait for a batch"),
+    (
+        REJECTIONS,
+        "Requests turned away or dropped before they ran, by reason",
+    ),
+    (FRAMES, "Frames generated"),
+    (LOAD_SECONDS, "Time to load a pack"),
+    (WARMUP_SECONDS, "Time to run a pack in every batch size once"),
+];
+
+static METADATA: Metadata<'static> = Metadata::new(module_path!(), Level::INFO, Some(module_path!()));
+
+/// A server's metrics registry. Clones share it.
+#[derive(Clone)]
+pub struct Telemetry {
+    recorder: Arc<PrometheusRecorder>,
+    process: Arc<metrics_process::Collector>,
+}
+
+impl Telemetry {
+    /// An empty registry.
+    ///
+    /// # Errors
+    /// Never for the buckets above; the library cannot know that.
+    pub fn new() -> Result<Self, BuildError> {
+        let full = |name: &str| Matcher::Full(name.to_owned());
+        let recorder = PrometheusBuilder::new()
+            .set_buckets_for_metric(Matcher::Suffix("_duration_seconds".to_owned()), &LATENCY_BUCKETS)?
+            .set_buckets_for_metric(full(BATCH_SIZE), &BATCH_BUCKETS)?
+            .set_buckets_for_metric(full(PADDING_RATIO), &RATIO_BUCKETS)?
+            .build_recorder();
+        for (name, text) in DESCRIPTIONS {
+            match name {
+                _ if name.ends_with("_total") => recorder.describe_counter(name.into(), None, text.into()),
+                PENDING_REQUESTS | PENDING_CHARACTERS | LOAD_SECONDS | WARMUP_SECONDS => {
+                    recorder.describe_gauge(name.into(), None, text.into());
+                }
+                _ => recorder.describe_histogram(name.into(), None, text.into()),
+            }
+        }
+        let process = metrics_process::Collector::default();
+        metrics::with_local_recorder(&recorder, || process.describe());
+        Ok(Self {
+            recorder: Arc::new(recorder),
+            process: Arc::new(process),
+        })
+    }
+
+    /// The registry in Prometheus' text format.
+    pub fn render(&self) -> String {
+        metrics::with_local_recorder(&*self.recorder, || self.process.collect());
+        self.recorder.handle().render()
+    }
+
+    /// Folds recorded samples into their buckets; to be called every few seconds, or samples pile up where nobody
+    /// scrapes.
+    pub fn run_upkeep(&self) {
+        self.recorder.handle().run_upkeep();
+    }
+
+    /// Notes an answered request.
+    pub fn answered(&self, rpc: &'static str, code: &'static str, took: Duration) {
+        let labels = vec![Label::new("rpc", rpc), Label::new("code", code)];
+        self.recorder
+            .register_counter(&Key::from_parts(REQUESTS, labels), &METADATA)
+            .increment(1);
+        let labels = vec![Label::new("rpc", rpc)];
+        self.recorder
+            .register_histogram(&Key::from_parts(REQUEST_DURATION, labels), &METADATA)
+            .record(took);
+    }
+
+    /// The metrics of one pack.
+    pub fn pack(&self, model: &str, version: &str) -> PackMetrics {
+        let labels = |extra: Option<(&'static str, &'static str)>| -> Vec<Label> {
+            let pack = [
+                Label::new("model", model.to_owned()),
+                Label::new("version", version.to_owned()),
+            ];
+            pack.into_iter()
+                .chain(extra.map(|(key, value)| Label::new(key, value)))
+                .collect()
+        };
+        let histogram = |name: &'static str, extra| {
+            self.recorder
+                .register_histogram(&Key::from_parts(name, labels(extra)), &METADATA)
+        };
+        let gauge = |name: &'static str| {
+            self.recorder
+                .register_gauge(&Key::from_parts(name, labels(None)), &METADATA)
+        };
+        PackMetrics {
+            queue: histogram(QUEUE_DURATION, None),
+            assemble: histogram(ASSEMBLE_DURATION, None),
+            inference: Stage::ALL.map(|stage| histogram(INFERENCE_DURATION, Some(("stage", stage.name())))),
+            scatter: histogram(SCATTER_DURATION, None),
+            batch_size: histogram(BATCH_SIZE, None),
+            padding_ratio: histogram(PADDING_RATIO, None),
+            pending_requests: gauge(PENDING_REQUESTS),
+            pending_characters: gauge(PENDING_CHARACTERS),
+            load_seconds: gauge(LOAD_SECONDS),
+            warmup_seconds: gauge(WARMUP_SECONDS),
+            frames: self.counter(FRAMES, labels(None)),
+            labels: labels(None),
+            telemetry: self.clone(),
+        }
+    }
+
+    fn counter(&self, name: &'static str, labels: Vec<Label>) -> Counter {
+        self.recorder
+            .register_counter(&Key::from_parts(name, labels), &METADATA)
+    }
+}
+
+impl std::fmt::Debug for Telemetry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Telemetry")
+    }
+}
+
+/// The metrics of one pack, labelled with its name and version.
+#[derive(Clone, Debug)]
+pub struct PackMetrics {
+    queue: Histogram,
+    assemble: Histogram,
+    inference: [Histogram; 3],
+    scatter: Histogram,
+    batch_size: Histogram,
+    padding_ratio: Histogram,
+    pending_requests: Gauge,
+    pending_characters: Gauge,
+    load_seconds: Gauge,
+    warmup_seconds: Gauge,
+    frames: Counter,
+    labels: Vec<Label>,
+    telemetry: Telemetry,
+}
+
+impl PackMetrics {
+    /// A request waited this long for its first batch.
+    pub fn queued(&self, waited: Duration) {
+        self.queue.record(waited);
+    }
+
+    /// What waits now.
+    pub fn pending(&self, requests: usize, characters: usize) {
+        self.pending_requests.set(requests as f64);
+        self.pending_characters.set(characters as f64);
+    }
+
+    /// A batch went to the engine.
+    pub fn dispatched(&self, reason: &'static str, characters: usize) {
+        self.with_reason(DISPATCHES, reason).increment(1);
+        self.batch_size.record(characters as f64);
+    }
+
+    /// The engine finished a batch of `characters`.
+    pub fn ran(&self, times: &StageTimes, characters: usize) {
+        self.assemble.record(times.assemble);
+        self.scatter.record(times.scatter);
+        for (histogram, took) in self.inference.iter().zip([times.root, times.pose, times.decoder]) {
+            histogram.record(took);
+        }
+        if times.bucket > 0 {
+            self.padding_ratio
+                .record((times.bucket - characters.min(times.bucket)) as f64 / times.bucket as f64);
+        }
+    }
+
+    /// A request's frames were made from what was copied out of the tensors.
+    pub fn scattered(&self, took: Duration, frames: usize) {
+        self.scatter.record(took);
+        self.frames.increment(frames as u64);
+    }
+
+    /// A request was turned away, or dropped before it ran.
+    pub fn rejected(&self, reason: &'static str) {
+        self.with_reason(REJECTIONS, reason).increment(1);
+    }
+
+    /// The pack was loaded and warmed up.
+    pub fn started(&self, load: Duration, warmup: Duration) {
+        self.load_seconds.set(load.as_secs_f64());
+        self.warmup_seconds.set(warmup.as_secs_f64());
+    }
+
+    fn with_reason(&self, name: &'static str, reason: &'static str) -> Counter {
+        let mut labels = self.labels.clone();
+        labels.push(Label::new("reason", reason));
+        self.telemetry.counter(name, labels)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metrics_carry_names_labels_and_buckets() {
+        let telemetry = Telemetry::new().unwrap();
+        telemetry.answered("InBetween", "OK", Duration::from_millis(3));
+        let pack = telemetry.pack("human", "1.0");
+        pack.dispatched("idle", 6);
+        let times = StageTimes {
+            pose: Duration::from_millis(7),
+            scatter: Duration::from_micros(300),
+            bucket: 8,
+            ..StageTimes::default()
+        };
+        pack.ran(&times, 6);
+        pack.scattered(Duration::from_micros(100), 64);
+        pack.rejected("queue_full");
+        let text = telemetry.render();
+        for line in [
+            r#"troupe_requests_total{rpc="InBetween",code="OK"} 1"#,
+            r#"troupe_request_duration_seconds_bucket{rpc="InBetween",le="0.004"} 1"#,
+            r#"troupe_inference_duration_seconds_bucket{model="human",version="1.0",stage="pose",le="0.008"} 1"#,
+            r#"troupe_batch_size_sum{model="human",version="1.0"} 6"#,
+            r#"troupe_batch_padding_ratio_bucket{model="human",version="1.0",le="0.3"} 1"#,
+            r#"troupe_scatter_duration_seconds_bucket{model="human",version="1.0",le="0.00025"} 1"#,
+            r#"troupe_scatter_duration_seconds_count{model="human",version="1.0"} 2"#,
+            r#"troupe_dispatch_total{model="human",version="1.0",reason="idle"} 1"#,
+            r#"troupe_rejections_total{model="human",version="1.0",reason="queue_full"} 1"#,
+            r#"troupe_frames_generated_total{model="human",version="1.0"} 64"#,
+            "# TYPE troupe_pending_requests gauge",
+            "process_resident_memory_bytes",
+        ] {
+            assert!(text.contains(line), "{line} is missing in\n{text}");
+        }
+    }
+
+    #[test]
+    fn registries_are_separate() {
+        let (one, two) = (Telemetry::new().unwrap(), Telemetry::new().unwrap());
+        one.answered("GetPack", "OK", Duration::ZERO);
+        assert!(one.render().contains("GetPack") && !two.render().contains("GetPack"));
+    }
+}

@@ -1,0 +1,313 @@
+//! A server on a free port of the loopback interface, over an engine that answers with straight lines.
+
+#![allow(dead_code)] // Every test file uses its own part of this.
+#![allow(clippy::unwrap_used)] // Only tests use it.
+
+use std::path::Path;
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::Duration;
+
+use tokio::net::TcpListener;
+use tonic::transport::Channel;
+use troupe_motion::{ContactParams, Joint, Skeleton, Vec3};
+use troupe_proto::v1;
+use troupe_proto::v1::motion_client::MotionClient;
+use troupe_server::config::Config;
+use troupe_server::engine::{
+    DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput,
+};
+use troupe_server::pack::{Dims, Manifest, Pack};
+use troupe_server::server::{PackSource, ServerHandle, serve_packs};
+
+/// Joints of the test pack.
+pub const JOINTS: usize = 2;
+
+/// A door that an engine waits at before each batch.
+#[derive(Clone, Default)]
+pub struct Gate(Arc<(Mutex<bool>, Condvar)>);
+
+impl Gate {
+    pub fn close(&self) {
+        *self.0.0.lock().unwrap() = true;
+    }
+
+    pub fn open(&self) {
+        *self.0.0.lock().unwrap() = false;
+        self.0.1.notify_all();
+    }
+
+    fn pass(&self) {
+        let mut closed = self.0.0.lock().unwrap();
+        while *closed {
+            closed = self.0.1.wait(closed).unwrap();
+        }
+    }
+}
+
+/// Goes straight from the last context root to the last target root, with all joints unturned and every token 1.
+pub struct StraightLine {
+    pub dims: Dims,
+    pub gate: Gate,
+}
+
+impl Stages for StraightLine {
+    fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
+        self.gate.pass();
+        let (slots, frames) = (self.dims.slots(), self.dims.max_frames());
+        for row in 0..rows {
+            let allowed = input.allowed_counts.row(row);
+            let score = |index: usize| allowed[index] * 10.0 + input.count_noise.row(row)[index];
+            let best = (0..allowed.len())
+                .max_by(|&a, &b| score(a).total_cmp(&score(b)))
+                .unwrap();
+            let tokens = self.dims.min_tokens + best;
+            output.num_tokens.fill_row(row, tokens as i64);
+            let share = 1.0 / allowed.iter().sum::<f32>();
+            for (probability, allowed) in output.count_probs.row_mut(row).iter_mut().zip(allowed) {
+                *probability = allowed * share;
+            }
+            let root = |slot: usize| &input.key_global_root.row(row)[slot * 5..slot * 5 + 5];
+            let given = |slot: &usize| input.has_global_root.row(row)[*slot] == 1.0;
+            let from = self.dims.context_frames - 1;
+            let to = (0..slots).rfind(given).unwrap_or(from);
+            for frame in 0..frames {
+                let t =
+                    (frame as f32 - from as f32) / (tokens * self.dims.frames_per_token - 1 - from) as f32;
+                for axis in 0..5 {
+                    let value = root(from)[axis] + (root(to)[axis] - root(from)[axis]) * t;
+                    output.global_root.row_mut(row)[frame * 5 + axis] = value;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn pose(&mut self, rows: usize, _: &TokenInput, output: &mut PoseOutput) -> Result<(), EngineError> {
+        for row in 0..rows {
+            for logits in output.logits.row_mut(row).chunks_mut(self.dims.codes) {
+                logits.fill(0.0);
+                logits[1] = 1.0;
+            }
+        }
+        Ok(())
+    }
+
+    fn decoder(
+        &mut self,
+        rows: usize,
+        input: &TokenInput,
+        output: &mut DecoderOutput,
+    ) -> Result<(), EngineError> {
+        for row in 0..rows {
+            output
+                .global_root
+                .row_mut(row)
+                .copy_from_slice(input.global_root.row(row));
+            for six_d in output.rotations.row_mut(row).chunks_mut(6) {
+                six_d.copy_from_slice(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+            }
+            output.contacts.fill_row(row, 0.5);
+        }
+        Ok(())
+    }
+}
+
+pub fn pack(name: &str) -> Pack {
+    let joint = |name: &str, parent, y| Joint {
+        name: name.into(),
+        parent,
+        offset_m: Vec3::new(0.0, y, 0.0),
+    };
+    let contacts = ContactParams {
+        joints: vec![1],
+        max_height_m: vec![0.1],
+        max_speed_mps: 0.3,
+        clearance_m: vec![0.05],
+    };
+    let joints = vec![joint("Hips", None, 0.0), joint("Foot", Some(0), -0.8)];
+    let skeleton = Skeleton::new(joints, Vec3::X, 0.0, Some(contacts)).unwrap();
+    let manifest = Manifest {
+        format: 1,
+        name: name.into(),
+        version: "1.2.3".into(),
+        licence: "CC0".into(),
+        credits: vec!["Nobody".into()],
+        fps: 30.0,
+        frames_per_token: 4,
+        min_tokens: 3,
+        max_tokens: 16,
+        heads: 2,
+        codes: 5,
+        context_frames: 4,
+        max_targets: 4,
+        parameters: 7,
+        content_hash: format!("sha256:{}", "0".repeat(64)),
+        skeleton,
+        training: toml::Table::new(),
+        evaluation: toml::Table::new(),
+    };
+    Pack::from_manifest(manifest, Path::new("test")).unwrap()
+}
+
+pub struct TestServer {
+    pub handle: ServerHandle,
+    pub gate: Gate,
+}
+
+impl TestServer {
+    /// A ready server with the packs `toy` (the default) and `other`.
+    pub async fn start() -> Self {
+        Self::start_with(|_| {}).await
+    }
+
+    pub async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
+        let mut server = Self::start_unready(change, Duration::ZERO).await;
+        server.handle.ready().await.unwrap();
+        server
+    }
+
+    /// A server whose packs take `load_time` to load.
+    pub async fn start_unready(change: impl FnOnce(&mut Config), load_time: Duration) -> Self {
+        let mut config = Config::local(Path::new("unused")).unwrap();
+        config.default_pack = Some("toy".into());
+        change(&mut config);
+        let gate = Gate::default();
+        let for_engine = gate.clone();
+        let packs = move || {
+            std::thread::sleep(load_time);
+            let source = |name: &str| {
+                let gate = for_engine.clone();
+                PackSource {
+                    pack: pack(name),
+                    stages: Box::new(move |pack| {
+                        Ok(Box::new(StraightLine {
+                            dims: pack.dims,
+                            gate,
+                        }))
+                    }),
+                }
+            };
+            Ok(vec![source("toy"), source("other")])
+        };
+        let listener = TcpListener::bind(config.listen).await.unwrap();
+        let handle = serve_packs(config, listener, packs).await.unwrap();
+        Self { handle, gate }
+    }
+
+    pub fn url(&self, path: &str) -> String {
+        format!("http://{}{path}", self.handle.address())
+    }
+
+    pub async fn grpc(&self) -> MotionClient<Channel> {
+        MotionClient::new(self.channel().await).max_decoding_message_size(usize::MAX)
+    }
+
+    pub async fn channel(&self) -> Channel {
+        Channel::from_shared(self.url(""))
+            .unwrap()
+            .connect()
+            .await
+            .unwrap()
+    }
+
+    pub async fn get(&self, path: &str) -> reqwest::Response {
+        reqwest::get(self.url(path)).await.unwrap()
+    }
+
+    /// `POST /v1/inbetween` with any body.
+    pub async fn post(&self, body: impl Into<reqwest::Body>) -> reqwest::Response {
+        reqwest::Client::new()
+            .post(self.url("/v1/inbetween"))
+            .body(body)
+            .send()
+            .await
+            .unwrap()
+    }
+
+    /// A gRPC call of InBetween with any body and one more header; gives the status and its text, empty where they are
+    /// in the trailers.
+    pub async fn raw_grpc(&self, body: Vec<u8>, header: (&'static str, &'static str)) -> (String, String) {
+        let client = reqwest::Client::builder()
+            .http2_prior_knowledge()
+            .build()
+            .unwrap();
+        let response = client
+            .post(self.url("/troupe.v1.Motion/InBetween"))
+            .header("content-type", "application/grpc")
+            .header("te", "trailers")
+            .header(header.0, header.1)
+            .body(body)
+            .send()
+            .await
+            .unwrap();
+        let header = |name: &str| {
+            response
+                .headers()
+                .get(name)
+                .map(|value| value.to_str().unwrap().to_owned())
+                .unwrap_or_default()
+        };
+        (header("grpc-status"), header("grpc-message"))
+    }
+
+    /// Waits until `/metrics` has a line that starts with `name` and ends with `value`.
+    pub async fn metric(&self, name: &str, value: &str) {
+        let mut text = String::new();
+        for _ in 0..1000 {
+            text = self.handle.service().telemetry().render();
+            if text
+                .lines()
+                .any(|line| line.starts_with(name) && line.ends_with(&format!(" {value}")))
+            {
+                return;
+            }
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+        panic!("{name} never became {value}:\n{text}");
+    }
+}
+
+/// A keyframe at `(x, 0.9, z)` that faces +Z, with a straight pose.
+pub fn keyframe(x: f32, z: f32) -> v1::Keyframe {
+    let rotations = [1.0, 0.0, 0.0, 0.0].repeat(JOINTS);
+    v1::Keyframe {
+        root: Some(v1::Root {
+            position: Some(v1::Vec3 { x, y: 0.9, z }),
+            heading: None,
+        }),
+        velocity: None,
+        pose: Some(v1::Pose {
+            rotations,
+            root_height: None,
+        }),
+    }
+}
+
+/// Walks along +Z and is asked to be at `(x, 3)` at the end.
+pub fn character(x: f32) -> v1::Character {
+    v1::Character {
+        id: format!("to {x}"),
+        context: (0..4)
+            .map(|frame| keyframe(0.0, 0.1 * frame as f32 - 0.3))
+            .collect(),
+        targets: vec![keyframe(x, 3.0)],
+        frame_count: Some(40),
+        ..v1::Character::default()
+    }
+}
+
+pub fn request(characters: usize) -> v1::InBetweenRequest {
+    let characters = (0..characters)
+        .map(|index| character(index as f32 * 0.1))
+        .collect();
+    v1::InBetweenRequest {
+        pack: String::new(),
+        characters,
+    }
+}
+
+/// A message in gRPC framing.
+pub fn framed(message: &[u8]) -> Vec<u8> {
+    let length = u32::try_from(message.len()).unwrap();
+    [&[0], length.to_be_bytes().as_slice(), message].concat()
+}

@@ -1,0 +1,159 @@
+//! The stages on ONNX Runtime, with a real pack: `models/human`, or the folder that TROUPE_TEST_PACK names.
+
+#![allow(clippy::unwrap_used)] // These are all tests.
+
+use std::path::{Path, PathBuf};
+
+use troupe_server::config::Config;
+use troupe_server::engine::onnx::{OnnxStages, Runtime};
+use troupe_server::engine::{EngineError, KeyTensors, Pipeline, RawMotion, StageTimes, WorkItem};
+use troupe_server::pack::{MANIFEST_FILE, Pack};
+
+fn pack_folder() -> PathBuf {
+    let named = std::env::var_os("TROUPE_TEST_PACK").map(PathBuf::from);
+    let folder = named.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/human"));
+    assert!(
+        folder.join(MANIFEST_FILE).is_file(),
+        "there is no pack in {}",
+        folder.display()
+    );
+    folder
+}
+
+fn runtime() -> Runtime {
+    let config = Config::local(Path::new("unused")).unwrap();
+    Runtime::new(&config.runtime_options()).unwrap()
+}
+
+/// A simple repeatable sequence in -1..1.
+fn noise(seed: u64) -> impl FnMut() -> f32 {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 40) as f32 / (1 << 23) as f32 - 1.0
+    }
+}
+
+/// A task with any subset of constraints, by its seed.
+fn item(pack: &Pack, seed: u64) -> WorkItem {
+    let dims = &pack.dims;
+    let mut next = noise(seed);
+    let mut key = |complete: bool, forward: f32| {
+        let angle = if complete { 0.0 } else { 3.0 * next() };
+        let root = [0.2 * next(), 0.9, forward, angle.cos(), angle.sin()];
+        let local = [next(), next(), next(), 0.9];
+        let pose: Box<[f32]> = (0..dims.pose()).map(|_| 0.5 * next()).collect();
+        KeyTensors {
+            local_root: (complete || seed.is_multiple_of(2)).then_some(local),
+            global_root: (complete || !seed.is_multiple_of(3)).then_some(root),
+            pose: (complete || !seed.is_multiple_of(5)).then_some(pose),
+        }
+    };
+    let context = (0..dims.context_frames)
+        .map(|frame| key(true, 0.03 * (frame as f32 - 3.0)))
+        .collect();
+    let targets = (0..1 + seed as usize % dims.max_targets)
+        .map(|target| key(false, 1.0 + 0.03 * target as f32))
+        .collect();
+    WorkItem {
+        context,
+        targets,
+        frames: (seed % 4 == 1).then(|| dims.min_frames() + seed as usize % 40),
+        allowed_counts: match seed % 4 {
+            1 => {
+                let tokens = dims.tokens_for(dims.min_frames() + seed as usize % 40);
+                (0..dims.counts())
+                    .map(|index| index + dims.min_tokens == tokens)
+                    .collect()
+            }
+            _ => vec![true; dims.counts()],
+        },
+        seed,
+        temperature: [0.0, 0.0, 1.0][seed as usize % 3],
+        pose_steps: 1 + u32::from(seed.is_multiple_of(7)) * 3,
+    }
+}
+
+/// The largest difference of two motions that must be the same.
+fn difference(a: &RawMotion, b: &RawMotion) -> f32 {
+    assert_eq!(a.num_tokens, b.num_tokens, "the token count depends on the batch");
+    assert_eq!(a.tokens, b.tokens, "a pose token depends on the batch");
+    let pairs = [
+        (&a.count_probs, &b.count_probs),
+        (&a.root_r_g3, &b.root_r_g3),
+        (&a.root_r_g4, &b.root_r_g4),
+        (&a.rotations, &b.rotations),
+        (&a.contacts, &b.contacts),
+    ];
+    let each = pairs
+        .into_iter()
+        .flat_map(|(a, b)| a.iter().zip(b))
+        .map(|(a, b)| (a - b).abs());
+    each.fold(0.0, f32::max)
+}
+
+fn run(pipeline: &mut Pipeline, items: &[WorkItem]) -> (Vec<RawMotion>, StageTimes) {
+    let (answers, times) = pipeline.run(items).unwrap();
+    (answers.into_iter().map(Result::unwrap).collect(), times)
+}
+
+#[test]
+fn a_character_is_the_same_in_every_batch() {
+    let pack = Pack::load(&pack_folder()).unwrap();
+    let stages = OnnxStages::load(&runtime(), &pack).unwrap();
+    let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), 64);
+    let items: Vec<WorkItem> = (0..64).map(|seed| item(&pack, seed)).collect();
+    let (together, times) = run(&mut pipeline, &items);
+    assert_eq!((together.len(), times.bucket), (64, 64));
+    for size in [1, 3, 8, 20] {
+        let alone: Vec<RawMotion> = items
+            .chunks(size)
+            .take(24 / size + 1)
+            .flat_map(|chunk| run(&mut pipeline, chunk).0)
+            .collect();
+        for (index, (alone, together)) in alone.iter().zip(&together).enumerate() {
+            let difference = difference(alone, together);
+            assert!(
+                difference < 1e-4,
+                "character {index} differs by {difference} in a batch of {size}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_the_pack_promises_the_stages_must_keep() {
+    let mut pack = Pack::load(&pack_folder()).unwrap();
+    pack.dims.heads += 1;
+    let Err(error) = OnnxStages::load(&runtime(), &pack) else {
+        panic!("a wrong pack was loaded")
+    };
+    let text = error.to_string();
+    assert!(matches!(error, EngineError::Signature { .. }), "{text}");
+    let heads = pack.dims.heads;
+    assert!(
+        text.starts_with("pose.onnx: the input tokens has the shape"),
+        "{text}"
+    );
+    assert!(
+        text.contains(&format!("expected [batch, {}, {heads}]", pack.dims.max_tokens)),
+        "{text}"
+    );
+
+    pack.folder = PathBuf::from("nowhere");
+    let Err(error) = OnnxStages::load(&runtime(), &pack) else {
+        panic!("a missing pack was loaded")
+    };
+    assert!(
+        matches!(
+            error,
+            EngineError::Load {
+                file: "root.onnx",
+                ..
+            }
+        ),
+        "{error}"
+    );
+}
