@@ -1,0 +1,206 @@
+//! `troupe packs`.
+
+use comfy_table::{Cell, ContentArrangement, Table, presets};
+use serde_json::{Value, json};
+
+use super::args::Packs;
+use super::failure::Failure;
+use super::{Session, print};
+use crate::pack::Pack;
+
+pub(super) async fn run(session: &Session, command: &Packs) -> Result<(), Failure> {
+    let client = session.connect().await?;
+    let text = match &command.name {
+        Some(name) => {
+            let pack = client.pack(name).await?;
+            if command.json {
+                pretty(&to_json(&pack))
+            } else {
+                describe(&pack)
+            }
+        }
+        None => {
+            let packs = client.packs().await?;
+            if command.json {
+                pretty(&packs.iter().map(to_json).collect())
+            } else {
+                list(&packs)
+            }
+        }
+    };
+    print(&text)
+}
+
+fn pretty(value: &Value) -> String {
+    format!("{value:#}")
+}
+
+/// The figures as they are in the manifest; nothing where they are not JSON.
+fn figures(pack: &Pack) -> Value {
+    serde_json::from_str(&pack.description().figures_json).unwrap_or_default()
+}
+
+fn to_json(pack: &Pack) -> Value {
+    let of = pack.description();
+    json!({
+        "name": of.name,
+        "version": of.version,
+        "default": of.is_default,
+        "licence": of.licence,
+        "credits": of.credits,
+        "fps": of.fps,
+        "joints": of.joints.iter().map(|j| json!({"name": j.name, "parent": j.parent})).collect::<Value>(),
+        "contact_joints": of.contact_joints,
+        "context_frames": of.context_frames,
+        "max_targets": of.max_targets,
+        "min_frames": of.min_frames,
+        "max_frames": of.max_frames,
+        "frames_per_token": of.frames_per_token,
+        "heads": of.heads,
+        "codes": of.codes,
+        "parameters": of.parameters,
+        "content_hash": of.content_hash,
+        "figures": figures(pack),
+    })
+}
+
+fn list(packs: &[Pack]) -> String {
+    let mut table = table();
+    table.set_header([
+        "pack",
+        "version",
+        "joints",
+        "fps",
+        "segment frames",
+        "parameters",
+        "licence",
+    ]);
+    for pack in packs {
+        let of = pack.description();
+        let name = if of.is_default {
+            format!("{} (default)", of.name)
+        } else {
+            of.name.clone()
+        };
+        table.add_row([
+            Cell::new(name),
+            Cell::new(&of.version),
+            Cell::new(of.joints.len()),
+            Cell::new(of.fps),
+            Cell::new(format!("{} to {}", of.min_frames, of.max_frames)),
+            Cell::new(millions(of.parameters)),
+            Cell::new(&of.licence),
+        ]);
+    }
+    table.to_string()
+}
+
+fn describe(pack: &Pack) -> String {
+    let of = pack.description();
+    let mut table = table();
+    let joints = of
+        .joints
+        .iter()
+        .map(|j| j.name.as_str())
+        .collect::<Vec<_>>()
+        .join(", ");
+    let name = if of.is_default {
+        format!("{} (default)", of.name)
+    } else {
+        of.name.clone()
+    };
+    for (what, text) in [
+        ("name", name),
+        ("version", of.version.clone()),
+        ("licence", of.licence.clone()),
+        ("credits", of.credits.join("\n")),
+        ("frames per second", of.fps.to_string()),
+        ("context frames", of.context_frames.to_string()),
+        ("target keyframes", format!("1 to {}", of.max_targets)),
+        (
+            "segment frames",
+            format!("{} to {}", of.min_frames, of.max_frames),
+        ),
+        (
+            "tokens",
+            format!(
+                "{} heads of {} codes, {} frames each",
+                of.heads, of.codes, of.frames_per_token
+            ),
+        ),
+        ("parameters", millions(of.parameters)),
+        ("joints", format!("{}: {joints}", of.joints.len())),
+        ("contact joints", of.contact_joints.join(", ")),
+        ("content", of.content_hash.clone()),
+    ] {
+        table.add_row([what, &text]);
+    }
+    for (name, figure) in figure_rows(&figures(pack)) {
+        table.add_row([name, figure]);
+    }
+    table.to_string()
+}
+
+/// The manifest's figures, a row each: a table inside a table becomes one row.
+fn figure_rows(figures: &Value) -> Vec<(String, String)> {
+    let sections = figures.as_object().into_iter().flatten();
+    sections
+        .flat_map(|(section, entries)| {
+            let entries = entries.as_object().into_iter().flatten();
+            entries
+                .map(move |(key, value)| (format!("{section}: {}", key.replace('_', " ")), in_words(value)))
+        })
+        .collect()
+}
+
+fn in_words(value: &Value) -> String {
+    match value {
+        Value::Object(entries) => {
+            let entries = entries
+                .iter()
+                .map(|(key, value)| format!("{key} {}", in_words(value)));
+            entries.collect::<Vec<_>>().join(", ")
+        }
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    }
+}
+
+fn millions(parameters: u64) -> String {
+    format!("{:.1} M", parameters as f64 / 1e6)
+}
+
+fn table() -> Table {
+    let mut table = Table::new();
+    table
+        .load_style(presets::UTF8_FULL_CONDENSED)
+        .set_content_arrangement(ContentArrangement::Dynamic);
+    if table.width().is_none() {
+        // Not on a terminal: wide enough for the list, and still readable.
+        table.set_width(120);
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_have_a_row_each_and_inner_tables_one_together() {
+        let value = json!({
+            "training": {"steps": 20, "data": "walks"},
+            "evaluation": {"gap_15_pack": {"l2p_m": 0.1, "npss": 0.02}},
+            "nothing": null,
+        });
+        let expected = [
+            ("evaluation: gap 15 pack", "l2p_m 0.1, npss 0.02"),
+            ("training: data", "walks"),
+            ("training: steps", "20"),
+        ];
+        assert_eq!(
+            figure_rows(&value),
+            expected.map(|(name, text)| (name.to_owned(), text.to_owned()))
+        );
+    }
+}

@@ -1,0 +1,255 @@
+//! The connection to a server and its three calls.
+
+use std::time::Duration;
+
+use tonic::transport::{Channel, Endpoint};
+use troupe_proto::v1::motion_client::MotionClient;
+use troupe_proto::v1::{GetPackRequest, InBetweenRequest, ListPacksRequest, Timing};
+
+use crate::error::{AnswerError, ClientError, RequestError, deepest};
+use crate::inbetween::{InBetween, InBetweenAnswer};
+use crate::pack::Pack;
+
+/// How a [`Client`] connects.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConnectOptions {
+    /// Time to open the connection.
+    pub connect_timeout: Duration,
+    /// Time for one call, from its first byte to the answer's last.
+    pub request_timeout: Duration,
+    /// Largest message sent or taken, in bytes.
+    pub max_message_bytes: usize,
+}
+
+impl Default for ConnectOptions {
+    /// 5 s to connect, 60 s for a call, 64 MiB for a message.
+    fn default() -> Self {
+        Self {
+            connect_timeout: Duration::from_secs(5),
+            request_timeout: Duration::from_secs(60),
+            max_message_bytes: 64 << 20,
+        }
+    }
+}
+
+/// A connection to a Troupe server. Clones share it, and may be used at the same time.
+#[derive(Debug, Clone)]
+pub struct Client {
+    url: String,
+    options: ConnectOptions,
+    rpc: MotionClient<Channel>,
+}
+
+/// The answer to one in-betweening request.
+#[derive(Debug, Clone)]
+pub struct InBetweenAnswers {
+    /// Name of the pack that answered.
+    pub pack: String,
+    /// Version of the pack that answered.
+    pub pack_version: String,
+    /// One for each character, in the order of the request.
+    pub characters: Vec<InBetweenAnswer>,
+    /// Where the server's time went.
+    pub timing: Timing,
+}
+
+impl Client {
+    /// Connects to a server such as `http://127.0.0.1:8080`, with the default options.
+    ///
+    /// # Errors
+    /// [`ClientError::Address`] and [`ClientError::Unreachable`].
+    pub async fn connect(url: &str) -> Result<Self, ClientError> {
+        Self::connect_with(url, ConnectOptions::default()).await
+    }
+
+    /// Connects to a server.
+    ///
+    /// # Errors
+    /// [`ClientError::Address`] and [`ClientError::Unreachable`].
+    pub async fn connect_with(url: &str, options: ConnectOptions) -> Result<Self, ClientError> {
+        let channel = endpoint(url, &options)?
+            .connect()
+            .await
+            .map_err(|e| ClientError::Unreachable {
+                url: url.to_owned(),
+                reason: deepest(&e),
+            })?;
+        let rpc = MotionClient::new(channel)
+            .max_decoding_message_size(options.max_message_bytes)
+            .max_encoding_message_size(options.max_message_bytes);
+        Ok(Self {
+            url: url.to_owned(),
+            options,
+            rpc,
+        })
+    }
+
+    /// The address that this client is connected to.
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// The packs that the server has loaded.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn packs(&self) -> Result<Vec<Pack>, ClientError> {
+        let answer = self
+            .rpc
+            .clone()
+            .list_packs(ListPacksRequest {})
+            .await
+            .map_err(|s| self.sort(&s))?;
+        let packs = answer.into_inner().packs;
+        Ok(packs.into_iter().map(Pack::try_from).collect::<Result<_, _>>()?)
+    }
+
+    /// One pack by its name; an empty name stands for the server's default pack.
+    ///
+    /// # Errors
+    /// See [`ClientError`]; [`ClientError::Refused`] with `NotFound` where there is no such pack.
+    pub async fn pack(&self, name: &str) -> Result<Pack, ClientError> {
+        if name.is_empty() {
+            return self.default_pack().await;
+        }
+        let request = GetPackRequest {
+            name: name.to_owned(),
+        };
+        let answer = self
+            .rpc
+            .clone()
+            .get_pack(request)
+            .await
+            .map_err(|s| self.sort(&s))?;
+        Ok(Pack::try_from(answer.into_inner())?)
+    }
+
+    async fn default_pack(&self) -> Result<Pack, ClientError> {
+        let packs = self.packs().await?;
+        let default = packs.into_iter().find(|pack| pack.description().is_default);
+        Ok(default.ok_or(AnswerError::Missing("default pack"))?)
+    }
+
+    /// Fills one gap on a pack's skeleton.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn in_between(&self, pack: &Pack, gap: &InBetween) -> Result<InBetweenAnswer, ClientError> {
+        let mut answers = self.in_between_many(pack, std::slice::from_ref(gap)).await?;
+        Ok(answers
+            .characters
+            .pop()
+            .ok_or(AnswerError::Missing("characters"))?)
+    }
+
+    /// Fills many gaps, one for each character, in one request.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn in_between_many(
+        &self,
+        pack: &Pack,
+        gaps: &[InBetween],
+    ) -> Result<InBetweenAnswers, ClientError> {
+        let characters = gaps
+            .iter()
+            .map(|gap| gap.to_message(pack))
+            .collect::<Result<Vec<_>, RequestError>>()?;
+        let request = InBetweenRequest {
+            pack: pack.name().to_owned(),
+            characters,
+        };
+        let answer = self
+            .rpc
+            .clone()
+            .in_between(request)
+            .await
+            .map_err(|s| self.sort(&s))?
+            .into_inner();
+        if answer.characters.len() != gaps.len() {
+            return Err(AnswerError::Length {
+                field: "characters",
+                got: answer.characters.len(),
+                expected: gaps.len(),
+            }
+            .into());
+        }
+        let characters = answer
+            .characters
+            .into_iter()
+            .map(|result| InBetweenAnswer::from_message(result, pack))
+            .collect::<Result<_, _>>()?;
+        Ok(InBetweenAnswers {
+            pack: answer.pack,
+            pack_version: answer.pack_version,
+            characters,
+            timing: answer.timing.ok_or(AnswerError::Missing("timing"))?,
+        })
+    }
+
+    fn sort(&self, status: &tonic::Status) -> ClientError {
+        ClientError::from_status(status, &self.url, self.options.request_timeout)
+    }
+}
+
+/// Reads the address and applies the options. Small messages must not wait for large ones, so Nagle's algorithm is
+/// off.
+fn endpoint(url: &str, options: &ConnectOptions) -> Result<Endpoint, ClientError> {
+    let fault = |reason: String| ClientError::Address {
+        url: url.to_owned(),
+        reason,
+    };
+    let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|e| fault(deepest(&e)))?;
+    match endpoint.uri().scheme_str() {
+        Some("http") => {}
+        Some(other) => return Err(fault(format!("{other}:// is not supported, only http://"))),
+        None => return Err(fault("http:// is missing in front".to_owned())),
+    }
+    Ok(endpoint
+        .tcp_nodelay(true)
+        .connect_timeout(options.connect_timeout)
+        .timeout(options.request_timeout)
+        .http2_keep_alive_interval(Duration::from_secs(20))
+        .keep_alive_while_idle(true))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    async fn error(url: &str) -> ClientError {
+        Client::connect(url).await.expect_err("no server is there")
+    }
+
+    #[tokio::test]
+    async fn where_no_server_is_the_address_and_the_cause_are_told() {
+        // A port that was free a moment ago.
+        let port = std::net::TcpListener::bind("127.0.0.1:0")
+            .unwrap()
+            .local_addr()
+            .unwrap()
+            .port();
+        let url = format!("http://127.0.0.1:{port}");
+        let error = error(&url).await;
+        assert!(
+            matches!(&error, ClientError::Unreachable { url: told, .. } if *told == url),
+            "{error:?}"
+        );
+        assert!(error.to_string().contains("refused"), "{error}");
+    }
+
+    #[tokio::test]
+    async fn what_is_no_address_is_told_apart() {
+        for (url, told) in [
+            ("127.0.0.1:8080", "http://"),
+            ("localhost", "http://"),
+            ("https://127.0.0.1:8080", "https"),
+            ("http://", "not a server address"),
+            ("http://a b", "not a server address"),
+        ] {
+            let error = error(url).await;
+            assert!(matches!(error, ClientError::Address { .. }), "{url}: {error:?}");
+            assert!(error.to_string().contains(told), "{url}: {error}");
+        }
+    }
+}

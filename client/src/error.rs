@@ -1,0 +1,327 @@
+//! What can go wrong, told so that the caller knows which field to change.
+
+use std::fmt;
+use std::time::Duration;
+
+use tonic::Code;
+use tonic_types::StatusExt as _;
+use troupe_motion::clip::ClipError;
+
+/// Why a call did not give an answer.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// The address is not one that a client can connect to.
+    #[error("`{url}` is not a server address ({reason}); an address looks like http://127.0.0.1:8080")]
+    Address {
+        /// The address as given.
+        url: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Nothing answers at the address, or the connection broke.
+    #[error("no Troupe server answers at {url}: {reason}")]
+    Unreachable {
+        /// The server's address.
+        url: String,
+        /// The transport's words.
+        reason: String,
+    },
+    /// The server did not answer within [`ConnectOptions::request_timeout`](crate::ConnectOptions::request_timeout).
+    #[error("the server at {url} did not answer within {} s", after.as_secs_f32())]
+    TimedOut {
+        /// The server's address.
+        url: String,
+        /// The limit that passed.
+        after: Duration,
+    },
+    /// The server answered with an error.
+    #[error("the server refused: {0}")]
+    Refused(#[from] Box<Refusal>),
+    /// The request cannot be built from what was given.
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    /// The answer breaks the contract.
+    #[error("the server's answer is broken: {0}")]
+    Answer(#[from] AnswerError),
+}
+
+/// An error answer of the server: its code, its words, and the fields at fault.
+#[derive(Debug, Clone)]
+pub struct Refusal {
+    /// The gRPC status code.
+    pub code: Code,
+    /// The server's words.
+    pub message: String,
+    /// The fields at fault, from `google.rpc.BadRequest`.
+    pub violations: Vec<Violation>,
+    /// The server's name for this kind of error, from `google.rpc.ErrorInfo`.
+    pub reason: Option<String>,
+}
+
+/// One field of a request that the server did not accept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Violation {
+    /// Path of the field, such as `characters[0].frame_count`.
+    pub field: String,
+    /// What is wrong and what would be right.
+    pub description: String,
+    /// What the field may be, such as `12 to 64`, where the server tells it apart from the description.
+    pub allowed: Option<String>,
+}
+
+/// A request that cannot be built.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RequestError {
+    /// A frame that the clip does not have.
+    #[error("{what} {frame} is outside the clip, whose frames are 0 to {last}")]
+    FrameOutside {
+        /// What was asked for, such as `from` or `to`.
+        what: &'static str,
+        /// The frame.
+        frame: usize,
+        /// The clip's last frame.
+        last: usize,
+    },
+    /// Too few frames in front of the gap.
+    #[error(
+        "from is {from}, but must be {least} or more: it and the {least} frames in front of it are the context"
+    )]
+    ContextCut {
+        /// The frame asked for.
+        from: usize,
+        /// The smallest frame that works.
+        least: usize,
+    },
+    /// The clip has no frames.
+    #[error("the clip has no frames")]
+    EmptyClip,
+    /// The target does not follow the context.
+    #[error("to is {to}, but must come after from, which is {from}")]
+    Order {
+        /// Last context frame.
+        from: usize,
+        /// First target keyframe.
+        to: usize,
+    },
+    /// The segment is shorter or longer than the pack can fill.
+    #[error(
+        "the gap from {from} to {to} makes a segment of {frames} frames, but pack `{pack}` fills {min} to {max}: \
+         with from {from}, to must be {least_to} to {most_to}"
+    )]
+    Span {
+        /// Last context frame.
+        from: usize,
+        /// Target keyframe.
+        to: usize,
+        /// Frames from the first context frame to the target.
+        frames: usize,
+        /// The pack's name.
+        pack: String,
+        /// The pack's least segment.
+        min: usize,
+        /// The pack's longest segment.
+        max: usize,
+        /// Least `to` for this `from`.
+        least_to: usize,
+        /// Greatest `to` for this `from`.
+        most_to: usize,
+    },
+    /// The clip runs at another rate than the pack.
+    #[error("the clip runs at {clip} frames per second, the pack at {pack}: resample the clip first")]
+    FrameRate {
+        /// The clip's rate.
+        clip: f32,
+        /// The pack's rate.
+        pack: f32,
+    },
+    /// The clip is on another skeleton than the pack.
+    #[error(
+        "the clip has {clip} joints, the pack's skeleton {pack}: map the clip onto the pack's skeleton first"
+    )]
+    Joints {
+        /// Joints of the clip.
+        clip: usize,
+        /// Joints of the pack.
+        pack: usize,
+    },
+}
+
+/// An answer that breaks the contract of `motion.proto`.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AnswerError {
+    /// A part is missing.
+    #[error("`{0}` is missing")]
+    Missing(&'static str),
+    /// An array of the wrong length.
+    #[error("`{field}` has {got} numbers where {expected} belong")]
+    Length {
+        /// The field.
+        field: &'static str,
+        /// Numbers that came.
+        got: usize,
+        /// Numbers that should have come.
+        expected: usize,
+    },
+    /// Frames that make no motion.
+    #[error("the frames are no motion: {0}")]
+    Frames(#[from] ClipError),
+    /// The pack's skeleton makes no sense.
+    #[error("the skeleton of pack `{pack}`: {reason}")]
+    Skeleton {
+        /// The pack's name.
+        pack: String,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+impl ClientError {
+    /// The fields that the server found at fault; empty for every other error.
+    pub fn violations(&self) -> &[Violation] {
+        match self {
+            Self::Refused(refusal) => &refusal.violations,
+            _ => &[],
+        }
+    }
+
+    /// Sorts a failed call into unreachable, timed out or refused.
+    pub(crate) fn from_status(status: &tonic::Status, url: &str, timeout: Duration) -> Self {
+        let broken = std::error::Error::source(status).is_some_and(|source| {
+            source.is::<tonic::transport::Error>() || source.is::<tonic::ConnectError>()
+        });
+        if status.code() == Code::Unavailable && broken {
+            return Self::Unreachable {
+                url: url.to_owned(),
+                reason: deepest(status),
+            };
+        }
+        let timed_out = std::error::Error::source(status).is_some_and(|s| s.is::<tonic::TimeoutExpired>());
+        if timed_out || (status.code() == Code::Cancelled && status.message() == "Timeout expired") {
+            return Self::TimedOut {
+                url: url.to_owned(),
+                after: timeout,
+            };
+        }
+        Self::Refused(Box::new(Refusal::from_status(status)))
+    }
+}
+
+/// The innermost cause, which says "connection refused" where the outer ones say "transport error".
+pub(crate) fn deepest(error: &dyn std::error::Error) -> String {
+    let mut cause = error;
+    while let Some(inner) = cause.source() {
+        cause = inner;
+    }
+    cause.to_string()
+}
+
+impl Refusal {
+    /// Reads a status and its `google.rpc` details.
+    fn from_status(status: &tonic::Status) -> Self {
+        let details = status.get_error_details();
+        let info = details.error_info();
+        let about = |key: &str| info.and_then(|info| info.metadata.get(key)).cloned();
+        let fields = details
+            .bad_request()
+            .map(|bad| &bad.field_violations[..])
+            .unwrap_or_default();
+        let mut violations = fields
+            .iter()
+            .map(|of| Violation {
+                field: of.field.clone(),
+                description: of.description.clone(),
+                allowed: about("allowed").filter(|_| about("field").as_ref() == Some(&of.field)),
+            })
+            .collect::<Vec<_>>();
+        // Only invalid arguments come with a bad request; other errors may be about a field as well.
+        if let (true, Some(field)) = (violations.is_empty(), about("field")) {
+            let description = status.message().to_owned();
+            violations.push(Violation {
+                field,
+                description,
+                allowed: about("allowed"),
+            });
+        }
+        Self {
+            code: status.code(),
+            message: status.message().to_owned(),
+            violations,
+            reason: info.map(|i| i.reason.clone()),
+        }
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({:?})", self.message, self.code)?;
+        // The message mostly names the field already.
+        for violation in self
+            .violations
+            .iter()
+            .filter(|v| !self.message.contains(&v.field))
+        {
+            write!(f, "\n  {}: {}", violation.field, violation.description)?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Refusal {}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use tonic_types::{ErrorDetails, FieldViolation, StatusExt as _};
+
+    use super::*;
+
+    fn refused(details: ErrorDetails) -> ClientError {
+        let status = tonic::Status::with_error_details(Code::InvalidArgument, "bad request", details);
+        ClientError::from_status(&status, "http://x", Duration::from_secs(1))
+    }
+
+    #[test]
+    fn fields_and_what_they_may_be_are_read() {
+        let info = HashMap::from([
+            ("field".to_owned(), "characters[0].frame_count".to_owned()),
+            ("allowed".to_owned(), "12 to 64".to_owned()),
+        ]);
+        let mut details = ErrorDetails::new();
+        details
+            .set_bad_request(vec![FieldViolation::new(
+                "characters[0].frame_count",
+                "is 9, must be 12 to 64",
+            )])
+            .set_error_info("INVALID_FIELD", "troupe", info);
+        let error = refused(details);
+        let expected = Violation {
+            field: "characters[0].frame_count".to_owned(),
+            description: "is 9, must be 12 to 64".to_owned(),
+            allowed: Some("12 to 64".to_owned()),
+        };
+        assert_eq!(error.violations(), [expected]);
+        let text = error.to_string();
+        assert!(
+            text.contains("characters[0].frame_count: is 9, must be 12 to 64"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_refusal_without_details_keeps_its_code() {
+        let error = refused(ErrorDetails::new());
+        let ClientError::Refused(refusal) = error else {
+            panic!("{error}")
+        };
+        assert_eq!((refusal.code, refusal.reason), (Code::InvalidArgument, None));
+        assert!(refusal.violations.is_empty());
+    }
+
+    #[test]
+    fn a_server_that_says_unavailable_was_reached() {
+        let status = tonic::Status::unavailable("the queue is full");
+        let error = ClientError::from_status(&status, "http://x", Duration::from_secs(1));
+        assert!(matches!(error, ClientError::Refused(_)), "{error}");
+    }
+}

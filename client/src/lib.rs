@@ -1,0 +1,32 @@
+//! Async Rust client of the Troupe motion server.
+//!
+//! ```no_run
+//! use troupe_client::{Client, InBetween};
+//! use troupe_motion::clip::Clip;
+//!
+//! # async fn example(walk: Clip) -> Result<(), troupe_client::ClientError> {
+//! let client = Client::connect("http://127.0.0.1:8080").await?;
+//! let pack = client.pack("").await?; // the server's default pack
+//!
+//! // Frame 40 and the three in front of it are the context, frame 75 is the target keyframe.
+//! let gap = InBetween::from_clip(&walk, 40, 75)?.seed(7).temperature(0.8);
+//! let answer = client.in_between(&pack, &gap).await?;
+//! println!("{} frames on {} joints", answer.clip.frames(), answer.clip.skeleton.joint_count());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Frames go by the conventions of `motion.proto`: right-handed, Y up, +Z forward, metres, radians.
+
+mod connection;
+mod error;
+mod inbetween;
+mod pack;
+
+#[cfg(feature = "cli")]
+pub mod cli;
+
+pub use connection::{Client, ConnectOptions, InBetweenAnswers};
+pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
+pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
+pub use pack::Pack;

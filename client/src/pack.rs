@@ -1,0 +1,210 @@
+//! A model pack as the server describes it.
+
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+use glam::Vec3;
+use troupe_motion::skeleton::{ContactParams, Joint, Skeleton};
+use troupe_proto::v1;
+
+use crate::error::{AnswerError, RequestError};
+
+/// A pack that a server has loaded, with its skeleton ready for motion maths.
+#[derive(Debug, Clone)]
+pub struct Pack {
+    message: v1::Pack,
+    skeleton: Arc<Skeleton>,
+}
+
+impl Pack {
+    /// The pack's name.
+    pub fn name(&self) -> &str {
+        &self.message.name
+    }
+
+    /// The pack's skeleton, shared by every clip that comes back.
+    pub fn skeleton(&self) -> &Arc<Skeleton> {
+        &self.skeleton
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f32 {
+        self.message.fps
+    }
+
+    /// Context frames in front of every gap.
+    pub fn context_frames(&self) -> usize {
+        self.message.context_frames as usize
+    }
+
+    /// Frames that a segment may have, from the first context frame to the last target keyframe.
+    pub fn segment_frames(&self) -> RangeInclusive<usize> {
+        self.message.min_frames as usize..=self.message.max_frames as usize
+    }
+
+    /// All that the server says about the pack.
+    pub fn description(&self) -> &v1::Pack {
+        &self.message
+    }
+
+    /// Checks that the pack can fill the gap between two frames of a clip: `from`, the last context frame, and `to`,
+    /// the target keyframe.
+    ///
+    /// # Errors
+    /// [`RequestError::ContextCut`] and [`RequestError::Span`], which name the frames that would do.
+    pub fn check_span(&self, from: usize, to: usize) -> Result<(), RequestError> {
+        let least = self.context_frames().saturating_sub(1);
+        if from < least {
+            return Err(RequestError::ContextCut { from, least });
+        }
+        let start = from - least;
+        let (min, max) = self.segment_frames().into_inner();
+        let frames = (to + 1).saturating_sub(start);
+        if !(min..=max).contains(&frames) {
+            return Err(RequestError::Span {
+                from,
+                to,
+                frames,
+                pack: self.name().to_owned(),
+                min,
+                max,
+                least_to: start + min - 1,
+                most_to: start + max - 1,
+            });
+        }
+        Ok(())
+    }
+}
+
+impl TryFrom<v1::Pack> for Pack {
+    type Error = AnswerError;
+
+    fn try_from(message: v1::Pack) -> Result<Self, AnswerError> {
+        let skeleton = Arc::new(skeleton(&message)?);
+        Ok(Self { message, skeleton })
+    }
+}
+
+/// Builds the skeleton from the pack's joints and contact rules.
+fn skeleton(pack: &v1::Pack) -> Result<Skeleton, AnswerError> {
+    let fault = |reason: String| AnswerError::Skeleton {
+        pack: pack.name.clone(),
+        reason,
+    };
+    let vector = |v: Option<v1::Vec3>| v.map(|v| Vec3::new(v.x, v.y, v.z));
+    let joints = pack
+        .joints
+        .iter()
+        .map(|joint| Joint {
+            name: joint.name.clone(),
+            parent: usize::try_from(joint.parent).ok(),
+            offset_m: vector(joint.offset).unwrap_or_default(),
+        })
+        .collect::<Vec<_>>();
+    let contacts = pack
+        .contact_rules
+        .as_ref()
+        .map(|rules| {
+            let joint = |name: &String| {
+                let index = joints.iter().position(|j| j.name == *name);
+                index.ok_or_else(|| fault(format!("no joint is named `{name}`, but it is a contact joint")))
+            };
+            let joints = pack.contact_joints.iter().map(joint).collect::<Result<_, _>>()?;
+            Ok::<_, AnswerError>(ContactParams {
+                joints,
+                max_height_m: rules.max_height.clone(),
+                max_speed_mps: rules.max_speed,
+                clearance_m: rules.clearance.clone(),
+            })
+        })
+        .transpose()?;
+    let left_axis = vector(pack.left_axis).ok_or(AnswerError::Missing("left_axis"))?;
+    Skeleton::new(joints, left_axis, pack.ground_y, contacts).map_err(|e| fault(e.to_string()))
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A pack of two joints, one of which is a contact joint.
+    pub(crate) fn message() -> v1::Pack {
+        let joint = |name: &str, parent, y| v1::Joint {
+            name: name.to_owned(),
+            parent,
+            offset: Some(v1::Vec3 { x: 0.0, y, z: 0.0 }),
+        };
+        v1::Pack {
+            name: "pair".to_owned(),
+            fps: 30.0,
+            joints: vec![joint("Hips", -1, 0.0), joint("Foot", 0, -0.9)],
+            contact_joints: vec!["Foot".to_owned()],
+            context_frames: 4,
+            min_frames: 12,
+            max_frames: 64,
+            left_axis: Some(v1::Vec3 {
+                x: 1.0,
+                y: 0.0,
+                z: 0.0,
+            }),
+            contact_rules: Some(v1::ContactRules {
+                max_height: vec![0.15],
+                max_speed: 0.4,
+                clearance: vec![0.1],
+            }),
+            ..v1::Pack::default()
+        }
+    }
+
+    #[test]
+    fn the_skeleton_comes_with_its_contacts() {
+        let pack = Pack::try_from(message()).unwrap();
+        let skeleton = pack.skeleton();
+        assert_eq!(skeleton.joints[1].parent, Some(0));
+        assert_eq!(skeleton.joints[1].offset_m, Vec3::Y * -0.9);
+        assert_eq!(skeleton.left_axis, Vec3::X);
+        let contacts = skeleton.contacts.as_ref().unwrap();
+        assert_eq!((&contacts.joints[..], contacts.max_speed_mps), (&[1][..], 0.4));
+    }
+
+    #[test]
+    fn a_broken_skeleton_is_an_error() {
+        let broken: [fn(&mut v1::Pack); 4] = [
+            |pack| pack.joints.clear(),
+            |pack| pack.left_axis = None,
+            |pack| pack.contact_joints = vec!["Hand".to_owned()],
+            |pack| pack.joints[1].parent = 7,
+        ];
+        for (nth, break_it) in broken.iter().enumerate() {
+            let mut message = message();
+            break_it(&mut message);
+            assert!(Pack::try_from(message).is_err(), "{nth}");
+        }
+    }
+
+    #[test]
+    fn a_span_outside_the_limits_says_which_would_do() {
+        let pack = Pack::try_from(message()).unwrap();
+        // Context 7..=10; a segment of 12 frames ends at 18, one of 64 at 70.
+        assert_eq!(pack.check_span(10, 18), Ok(()));
+        assert_eq!(pack.check_span(10, 70), Ok(()));
+        for to in [0, 17, 71] {
+            let error = pack.check_span(10, to).unwrap_err();
+            assert!(
+                matches!(
+                    error,
+                    RequestError::Span {
+                        least_to: 18,
+                        most_to: 70,
+                        ..
+                    }
+                ),
+                "{error}"
+            );
+            assert!(error.to_string().contains("12 to 64"), "{error}");
+        }
+        assert_eq!(
+            pack.check_span(2, 20),
+            Err(RequestError::ContextCut { from: 2, least: 3 })
+        );
+    }
+}

@@ -1,0 +1,3 @@
+//! What the end-to-end tests share: a server, requests, and motion of their own.
+
+pub mod walk;

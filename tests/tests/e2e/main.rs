@@ -1,0 +1,16 @@
+//! End-to-end tests: the real server with a real pack, called over gRPC, HTTP and the command line.
+//!
+//! They need the ONNX Runtime library (`make runtime` fetches it) and a pack, `models/human` or the folder that the
+//! environment variable TROUPE_TEST_PACK names.
+
+#![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
+
+mod answers;
+mod bad_input;
+mod batching;
+mod cli;
+mod http;
+mod motion;
+mod real;
+mod robustness;
+mod server;
