@@ -40,9 +40,9 @@ real-clips:
 		mv $(REAL_CLIPS).partial/bandai-namco $(REAL_CLIPS) && rm -rf $(REAL_CLIPS).partial; \
 	fi
 
-# Trains a pack from a folder of BVH files: make pack DATA=folder OUT=models/mine
+# Trains a pack from a folder of BVH files: make pack DATA=folder OUT=models/mine (ARGS="--minutes 5" for a short try)
 pack: python-env
-	.venv/bin/troupe-train pack "$(DATA)" --out "$(or $(OUT),models/mine)" --name "$(notdir $(or $(OUT),models/mine))"
+	.venv/bin/troupe-train pack "$(DATA)" --out "$(or $(OUT),models/mine)" --name "$(notdir $(or $(OUT),models/mine))" $(ARGS)
 
 # The README's picture, of a clip of the test split, through a running server.
 picture: real-clips
