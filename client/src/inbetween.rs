@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use glam::{Quat, Vec3};
 use troupe_motion::clip::Clip;
+use troupe_motion::rotation::{from_wxyz, to_wxyz};
 use troupe_proto::v1;
 
 use crate::error::{AnswerError, RequestError};
@@ -67,7 +68,7 @@ impl Key {
     /// Fixes the pose: one rotation for each joint, the first in the world, the others relative to their parents.
     #[must_use]
     pub fn pose(mut self, rotations: &[Quat]) -> Self {
-        self.rotations = Some(rotations.iter().flat_map(|q| [q.w, q.x, q.y, q.z]).collect());
+        self.rotations = Some(rotations.iter().copied().flat_map(to_wxyz).collect());
         self
     }
 
@@ -292,10 +293,7 @@ impl InBetweenAnswer {
                 pack.skeleton().clone(),
                 pack.fps(),
                 vectors(&frames.root_positions),
-                rotations
-                    .iter()
-                    .map(|&[w, x, y, z]| Quat::from_xyzw(x, y, z, w))
-                    .collect(),
+                rotations.iter().copied().map(from_wxyz).collect(),
             )?,
             contacts: frames.contacts,
             positions: vectors(&frames.positions),

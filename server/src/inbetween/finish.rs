@@ -3,7 +3,7 @@
 use troupe_motion::fk::{local_from_world_rotations, world_transforms};
 use troupe_motion::pin::{PosePin, pin_poses};
 use troupe_motion::root::heading_of;
-use troupe_motion::rotation::{align_sign, from_six_d};
+use troupe_motion::rotation::{align_sign, from_six_d, to_wxyz};
 use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
@@ -54,7 +54,7 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
         frames: Some(v1::Frames {
             frame_count: frames as u32,
             root_positions: root_positions.iter().flat_map(Vec3::to_array).collect(),
-            rotations: rotations.iter().flat_map(|q| [q.w, q.x, q.y, q.z]).collect(),
+            rotations: rotations.iter().copied().flat_map(to_wxyz).collect(),
             contacts: raw.contacts[..frames * dims.contacts]
                 .iter()
                 .map(|c| c.clamp(0.0, 1.0))

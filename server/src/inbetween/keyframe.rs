@@ -3,6 +3,7 @@
 use troupe_motion::features::pose_features_from_world;
 use troupe_motion::fk::world_transforms;
 use troupe_motion::root::{heading_of, wrap_angle};
+use troupe_motion::rotation::from_wxyz;
 use troupe_motion::{GlobalRoot, LocalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 
@@ -238,11 +239,11 @@ fn check_rotations(path: &Path<'_>, pose: &v1::Pose, skeleton: &Skeleton) -> Res
         ));
     }
     let mut rotations = Vec::with_capacity(joints);
-    for (joint, wxyz) in pose.rotations.chunks_exact(4).enumerate() {
+    for (joint, wxyz) in pose.rotations.as_chunks::<4>().0.iter().enumerate() {
         for (axis, &value) in wxyz.iter().enumerate() {
             finite(&path.element("rotations", joint * 4 + axis), value)?;
         }
-        let rotation = Quat::from_xyzw(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
+        let rotation = from_wxyz(*wxyz);
         let length = rotation.length();
         // An overflow to infinity, or NaN, is outside too.
         if !(1.0 - UNIT_TOLERANCE..=1.0 + UNIT_TOLERANCE).contains(&length) {
