@@ -12,6 +12,12 @@ pub fn blend(from: (Vec3, &[Quat]), to: (Vec3, &[Quat]), t: f32, out: &mut [Quat
     from.0.lerp(to.0, t)
 }
 
+/// `3t² - 2t³`: from 0 to 1 with flat ends as `t` goes from 0 to 1.
+#[inline]
+pub fn smoothstep(t: f32) -> f32 {
+    t * t * (3.0 - 2.0 * t)
+}
+
 /// A copy of `clip` whose frames strictly between `from` and `to` are interpolated between these two.
 ///
 /// # Errors

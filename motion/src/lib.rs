@@ -11,10 +11,12 @@
 
 pub mod bvh;
 pub mod clip;
+pub mod codec;
 pub mod contacts;
 pub mod conventions;
 pub mod features;
 pub mod fk;
+pub mod gait;
 pub mod glb;
 pub mod inspect;
 pub mod interpolate;
@@ -24,6 +26,7 @@ pub mod root;
 pub mod rotation;
 pub mod segment;
 pub mod skeleton;
+pub mod spring;
 
 #[cfg(test)]
 mod testing;

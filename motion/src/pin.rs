@@ -6,6 +6,8 @@
 
 use glam::Quat;
 
+use crate::interpolate::smoothstep;
+
 /// A pose that a frame must have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PosePin<'a> {
@@ -63,13 +65,14 @@ fn residual(given: Quat, made: Quat) -> Quat {
     if turn.w < 0.0 { -turn } else { turn }
 }
 
-/// 1 at distance 0, 0 from `reach` on, flat at both ends.
-fn fade(distance: usize, reach: usize) -> f32 {
+/// How much of what a pin lacks a frame takes at `distance` frames from it: 1 at the pin, 0 from `reach` frames on, flat at
+/// both ends.
+pub fn fade(distance: usize, reach: usize) -> f32 {
     if distance == 0 {
         return 1.0;
     }
     let t = (distance as f32 / reach.max(1) as f32).min(1.0);
-    1.0 - t * t * (3.0 - 2.0 * t)
+    1.0 - smoothstep(t)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use glam::{Quat, Vec3};
 
 use crate::features::FEATURES_PER_JOINT;
+use crate::interpolate::smoothstep;
 use crate::root::{GlobalRoot, LocalRoot, wrap_angle};
 use crate::rotation::yaw;
 
@@ -201,11 +202,6 @@ impl Residual {
             *pelvis = (yaw(self.heading) * *pelvis).normalize();
         }
     }
-}
-
-/// `3t² - 2t³`: 0 to 1 with flat ends.
-fn smoothstep(t: f32) -> f32 {
-    t * t * (3.0 - 2.0 * t)
 }
 
 #[cfg(test)]

@@ -13,7 +13,8 @@ mod summary;
 pub use accuracy::{l2p_m, l2q};
 pub use npss::{Npss, npss};
 pub use physical::{
-    contact_accuracy, foot_skate_m_per_frame, joint_jitter_mps2, penetration_m, root_jitter_mps2,
+    contact_accuracy, foot_skate_m_per_frame, joint_acceleration_percentile_mps2, joint_accelerations_mps2,
+    joint_jitter_mps2, penetration_m, percentile, root_jitter_mps2,
 };
 pub use precision::{REACH_ANGLE_RAD, REACH_DISTANCE_M, keyframe_error_m, reached, root_error_m};
 pub use summary::{Evaluation, Figures, Summary, Task, evaluate};

@@ -115,6 +115,44 @@ pub fn root_jitter_mps2(motion: &WorldMotion, range: Range<usize>, fps: f32) -> 
     jitter(motion, range, fps, 0..1)
 }
 
+/// Joint accelerations: `|p[t+1] - 2 p[t] + p[t-1]| * fps²` of every joint in the frames of `range`, m/s², frame by frame.
+/// The neighbours count as in [`joint_jitter_mps2`], whose values these are. Gather those of several motions for
+/// [`percentile`].
+///
+/// # Errors
+/// [`MetricError`] where the range does not fit.
+pub fn joint_accelerations_mps2(
+    motion: &WorldMotion,
+    range: Range<usize>,
+    fps: f32,
+) -> Result<Vec<f64>, MetricError> {
+    check_range(motion, &range)?;
+    Ok(accelerations(motion, range, fps, 0..motion.joints).collect())
+}
+
+/// The value below which a share of all joint accelerations ([`joint_accelerations_mps2`]) lies, m/s²; 0.999 is the 99.9th
+/// percentile, which a pop at a seam would raise. 0 where the range has no frame with two neighbours.
+///
+/// # Errors
+/// [`MetricError`] where the range does not fit.
+pub fn joint_acceleration_percentile_mps2(
+    motion: &WorldMotion,
+    range: Range<usize>,
+    fps: f32,
+    share: f64,
+) -> Result<f64, MetricError> {
+    let values = joint_accelerations_mps2(motion, range, fps)?;
+    Ok(percentile(values, share).unwrap_or(0.0))
+}
+
+/// The value below which a share (0 to 1) of `values` lies, between the two nearest by their distance. `None` of none.
+pub fn percentile(mut values: Vec<f64>, share: f64) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let place = share.clamp(0.0, 1.0) * values.len().checked_sub(1)? as f64;
+    let (below, above) = (values[place.floor() as usize], values[place.ceil() as usize]);
+    Some(below + (above - below) * place.fract())
+}
+
 fn jitter(
     motion: &WorldMotion,
     range: Range<usize>,
@@ -122,12 +160,22 @@ fn jitter(
     joints: Range<usize>,
 ) -> Result<f64, MetricError> {
     check_range(motion, &range)?;
+    Ok(mean(accelerations(motion, range, fps, joints)))
+}
+
+/// Accelerations of some joints, frame by frame, where a frame has two neighbours.
+fn accelerations(
+    motion: &WorldMotion,
+    range: Range<usize>,
+    fps: f32,
+    joints: Range<usize>,
+) -> impl Iterator<Item = f64> {
     let last = motion.frames() - 1;
-    Ok(mean(range.filter(|&f| f > 0 && f < last).flat_map(|f| {
+    range.filter(move |&f| f > 0 && f < last).flat_map(move |f| {
         let at = |f| motion.positions_at(f);
         let (before, now, after) = (at(f - 1), at(f), at(f + 1));
         joints
             .clone()
             .map(move |j| f64::from((after[j] - 2.0 * now[j] + before[j]).length() * fps * fps))
-    })))
+    })
 }

@@ -233,6 +233,38 @@ fn jitter_is_acceleration() {
 }
 
 #[test]
+fn the_highest_percentile_sees_a_pop_that_the_mean_does_not() {
+    // 200 frames of y = t² · 0.2 mm (0.36 m/s²), all eight joints; one frame is 1 cm aside: 9 m/s² beside it, 18 at it.
+    let pop = |off: f32| {
+        let mut clip = stand(200);
+        (0..200).for_each(|f| clip.root_positions[f].y += 2e-4 * (f * f) as f32);
+        clip.root_positions[100].x += off;
+        world(&clip)
+    };
+    let share = |motion: &WorldMotion, share| {
+        joint_acceleration_percentile_mps2(motion, 0..200, 30.0, share).unwrap()
+    };
+    let within = |a: f64, b: f64, by: f64| assert!((a - b).abs() < by, "{a} is not {b}");
+    within(share(&pop(0.0), 0.999), 0.36, 0.05);
+    within(share(&pop(0.01), 0.5), 0.36, 0.05);
+    within(share(&pop(0.01), 0.999), 18.0, 0.1);
+    assert!(joint_jitter_mps2(&pop(0.01), 0..200, 30.0).unwrap() < 0.6);
+    assert_eq!(
+        joint_accelerations_mps2(&pop(0.0), 0..200, 30.0).unwrap().len(),
+        198 * 8
+    );
+    assert!(joint_accelerations_mps2(&pop(0.0), 100..201, 30.0).is_err());
+}
+
+#[test]
+fn percentiles_by_hand() {
+    let of = |share| percentile(vec![4.0, 1.0, 3.0, 2.0], share);
+    assert_eq!((of(0.0), of(0.5), of(1.0)), (Some(1.0), Some(2.5), Some(4.0)));
+    near(of(0.9).unwrap(), 3.7);
+    assert_eq!(percentile(Vec::new(), 0.5), None);
+}
+
+#[test]
 fn keyframe_errors_are_the_largest() {
     let (truth, mut clip) = (stand(6), stand(6));
     clip.root_positions[4].y += 0.02;
