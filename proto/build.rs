@@ -1,4 +1,4 @@
-//! Generates the Rust types and the gRPC service from `troupe/v1/motion.proto`, without a system `protoc`.
+//! Generates the Rust types and the gRPC services from `troupe/v1/*.proto`, without a system `protoc`.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use prost::Message as _;
 
 /// Messages that a client sends. An unknown JSON field there is a mistake worth reporting; in answers it must be
 /// tolerated, so that an older client can read a newer server.
-const REQUEST_MESSAGES: [&str; 9] = [
+const REQUEST_MESSAGES: [&str; 29] = [
     "Vec3",
     "Root",
     "RootVelocity",
@@ -16,10 +16,30 @@ const REQUEST_MESSAGES: [&str; 9] = [
     "InBetweenRequest",
     "ListPacksRequest",
     "GetPackRequest",
+    "SessionOptions",
+    "CreateSessionsRequest",
+    "GetSessionRequest",
+    "ListSessionsRequest",
+    "CloseSessionsRequest",
+    "Locomote",
+    "Command",
+    "CommandRequest",
+    "StepRequest",
+    "DriveOpen",
+    "DriveAttach",
+    "DriveDetach",
+    "DriveRequest",
+    "PeekRequest",
+    "ListStylesRequest",
+    "GetStyleRequest",
+    "PutStyleRequest",
+    "Style",
+    "Gait",
+    "GaitKey",
 ];
 
 /// Optional fields, left out of the JSON where they are absent.
-const OPTIONAL_FIELDS: [&str; 15] = [
+const OPTIONAL_FIELDS: [&str; 34] = [
     "Root.position",
     "Root.heading",
     "RootVelocity.height",
@@ -35,11 +55,54 @@ const OPTIONAL_FIELDS: [&str; 15] = [
     "Joint.offset",
     "Pack.left_axis",
     "Pack.contact_rules",
+    "SessionOptions.position",
+    "SessionOptions.ttl_ms",
+    "SessionOptions.look_ahead_frames",
+    "SessionOptions.replan_interval_frames",
+    "SessionOptions.root_ratio",
+    "Session.position",
+    "Session.stats",
+    "Locomote.velocity",
+    "Locomote.facing",
+    "Locomote.height",
+    "Command.at_frame",
+    "CommandResult.problem",
+    "SessionProblem.problem",
+    "DriveClosing.reason",
+    "PlanView.root_r_g1",
+    "PeekResponse.session",
+    "PeekResponse.future",
+    "PeekResponse.plan",
+    "PeekResponse.waiting",
+];
+
+/// Fields of an enumeration, the module of `proto/src/json.rs` that writes them as words, and the word of value 0.
+const ENUM_FIELDS: [(&str, &str, &str); 6] = [
+    ("SessionOptions.convention", "convention", "native"),
+    ("Session.convention", "convention", "native"),
+    ("Session.clock", "clock", "free"),
+    ("CommandResult.status", "command_status", "accepted"),
+    ("StepRequest.encoding", "encoding", "f32"),
+    ("DriveOpen.encoding", "encoding", "f32"),
+];
+
+/// Fields of bytes, base64 in JSON.
+const BYTES_FIELDS: [&str; 3] = [
+    "FrameBlock.packed_roots",
+    "FrameBlock.packed_rotations",
+    "FrameBlock.contacts",
+];
+
+/// Messages with a `oneof`, and its name among the schemas: in JSON it is an object with one member, named for the choice.
+const ONE_OFS: [(&str, &str); 3] = [
+    ("Command.intent", "CommandIntent"),
+    ("DriveRequest.message", "DriveRequestMessage"),
+    ("DriveResponse.message", "DriveResponseMessage"),
 ];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo:rerun-if-changed=troupe");
-    let descriptors = protox::compile(["troupe/v1/motion.proto"], ["."])?;
+    let descriptors = protox::compile(["troupe/v1/motion.proto", "troupe/v1/session.proto"], ["."])?;
 
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     std::fs::write(out.join("troupe.v1.bin"), descriptors.encode_to_vec())?;
@@ -49,7 +112,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             ".",
             "#[derive(serde::Serialize, serde::Deserialize, utoipa::ToSchema)]",
         )
-        .type_attribute(".", "#[serde(default)]");
+        .message_attribute(".", "#[serde(default)]");
     for message in REQUEST_MESSAGES {
         config = config.type_attribute(format!(".troupe.v1.{message}"), "#[serde(deny_unknown_fields)]");
     }
@@ -57,6 +120,24 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         config = config.field_attribute(
             format!(".troupe.v1.{field}"),
             r#"#[serde(skip_serializing_if = "Option::is_none")]"#,
+        );
+    }
+    for (field, words, default) in ENUM_FIELDS {
+        let attribute = format!(
+            r#"#[serde(with = "crate::json::{words}")] #[schema(value_type = String, default = "{default}")]"#
+        );
+        config = config.field_attribute(format!(".troupe.v1.{field}"), attribute);
+    }
+    for field in BYTES_FIELDS {
+        config = config.field_attribute(
+            format!(".troupe.v1.{field}"),
+            r#"#[serde(with = "crate::json::base64")] #[schema(value_type = String, format = Byte, default = "")]"#,
+        );
+    }
+    for (field, schema) in ONE_OFS {
+        config = config.type_attribute(
+            format!(".troupe.v1.{field}"),
+            format!(r#"#[serde(rename_all = "snake_case")] #[schema(as = {schema})]"#),
         );
     }
     config.compile_fds(descriptors)?;

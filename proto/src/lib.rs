@@ -1,8 +1,10 @@
-//! The public contract of Troupe, generated from `troupe/v1/motion.proto`: the protobuf messages, the gRPC client
-//! and server, and the same messages as JSON (serde, `snake_case` names) with their `OpenAPI` schemas.
+//! The public contract of Troupe, generated from `troupe/v1/*.proto`: the protobuf messages, the gRPC clients
+//! and servers, and the same messages as JSON (serde, `snake_case` names) with their `OpenAPI` schemas.
 //!
 //! A message missing a JSON field reads as protobuf does: the field takes its default. Requests refuse unknown
 //! fields, answers tolerate them.
+
+pub mod json;
 
 /// Version 1 of the API.
 #[allow(missing_docs, unused_qualifications, clippy::all)]

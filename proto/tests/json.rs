@@ -78,15 +78,30 @@ fn requests_refuse_unknown_fields_and_answers_tolerate_them() {
 #[test]
 fn the_descriptor_set_describes_the_service() {
     let set = prost_types::FileDescriptorSet::decode(FILE_DESCRIPTOR_SET).unwrap();
-    let file = set
-        .file
-        .iter()
-        .find(|file| file.package() == "troupe.v1")
-        .unwrap();
-    let methods: Vec<_> = file.service[0]
-        .method
-        .iter()
-        .map(|method| method.name())
-        .collect();
-    assert_eq!(methods, ["InBetween", "ListPacks", "GetPack"]);
+    let methods = |service: &str| -> Vec<String> {
+        let services = set
+            .file
+            .iter()
+            .filter(|file| file.package() == "troupe.v1")
+            .flat_map(|file| &file.service);
+        let service = services.into_iter().find(|s| s.name() == service).unwrap();
+        service.method.iter().map(|m| m.name().to_owned()).collect()
+    };
+    assert_eq!(methods("Motion"), ["InBetween", "ListPacks", "GetPack"]);
+    assert_eq!(
+        methods("Sessions"),
+        [
+            "CreateSessions",
+            "GetSession",
+            "ListSessions",
+            "CloseSessions",
+            "Command",
+            "Step",
+            "Drive",
+            "Peek",
+            "ListStyles",
+            "GetStyle",
+            "PutStyle"
+        ]
+    );
 }

@@ -10,6 +10,7 @@ use confique::Config as _;
 use crate::batch::scheduler::Limits;
 use crate::engine::onnx::RuntimeOptions;
 use crate::inbetween::RequestLimits;
+use crate::session::{SessionLimits, TTL_RANGE_MS};
 
 /// The file that is read where `--config` names none; it need not exist.
 pub const DEFAULT_FILE: &str = "troupe.toml";
@@ -83,6 +84,58 @@ pub struct Config {
         layer_attr(arg(long, value_name = "COUNT"))
     )]
     pub max_characters_per_request: usize,
+
+    /// Folder of styles beside the packs' own: a folder for each pack, named as the pack, with one JSON file a style.
+    #[config(env = "TROUPE_STYLES", layer_attr(arg(long, value_name = "FOLDER")))]
+    pub styles: Option<PathBuf>,
+
+    /// Most open sessions; further ones are refused.
+    #[config(
+        env = "TROUPE_MAX_SESSIONS",
+        default = 16_384,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_sessions: usize,
+
+    /// Most sessions of one request to create sessions or to step them.
+    #[config(
+        env = "TROUPE_MAX_SESSIONS_PER_REQUEST",
+        default = 1024,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_sessions_per_request: usize,
+
+    /// Most sessions on one stream.
+    #[config(
+        env = "TROUPE_MAX_SESSIONS_PER_STREAM",
+        default = 4096,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_sessions_per_stream: usize,
+
+    /// Most open streams, over gRPC and WebSocket together; further ones are refused.
+    #[config(
+        env = "TROUPE_MAX_STREAMS",
+        default = 1024,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_streams: usize,
+
+    /// Time without a command, step or stream after which a session that says nothing else expires, in milliseconds.
+    #[config(
+        env = "TROUPE_SESSION_TTL_MS",
+        default = 60_000,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub session_ttl_ms: u32,
+
+    /// A stream whose reader takes nothing for this long is closed, in milliseconds.
+    #[config(
+        env = "TROUPE_DRIVE_STALL_TIMEOUT_MS",
+        default = 30_000,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub drive_stall_timeout_ms: u64,
 
     /// Most bytes of one request, as protobuf or as JSON.
     #[config(
@@ -158,7 +211,7 @@ pub enum LogFormat {
 #[command(
     name = "troupe-server",
     version,
-    about = "Serves motion in-betweening over gRPC and HTTP, on one port"
+    about = "Serves live characters and motion in-betweening over gRPC, HTTP and WebSocket, on one port"
 )]
 pub struct Cli {
     /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is one.
@@ -238,6 +291,11 @@ impl Config {
             ("max_characters_per_request", self.max_characters_per_request),
             ("max_message_bytes", self.max_message_bytes),
             ("max_connections", self.max_connections),
+            ("max_sessions", self.max_sessions),
+            ("max_sessions_per_request", self.max_sessions_per_request),
+            ("max_sessions_per_stream", self.max_sessions_per_stream),
+            ("max_streams", self.max_streams),
+            ("drive_stall_timeout_ms", self.drive_stall_timeout_ms as usize),
             ("request_timeout_ms", self.request_timeout_ms as usize),
             ("keepalive_ms", self.keepalive_ms as usize),
         ];
@@ -253,6 +311,8 @@ impl Config {
         let at_most = [
             ("max_batch", self.max_batch, 4096),
             ("max_connections", self.max_connections, 1_000_000),
+            ("max_sessions", self.max_sessions, 1_000_000),
+            ("max_sessions_per_request", self.max_sessions_per_request, 16_384),
         ];
         for (option, value, most) in at_most {
             if value > most {
@@ -262,6 +322,14 @@ impl Config {
                     allowed: format!("1 to {most}"),
                 });
             }
+        }
+        let ttl_ms = self.session_ttl_ms;
+        if !TTL_RANGE_MS.contains(&ttl_ms) {
+            return Err(ConfigError::Value {
+                option: "session_ttl_ms",
+                found: ttl_ms.to_string(),
+                allowed: format!("{} to {}", TTL_RANGE_MS.start(), TTL_RANGE_MS.end()),
+            });
         }
         if self.max_queued_characters < self.max_characters_per_request {
             return Err(ConfigError::Value {
@@ -288,6 +356,18 @@ impl Config {
     pub fn request_limits(&self) -> RequestLimits {
         RequestLimits {
             max_characters: self.max_characters_per_request,
+        }
+    }
+
+    /// The limits of sessions and streams.
+    pub fn session_limits(&self) -> SessionLimits {
+        SessionLimits {
+            sessions: self.max_sessions,
+            per_request: self.max_sessions_per_request,
+            per_stream: self.max_sessions_per_stream,
+            streams: self.max_streams,
+            ttl_ms: self.session_ttl_ms,
+            stall_timeout: Duration::from_millis(self.drive_stall_timeout_ms),
         }
     }
 

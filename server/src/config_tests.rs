@@ -31,6 +31,7 @@ fn flags_win_over_the_file_and_the_file_over_defaults() {
     assert_eq!(config.listen.port(), 2);
     assert_eq!((config.max_batch, config.log_format), (8, LogFormat::Json));
     assert_eq!((config.max_message_bytes, config.default_pack), (16 << 20, None));
+    assert_eq!((config.max_sessions, config.session_ttl_ms), (16_384, 60_000));
 }
 
 #[test]
@@ -65,6 +66,18 @@ fn mistakes_name_the_option() {
     assert_eq!(
         error(&["--max-connections", "1000001"]),
         "max_connections is 1000001; allowed: 1 to 1000000"
+    );
+    assert_eq!(
+        error(&["--max-streams", "0"]),
+        "max_streams is 0; allowed: 1 or more"
+    );
+    assert_eq!(
+        error(&["--session-ttl-ms", "999"]),
+        "session_ttl_ms is 999; allowed: 1000 to 86400000"
+    );
+    assert_eq!(
+        error(&["--max-sessions-per-request", "16385"]),
+        "max_sessions_per_request is 16385; allowed: 1 to 16384"
     );
     assert!(error(&["--max-queued-characters", "10"]).contains("max_characters_per_request (256) or more"));
     assert!(error(&["--config", "/nowhere/troupe.toml"]).contains("/nowhere/troupe.toml"));

@@ -4,6 +4,11 @@
 //! A request arrives over gRPC or HTTP ([`api`]), is checked and brought into each character's segment frame
 //! ([`inbetween`]), waits in a bounded queue until the engine is free and travels with whatever else waits ([`batch`]),
 //! passes root, pose and decoder ([`engine`]) of a model pack ([`pack`]), and comes back as frames ([`inbetween`]).
+//!
+//! # The way of a live character
+//! Commands change what a character wants ([`primitives`], [`style`]); whenever it needs a plan, its session has one made on
+//! the same way through the batcher, and cross-fades it into the frames that a step or a stream takes ([`session`]).
+//!
 //! [`service`] ties these together, [`server`] runs them on a port, [`telemetry`] counts, [`config`] configures.
 //!
 //! # Embedding
@@ -27,6 +32,9 @@ pub mod config;
 pub mod engine;
 pub mod inbetween;
 pub mod pack;
+pub mod primitives;
 pub mod server;
 pub mod service;
+pub mod session;
+pub mod style;
 pub mod telemetry;

@@ -10,7 +10,7 @@ use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tonic_health::server::HealthReporter;
-use troupe_proto::v1::motion_server;
+use troupe_proto::v1::{motion_server, sessions_server};
 
 use crate::api;
 use crate::batch::{Batcher, EngineFactory};
@@ -19,12 +19,19 @@ use crate::engine::onnx::{OnnxStages, Runtime};
 use crate::engine::{EngineError, Pipeline, Stages};
 use crate::pack::{Pack, PackError, PackProblem, find_packs};
 use crate::service::{LoadedPack, PackTable, Service};
+use crate::session::load::PlanLoad;
+use crate::session::{Sessions, TimeSource};
+use crate::style::{StyleError, StyleTable};
 use crate::telemetry::Telemetry;
 
 /// The pack that is the default where nothing else is said.
 const USUAL_DEFAULT: &str = "human";
 /// How often recorded samples are folded into their buckets.
 const UPKEEP_INTERVAL: Duration = Duration::from_secs(5);
+/// Time that streams have to end beyond that for requests.
+const FAREWELL: Duration = Duration::from_millis(500);
+/// How often sessions are looked through for those whose time is up. Expiry itself does not wait for that.
+const SWEEP_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Makes the stages of a pack, on the thread that will own them.
 pub type StagesFactory = Box<dyn FnOnce(&Pack) -> Result<Box<dyn Stages>, EngineError> + Send>;
@@ -47,6 +54,9 @@ pub enum StartError {
     /// Two packs of one name, or a default that is not loaded.
     #[error("{0}")]
     Packs(String),
+    /// A style that cannot be used.
+    #[error(transparent)]
+    Style(#[from] StyleError),
     /// An engine that does not start.
     #[error("pack {pack}: {error}")]
     Engine {
@@ -104,23 +114,32 @@ pub async fn serve_packs(
     listener: TcpListener,
     packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
 ) -> Result<ServerHandle, StartError> {
+    serve_packs_at(config, listener, TimeSource::default(), packs).await
+}
+
+/// [`serve_packs`], with sessions that expire by the time that `time` tells.
+///
+/// # Errors
+/// [`StartError`] where the server cannot be set up.
+pub async fn serve_packs_at(
+    config: Config,
+    listener: TcpListener,
+    time: TimeSource,
+    packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
+) -> Result<ServerHandle, StartError> {
     let internal = |error: &dyn std::fmt::Display| StartError::Internal(error.to_string());
     let address = listener.local_addr().map_err(StartError::Listen)?;
     let telemetry = Telemetry::new().map_err(|error| internal(&error))?;
-    let service = Arc::new(Service::new(config.request_limits(), telemetry.clone()));
+    let sessions = Sessions::new(config.session_limits(), time, telemetry.clone());
+    let service = Arc::new(Service::new(config.request_limits(), sessions, telemetry.clone()));
     let health = HealthReporter::new();
     api::set_serving(&health, false).await;
     let router = api::router(&service, &health, &config).map_err(|error| internal(&error))?;
 
     let (stop, stopping) = watch::channel(false);
     let connections = tokio::spawn(connections::accept(listener, router, config.clone(), stopping));
-    let upkeep = tokio::spawn(async move {
-        let mut ticks = tokio::time::interval(UPKEEP_INTERVAL);
-        loop {
-            ticks.tick().await;
-            telemetry.run_upkeep();
-        }
-    });
+    let drain_timeout = config.drain_timeout();
+    let upkeep = tokio::spawn(upkeep(service.clone()));
     let starting = tokio::spawn(start(config, service.clone(), health.clone(), packs));
     Ok(ServerHandle {
         address,
@@ -130,7 +149,25 @@ pub async fn serve_packs(
         starting: Some(starting),
         connections,
         upkeep,
+        drain_timeout,
     })
+}
+
+/// What must be done every now and then.
+async fn upkeep(service: Arc<Service>) {
+    let mut metrics = tokio::time::interval(UPKEEP_INTERVAL);
+    let mut sweeps = tokio::time::interval(SWEEP_INTERVAL);
+    loop {
+        tokio::select! {
+            _ = metrics.tick() => service.telemetry().run_upkeep(),
+            _ = sweeps.tick() => {
+                let expired = service.sessions().sweep();
+                if expired > 0 {
+                    tracing::debug!(expired, "sessions expired");
+                }
+            }
+        }
+    }
 }
 
 /// Loads and warms up all packs, then opens the service.
@@ -172,7 +209,12 @@ fn default_pack(config: &Config, sources: &[PackSource]) -> Result<String, Start
 async fn load(config: &Config, service: &Service, source: PackSource) -> Result<LoadedPack, StartError> {
     let PackSource { pack, stages } = source;
     let metrics = service.telemetry().pack(pack.name(), &pack.manifest.version);
+    let sessions = service.telemetry().sessions(pack.name(), &pack.manifest.version);
     let pack = Arc::new(pack);
+    let (for_styles, folder) = (pack.clone(), config.styles.clone());
+    let styles = tokio::task::spawn_blocking(move || StyleTable::load(&for_styles, folder))
+        .await
+        .map_err(|_| StartError::Internal("the task that loads styles has stopped".to_owned()))??;
     let max_batch = config.max_batch;
     let (for_engine, engine_metrics) = (pack.clone(), metrics.clone());
     let factory: EngineFactory = Box::new(move || {
@@ -194,7 +236,10 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     Ok(LoadedPack {
         pack,
         batcher,
+        styles,
         metrics,
+        sessions,
+        load: PlanLoad::default(),
     })
 }
 
@@ -207,6 +252,7 @@ pub struct ServerHandle {
     starting: Option<JoinHandle<Result<(), StartError>>>,
     connections: JoinHandle<bool>,
     upkeep: JoinHandle<()>,
+    drain_timeout: Duration,
 }
 
 impl ServerHandle {
@@ -238,6 +284,7 @@ impl ServerHandle {
     /// Stops accepting connections, lets requests finish for at most the configured time, then cuts what is left.
     /// Answers whether everything finished.
     pub async fn shut_down(mut self) -> bool {
+        let deadline = tokio::time::Instant::now() + self.drain_timeout + FAREWELL;
         self.service.drain();
         if let Some(starting) = self.starting.take() {
             starting.abort();
@@ -246,7 +293,7 @@ impl ServerHandle {
         }
         api::set_serving(&self.health, false).await;
         // Ends the streams of health watchers, once they have the status: open streams would hold up the stop.
-        for service in ["", motion_server::SERVICE_NAME] {
+        for service in ["", motion_server::SERVICE_NAME, sessions_server::SERVICE_NAME] {
             self.health.clear_service_status(service).await;
         }
         let _ = self.stop.send(true);
@@ -258,6 +305,9 @@ impl ServerHandle {
             }
         };
         self.upkeep.abort();
-        clean
+        // Connections that became WebSockets are no longer among those above.
+        let streams = tokio::time::timeout_at(deadline, self.service.sessions().streams_ended());
+        let ended = streams.await.is_ok();
+        clean && ended
     }
 }

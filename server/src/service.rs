@@ -1,8 +1,10 @@
 //! The service behind both fronts: finds the pack, checks the request, has it served, and makes the answer.
 
+mod sessions;
+
 use std::collections::BTreeMap;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use troupe_proto::v1;
@@ -11,7 +13,10 @@ use crate::api::ApiError;
 use crate::batch::{Batcher, Served};
 use crate::inbetween::{Plan, RequestLimits, finish, prepare};
 use crate::pack::Pack;
-use crate::telemetry::{PackMetrics, Telemetry};
+use crate::session::Sessions;
+use crate::session::load::PlanLoad;
+use crate::style::StyleTable;
+use crate::telemetry::{PackMetrics, SessionMetrics, Telemetry};
 
 /// Requests of up to this many characters are checked and finished on the task that received them; larger ones go to the
 /// pool for blocking work, so that they do not hold up other connections.
@@ -21,17 +26,23 @@ const INLINE_CHARACTERS: usize = 4;
 #[derive(Debug)]
 pub struct LoadedPack {
     /// The pack.
-    pub pack: std::sync::Arc<Pack>,
+    pub pack: Arc<Pack>,
     /// The way to its engine.
     pub batcher: Batcher,
+    /// Its locomotion styles.
+    pub styles: StyleTable,
     /// Its metrics.
     pub metrics: PackMetrics,
+    /// The metrics of its sessions.
+    pub sessions: SessionMetrics,
+    /// How busy it is with their plans.
+    pub load: PlanLoad,
 }
 
 /// All packs of a server.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct PackTable {
-    packs: BTreeMap<String, LoadedPack>,
+    packs: BTreeMap<String, Arc<LoadedPack>>,
     default: String,
 }
 
@@ -40,17 +51,20 @@ impl PackTable {
     pub fn new(packs: Vec<LoadedPack>, default: String) -> Self {
         let packs = packs
             .into_iter()
-            .map(|loaded| (loaded.pack.name().to_owned(), loaded))
+            .map(|loaded| (loaded.pack.name().to_owned(), Arc::new(loaded)))
             .collect();
         Self { packs, default }
     }
 
     /// The pack of that name, which the request gave in `field`; the default where it is empty.
-    fn find(&self, field: &'static str, name: &str) -> Result<&LoadedPack, ApiError> {
+    ///
+    /// # Errors
+    /// [`ApiError::UnknownPack`].
+    pub fn find(&self, field: impl ToString, name: &str) -> Result<&Arc<LoadedPack>, ApiError> {
         let wanted = if name.is_empty() { &self.default } else { name };
         self.packs.get(wanted).ok_or_else(|| ApiError::UnknownPack {
             name: wanted.chars().take(64).collect(),
-            field,
+            field: field.to_string(),
             loaded: self.packs.keys().cloned().collect(),
         })
     }
@@ -66,16 +80,18 @@ pub struct Service {
     packs: OnceLock<PackTable>,
     draining: AtomicBool,
     limits: RequestLimits,
+    sessions: Arc<Sessions>,
     telemetry: Telemetry,
 }
 
 impl Service {
     /// A service that is not ready yet.
-    pub fn new(limits: RequestLimits, telemetry: Telemetry) -> Self {
+    pub fn new(limits: RequestLimits, sessions: Sessions, telemetry: Telemetry) -> Self {
         Self {
             packs: OnceLock::new(),
             draining: AtomicBool::new(false),
             limits,
+            sessions: Arc::new(sessions),
             telemetry,
         }
     }
@@ -87,9 +103,10 @@ impl Service {
         }
     }
 
-    /// Reports "not ready" from now on, so that no new work is sent here. Requests are still served.
+    /// Reports "not ready" from now on, so that no new work is sent here. Requests are still served; streams end.
     pub fn drain(&self) {
         self.draining.store(true, Ordering::Relaxed);
+        self.sessions.drain();
     }
 
     /// The server's metrics.
@@ -151,7 +168,10 @@ impl Service {
         let loaded = self.table()?.find("pack", &request.pack)?;
         let characters = request.characters.len();
         let (pack, limits) = (loaded.pack.clone(), self.limits);
-        let (items, plans) = offload(characters, move || prepare(&request, &pack, limits)).await??;
+        let (items, plans) = offload(characters, INLINE_CHARACTERS, move || {
+            prepare(&request, &pack, limits)
+        })
+        .await??;
 
         let served = loaded.batcher.submit(items).await?;
 
@@ -159,7 +179,10 @@ impl Service {
         let copied = served.scatter;
         let scattering = Instant::now();
         let pack = loaded.pack.clone();
-        let results = offload(characters, move || finish_all(&served, &plans, &pack)).await??;
+        let results = offload(characters, INLINE_CHARACTERS, move || {
+            finish_all(&served, &plans, &pack)
+        })
+        .await??;
         let made = scattering.elapsed();
         let frames: u32 = results
             .iter()
@@ -195,12 +218,13 @@ fn timing(served: &Served) -> v1::Timing {
     }
 }
 
-/// Runs CPU work for a request: here where it is small, on the blocking pool where it is not.
-async fn offload<T: Send + 'static>(
+/// Runs CPU work for a request: here where it is for at most `inline` characters, on the blocking pool where it is more.
+pub(crate) async fn offload<T: Send + 'static>(
     characters: usize,
+    inline: usize,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, ApiError> {
-    if characters <= INLINE_CHARACTERS {
+    if characters <= inline {
         return Ok(work());
     }
     tokio::task::spawn_blocking(work)

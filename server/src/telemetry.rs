@@ -1,6 +1,8 @@
 //! Metrics, behind names of our own: the rest of the server speaks to [`Telemetry`] and [`PackMetrics`], never to a
 //! metrics library. Every server has its own registry, so several can live in one process.
 
+mod sessions;
+
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,6 +11,8 @@ use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, Promet
 
 use crate::engine::StageTimes;
 use crate::pack::Stage;
+
+pub use sessions::{Eviction, SessionMetrics};
 
 /// Upper bounds of the latency buckets, in seconds: they end on frame budgets (90, 60, 30 and 15 Hz among them).
 const LATENCY_BUCKETS: [f64; 17] = [
@@ -87,13 +91,19 @@ impl Telemetry {
         let full = |name: &str| Matcher::Full(name.to_owned());
         let recorder = PrometheusBuilder::new()
             .set_buckets_for_metric(Matcher::Suffix("_duration_seconds".to_owned()), &LATENCY_BUCKETS)?
+            .set_buckets_for_metric(full(sessions::LEAD_TIME), &LATENCY_BUCKETS)?
             .set_buckets_for_metric(full(BATCH_SIZE), &BATCH_BUCKETS)?
             .set_buckets_for_metric(full(PADDING_RATIO), &RATIO_BUCKETS)?
             .build_recorder();
-        for (name, text) in DESCRIPTIONS {
+        for (name, text) in DESCRIPTIONS.into_iter().chain(sessions::DESCRIPTIONS) {
             match name {
                 _ if name.ends_with("_total") => recorder.describe_counter(name.into(), None, text.into()),
-                PENDING_REQUESTS | PENDING_CHARACTERS | LOAD_SECONDS | WARMUP_SECONDS => {
+                PENDING_REQUESTS
+                | PENDING_CHARACTERS
+                | LOAD_SECONDS
+                | WARMUP_SECONDS
+                | sessions::ACTIVE
+                | sessions::STREAMS => {
                     recorder.describe_gauge(name.into(), None, text.into());
                 }
                 _ => recorder.describe_histogram(name.into(), None, text.into()),
@@ -231,6 +241,11 @@ impl PackMetrics {
     /// A request's frames were made from what was copied out of the tensors.
     pub fn scattered(&self, took: Duration, frames: usize) {
         self.scatter.record(took);
+        self.frames.increment(frames as u64);
+    }
+
+    /// Frames of a live character's plan were made.
+    pub fn planned(&self, frames: usize) {
         self.frames.increment(frames as u64);
     }
 

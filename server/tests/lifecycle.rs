@@ -71,7 +71,7 @@ async fn a_drain_lets_requests_finish_and_cuts_what_stays_silent() {
     silent.read_exact(&mut answer).await.unwrap();
     assert_eq!(answer.as_slice(), b"HTTP/1.1 100 Continue\r\n\r\n");
 
-    let TestServer { handle, gate } = server;
+    let TestServer { handle, gate, .. } = server;
     let service = handle.service().clone();
     let stopping = tokio::spawn(handle.shut_down());
     while service.ready().is_ok() {
@@ -129,7 +129,9 @@ async fn a_stop_while_packs_load_is_clean() {
 
 #[tokio::test]
 async fn a_server_outlives_its_handle() {
-    let TestServer { handle, gate: _gate } = TestServer::start().await;
+    let TestServer {
+        handle, gate: _gate, ..
+    } = TestServer::start().await;
     let address = handle.address();
     drop(handle);
     // Each request has a connection of its own.

@@ -2,12 +2,13 @@
 
 #![allow(clippy::unwrap_used)] // These are all tests.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use troupe_server::config::Config;
 use troupe_server::engine::onnx::{OnnxStages, Runtime};
-use troupe_server::engine::{EngineError, KeyTensors, Pipeline, RawMotion, StageTimes, WorkItem};
-use troupe_server::pack::{MANIFEST_FILE, Pack};
+use troupe_server::engine::{EngineError, KeyTensors, Pipeline, RawMotion, StageTimes, Stages, WorkItem};
+use troupe_server::pack::{MANIFEST_FILE, Pack, Stage};
 
 fn pack_folder() -> PathBuf {
     let named = std::env::var_os("TROUPE_TEST_PACK").map(PathBuf::from);
@@ -73,13 +74,15 @@ fn item(pack: &Pack, seed: u64) -> WorkItem {
         seed,
         temperature: [0.0, 0.0, 1.0][seed as usize % 3],
         pose_steps: 1 + u32::from(seed.is_multiple_of(7)) * 3,
+        root_guide: None,
+        gap_poses: Vec::new(),
     }
 }
 
-/// The largest difference of two motions that must be the same.
+/// The largest difference of two motions that must have the same tokens.
 fn difference(a: &RawMotion, b: &RawMotion) -> f32 {
-    assert_eq!(a.num_tokens, b.num_tokens, "the token count depends on the batch");
-    assert_eq!(a.tokens, b.tokens, "a pose token depends on the batch");
+    assert_eq!(a.num_tokens, b.num_tokens, "the token count differs");
+    assert_eq!(a.tokens, b.tokens, "a pose token differs");
     let pairs = [
         (&a.count_probs, &b.count_probs),
         (&a.root_r_g3, &b.root_r_g3),
@@ -103,10 +106,16 @@ fn run(pipeline: &mut Pipeline, items: &[WorkItem]) -> (Vec<RawMotion>, StageTim
 fn a_character_is_the_same_in_every_batch() {
     let pack = Pack::load(&pack_folder()).unwrap();
     let stages = OnnxStages::load(&runtime(), &pack).unwrap();
+    assert!(stages.any_length());
     let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), 64);
     let items: Vec<WorkItem> = (0..64).map(|seed| item(&pack, seed)).collect();
     let (together, times) = run(&mut pipeline, &items);
     assert_eq!((together.len(), times.bucket), (64, 64));
+    let lengths: HashSet<usize> = together.iter().map(|motion| motion.num_tokens).collect();
+    assert!(
+        lengths.len() > 4,
+        "all segments have one of the lengths {lengths:?}"
+    );
     for size in [1, 3, 8, 20] {
         let alone: Vec<RawMotion> = items
             .chunks(size)
@@ -116,11 +125,67 @@ fn a_character_is_the_same_in_every_batch() {
         for (index, (alone, together)) in alone.iter().zip(&together).enumerate() {
             let difference = difference(alone, together);
             assert!(
-                difference < 1e-4,
+                alone == together,
                 "character {index} differs by {difference} in a batch of {size}"
             );
         }
     }
+}
+
+#[test]
+fn a_pack_with_a_fixed_time_axis_serves_the_same() {
+    let pack = Pack::load(&pack_folder()).unwrap();
+    let fixed = with_fixed_time(&pack);
+    let items: Vec<WorkItem> = (0..8).map(|seed| item(&pack, seed)).collect();
+    let [open, fixed] = [(&pack, true), (&fixed, false)].map(|(pack, any_length)| {
+        let stages = OnnxStages::load(&runtime(), pack).unwrap();
+        assert_eq!(stages.any_length(), any_length);
+        run(&mut Pipeline::new(pack.dims, Box::new(stages), 8), &items).0
+    });
+    for (open, fixed) in open.iter().zip(&fixed) {
+        assert!(difference(open, fixed) < 1e-4, "{}", difference(open, fixed));
+    }
+}
+
+/// A copy of `pack` whose graphs fix the time axis at the longest segment, as those of older packs do.
+fn with_fixed_time(pack: &Pack) -> Pack {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fixed-time");
+    std::fs::create_dir_all(&folder).unwrap();
+    for stage in Stage::ALL {
+        let mut graph = std::fs::read(pack.stage_file(stage)).unwrap();
+        fix_axis(&mut graph, "tokens", pack.dims.max_tokens);
+        fix_axis(&mut graph, "4*tokens", pack.dims.max_frames());
+        std::fs::write(folder.join(stage.file_name()), graph).unwrap();
+    }
+    let mut fixed = pack.clone();
+    fixed.folder = folder;
+    fixed
+}
+
+/// Gives every axis called `name` in an ONNX file the length `value`, in as many bytes: field 2 of the message
+/// `Dimension` is an axis's name, field 1 its length, as a number that may be written with leading zeros.
+fn fix_axis(graph: &mut [u8], name: &str, value: usize) {
+    let named = [&[0x12, name.len() as u8], name.as_bytes()].concat();
+    let mut fixed = vec![0x08];
+    fixed.extend((0..name.len()).map(|index| (value >> (7 * index)) as u8 | 0x80));
+    fixed.push(0);
+    let places: Vec<usize> = (0..graph.len() - named.len())
+        .filter(|&at| graph[at..].starts_with(&named))
+        .collect();
+    for at in places {
+        graph[at..at + fixed.len()].copy_from_slice(&fixed);
+    }
+}
+
+#[test]
+fn warm_up_meets_every_shape_and_changes_nothing() {
+    let pack = Pack::load(&pack_folder()).unwrap();
+    let stages = OnnxStages::load(&runtime(), &pack).unwrap();
+    let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), 4);
+    let items: Vec<WorkItem> = (0..4).map(|seed| item(&pack, seed)).collect();
+    let before = run(&mut pipeline, &items).0;
+    pipeline.warm_up().unwrap();
+    assert!(run(&mut pipeline, &items).0 == before);
 }
 
 #[test]

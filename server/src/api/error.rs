@@ -9,6 +9,7 @@ use http::{HeaderValue, StatusCode, header};
 use serde::{Deserialize, Serialize};
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt as _};
+use troupe_proto::v1;
 use utoipa::ToSchema;
 
 use crate::batch::SubmitError;
@@ -57,9 +58,77 @@ pub enum ApiError {
         /// The name that was asked for.
         name: String,
         /// The field of the request that named it.
-        field: &'static str,
+        field: String,
         /// The names that there are.
         loaded: Vec<String>,
+    },
+    /// A session that ran out of its time to live.
+    #[error("the session {id:?} has expired: nobody commanded, stepped or streamed it within its ttl_ms")]
+    SessionExpired {
+        /// Its id.
+        id: String,
+        /// The field of the request that named it.
+        field: String,
+    },
+    /// A session that is not open.
+    #[error("there is no session {id:?}")]
+    UnknownSession {
+        /// Its id.
+        id: String,
+        /// The field of the request that named it.
+        field: String,
+    },
+    /// A session of that id is open already.
+    #[error("there is a session {id:?} already")]
+    SessionExists {
+        /// Its id.
+        id: String,
+        /// The field of the request that named it.
+        field: String,
+    },
+    /// Somebody else advances the session.
+    #[error("the session {id:?} is in the hands of {owner}")]
+    SessionBusy {
+        /// Its id.
+        id: String,
+        /// The field of the request that named it.
+        field: String,
+        /// Who advances it.
+        owner: &'static str,
+    },
+    /// No room for another session, on the server or on a stream.
+    #[error("{open} sessions are open{place}; allowed: at most {limit}")]
+    TooManySessions {
+        /// How many there are.
+        open: usize,
+        /// How many there may be.
+        limit: usize,
+        /// Where: nothing for the server, or ` on this stream`.
+        place: &'static str,
+    },
+    /// No room for another stream.
+    #[error("{limit} streams are open, and there is no room for more")]
+    TooManyStreams {
+        /// How many there may be.
+        limit: usize,
+    },
+    /// A style that the pack does not have.
+    #[error("{field}: there is no style {name:?}; allowed: {}", there_are.join(", "))]
+    UnknownStyle {
+        /// The name that was asked for.
+        name: String,
+        /// The field of the request that named it.
+        field: String,
+        /// The names that there are.
+        there_are: Vec<String>,
+    },
+    /// A style that came with its pack cannot be replaced.
+    #[error("{field}: the style {name:?} is one of the pack's own")]
+    StyleIsBuiltIn {
+        /// Its name.
+        name: String,
+        /// The field of the request that named it.
+        field: String,
     },
     /// No such route or method.
     #[error("there is no {0}")]
@@ -145,6 +214,20 @@ impl ApiError {
                 "RESOURCE_EXHAUSTED",
             ),
             Self::UnknownPack { .. } => (Code::NotFound, StatusCode::NOT_FOUND, "NOT_FOUND"),
+            Self::SessionExpired { .. } => (Code::NotFound, StatusCode::GONE, "NOT_FOUND"),
+            Self::UnknownSession { .. } => (Code::NotFound, StatusCode::NOT_FOUND, "NOT_FOUND"),
+            Self::SessionExists { .. } => (Code::AlreadyExists, StatusCode::CONFLICT, "ALREADY_EXISTS"),
+            Self::SessionBusy { .. } | Self::StyleIsBuiltIn { .. } => (
+                Code::FailedPrecondition,
+                StatusCode::CONFLICT,
+                "FAILED_PRECONDITION",
+            ),
+            Self::TooManySessions { .. } | Self::TooManyStreams { .. } => (
+                Code::ResourceExhausted,
+                StatusCode::TOO_MANY_REQUESTS,
+                "RESOURCE_EXHAUSTED",
+            ),
+            Self::UnknownStyle { .. } => (Code::InvalidArgument, StatusCode::BAD_REQUEST, "INVALID_ARGUMENT"),
             Self::UnknownRoute(_) => (Code::Unimplemented, StatusCode::NOT_FOUND, "NOT_FOUND"),
             Self::WrongMethod(_) => (
                 Code::Unimplemented,
@@ -163,12 +246,20 @@ impl ApiError {
     }
 
     /// A word for the kind of error, finer than its code: the reason in `google.rpc.ErrorInfo`.
-    fn reason(&self) -> &'static str {
+    pub fn reason(&self) -> &'static str {
         match self {
             Self::Field(_) => "INVALID_FIELD",
             Self::Malformed { .. } | Self::Truncated { .. } => "MALFORMED_REQUEST",
             Self::TooLarge { .. } => "REQUEST_TOO_LARGE",
             Self::UnknownPack { .. } => "UNKNOWN_PACK",
+            Self::SessionExpired { .. } => "SESSION_EXPIRED",
+            Self::UnknownSession { .. } => "UNKNOWN_SESSION",
+            Self::SessionExists { .. } => "SESSION_EXISTS",
+            Self::SessionBusy { .. } => "SESSION_BUSY",
+            Self::TooManySessions { .. } => "TOO_MANY_SESSIONS",
+            Self::TooManyStreams { .. } => "TOO_MANY_STREAMS",
+            Self::UnknownStyle { .. } => "UNKNOWN_STYLE",
+            Self::StyleIsBuiltIn { .. } => "STYLE_IS_BUILT_IN",
             Self::UnknownRoute(_) => "UNKNOWN_ROUTE",
             Self::WrongMethod(_) => "WRONG_METHOD",
             Self::QueueFull { .. } => "QUEUE_FULL",
@@ -191,6 +282,12 @@ impl ApiError {
             Self::Malformed { field, .. } => field.as_deref(),
             Self::TooLarge { .. } | Self::Truncated { .. } => Some("body"),
             Self::UnknownPack { field, .. } => Some(field),
+            Self::SessionExpired { field, .. }
+            | Self::UnknownSession { field, .. }
+            | Self::SessionExists { field, .. }
+            | Self::SessionBusy { field, .. }
+            | Self::UnknownStyle { field, .. }
+            | Self::StyleIsBuiltIn { field, .. } => Some(field),
             _ => None,
         }
     }
@@ -204,6 +301,12 @@ impl ApiError {
                 Some(format!("a whole message of at most {limit_bytes} bytes"))
             }
             Self::UnknownPack { loaded, .. } => Some(loaded.join(", ")),
+            Self::TooManySessions { limit, .. } | Self::TooManyStreams { limit } => {
+                Some(format!("at most {limit}"))
+            }
+            Self::UnknownStyle { there_are, .. } => Some(there_are.join(", ")),
+            Self::StyleIsBuiltIn { .. } => Some("a name that none of the pack's own styles has".to_owned()),
+            Self::SessionExists { .. } => Some("an id that is free, or none".to_owned()),
             _ => None,
         }
     }
@@ -222,11 +325,22 @@ impl ApiError {
         ErrorBody {
             error: ErrorDetail {
                 code: self.label().to_owned(),
+                reason: self.reason().to_owned(),
                 message: self.to_string(),
                 field: self.field().map(str::to_owned),
                 allowed: self.allowed(),
                 retry_after_ms: self.retry_after().map(|after| after.as_millis() as u64),
             },
+        }
+    }
+
+    /// The error as part of an answer that serves others.
+    pub fn problem(&self) -> v1::Problem {
+        v1::Problem {
+            reason: self.reason().to_owned(),
+            message: self.to_string(),
+            field: self.field().unwrap_or_default().to_owned(),
+            allowed: self.allowed().unwrap_or_default(),
         }
     }
 
@@ -307,6 +421,9 @@ pub struct ErrorBody {
 pub struct ErrorDetail {
     /// Name of the gRPC code that says the same, such as `INVALID_ARGUMENT`.
     pub code: String,
+    /// A word for the kind of error, finer than its code, such as `SESSION_EXPIRED`.
+    #[serde(default)]
+    pub reason: String,
     /// What went wrong, for people.
     pub message: String,
     /// The field that is wrong, such as `characters[0].context[2].pose.rotations[8]`.

@@ -1,4 +1,6 @@
-//! gRPC: the Motion service, health and reflection.
+//! gRPC: the Motion and Sessions services, health and reflection.
+
+mod sessions;
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -13,22 +15,28 @@ use tonic_health::server::{HealthReporter, HealthService};
 use tonic_reflection::server::{Builder, Error};
 use troupe_proto::v1;
 use troupe_proto::v1::motion_server::{Motion, MotionServer};
+use troupe_proto::v1::sessions_server::SessionsServer;
 
+use self::sessions::SessionsApi;
+use super::MAX_STREAM_MESSAGE_BYTES;
 use super::track::{self, Tracker};
 use crate::config::Config;
 use crate::service::Service;
 
-/// Tells health checks whether the Motion service, and the server as a whole, serves.
+/// Tells health checks whether the services, and the server as a whole, serve.
 pub async fn set_serving(health: &HealthReporter, serving: bool) {
     let status = if serving {
         ServingStatus::Serving
     } else {
         ServingStatus::NotServing
     };
-    health.set_service_status("", status).await;
-    health
-        .set_service_status(<MotionServer<MotionApi> as NamedService>::NAME, status)
-        .await;
+    for service in [
+        "",
+        MotionServer::<MotionApi>::NAME,
+        SessionsServer::<SessionsApi>::NAME,
+    ] {
+        health.set_service_status(service, status).await;
+    }
 }
 
 /// The Motion service over gRPC.
@@ -75,7 +83,22 @@ pub(super) fn router(
     let motion = MotionServer::new(MotionApi(service.clone()))
         .max_decoding_message_size(config.max_message_bytes)
         .max_encoding_message_size(usize::MAX);
-    let router = mount(Router::new(), motion).layer(middleware::from_fn_with_state(tracker, track::grpc));
+    let sessions = |limit_bytes: usize| {
+        let api = SessionsApi {
+            service: service.clone(),
+            stream_message_bytes: limit_bytes,
+        };
+        SessionsServer::new(api)
+            .max_decoding_message_size(limit_bytes)
+            .max_encoding_message_size(usize::MAX)
+    };
+    let router = mount(Router::new(), motion);
+    // A stream's messages are decoded one by one, without a look at their shape, so they are kept short.
+    let drive = format!("/{}/Drive", SessionsServer::<SessionsApi>::NAME);
+    let stream_limit = config.max_message_bytes.min(MAX_STREAM_MESSAGE_BYTES);
+    let router = router.route_service(&drive, sessions(stream_limit));
+    let router = mount(router, sessions(config.max_message_bytes))
+        .layer(middleware::from_fn_with_state(tracker, track::grpc));
     let router = mount(
         router,
         HealthServer::new(HealthService::from_health_reporter(health.clone())),

@@ -1,21 +1,25 @@
 //! HTTP: the same messages as JSON, and what operators need.
 
+pub(super) mod json;
+pub(super) mod sessions;
+
 use std::sync::Arc;
 
-use axum::body::{Body, Bytes};
+use axum::body::Body;
 use axum::extract::rejection::PathRejection;
-use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
+use axum::extract::{DefaultBodyLimit, Path, Request, State};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router, middleware};
-use http::{HeaderMap, StatusCode, header};
-use serde::de::DeserializeOwned;
+use http::{HeaderMap, header};
 use troupe_proto::v1;
 use utoipa_swagger_ui::SwaggerUi;
 
-use super::error::{ApiError, ErrorBody, MAX_MESSAGE, MAX_PATH, cut};
-use super::shape;
+use self::json::{BodyLimits, JsonBody};
+use super::error::{ApiError, ErrorBody, MAX_MESSAGE, cut};
+use super::shape::Shapes;
 use super::track::{self, Tracker};
+use super::ws;
 use crate::config::Config;
 use crate::inbetween::FieldError;
 use crate::service::Service;
@@ -25,12 +29,21 @@ pub(super) fn router(service: &Arc<Service>, config: &Config) -> Router {
     let tracker = Arc::new(Tracker::new(service, config));
     let limits = BodyLimits {
         bytes: config.max_message_bytes,
-        characters: config.max_characters_per_request,
+        shapes: Arc::new(Shapes::new(config)),
     };
+    let style = get(sessions::get_style).put(sessions::put_style);
     let api = Router::new()
         .route("/v1/inbetween", post(in_between))
         .route("/v1/packs", get(list_packs))
         .route("/v1/packs/{name}", get(get_pack))
+        .route("/v1/packs/{name}/styles", get(sessions::list_styles))
+        .route("/v1/packs/{name}/styles/{style}", style)
+        .route("/v1/sessions", post(sessions::create).get(sessions::list))
+        .route("/v1/sessions/{id}", get(sessions::get).delete(sessions::close))
+        .route("/v1/sessions/{id}/peek", get(sessions::peek))
+        .route("/v1/commands", post(sessions::command))
+        .route("/v1/step", post(sessions::step))
+        .route("/v1/drive", get(ws::drive))
         .method_not_allowed_fallback(wrong_method)
         .layer(middleware::from_fn_with_state(tracker, track::http))
         .layer(DefaultBodyLimit::max(config.max_message_bytes))
@@ -48,56 +61,6 @@ pub(super) fn router(service: &Arc<Service>, config: &Config) -> Router {
         // The page must not ask anybody else: by default it has a public validator draw a badge.
         .config(utoipa_swagger_ui::Config::from("/openapi.json").validator_url("none"));
     api.merge(operations).merge(docs)
-}
-
-/// Limits of a body. [`DefaultBodyLimit`] enforces the bytes; here they are named in errors.
-#[derive(Clone, Copy)]
-struct BodyLimits {
-    bytes: usize,
-    characters: usize,
-}
-
-/// A JSON body. Errors name the field; the content type does not matter.
-pub(super) struct JsonBody<T>(T);
-
-impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for JsonBody<T> {
-    type Rejection = ApiError;
-
-    async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
-        let limits = request.extensions().get::<BodyLimits>().copied();
-        let limits = limits.ok_or_else(|| ApiError::Internal("no limits are set".to_owned()))?;
-        let bytes = Bytes::from_request(request, state).await.map_err(|rejection| {
-            match rejection.into_response().status() {
-                StatusCode::PAYLOAD_TOO_LARGE => ApiError::TooLarge {
-                    limit_bytes: limits.bytes,
-                },
-                _ => ApiError::Truncated {
-                    problem: "it is shorter than announced".to_owned(),
-                    limit_bytes: limits.bytes,
-                },
-            }
-        })?;
-        shape::check_json(&bytes, limits.characters)?;
-        let mut json = serde_json::Deserializer::from_slice(&bytes);
-        let value = serde_path_to_error::deserialize(&mut json).map_err(|error| {
-            let (path, inner) = (error.path().to_string(), error.inner());
-            if inner.is_eof() {
-                return ApiError::Truncated {
-                    problem: inner.to_string(),
-                    limit_bytes: limits.bytes,
-                };
-            }
-            ApiError::Malformed {
-                message: cut(&inner.to_string(), MAX_MESSAGE),
-                field: (path != ".").then(|| cut(&path, MAX_PATH)),
-            }
-        })?;
-        json.end().map_err(|error| ApiError::Malformed {
-            message: error.to_string(),
-            field: None,
-        })?;
-        Ok(Self(value))
-    }
 }
 
 /// Fill the gap between context frames and target keyframes
@@ -159,12 +122,17 @@ pub(super) async fn get_pack(
     State(service): State<Arc<Service>>,
     name: Result<Path<String>, PathRejection>,
 ) -> Result<Json<v1::Pack>, ApiError> {
+    service.get_pack(&named("name", name)?).map(Json)
+}
+
+/// The part of a path that names something.
+fn named<T>(field: &str, name: Result<Path<T>, PathRejection>) -> Result<T, FieldError> {
     let Path(name) = name.map_err(|rejection| FieldError {
-        field: "name".to_owned(),
+        field: field.to_owned(),
         message: cut(&rejection.body_text(), MAX_MESSAGE),
-        allowed: "a pack's name, percent-encoded UTF-8".to_owned(),
+        allowed: "a name, percent-encoded UTF-8".to_owned(),
     })?;
-    service.get_pack(&name).map(Json)
+    Ok(name)
 }
 
 /// Whether the process lives

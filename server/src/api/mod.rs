@@ -1,4 +1,4 @@
-//! The public interface: gRPC and HTTP on one port, one validation, one mapping of errors.
+//! The public interface: gRPC, HTTP and WebSocket on one port, one validation, one mapping of errors.
 //!
 //! [`ApiError`] is the only place that knows how an error looks to a caller. Both fronts hand requests to
 //! [`Service`], under one time limit and one set of metrics.
@@ -9,6 +9,7 @@ mod http;
 mod openapi;
 mod shape;
 mod track;
+mod ws;
 
 use std::sync::Arc;
 
@@ -21,6 +22,9 @@ use crate::service::Service;
 pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;
 pub use openapi::document;
+
+/// Most bytes of one message on a stream.
+const MAX_STREAM_MESSAGE_BYTES: usize = 2 << 20;
 
 /// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it.
 ///

@@ -2,26 +2,41 @@
 
 use utoipa::OpenApi as _;
 
-use super::http;
+use super::{http, ws};
 
 #[derive(utoipa::OpenApi)]
 #[openapi(
     info(
         title = "Troupe",
-        description = "Motion in-betweening for many characters at once. Right-handed, Y up, +Z forward; metres, seconds, \
-                       radians; quaternions as w, x, y, z. The same messages travel over gRPC as troupe.v1.Motion on the \
-                       same port. A missing field takes its default (0, false or empty); unknown fields are refused.",
+        description = "Live characters and motion in-betweening, for many characters at once. Right-handed, Y up, +Z forward; \
+                       metres, seconds, radians; quaternions as w, x, y, z. Sessions may have another convention. The \
+                       same messages travel over gRPC as troupe.v1.Motion and troupe.v1.Sessions on the same port. A \
+                       missing field takes its default (0, false or empty); unknown fields are refused.",
     ),
     paths(
         http::in_between,
         http::list_packs,
         http::get_pack,
+        http::sessions::create,
+        http::sessions::list,
+        http::sessions::get,
+        http::sessions::close,
+        http::sessions::peek,
+        http::sessions::command,
+        http::sessions::step,
+        ws::drive,
+        http::sessions::list_styles,
+        http::sessions::get_style,
+        http::sessions::put_style,
         http::healthz,
         http::readyz,
         http::metrics
     ),
+    components(schemas(troupe_proto::v1::DriveRequest)),
     tags(
-        (name = "motion", description = "What the server is for"),
+        (name = "motion", description = "Single requests: motion between keyframes"),
+        (name = "sessions", description = "Live characters"),
+        (name = "styles", description = "Ways to move"),
         (name = "operations", description = "What operators need"),
     )
 )]

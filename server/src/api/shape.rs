@@ -1,69 +1,190 @@
 //! A look at the shape of a request before it is decoded. An empty message takes two bytes on the wire and a hundred
 //! times as much in memory, so a body within the size limit could still take gigabytes. Counting its parts is cheap.
 
+use std::collections::HashMap;
+
 use bytes::Bytes;
 use prost::encoding::{DecodeContext, WireType, decode_key, decode_varint, skip_field};
 
 use super::ApiError;
-use crate::inbetween::{FieldError, Path};
+use crate::config::Config;
+use crate::inbetween::FieldError;
+use crate::session::MAX_COMMANDS;
 
-/// Most keyframes of a character that are decoded; the pack's own, smaller limit is checked later.
+/// Most keyframes of a character or session that are decoded; the pack's own, smaller limit is checked later.
 const MAX_KEYFRAMES: usize = 256;
-/// Most objects and arrays of a character in JSON. A full one has some sixty; its id may hold more of their signs.
+/// Most gaits of a style, and keyframes of a gait, that are decoded; the smaller limits are checked later.
+const MAX_STYLE_PARTS: usize = 256;
+/// Most ids to close that are decoded.
+const MAX_IDS: usize = 10_000;
+/// Most objects and arrays of a character, or of a session to create, in JSON. A full one has some sixty; its id may hold
+/// more of their signs.
 const MAX_JSON_PARTS: usize = 1024;
+/// The same of a command.
+const MAX_COMMAND_JSON_PARTS: usize = 64;
 
-/// Field numbers of `InBetweenRequest.characters`, `Character.context` and `Character.targets`.
-const CHARACTERS: u32 = 2;
-const CONTEXT: u32 = 2;
-const TARGETS: u32 = 3;
+/// Where a list is: field numbers and names from the request down. A name that ends in `[]` is a list's on the way.
+type Steps = &'static [(u32, &'static str)];
 
-/// Checks an `InBetweenRequest` in gRPC framing. What is not whole, compressed or no protobuf passes: decoding says more.
-pub(super) fn check_grpc(frame: &Bytes, max_characters: usize) -> Result<(), ApiError> {
-    match frame.split_first_chunk::<5>() {
-        Some(([0, ..], message)) => check_protobuf(message, max_characters),
-        _ => Ok(()),
+/// A list that may have so many entries.
+#[derive(Debug, Clone, Copy)]
+struct Rule {
+    steps: Steps,
+    /// What the entries are.
+    what: &'static str,
+    most: usize,
+}
+
+/// What a request may look like.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Shape {
+    rules: Vec<Rule>,
+    /// Most objects and arrays as JSON.
+    json_parts: usize,
+}
+
+/// The shapes of requests by remote procedure, those that could grow so.
+#[derive(Debug, Clone)]
+pub(super) struct Shapes(HashMap<&'static str, Shape>);
+
+impl Shapes {
+    pub(super) fn new(config: &Config) -> Self {
+        let rule = |steps, what, most| Rule { steps, what, most };
+        let characters = config.max_characters_per_request;
+        let sessions = config.max_sessions_per_request;
+        let commands = |steps| rule(steps, "commands", MAX_COMMANDS);
+        let shape = |rules: &[Rule], json_parts| Shape {
+            rules: rules.to_vec(),
+            json_parts,
+        };
+        let command_parts = MAX_COMMAND_JSON_PARTS * MAX_COMMANDS;
+        Self(HashMap::from([
+            (
+                "InBetween",
+                shape(
+                    &[
+                        rule(&[(2, "characters")], "characters", characters),
+                        rule(&[(2, "characters[]"), (2, "context")], "keyframes", MAX_KEYFRAMES),
+                        rule(&[(2, "characters[]"), (3, "targets")], "keyframes", MAX_KEYFRAMES),
+                    ],
+                    MAX_JSON_PARTS.saturating_mul(characters),
+                ),
+            ),
+            (
+                "CreateSessions",
+                shape(
+                    &[
+                        rule(&[(1, "sessions")], "sessions", sessions),
+                        rule(&[(1, "sessions[]"), (8, "context")], "keyframes", MAX_KEYFRAMES),
+                    ],
+                    MAX_JSON_PARTS.saturating_mul(sessions),
+                ),
+            ),
+            ("CloseSessions", shape(&[rule(&[(1, "ids")], "ids", MAX_IDS)], 0)),
+            ("Command", shape(&[commands(&[(1, "commands")])], command_parts)),
+            (
+                "Step",
+                shape(
+                    &[
+                        rule(&[(1, "session_ids")], "sessions", sessions),
+                        commands(&[(4, "commands")]),
+                    ],
+                    command_parts,
+                ),
+            ),
+            (
+                "Drive",
+                shape(&[commands(&[(4, "command"), (1, "commands")])], command_parts),
+            ),
+            (
+                "PutStyle",
+                shape(
+                    &[
+                        rule(&[(2, "style"), (7, "gaits")], "gaits", MAX_STYLE_PARTS),
+                        rule(
+                            &[(2, "style"), (7, "gaits[]"), (6, "keys")],
+                            "keyframes",
+                            MAX_STYLE_PARTS,
+                        ),
+                    ],
+                    MAX_STYLE_PARTS * MAX_STYLE_PARTS,
+                ),
+            ),
+        ]))
+    }
+
+    /// The shape of a remote procedure's request. `None`: its size says enough.
+    pub(super) fn of(&self, rpc: &str) -> Option<&Shape> {
+        self.0.get(rpc)
     }
 }
 
-fn check_protobuf(message: &[u8], max_characters: usize) -> Result<(), ApiError> {
-    let root = Path::root();
-    let characters = Parts(message).filter(|part| part.0 == CHARACTERS);
-    for (index, (_, character)) in characters.enumerate() {
-        if index >= max_characters {
-            return Err(too_many(&root.field("characters"), "characters", max_characters));
+impl Shape {
+    /// Checks a request in gRPC framing. What is not whole, compressed or no protobuf passes: decoding says more.
+    pub(super) fn check_grpc(&self, frame: &Bytes) -> Result<(), ApiError> {
+        match frame.split_first_chunk::<5>() {
+            Some(([0, ..], message)) => self.check_protobuf(message),
+            _ => Ok(()),
         }
-        for (field, name) in [(CONTEXT, "context"), (TARGETS, "targets")] {
-            if Parts(character)
-                .filter(|part| part.0 == field)
-                .nth(MAX_KEYFRAMES)
-                .is_some()
-            {
-                let character = root.element("characters", index);
-                return Err(too_many(&character.field(name), "keyframes", MAX_KEYFRAMES));
+    }
+
+    /// Checks a request's message.
+    pub(super) fn check_protobuf(&self, message: &[u8]) -> Result<(), ApiError> {
+        self.rules
+            .iter()
+            .try_for_each(|rule| rule.check(message, rule.steps, ""))
+    }
+
+    /// Checks a request as JSON.
+    pub(super) fn check_json(&self, body: &[u8]) -> Result<(), ApiError> {
+        let parts = body.iter().filter(|&&byte| byte == b'{' || byte == b'[').count();
+        match self.rules.first() {
+            Some(rule) if parts > self.json_parts => {
+                let names: Vec<&str> = rule
+                    .steps
+                    .iter()
+                    .map(|(_, name)| name.trim_end_matches("[]"))
+                    .collect();
+                let what = format!("{}, or their parts,", rule.what);
+                Err(too_many(names.join("."), &what, rule.most))
             }
+            _ => Ok(()),
         }
     }
-    Ok(())
 }
 
-/// Checks an `InBetweenRequest` as JSON.
-pub(super) fn check_json(body: &[u8], max_characters: usize) -> Result<(), ApiError> {
-    let parts = body.iter().filter(|&&byte| byte == b'{' || byte == b'[').count();
-    match parts <= MAX_JSON_PARTS.saturating_mul(max_characters) {
-        true => Ok(()),
-        false => Err(too_many(
-            &Path::root().field("characters"),
-            "characters or keyframes",
-            max_characters,
-        )),
+impl Rule {
+    /// Counts the entries of a list at the end of `steps`, in every message on the way there.
+    fn check(&self, message: &[u8], steps: Steps, path: &str) -> Result<(), ApiError> {
+        let Some(((number, name), deeper)) = steps.split_first() else {
+            return Ok(());
+        };
+        let entries = || Parts(message).filter(|part| part.0 == *number);
+        let path = match path {
+            "" => (*name).to_owned(),
+            path => format!("{path}.{name}"),
+        };
+        if deeper.is_empty() {
+            return match entries().nth(self.most) {
+                Some(_) => Err(too_many(path, self.what, self.most)),
+                None => Ok(()),
+            };
+        }
+        for (index, (_, entry)) in entries().enumerate() {
+            self.check(entry, deeper, &path.replace("[]", &format!("[{index}]")))?;
+        }
+        Ok(())
     }
 }
 
-fn too_many(path: &Path<'_>, what: &str, limit: usize) -> ApiError {
-    let error: FieldError = path.error(format!("has more than {limit} {what}"), format!("1 to {limit}"));
-    error.into()
+fn too_many(field: String, what: &str, limit: usize) -> ApiError {
+    FieldError {
+        field,
+        message: format!("has more than {limit} {what}"),
+        allowed: format!("1 to {limit}"),
+    }
+    .into()
 }
-
 /// The length-delimited fields of a message, by number. Ends where the message ends or makes no sense.
 struct Parts<'a>(&'a [u8]);
 
@@ -87,7 +208,9 @@ impl<'a> Iterator for Parts<'a> {
 
 #[cfg(test)]
 mod tests {
-    use prost::Message as _;
+    use std::path::Path;
+
+    use prost::Message;
     use troupe_proto::v1;
 
     use super::*;
@@ -95,6 +218,26 @@ mod tests {
     fn framed(message: Vec<u8>) -> Bytes {
         let length = u32::try_from(message.len()).unwrap();
         [&[0], length.to_be_bytes().as_slice(), &message].concat().into()
+    }
+
+    fn shape(rpc: &str) -> Shape {
+        let mut config = Config::local(Path::new("models")).unwrap();
+        config.max_characters_per_request = 3;
+        config.max_sessions_per_request = 3;
+        Shapes::new(&config).of(rpc).unwrap().clone()
+    }
+
+    /// The field that a request is refused for, and what is allowed.
+    fn refused<T: Message>(rpc: &str, request: &T) -> Option<(String, String)> {
+        match shape(rpc).check_grpc(&framed(request.encode_to_vec())) {
+            Ok(()) => None,
+            Err(ApiError::Field(error)) => Some((error.field, error.allowed)),
+            Err(other) => panic!("{other}"),
+        }
+    }
+
+    fn at(field: &str, allowed: &str) -> Option<(String, String)> {
+        Some((field.to_owned(), allowed.to_owned()))
     }
 
     fn request(characters: usize, targets: usize) -> v1::InBetweenRequest {
@@ -115,36 +258,79 @@ mod tests {
 
     #[test]
     fn protobuf_parts_are_counted() {
-        let field = |request: v1::InBetweenRequest| match check_grpc(&framed(request.encode_to_vec()), 3) {
-            Ok(()) => None,
-            Err(ApiError::Field(error)) => Some((error.field, error.allowed)),
-            Err(other) => panic!("{other}"),
-        };
-        assert_eq!(field(request(3, 256)), None);
-        assert_eq!(field(request(4, 1)), Some(("characters".into(), "1 to 3".into())));
+        assert_eq!(refused("InBetween", &request(3, 256)), None);
+        assert_eq!(refused("InBetween", &request(4, 1)), at("characters", "1 to 3"));
         assert_eq!(
-            field(request(1, 257)),
-            Some(("characters[0].targets".into(), "1 to 256".into()))
+            refused("InBetween", &request(1, 257)),
+            at("characters[0].targets", "1 to 256")
         );
     }
 
     #[test]
+    fn commands_and_sessions_are_counted_wherever_they_are() {
+        let commands = |count| vec![v1::Command::default(); count];
+        let many = v1::CommandRequest {
+            commands: commands(10_001),
+        };
+        assert_eq!(refused("Command", &many), at("commands", "1 to 10000"));
+        let driven = v1::DriveRequest {
+            message: Some(v1::drive_request::Message::Command(many)),
+        };
+        assert_eq!(refused("Drive", &driven), at("command.commands", "1 to 10000"));
+        let step = v1::StepRequest {
+            session_ids: vec![String::new(); 3],
+            commands: commands(10_000),
+            ..v1::StepRequest::default()
+        };
+        assert_eq!(refused("Step", &step), None);
+        let create = v1::CreateSessionsRequest {
+            sessions: vec![
+                v1::SessionOptions {
+                    context: vec![v1::Keyframe::default(); 257],
+                    ..v1::SessionOptions::default()
+                };
+                2
+            ],
+        };
+        assert_eq!(
+            refused("CreateSessions", &create),
+            at("sessions[0].context", "1 to 256")
+        );
+    }
+
+    #[test]
+    fn keyframes_of_a_style_are_counted() {
+        let mut put = v1::PutStyleRequest {
+            style: Some(v1::Style {
+                gaits: vec![v1::Gait::default(); 2],
+                ..v1::Style::default()
+            }),
+            ..v1::PutStyleRequest::default()
+        };
+        assert_eq!(refused("PutStyle", &put), None);
+        put.style.as_mut().unwrap().gaits[1].keys = vec![v1::GaitKey::default(); 257];
+        assert_eq!(refused("PutStyle", &put), at("style.gaits[1].keys", "1 to 256"));
+    }
+
+    #[test]
     fn json_parts_are_counted() {
+        let shape = shape("InBetween");
         let full = serde_json::to_vec(&request(3, 4)).unwrap();
-        check_json(&full, 3).unwrap();
+        shape.check_json(&full).unwrap();
         for (start, part) in [("{\"characters\":[", "{},"), ("[", "[],")] {
             let body = format!("{start}{}", part.repeat(3 * MAX_JSON_PARTS));
-            assert!(check_json(body.as_bytes(), 3).is_err());
+            assert!(shape.check_json(body.as_bytes()).is_err());
         }
     }
 
     #[test]
     fn what_makes_no_sense_is_left_to_the_decoder() {
+        let shape = shape("InBetween");
         let good = framed(request(1, 1).encode_to_vec());
         for cut in 0..good.len() {
-            check_grpc(&good.slice(..cut), 3).unwrap();
+            shape.check_grpc(&good.slice(..cut)).unwrap();
         }
-        check_grpc(&framed(vec![0xff; 40]), 3).unwrap();
-        check_grpc(&Bytes::from_static(&[1, 0, 0, 0, 0]), 3).unwrap();
+        shape.check_grpc(&framed(vec![0xff; 40])).unwrap();
+        shape.check_grpc(&Bytes::from_static(&[1, 0, 0, 0, 0])).unwrap();
     }
 }

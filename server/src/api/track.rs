@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 use axum::extract::{MatchedPath, Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse as _, Response};
+use http::Method;
 use http_body_util::LengthLimitError;
 use tonic::Status;
 
 use super::error::{ApiError, CodeLabel};
-use super::shape;
+use super::shape::{Shape, Shapes};
 use crate::config::Config;
 use crate::service::Service;
 use crate::telemetry::Telemetry;
@@ -22,7 +23,7 @@ pub(super) struct Tracker {
     telemetry: Telemetry,
     timeout: Duration,
     max_message_bytes: usize,
-    max_characters: usize,
+    shapes: Shapes,
 }
 
 impl Tracker {
@@ -31,7 +32,7 @@ impl Tracker {
             telemetry: service.telemetry().clone(),
             timeout: config.request_timeout(),
             max_message_bytes: config.max_message_bytes,
-            max_characters: config.max_characters_per_request,
+            shapes: Shapes::new(config),
         }
     }
 }
@@ -53,15 +54,8 @@ impl Drop for Note<'_> {
 
 /// Runs an HTTP handler within the time limit.
 pub(super) async fn http(State(tracker): State<Arc<Tracker>>, request: Request, next: Next) -> Response {
-    let path = request
-        .extensions()
-        .get::<MatchedPath>()
-        .map(|path| path.as_str().to_owned());
-    let rpc = match path.as_deref() {
-        Some("/v1/inbetween") => "InBetween",
-        Some("/v1/packs") => "ListPacks",
-        _ => "GetPack",
-    };
+    let path = request.extensions().get::<MatchedPath>();
+    let rpc = path.map_or("unknown", |path| http_rpc(request.method(), path.as_str()));
     let mut note = Note {
         telemetry: &tracker.telemetry,
         rpc,
@@ -76,11 +70,58 @@ pub(super) async fn http(State(tracker): State<Arc<Tracker>>, request: Request, 
     response
 }
 
+/// The remote procedure behind a route.
+fn http_rpc(method: &Method, path: &str) -> &'static str {
+    match (path, method) {
+        ("/v1/inbetween", _) => "InBetween",
+        ("/v1/packs", _) => "ListPacks",
+        ("/v1/packs/{name}", _) => "GetPack",
+        ("/v1/sessions", &Method::POST) => "CreateSessions",
+        ("/v1/sessions", _) => "ListSessions",
+        ("/v1/sessions/{id}", &Method::DELETE) => "CloseSessions",
+        ("/v1/sessions/{id}", _) => "GetSession",
+        ("/v1/sessions/{id}/peek", _) => "Peek",
+        ("/v1/commands", _) => "Command",
+        ("/v1/step", _) => "Step",
+        ("/v1/drive", _) => "Drive",
+        ("/v1/packs/{name}/styles", _) => "ListStyles",
+        ("/v1/packs/{name}/styles/{style}", &Method::PUT) => "PutStyle",
+        ("/v1/packs/{name}/styles/{style}", _) => "GetStyle",
+        _ => "unknown",
+    }
+}
+
+/// The methods of the gRPC services, as metrics name them.
+const GRPC_METHODS: [&str; 14] = [
+    "InBetween",
+    "ListPacks",
+    "GetPack",
+    "CreateSessions",
+    "GetSession",
+    "ListSessions",
+    "CloseSessions",
+    "Command",
+    "Step",
+    "Drive",
+    "Peek",
+    "ListStyles",
+    "GetStyle",
+    "PutStyle",
+];
+
+/// The method that a gRPC path names.
+fn grpc_rpc(path: &str) -> &'static str {
+    let named = path.rsplit('/').next().unwrap_or_default();
+    let known = GRPC_METHODS.into_iter().find(|method| *method == named);
+    known.unwrap_or("unknown")
+}
+
 /// The code of an HTTP answer; only a success may have none noted on it.
 fn code_of(response: &Response) -> &'static str {
     match response.extensions().get::<CodeLabel>() {
         Some(label) => label.0,
-        None if response.status().is_success() => "OK",
+        // A connection that becomes a WebSocket is one that was answered.
+        None if response.status().is_success() || response.status().is_informational() => "OK",
         None => "UNKNOWN",
     }
 }
@@ -88,12 +129,7 @@ fn code_of(response: &Response) -> &'static str {
 /// Runs a gRPC handler within the time limit: the server's, or the caller's where that is shorter. Statuses that the
 /// gRPC library makes itself, for requests that it cannot read, become those of [`ApiError`].
 pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, next: Next) -> Response {
-    let rpc = match request.uri().path().rsplit('/').next() {
-        Some("InBetween") => "InBetween",
-        Some("ListPacks") => "ListPacks",
-        Some("GetPack") => "GetPack",
-        _ => "unknown",
-    };
+    let rpc = grpc_rpc(request.uri().path());
     let asked = request
         .headers()
         .get("grpc-timeout")
@@ -106,9 +142,11 @@ pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, 
         arrived: Instant::now(),
     };
     let handled = async {
-        let request = match rpc {
-            "InBetween" => screened(request, &tracker).await?,
-            _ => request,
+        // A stream has no end to wait for.
+        let shape = tracker.shapes.of(rpc).filter(|_| rpc != "Drive");
+        let request = match shape {
+            Some(shape) => screened(request, shape, tracker.max_message_bytes).await?,
+            None => request,
         };
         Ok(next.run(request).await)
     };
@@ -133,9 +171,8 @@ pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, 
 }
 
 /// Reads the one message of a request and looks at its shape before it is decoded.
-async fn screened(request: Request, tracker: &Tracker) -> Result<Request, ApiError> {
+async fn screened(request: Request, shape: &Shape, limit_bytes: usize) -> Result<Request, ApiError> {
     let (parts, body) = request.into_parts();
-    let limit_bytes = tracker.max_message_bytes;
     // The frame's head comes on top of the message.
     let frame = axum::body::to_bytes(body, limit_bytes.saturating_add(5))
         .await
@@ -151,7 +188,7 @@ async fn screened(request: Request, tracker: &Tracker) -> Result<Request, ApiErr
                 },
             }
         })?;
-    shape::check_grpc(&frame, tracker.max_characters)?;
+    shape.check_grpc(&frame)?;
     Ok(Request::from_parts(parts, frame.into()))
 }
 
@@ -181,6 +218,8 @@ mod tests {
     #[test]
     fn only_a_success_without_a_code_is_ok() {
         assert_eq!(code_of(&"fine".into_response()), "OK");
+        let upgraded = http::StatusCode::SWITCHING_PROTOCOLS.into_response();
+        assert_eq!(code_of(&upgraded), "OK");
         assert_eq!(
             code_of(&http::StatusCode::NOT_ACCEPTABLE.into_response()),
             "UNKNOWN"

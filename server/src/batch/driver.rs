@@ -19,6 +19,8 @@ pub type EngineFactory = Box<dyn FnOnce() -> Result<Pipeline, EngineError> + Sen
 
 /// Requests that may be on their way to the driver; its own queue is bounded in characters.
 const INBOX: usize = 1024;
+/// When it is worth to try again where the inbox is full: the driver empties it in one go.
+const FULL_INBOX_RETRY: Duration = Duration::from_millis(10);
 
 /// Why a request was not served.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -107,17 +109,44 @@ impl Batcher {
     /// # Errors
     /// [`SubmitError`], for the whole request.
     pub async fn submit(&self, items: Vec<WorkItem>) -> Result<Served, SubmitError> {
-        let (reply, answer) = oneshot::channel();
-        let submission = Submission {
-            items,
-            arrived: Instant::now(),
-            reply,
-        };
+        let (submission, answer) = Submission::new(items);
         self.inbox
             .send(submission)
             .await
             .map_err(|_| EngineError::Stopped)?;
         answer.await.map_err(|_| EngineError::Stopped)?
+    }
+
+    /// [`Batcher::submit`] for a caller who must not wait: `items` have a place, or not, when this returns. The future
+    /// that it gives is the answer; dropping it gives up the place.
+    ///
+    /// # Errors
+    /// [`SubmitError::QueueFull`] where there is no room on the way to the queue. The queue itself may still refuse.
+    pub fn enqueue(
+        &self,
+        items: Vec<WorkItem>,
+    ) -> Result<impl Future<Output = Result<Served, SubmitError>> + Send + use<>, SubmitError> {
+        let (submission, answer) = Submission::new(items);
+        self.inbox.try_send(submission).map_err(|error| match error {
+            mpsc::error::TrySendError::Full(_) => SubmitError::QueueFull {
+                pending_characters: INBOX,
+                retry_after: FULL_INBOX_RETRY,
+            },
+            mpsc::error::TrySendError::Closed(_) => EngineError::Stopped.into(),
+        })?;
+        Ok(async { answer.await.map_err(|_| EngineError::Stopped)? })
+    }
+}
+
+impl Submission {
+    fn new(items: Vec<WorkItem>) -> (Self, oneshot::Receiver<Result<Served, SubmitError>>) {
+        let (reply, answer) = oneshot::channel();
+        let submission = Self {
+            items,
+            arrived: Instant::now(),
+            reply,
+        };
+        (submission, answer)
     }
 }
 

@@ -135,6 +135,8 @@ fn items(marks: std::ops::Range<usize>) -> Vec<WorkItem> {
             seed: 0,
             temperature: 0.0,
             pose_steps: 1,
+            root_guide: None,
+            gap_poses: Vec::new(),
         })
         .collect()
 }
@@ -219,6 +221,49 @@ async fn a_full_queue_refuses_at_once_with_a_hint() {
     setup.permits.send(()).unwrap();
     assert!(first.await.unwrap().is_ok() && second.await.unwrap().is_ok());
     assert!(setup.telemetry.render().contains("reason=\"queue_full\"} 1"));
+}
+
+#[tokio::test]
+async fn what_is_enqueued_waits_in_the_order_of_the_calls_and_shares_batches() {
+    let setup = setup(4, 5, Trouble::None).await;
+    let first = submit(&setup, 0..1);
+    dispatched(&setup, 1).await;
+    let answers: Vec<_> = (1..4)
+        .map(|mark| setup.batcher.enqueue(items(mark..mark + 1)).unwrap())
+        .collect();
+    pending(&setup, 3).await;
+    // One that is dropped gives up its place, one that does not fit is refused.
+    let mut answers = answers.into_iter();
+    drop(answers.next());
+    let refused = setup.batcher.enqueue(items(10..14)).unwrap().await.unwrap_err();
+    assert!(
+        matches!(
+            refused,
+            SubmitError::QueueFull {
+                pending_characters: 2,
+                ..
+            }
+        ),
+        "{refused:?}"
+    );
+    setup.permits.send(()).unwrap();
+    setup.permits.send(()).unwrap();
+    first.await.unwrap().unwrap();
+    for (answer, mark) in answers.zip([2.0, 3.0]) {
+        assert_eq!(marks(&answer.await.unwrap()), [mark]);
+    }
+    assert_eq!(*setup.sizes.lock().unwrap(), [1, 2]);
+}
+
+#[tokio::test]
+async fn the_way_to_the_queue_has_an_end() {
+    let setup = setup(4, 5, Trouble::None).await;
+    // Nothing else runs on this thread meanwhile, so nobody empties the inbox.
+    let places: Vec<_> = (0..=INBOX)
+        .map(|mark| setup.batcher.enqueue(items(mark..mark + 1)))
+        .collect();
+    assert!(places[..INBOX].iter().all(Result::is_ok));
+    assert!(matches!(places[INBOX], Err(SubmitError::QueueFull { .. })));
 }
 
 #[tokio::test]

@@ -11,16 +11,21 @@ mod work;
 
 use crate::pack::Stage;
 
-pub use pipeline::{Pipeline, RowAnswer, StageTimes, buckets};
+pub use pipeline::{Pipeline, RowAnswer, StageTimes, buckets, lengths};
 pub use tensors::{DecoderOutput, PoseOutput, RootInput, RootOutput, Rows, TokenInput};
-pub use work::{KeyTensors, RawMotion, WorkItem};
+pub use work::{GapPose, KeyTensors, RawMotion, RootGuide, WorkItem};
 
 /// Runs the networks of one pack.
 ///
-/// `rows` is the batch size of the call: one of [`buckets`], so an engine sees few different shapes, all of them
-/// during warm-up. Only the first `rows` rows of inputs and outputs count. A row's result must not depend on the
-/// other rows.
+/// `rows` is the batch size of the call, one of [`buckets`], and the token axis of the pose stage and the decoder is
+/// [`TokenInput::length`], one of [`lengths`]: an engine sees few different shapes, all of them during warm-up. Only the
+/// first `rows` rows of inputs and outputs count. A row's result must not depend on the other rows.
 pub trait Stages: Send {
+    /// Whether the pose stage and the decoder take calls that are shorter than the pack's longest segment.
+    fn any_length(&self) -> bool {
+        true
+    }
+
     /// Token count and root trajectory from constraints.
     ///
     /// # Errors

@@ -85,6 +85,7 @@ impl Runtime {
 /// The three sessions of a pack.
 pub struct OnnxStages {
     dims: Dims,
+    any_length: bool,
     root: Session,
     pose: Session,
     decoder: Session,
@@ -109,11 +110,20 @@ impl OnnxStages {
             })?;
             Ok(session)
         };
+        let (root, pose, decoder) = (
+            session(Stage::Root)?,
+            session(Stage::Pose)?,
+            session(Stage::Decoder)?,
+        );
+        let any_length = [(Stage::Pose, &pose), (Stage::Decoder, &decoder)]
+            .into_iter()
+            .all(|(stage, session)| takes_any_length(&pack.dims, stage, session.inputs()));
         Ok(Self {
             dims: pack.dims,
-            root: session(Stage::Root)?,
-            pose: session(Stage::Pose)?,
-            decoder: session(Stage::Decoder)?,
+            any_length,
+            root,
+            pose,
+            decoder,
         })
     }
 }
@@ -123,11 +133,19 @@ fn open(runtime: &Runtime, path: &Path) -> Result<Session, String> {
         .map_err(|error| error.to_string())?
         .with_optimization_level(GraphOptimizationLevel::All)
         .map_err(|error| error.to_string())?
+        // A plan of the memory for each of many shapes: measured to gain nothing, and to slow small batches down.
+        .with_memory_pattern(false)
+        .map_err(|error| error.to_string())?
         .commit_from_file(path)
         .map_err(|error| error.to_string())
 }
 
 impl Stages for OnnxStages {
+    /// True where the graphs leave their time axis open. Packs of format 1 may fix it at the longest segment.
+    fn any_length(&self) -> bool {
+        self.any_length
+    }
+
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
         let failed = |error: ort::Error| run_error(Stage::Root, &error);
         let (slots, counts) = (self.dims.slots(), self.dims.counts());
@@ -206,10 +224,11 @@ fn run_tokens<'s>(
     input: &TokenInput,
 ) -> Result<SessionOutputs<'s>, EngineError> {
     let failed = |error: ort::Error| run_error(stage, &error);
-    let frames = dims.max_frames();
+    let tokens = input.length();
+    let frames = tokens * dims.frames_per_token;
     session
         .run(ort::inputs! {
-            "tokens" => view(rows, &[dims.max_tokens, dims.heads], &input.tokens).map_err(failed)?,
+            "tokens" => view(rows, &[tokens, dims.heads], &input.tokens).map_err(failed)?,
             "num_tokens" => view(rows, &[], &input.num_tokens).map_err(failed)?,
             "global_root" => view(rows, &[frames, GLOBAL_ROOT], &input.global_root).map_err(failed)?,
             "frame_pose" => view(rows, &[frames, dims.pose()], &input.frame_pose).map_err(failed)?,
@@ -273,6 +292,16 @@ fn check_signature(dims: &Dims, stage: Stage, inputs: &[Outlet], outputs: &[Outl
     }
 }
 
+/// Whether every time axis among a stage's inputs is open.
+fn takes_any_length(dims: &Dims, stage: Stage, inputs: &[Outlet]) -> bool {
+    let mut over_time = dims.inputs(stage).into_iter().filter(|spec| spec.open_time);
+    over_time.all(|spec| {
+        inputs.iter().filter(|outlet| outlet.name() == spec.name).all(
+            |outlet| matches!(outlet.dtype(), ValueType::Tensor { shape, .. } if shape.get(1) == Some(&-1)),
+        )
+    })
+}
+
 fn check_outlet(kind: &str, spec: &TensorSpec, outlets: &[Outlet]) -> Result<(), String> {
     let name = spec.name;
     let outlet = outlets
@@ -292,13 +321,14 @@ fn check_outlet(kind: &str, spec: &TensorSpec, outlets: &[Outlet]) -> Result<(),
         ));
     }
     // An output's axes may be left open by the exporter (-1); every run checks its length.
-    let open = |axis: i64| kind == "output" && axis == -1;
+    let open = |index: usize| kind == "output" || (index == 0 && spec.open_time);
     let fits = shape.len() == spec.shape.len() + 1
         && shape[0] == -1
         && shape[1..]
             .iter()
             .zip(&spec.shape)
-            .all(|(&axis, &wanted)| open(axis) || axis == wanted as i64);
+            .enumerate()
+            .all(|(index, (&axis, &wanted))| axis == wanted as i64 || (axis == -1 && open(index)));
     if !fits {
         let wanted: Vec<String> = spec.shape.iter().map(usize::to_string).collect();
         return Err(format!(

@@ -1,9 +1,12 @@
 //! Takes a batch of characters through root, pose and decoder.
 //!
-//! Batches are padded to a size [bucket](buckets) with neutral rows, so that the engine sees few shapes. Rows are ordered
-//! by their number of pose passes: the pose stage then runs on a shrinking prefix of the batch, and characters that asked
-//! for one pass do not pay for those that asked for ten.
+//! Batches are padded to a size [bucket](buckets) with neutral rows, so that the engine sees few shapes. Behind the root
+//! stage, which chooses token counts, rows part into groups of one [length](lengths) each, so that a short segment does
+//! not pay for a long one beside it. A row's own token count decides its length: the same request has the same frames,
+//! bit for bit, whatever it travels with. In a group, rows are ordered by their number of pose passes: the pose stage
+//! runs on a shrinking prefix, and characters that asked for one pass do not pay for those that asked for ten.
 
+use std::cmp::Reverse;
 use std::time::{Duration, Instant};
 
 use super::sampling::{PoseSampler, fill_count_noise};
@@ -12,13 +15,30 @@ use super::{
 };
 use crate::pack::{Dims, GLOBAL_ROOT, SIX_D, Stage};
 
-/// Batch sizes that an engine is asked for: powers of two up to `max_batch`, and `max_batch` itself.
+/// Batch sizes that an engine is asked for: powers of two and the numbers half-way between them up to `max_batch`, and
+/// `max_batch` itself. Less than a third of a batch is padding.
 pub fn buckets(max_batch: usize) -> Vec<usize> {
-    let mut sizes: Vec<usize> = std::iter::successors(Some(1), |size| Some(size * 2))
+    let powers = std::iter::successors(Some(1_usize), |size| size.checked_mul(2));
+    let mut sizes: Vec<usize> = powers
+        .flat_map(|power| [Some(power), (power > 1).then_some(power + power / 2)])
+        .flatten()
         .take_while(|&size| size < max_batch)
         .collect();
     sizes.push(max_batch.max(1));
     sizes
+}
+
+/// Token axes that an engine is asked for, in rising order. They go from the fewest to the most tokens in steps of a
+/// fifth, or one token, so that less than a fifth of a call is padding; it is the most alone where the engine does not
+/// take `any` length.
+pub fn lengths(dims: &Dims, any: bool) -> Vec<usize> {
+    let first = if any { dims.min_tokens } else { dims.max_tokens };
+    let mut lengths: Vec<usize> =
+        std::iter::successors(Some(first), |length| Some(length + (length / 5).max(1)))
+            .take_while(|&length| length < dims.max_tokens)
+            .collect();
+    lengths.push(dims.max_tokens);
+    lengths
 }
 
 /// Where a batch's time in the engine went.
@@ -28,13 +48,13 @@ pub struct StageTimes {
     pub assemble: Duration,
     /// The root stage.
     pub root: Duration,
-    /// All passes of the pose stage.
+    /// All passes of the pose stage, over all groups.
     pub pose: Duration,
-    /// The decoder.
+    /// The decoder, over all groups.
     pub decoder: Duration,
     /// Copying each character's rows out of the output tensors.
     pub scatter: Duration,
-    /// Rows of the batch, padding included.
+    /// Rows of the batch in the root stage, padding included.
     pub bucket: usize,
 }
 
@@ -53,6 +73,7 @@ pub struct Pipeline {
     dims: Dims,
     stages: Box<dyn Stages>,
     buckets: Vec<usize>,
+    lengths: Vec<usize>,
     root_input: RootInput,
     root_output: RootOutput,
     token_input: TokenInput,
@@ -71,28 +92,33 @@ impl Pipeline {
             token_input: TokenInput::new(&dims, rows),
             pose_output: PoseOutput::new(&dims, rows),
             decoder_output: DecoderOutput::new(&dims, rows),
+            lengths: lengths(&dims, stages.any_length()),
             dims,
             stages,
             buckets,
         }
     }
 
-    /// Runs every stage once in every bucket: the first run of a shape is slow, so it must not meet a caller.
+    /// Runs every stage once in every shape: the first run of a shape is slow, so it must not meet a caller. The largest
+    /// comes first, for the engine's memory grows by less then.
     ///
     /// # Errors
     /// [`EngineError`] where a stage fails.
     pub fn warm_up(&mut self) -> Result<(), EngineError> {
-        for bucket in self.buckets.clone() {
+        for bucket in self.buckets.clone().into_iter().rev() {
             self.clear_padding(0, bucket);
-            for row in 0..bucket {
-                self.token_input.clear_row(row, self.dims.min_tokens);
-            }
             self.stages
                 .root(bucket, &self.root_input, &mut self.root_output)?;
-            self.stages
-                .pose(bucket, &self.token_input, &mut self.pose_output)?;
-            self.stages
-                .decoder(bucket, &self.token_input, &mut self.decoder_output)?;
+            for length in self.lengths.clone().into_iter().rev() {
+                self.set_length(length);
+                for row in 0..bucket {
+                    self.token_input.clear_row(row, length);
+                }
+                self.stages
+                    .pose(bucket, &self.token_input, &mut self.pose_output)?;
+                self.stages
+                    .decoder(bucket, &self.token_input, &mut self.decoder_output)?;
+            }
         }
         Ok(())
     }
@@ -103,35 +129,56 @@ impl Pipeline {
     /// # Errors
     /// [`EngineError`] where a stage fails. The whole batch fails with it.
     pub fn run(&mut self, items: &[WorkItem]) -> Result<(Vec<RowAnswer>, StageTimes), EngineError> {
-        let mut order: Vec<usize> = (0..items.len()).collect();
-        order.sort_by_key(|&index| std::cmp::Reverse(items[index].pose_steps));
-        let sorted: Vec<&WorkItem> = order.iter().map(|&index| &items[index]).collect();
-
         let bucket = self.bucket(items.len());
         let mut times = StageTimes {
             bucket,
             ..StageTimes::default()
         };
-        timed(&mut times.assemble, || self.fill_root(&sorted, bucket));
+        timed(&mut times.assemble, || self.fill_root(items, bucket));
         timed(&mut times.root, || {
             self.stages.root(bucket, &self.root_input, &mut self.root_output)
         })?;
-        let mut counts = timed(&mut times.assemble, || self.fill_tokens(&sorted, bucket));
-        self.choose_tokens(&sorted, &mut counts, &mut times)?;
+
+        let mut answers = Vec::with_capacity(items.len());
+        let mut members = Vec::with_capacity(items.len());
+        for (row, item) in items.iter().enumerate() {
+            match self.root_answer(row, item) {
+                Ok(tokens) => members.push(Member {
+                    row,
+                    item,
+                    tokens,
+                    length: self.length(tokens),
+                }),
+                Err(error) => answers.push((row, Err(error))),
+            }
+        }
+        members.sort_by_key(|member| (member.length, Reverse(member.passes())));
+        for group in members.chunk_by(|a, b| a.length == b.length) {
+            let rows = group.iter().map(|member| member.row);
+            answers.extend(rows.zip(self.run_group(group, &mut times)?));
+        }
+        answers.sort_by_key(|answer| answer.0);
+        Ok((answers.into_iter().map(|answer| answer.1).collect(), times))
+    }
+
+    /// Runs the stages behind the root for rows of one length, ordered by falling number of passes.
+    fn run_group(
+        &mut self,
+        group: &[Member<'_>],
+        times: &mut StageTimes,
+    ) -> Result<Vec<RowAnswer>, EngineError> {
+        let bucket = self.bucket(group.len());
+        timed(&mut times.assemble, || self.fill_tokens(group, bucket));
+        let chosen = self.choose_tokens(group, times)?;
         timed(&mut times.decoder, || {
             self.stages
                 .decoder(bucket, &self.token_input, &mut self.decoder_output)
         })?;
-        let motions = timed(&mut times.scatter, || {
-            let mut answers: Vec<(usize, RowAnswer)> = order
-                .into_iter()
-                .zip(counts.into_iter().enumerate())
-                .map(|(index, (row, count))| (index, count.map(|count| self.copy_out(row, count))))
-                .collect();
-            answers.sort_by_key(|answer| answer.0);
-            answers.into_iter().map(|answer| answer.1).collect()
-        });
-        Ok((motions, times))
+        Ok(timed(&mut times.scatter, || {
+            let rows = group.iter().zip(chosen).enumerate();
+            rows.map(|(row, (member, chosen))| chosen.map(|()| self.copy_out(row, member)))
+                .collect()
+        }))
     }
 
     fn bucket(&self, rows: usize) -> usize {
@@ -142,13 +189,28 @@ impl Pipeline {
             .unwrap_or(rows)
     }
 
+    /// The length that a segment of `tokens` tokens is padded to.
+    fn length(&self, tokens: usize) -> usize {
+        self.lengths
+            .iter()
+            .copied()
+            .find(|&length| length >= tokens)
+            .unwrap_or(self.dims.max_tokens)
+    }
+
+    fn set_length(&mut self, length: usize) {
+        self.token_input.set_length(&self.dims, length);
+        self.pose_output.set_length(&self.dims, length);
+        self.decoder_output.set_length(&self.dims, length);
+    }
+
     fn clear_padding(&mut self, from: usize, bucket: usize) {
         for row in from..bucket {
             self.root_input.clear_row(row);
         }
     }
 
-    fn fill_root(&mut self, items: &[&WorkItem], bucket: usize) {
+    fn fill_root(&mut self, items: &[WorkItem], bucket: usize) {
         for (row, item) in items.iter().enumerate() {
             item.fill_root_input(&self.dims, row, &mut self.root_input);
             fill_count_noise(
@@ -160,24 +222,18 @@ impl Pipeline {
         self.clear_padding(items.len(), bucket);
     }
 
-    /// Fills the token input from the root stage's answer, and gives each row's token count. A row without one goes on
-    /// as padding.
-    fn fill_tokens(&mut self, items: &[&WorkItem], bucket: usize) -> Vec<Result<usize, EngineError>> {
-        let mut counts = Vec::with_capacity(items.len());
-        for (row, item) in items.iter().enumerate() {
-            let count = self.root_answer(row, item);
-            match count {
-                Ok(tokens) => {
-                    item.fill_token_input(&self.dims, row, tokens, &self.root_output, &mut self.token_input);
-                }
-                Err(_) => self.token_input.clear_row(row, self.dims.min_tokens),
-            }
-            counts.push(count);
+    /// Lays the token input out for a group and fills it from the root stage's answer.
+    fn fill_tokens(&mut self, group: &[Member<'_>], bucket: usize) {
+        self.set_length(group.first().map_or(self.dims.max_tokens, |member| member.length));
+        for (row, member) in group.iter().enumerate() {
+            let trajectory = self.root_output.global_root.row(member.row);
+            member
+                .item
+                .fill_token_input(&self.dims, row, member.tokens, trajectory, &mut self.token_input);
         }
-        for row in items.len()..bucket {
+        for row in group.len()..bucket {
             self.token_input.clear_row(row, self.dims.min_tokens);
         }
-        counts
     }
 
     /// The token count that the root stage chose for a row, where its trajectory is usable.
@@ -210,52 +266,72 @@ impl Pipeline {
             })
     }
 
-    /// Runs the pose stage until every row has its tokens. A row whose logits are not usable goes on as padding.
+    /// Runs the pose stage until every row of the group has its tokens. A row whose logits are not usable goes on as
+    /// padding.
     fn choose_tokens(
         &mut self,
-        items: &[&WorkItem],
-        counts: &mut [Result<usize, EngineError>],
+        group: &[Member<'_>],
         times: &mut StageTimes,
-    ) -> Result<(), EngineError> {
+    ) -> Result<Vec<Result<(), EngineError>>, EngineError> {
         let Dims { heads, codes, .. } = self.dims;
-        let mut samplers: Vec<PoseSampler> = items
+        let mut chosen = vec![Ok(()); group.len()];
+        let mut samplers: Vec<PoseSampler> = group
             .iter()
-            .map(|item| PoseSampler::new(item.seed, item.temperature, item.pose_steps.max(1)))
+            .map(|member| PoseSampler::new(member.item.seed, member.item.temperature, member.passes()))
             .collect();
-        let passes = items.first().map_or(0, |item| item.pose_steps.max(1));
+        let passes = group.first().map_or(0, Member::passes);
         for pass in 1..=passes {
-            let active = items.partition_point(|item| item.pose_steps.max(1) >= pass);
+            let active = group.partition_point(|member| member.passes() >= pass);
             let bucket = self.bucket(active);
             timed(&mut times.pose, || {
                 self.stages.pose(bucket, &self.token_input, &mut self.pose_output)
             })?;
             let started = Instant::now();
             for (row, sampler) in samplers[..active].iter_mut().enumerate() {
-                let Ok(count) = counts[row] else { continue };
-                let tokens = &mut self.token_input.tokens.row_mut(row)[..count * heads];
+                if chosen[row].is_err() {
+                    continue;
+                }
+                let tokens = &mut self.token_input.tokens.row_mut(row)[..group[row].tokens * heads];
                 if !sampler.commit(pass, codes, self.pose_output.logits.row(row), tokens) {
-                    counts[row] = Err(output(Stage::Pose, "logits that are not finite"));
+                    chosen[row] = Err(output(Stage::Pose, "logits that are not finite"));
                     self.token_input.clear_row(row, self.dims.min_tokens);
                 }
             }
             times.assemble += started.elapsed();
         }
-        Ok(())
+        Ok(chosen)
     }
 
-    fn copy_out(&self, row: usize, num_tokens: usize) -> RawMotion {
+    /// The answer of a group's row number `row`.
+    fn copy_out(&self, row: usize, member: &Member<'_>) -> RawMotion {
         let dims = &self.dims;
-        let frames = num_tokens * dims.frames_per_token;
-        let tokens = &self.token_input.tokens.row(row)[..num_tokens * dims.heads];
+        let frames = member.tokens * dims.frames_per_token;
+        let tokens = &self.token_input.tokens.row(row)[..member.tokens * dims.heads];
         RawMotion {
-            num_tokens,
-            count_probs: self.root_output.count_probs.row(row).to_vec(),
-            root_r_g3: self.root_output.global_root.row(row)[..frames * GLOBAL_ROOT].to_vec(),
+            num_tokens: member.tokens,
+            count_probs: self.root_output.count_probs.row(member.row).to_vec(),
+            root_r_g3: self.root_output.global_root.row(member.row)[..frames * GLOBAL_ROOT].to_vec(),
             tokens: tokens.iter().map(|&token| token as u32).collect(),
             root_r_g4: self.decoder_output.global_root.row(row)[..frames * GLOBAL_ROOT].to_vec(),
             rotations: self.decoder_output.rotations.row(row)[..frames * dims.joints * SIX_D].to_vec(),
             contacts: self.decoder_output.contacts.row(row)[..frames * dims.contacts].to_vec(),
         }
+    }
+}
+
+/// A row of the batch behind the root stage.
+struct Member<'a> {
+    /// Its row in the root stage, and its place among the answers.
+    row: usize,
+    item: &'a WorkItem,
+    tokens: usize,
+    /// Tokens with padding.
+    length: usize,
+}
+
+impl Member<'_> {
+    fn passes(&self) -> u32 {
+        self.item.pose_steps.max(1)
     }
 }
 

@@ -1,7 +1,7 @@
 use std::sync::{Arc, Mutex};
 
 use super::*;
-use crate::engine::KeyTensors;
+use crate::engine::{KeyTensors, RootGuide};
 
 const DIMS: Dims = Dims {
     joints: 2,
@@ -15,23 +15,37 @@ const DIMS: Dims = Dims {
     max_targets: 4,
 };
 
+/// Stage, rows, and token axis of a call; 0 for the root stage, which has none.
+type Call = (Stage, usize, usize);
+
 /// Rows in, rows out: each stage writes values that tell which row's input they came from.
 #[derive(Default)]
 struct Echo {
-    calls: Arc<Mutex<Vec<(Stage, usize)>>>,
+    calls: Arc<Mutex<Vec<Call>>>,
     break_stage: Option<Stage>,
     count: Option<i64>,
+    one_length: bool,
 }
 
 impl Echo {
-    fn call(&self, stage: Stage, rows: usize) {
-        self.calls.lock().unwrap().push((stage, rows));
+    fn call(&self, stage: Stage, rows: usize, length: usize) {
+        self.calls.lock().unwrap().push((stage, rows, length));
     }
 }
 
+/// x of the root in the last frame of the segment.
+fn last_x(input: &TokenInput, row: usize) -> f32 {
+    let frames = input.num_tokens.row(row)[0] as usize * DIMS.frames_per_token;
+    input.global_root.row(row)[(frames - 1) * GLOBAL_ROOT]
+}
+
 impl Stages for Echo {
+    fn any_length(&self) -> bool {
+        !self.one_length
+    }
+
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
-        self.call(Stage::Root, rows);
+        self.call(Stage::Root, rows, 0);
         for row in 0..rows {
             let first = input
                 .allowed_counts
@@ -53,9 +67,10 @@ impl Stages for Echo {
     }
 
     fn pose(&mut self, rows: usize, input: &TokenInput, output: &mut PoseOutput) -> Result<(), EngineError> {
-        self.call(Stage::Pose, rows);
+        self.call(Stage::Pose, rows, input.length());
+        assert_eq!(output.logits.row(0).len(), input.length() * 10);
         for row in 0..rows {
-            let code = input.global_root.row(row)[0] as usize % DIMS.codes;
+            let code = last_x(input, row) as usize % DIMS.codes;
             for logits in output.logits.row_mut(row).chunks_mut(DIMS.codes) {
                 logits.fill(0.0);
                 logits[code] = 1.0;
@@ -73,7 +88,7 @@ impl Stages for Echo {
         input: &TokenInput,
         output: &mut DecoderOutput,
     ) -> Result<(), EngineError> {
-        self.call(Stage::Decoder, rows);
+        self.call(Stage::Decoder, rows, input.length());
         if self.break_stage == Some(Stage::Decoder) {
             return Err(EngineError::Run {
                 stage: Stage::Decoder,
@@ -89,13 +104,23 @@ impl Stages for Echo {
                     .all(|&token| token < DIMS.codes as i64),
                 "masked token left"
             );
-            output.rotations.fill_row(row, input.global_root.row(row)[0]);
+            output.rotations.fill_row(row, last_x(input, row));
+            output
+                .global_root
+                .row_mut(row)
+                .copy_from_slice(input.global_root.row(row));
+            output.contacts.fill_row(row, input.length() as f32);
         }
         Ok(())
     }
 }
 
+/// A task whose root stays at `mark`, and which takes `mark` tokens more than the fewest.
 fn item(mark: f32, pose_steps: u32) -> WorkItem {
+    item_of(mark, DIMS.min_tokens + mark as usize, pose_steps)
+}
+
+fn item_of(mark: f32, tokens: usize, pose_steps: u32) -> WorkItem {
     let key = KeyTensors {
         global_root: Some([mark; 5]),
         ..KeyTensors::default()
@@ -104,10 +129,14 @@ fn item(mark: f32, pose_steps: u32) -> WorkItem {
         context: vec![key.clone(); 4],
         targets: vec![key],
         frames: None,
-        allowed_counts: (0..DIMS.counts()).map(|index| index == mark as usize).collect(),
+        allowed_counts: (DIMS.min_tokens..=DIMS.max_tokens)
+            .map(|count| count == tokens)
+            .collect(),
         seed: 1,
         temperature: 0.0,
         pose_steps,
+        root_guide: None,
+        gap_poses: Vec::new(),
     }
 }
 
@@ -122,85 +151,148 @@ fn pipeline(echo: Echo) -> Pipeline {
 }
 
 #[test]
-fn buckets_are_powers_of_two_and_the_limit() {
-    assert_eq!(buckets(64), [1, 2, 4, 8, 16, 32, 64]);
-    assert_eq!(buckets(6), [1, 2, 4, 6]);
+fn buckets_are_at_most_a_third_padding() {
+    assert_eq!(buckets(64), [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64]);
+    assert_eq!(buckets(10), [1, 2, 3, 4, 6, 8, 10]);
+    assert_eq!(buckets(3), [1, 2, 3]);
     assert_eq!(buckets(1), [1]);
 }
 
 #[test]
-fn warm_up_runs_every_stage_in_every_bucket() {
-    let echo = Echo::default();
-    let calls = echo.calls.clone();
-    pipeline(echo).warm_up().unwrap();
-    let expected: Vec<_> = [1, 2, 4, 8]
-        .into_iter()
-        .flat_map(|rows| Stage::ALL.map(|stage| (stage, rows)))
-        .collect();
-    assert_eq!(*calls.lock().unwrap(), expected);
+fn lengths_are_at_most_a_fifth_padding() {
+    assert_eq!(lengths(&DIMS, true), [3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16]);
+    assert_eq!(lengths(&DIMS, false), [16]);
+    let dims = Dims {
+        min_tokens: 3,
+        max_tokens: 3,
+        ..DIMS
+    };
+    assert_eq!(lengths(&dims, true), [3]);
 }
 
 #[test]
-fn answers_come_in_the_order_of_the_items_whatever_their_passes() {
+fn warm_up_runs_every_stage_in_every_shape() {
+    for one_length in [false, true] {
+        let echo = Echo {
+            one_length,
+            ..Echo::default()
+        };
+        let calls = echo.calls.clone();
+        pipeline(echo).warm_up().unwrap();
+        let mut expected = Vec::new();
+        for rows in [8, 6, 4, 3, 2, 1] {
+            expected.push((Stage::Root, rows, 0));
+            for length in lengths(&DIMS, !one_length).into_iter().rev() {
+                expected.extend([(Stage::Pose, rows, length), (Stage::Decoder, rows, length)]);
+            }
+        }
+        assert_eq!(*calls.lock().unwrap(), expected);
+    }
+}
+
+#[test]
+fn answers_come_in_the_order_of_the_items_whatever_their_lengths_and_passes() {
+    for one_length in [false, true] {
+        let echo = Echo {
+            one_length,
+            ..Echo::default()
+        };
+        let items: Vec<WorkItem> = [(4.0, 1), (2.0, 3), (13.0, 1), (4.0, 2), (1.0, 1)]
+            .map(|(mark, steps)| item(mark, steps))
+            .into();
+        let (motions, _) = pipeline(echo).run(&items).unwrap();
+        for (motion, mark) in motions.into_iter().zip([4.0, 2.0, 13.0, 4.0, 1.0]) {
+            let motion = motion.unwrap();
+            assert_eq!(motion.num_tokens, DIMS.min_tokens + mark as usize);
+            let frames = motion.num_tokens * 4;
+            assert_eq!(motion.root_r_g3, vec![mark; frames * 5]);
+            assert_eq!(motion.rotations, vec![mark; frames * 2 * 6]);
+            assert_eq!(motion.tokens, vec![mark as u32 % 5; motion.num_tokens * 2]);
+            assert_eq!(motion.root_r_g4, motion.root_r_g3);
+            assert_eq!(motion.contacts.len(), frames);
+        }
+    }
+}
+
+#[test]
+fn rows_run_in_groups_of_one_length_and_passes_for_those_who_asked() {
     let echo = Echo::default();
     let calls = echo.calls.clone();
-    let items: Vec<WorkItem> = [(1.0, 1), (2.0, 3), (3.0, 1), (4.0, 2), (5.0, 1)]
-        .map(|(mark, steps)| item(mark, steps))
-        .into();
-    let (motions, times) = pipeline(echo).run(&items).unwrap();
-    for (index, motion) in motions.into_iter().enumerate() {
-        let motion = motion.unwrap();
-        let mark = 1.0 + index as f32;
-        assert_eq!(motion.num_tokens, DIMS.min_tokens + index + 1);
-        let frames = motion.num_tokens * 4;
-        assert_eq!(motion.root_r_g3, vec![mark; frames * 5]);
-        assert_eq!(motion.rotations, vec![mark; frames * 2 * 6]);
-        assert_eq!(motion.tokens, vec![mark as u32 % 5; motion.num_tokens * 2]);
-        assert_eq!(
-            (motion.root_r_g4.len(), motion.contacts.len()),
-            (frames * 5, frames)
-        );
-    }
-    // Five rows take the bucket of 8; later pose passes run only for those who asked for them.
-    let pose: Vec<usize> = calls
-        .lock()
-        .unwrap()
-        .iter()
-        .filter(|call| call.0 == Stage::Pose)
-        .map(|call| call.1)
-        .collect();
-    assert_eq!((times.bucket, pose), (8, vec![8, 2, 1]));
+    // Eleven and twelve tokens share a length; ten have their own.
+    let items = [(10, 1), (12, 1), (11, 3), (12, 2), (10, 1), (12, 1), (12, 1)];
+    let items = items.map(|(tokens, steps)| item_of(1.0, tokens, steps));
+    let (_, times) = pipeline(echo).run(&items).unwrap();
+    assert_eq!(times.bucket, 8);
+    let expected = [
+        (Stage::Root, 8, 0),
+        (Stage::Pose, 2, 10),
+        (Stage::Decoder, 2, 10),
+        (Stage::Pose, 6, 12),
+        (Stage::Pose, 2, 12),
+        (Stage::Pose, 1, 12),
+        (Stage::Decoder, 6, 12),
+    ];
+    assert_eq!(*calls.lock().unwrap(), expected);
 }
 
 #[test]
 fn a_character_alone_and_in_a_batch_is_the_same() {
     let mut pipeline = pipeline(Echo::default());
-    let alone = run(&mut pipeline, &[item(3.0, 2)]);
-    let items: Vec<WorkItem> = (1..=8)
-        .map(|mark| item(mark as f32, 1 + mark as u32 % 3))
-        .collect();
+    let items: Vec<WorkItem> = [
+        (1.0, 3),
+        (2.0, 16),
+        (3.0, 9),
+        (4.0, 11),
+        (5.0, 12),
+        (6.0, 9),
+        (7.0, 15),
+    ]
+    .into_iter()
+    .map(|(mark, tokens)| item_of(mark, tokens, 1 + mark as u32 % 3))
+    .collect();
     let together = run(&mut pipeline, &items);
-    assert_eq!(alone[0].rotations, together[2].rotations);
-    assert_eq!(alone[0].tokens, together[2].tokens);
+    for (item, together) in items.iter().zip(together) {
+        // The toy decoder writes the call's length into the contacts.
+        assert_eq!(run(&mut pipeline, std::slice::from_ref(item)), [together]);
+    }
+}
+
+#[test]
+fn the_stages_behind_the_root_see_the_guided_trajectory() {
+    let mut guided = item(3.0, 1);
+    guided.root_guide = Some(RootGuide {
+        path: vec![[4.0, 9.0, 3.0, 0.0]; 24].into(),
+        position_ratio: 1.0,
+        height_ratio: 0.0,
+        heading_ratio: 1.0,
+    });
+    let motions = run(&mut pipeline(Echo::default()), &[guided, item(3.0, 1)]);
+    for (motion, x) in motions.into_iter().zip([4.0, 3.0]) {
+        assert_eq!(motion.root_r_g3, [3.0; 24 * 5]);
+        assert_eq!(motion.tokens, [x as u32; 12]);
+        for (frame, root) in motion.root_r_g4.chunks(5).enumerate() {
+            assert_eq!(root[..3], [if frame < 4 { 3.0 } else { x }, 3.0, 3.0]);
+        }
+    }
 }
 
 #[test]
 fn outputs_out_of_the_contract_fail_their_own_row_only() {
-    // The second item asks for the most passes, so it is row 0, which the engine spoils.
-    let items = [item(1.0, 1), item(2.0, 3), item(3.0, 2)];
+    // The engine spoils row 0: in the root stage that is the first item, behind it the one with the most passes.
+    let items = [(1.0, 1), (2.0, 3), (3.0, 2)].map(|(mark, steps)| item_of(mark, 5, steps));
     let good = run(&mut pipeline(Echo::default()), &items);
-    for (stage, says) in [
-        (Stage::Root, "trajectory that is not finite"),
-        (Stage::Pose, "logits that are not finite"),
+    for (stage, bad, says) in [
+        (Stage::Root, 0, "trajectory that is not finite"),
+        (Stage::Pose, 1, "logits that are not finite"),
     ] {
         let mut pipeline = pipeline(Echo {
             break_stage: Some(stage),
             ..Echo::default()
         });
         let (answers, _) = pipeline.run(&items).unwrap();
-        let error = answers[1].as_ref().unwrap_err().to_string();
+        let error = answers[bad].as_ref().unwrap_err().to_string();
         assert!(error.contains(says), "{error}");
-        for row in [0, 2] {
+        for row in (0..3).filter(|&row| row != bad) {
             let motion = answers[row].as_ref().unwrap();
             assert_eq!(motion.rotations, good[row].rotations, "{stage:?}");
             assert_eq!(motion.tokens, good[row].tokens, "{stage:?}");

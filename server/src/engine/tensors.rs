@@ -2,7 +2,7 @@
 
 use crate::pack::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
 
-/// A batch of equally wide rows in one allocation.
+/// A batch of equally wide rows in one allocation, without gaps: the first rows are a tensor as they lie.
 #[derive(Debug, Clone)]
 pub struct Rows<T> {
     data: Vec<T>,
@@ -16,6 +16,11 @@ impl<T: Copy + Default> Rows<T> {
             data: vec![T::default(); rows * width],
             width,
         }
+    }
+
+    /// Makes every row `width` elements wide, at most the width it was made with. What rows hold is lost.
+    fn set_width(&mut self, width: usize) {
+        self.width = width;
     }
 
     /// One row.
@@ -132,32 +137,49 @@ impl RootOutput {
     }
 }
 
-/// Input of the pose stage and of the decoder.
+/// Input of the pose stage and of the decoder, laid out for calls of N tokens and F frames: N is [`Self::length`].
 #[derive(Debug, Clone)]
 pub struct TokenInput {
-    /// `[max tokens, heads]`: pose tokens; the number of codes stands for a masked token.
+    length: usize,
+    /// `[N, heads]`: pose tokens; the number of codes stands for a masked token.
     pub tokens: Rows<i64>,
-    /// `[]`: tokens of the segment.
+    /// `[]`: tokens of the segment, N or fewer.
     pub num_tokens: Rows<i64>,
-    /// `[max frames, 5]`: r_g3 in the segment frame.
+    /// `[F, 5]`: r_g3 in the segment frame.
     pub global_root: Rows<f32>,
-    /// `[max frames, joints * 9]`: pose features at the frames of pose keyframes, zero elsewhere.
+    /// `[F, joints * 9]`: pose features at the frames of pose keyframes, zero elsewhere.
     pub frame_pose: Rows<f32>,
-    /// `[max frames]`: 1 at the frames of pose keyframes.
+    /// `[F]`: 1 at the frames of pose keyframes.
     pub frame_mask: Rows<f32>,
 }
 
 impl TokenInput {
-    /// Buffers for up to `rows` characters.
+    /// Buffers for up to `rows` characters, laid out for the longest segments.
     pub fn new(dims: &Dims, rows: usize) -> Self {
         let frames = dims.max_frames();
         Self {
+            length: dims.max_tokens,
             tokens: Rows::new(rows, dims.max_tokens * dims.heads),
             num_tokens: Rows::new(rows, 1),
             global_root: Rows::new(rows, frames * GLOBAL_ROOT),
             frame_pose: Rows::new(rows, frames * dims.pose()),
             frame_mask: Rows::new(rows, frames),
         }
+    }
+
+    /// N, the token axis of a call: every row has room for so many tokens, padding included.
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Lays the rows out for calls of `length` tokens, at most the pack's most. What rows hold is lost.
+    pub(super) fn set_length(&mut self, dims: &Dims, length: usize) {
+        let frames = length * dims.frames_per_token;
+        self.length = length;
+        self.tokens.set_width(length * dims.heads);
+        self.global_root.set_width(frames * GLOBAL_ROOT);
+        self.frame_pose.set_width(frames * dims.pose());
+        self.frame_mask.set_width(frames);
     }
 
     /// Makes `row` neutral: `num_tokens` tokens of code 0 without any keyframe, standing at the origin.
@@ -172,10 +194,10 @@ impl TokenInput {
     }
 }
 
-/// Output of the pose stage.
+/// Output of the pose stage, laid out as its input is.
 #[derive(Debug, Clone)]
 pub struct PoseOutput {
-    /// `[max tokens, heads, codes]`: unnormalised log-probability of each code.
+    /// `[N, heads, codes]`: unnormalised log-probability of each code.
     pub logits: Rows<f32>,
 }
 
@@ -186,16 +208,21 @@ impl PoseOutput {
             logits: Rows::new(rows, dims.max_tokens * dims.heads * dims.codes),
         }
     }
+
+    /// Lays the rows out for calls of `length` tokens. What rows hold is lost.
+    pub(super) fn set_length(&mut self, dims: &Dims, length: usize) {
+        self.logits.set_width(length * dims.heads * dims.codes);
+    }
 }
 
-/// Output of the decoder, as far as the server reads it.
+/// Output of the decoder, as far as the server reads it, laid out as its input is.
 #[derive(Debug, Clone)]
 pub struct DecoderOutput {
-    /// `[max frames, joints, 6]`: 6D rotations in the segment frame.
+    /// `[F, joints, 6]`: 6D rotations in the segment frame.
     pub rotations: Rows<f32>,
-    /// `[max frames, 5]`: r_g4 in the segment frame.
+    /// `[F, 5]`: r_g4 in the segment frame.
     pub global_root: Rows<f32>,
-    /// `[max frames, contacts]`: probability of ground contact.
+    /// `[F, contacts]`: probability of ground contact.
     pub contacts: Rows<f32>,
 }
 
@@ -208,5 +235,13 @@ impl DecoderOutput {
             global_root: Rows::new(rows, frames * GLOBAL_ROOT),
             contacts: Rows::new(rows, frames * dims.contacts),
         }
+    }
+
+    /// Lays the rows out for calls of `length` tokens. What rows hold is lost.
+    pub(super) fn set_length(&mut self, dims: &Dims, length: usize) {
+        let frames = length * dims.frames_per_token;
+        self.rotations.set_width(frames * dims.joints * SIX_D);
+        self.global_root.set_width(frames * GLOBAL_ROOT);
+        self.contacts.set_width(frames * dims.contacts);
     }
 }

@@ -24,17 +24,7 @@ pub struct NonFinite;
 pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::CharacterResult, NonFinite> {
     let dims = &pack.dims;
     let frames = plan.frames.unwrap_or(raw.num_tokens * dims.frames_per_token);
-    let finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
-    let outputs = [
-        &raw.count_probs,
-        &raw.root_r_g3,
-        &raw.root_r_g4,
-        &raw.rotations,
-        &raw.contacts,
-    ];
-    if !outputs.into_iter().all(|values| finite(values)) {
-        return Err(NonFinite);
-    }
+    check_finite(raw)?;
 
     let mut roots: Vec<GlobalRoot> = roots(&raw.root_r_g4[..frames * GLOBAL_ROOT]).collect();
     let mut rotations = parent_relative(raw, frames, dims, &pack.skeleton);
@@ -63,6 +53,26 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
         }),
         intermediates: plan.intermediates.then(|| intermediates(raw, &plan.frame, dims)),
     })
+}
+
+/// Checks that all that the stages gave is finite.
+///
+/// # Errors
+/// [`NonFinite`] where it is not.
+pub(crate) fn check_finite(raw: &RawMotion) -> Result<(), NonFinite> {
+    let outputs = [
+        &raw.count_probs,
+        &raw.root_r_g3,
+        &raw.root_r_g4,
+        &raw.rotations,
+        &raw.contacts,
+    ];
+    let finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
+    if outputs.into_iter().all(|values| finite(values)) {
+        Ok(())
+    } else {
+        Err(NonFinite)
+    }
 }
 
 /// Has the frames meet their keyframes: roots over the whole gap, poses over a few frames on either side.
@@ -119,14 +129,15 @@ fn pin(roots: &mut [GlobalRoot], rotations: &mut [Quat], plan: &Plan, skeleton: 
     pin_poses(rotations, joints, &pose_pins, PIN_REACH_FRAMES);
 }
 
-fn roots(values: &[f32]) -> impl Iterator<Item = GlobalRoot> {
+/// Roots from `[frames, 5]` numbers.
+pub(crate) fn roots(values: &[f32]) -> impl Iterator<Item = GlobalRoot> {
     values
         .chunks_exact(GLOBAL_ROOT)
         .map(|r| GlobalRoot::from_array([r[0], r[1], r[2], r[3], r[4]]))
 }
 
 /// World 6D rotations to quaternions, joint 0 in the (segment's) world and the others relative to their parents.
-fn parent_relative(raw: &RawMotion, frames: usize, dims: &Dims, skeleton: &Skeleton) -> Vec<Quat> {
+pub(crate) fn parent_relative(raw: &RawMotion, frames: usize, dims: &Dims, skeleton: &Skeleton) -> Vec<Quat> {
     let joints = dims.joints;
     let mut world = vec![Quat::IDENTITY; joints];
     let mut rotations = vec![Quat::IDENTITY; frames * joints];
@@ -150,7 +161,7 @@ fn parent_relative(raw: &RawMotion, frames: usize, dims: &Dims, skeleton: &Skele
 
 /// Turns joint 0 of every frame into the world, and keeps each joint's quaternion in the hemisphere of the frame before
 /// it, so that clients may interpolate between frames without care.
-fn to_world_rotations(frame: &SegmentFrame, joints: usize, rotations: &mut [Quat]) {
+pub(crate) fn to_world_rotations(frame: &SegmentFrame, joints: usize, rotations: &mut [Quat]) {
     for pose in rotations.chunks_exact_mut(joints) {
         pose[0] = frame.to_world_rotation(pose[0]).normalize();
     }

@@ -29,7 +29,7 @@ pub(super) enum Role {
 
 /// A keyframe with every value checked on its own, still in the world.
 #[derive(Debug, Clone)]
-pub(super) struct Checked {
+pub(crate) struct Checked {
     pub(super) root: Option<GlobalRoot>,
     /// Height of the root joint, wherever it was given.
     height: Option<f32>,
@@ -38,6 +38,40 @@ pub(super) struct Checked {
 }
 
 impl Checked {
+    /// A keyframe of parts that need no checks: rotations of unit length, joint 0 in the world, and everything finite. A
+    /// pose needs a height, from `height`, the root or the velocity, and is left out without one.
+    pub(crate) fn of(
+        root: Option<GlobalRoot>,
+        height: Option<f32>,
+        velocity: Option<LocalRoot>,
+        rotations: Option<Vec<Quat>>,
+    ) -> Self {
+        let height = root
+            .map(|root| root.position.y)
+            .or(height)
+            .or(velocity.map(|velocity| velocity.height));
+        Self {
+            root,
+            height,
+            velocity: velocity.map(
+                |LocalRoot {
+                     vx,
+                     vz,
+                     omega,
+                     height,
+                 }| Velocity {
+                    vx,
+                    vz,
+                    omega,
+                    height,
+                },
+            ),
+            pose: rotations
+                .zip(height)
+                .map(|(rotations, height)| CheckedPose { rotations, height }),
+        }
+    }
+
     /// What the keyframe fixes, in the segment frame.
     pub(super) fn given(&self, frame: &SegmentFrame) -> Given {
         let rotations = self.pose.as_ref().map(|pose| {
@@ -322,7 +356,7 @@ pub(super) fn check_reach(path: &Path<'_>, key: &Checked, anchor: Vec3) -> Resul
 }
 
 /// Makes keyframe tensors in a segment frame; keeps its scratch memory between keyframes.
-pub(super) struct KeyWriter<'a> {
+pub(crate) struct KeyWriter<'a> {
     skeleton: &'a Skeleton,
     fps: f32,
     local: Vec<Quat>,
@@ -331,7 +365,7 @@ pub(super) struct KeyWriter<'a> {
 }
 
 impl<'a> KeyWriter<'a> {
-    pub(super) fn new(skeleton: &'a Skeleton, fps: f32) -> Self {
+    pub(crate) fn new(skeleton: &'a Skeleton, fps: f32) -> Self {
         let joints = skeleton.joint_count();
         Self {
             skeleton,
@@ -344,7 +378,7 @@ impl<'a> KeyWriter<'a> {
 
     /// Tensors of consecutive keyframes. A velocity that is not given follows from the root of the keyframe before it;
     /// the first keyframe takes that of the second, as in training.
-    pub(super) fn write(&mut self, frame: &SegmentFrame, keys: &[Checked]) -> Vec<KeyTensors> {
+    pub(crate) fn write(&mut self, frame: &SegmentFrame, keys: &[Checked]) -> Vec<KeyTensors> {
         let roots: Vec<Option<GlobalRoot>> = keys
             .iter()
             .map(|key| key.root.map(|root| frame.to_segment_root(root)))

@@ -4,13 +4,20 @@
 //! the last context frame at the origin, heading 0), where the model works. [`finish`] turns what the stages made into
 //! frames: world rotations to parent-relative ones, roots and poses pinned to the keyframes, the segment frame undone.
 
+mod context;
 mod field;
 mod finish;
 mod keyframe;
 mod prepare;
 
+#[cfg(test)]
+pub(crate) use prepare::tests as prepare_tests;
+
+pub use context::{ContextFrame, check_context};
 pub use field::{FieldError, Path};
 pub use finish::{NonFinite, finish};
+pub(crate) use finish::{check_finite, parent_relative, roots, to_world_rotations};
+pub(crate) use keyframe::{Checked, KeyWriter};
 pub use prepare::{Given, Plan, RequestLimits, prepare};
 
 /// Largest distance of any keyframe from the last context frame, in metres.

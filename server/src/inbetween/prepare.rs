@@ -109,6 +109,8 @@ fn prepare_character(
         seed: character.seed,
         temperature: character.temperature,
         pose_steps: character.pose_steps.unwrap_or(1),
+        root_guide: None,
+        gap_poses: Vec::new(),
     };
     let plan = Plan {
         id: character.id.clone(),

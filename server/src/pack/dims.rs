@@ -50,14 +50,23 @@ pub struct TensorSpec {
     pub name: &'static str,
     /// Its element type.
     pub ty: TensorType,
-    /// Its axes after the batch.
+    /// Its axes after the batch; time, where it is one of them, at its longest.
     pub shape: Vec<usize>,
+    /// Whether the first axis of `shape` is time that a graph may leave open.
+    pub open_time: bool,
 }
 
 impl TensorSpec {
     /// Elements of one batch row.
     pub fn row(&self) -> usize {
         self.shape.iter().product()
+    }
+
+    fn over_time(self) -> Self {
+        Self {
+            open_time: true,
+            ..self
+        }
     }
 }
 
@@ -67,7 +76,7 @@ impl Dims {
         self.min_tokens * self.frames_per_token
     }
 
-    /// Most frames of a segment, and the frame axis of every tensor.
+    /// Most frames of a segment, and the longest frame axis of a tensor.
     pub fn max_frames(&self) -> usize {
         self.max_tokens * self.frames_per_token
     }
@@ -92,7 +101,8 @@ impl Dims {
         frames.div_ceil(self.frames_per_token)
     }
 
-    /// Input tensors of a stage, in the order in which the engine hands them over.
+    /// Input tensors of a stage, in the order in which the engine hands them over. Time is open where a graph takes any
+    /// number N of tokens from the fewest to the most, and N times [`Self::frames_per_token`] frames.
     pub fn inputs(&self, stage: Stage) -> Vec<TensorSpec> {
         let (slots, counts, frames) = (self.slots(), self.counts(), self.max_frames());
         match stage {
@@ -107,11 +117,11 @@ impl Dims {
                 f32s("count_noise", &[counts]),
             ],
             Stage::Pose | Stage::Decoder => vec![
-                i64s("tokens", &[self.max_tokens, self.heads]),
+                i64s("tokens", &[self.max_tokens, self.heads]).over_time(),
                 i64s("num_tokens", &[]),
-                f32s("global_root", &[frames, GLOBAL_ROOT]),
-                f32s("frame_pose", &[frames, self.pose()]),
-                f32s("frame_mask", &[frames]),
+                f32s("global_root", &[frames, GLOBAL_ROOT]).over_time(),
+                f32s("frame_pose", &[frames, self.pose()]).over_time(),
+                f32s("frame_mask", &[frames]).over_time(),
             ],
         }
     }
@@ -144,6 +154,7 @@ fn f32s(name: &'static str, shape: &[usize]) -> TensorSpec {
         name,
         ty: TensorType::F32,
         shape: shape.to_vec(),
+        open_time: false,
     }
 }
 
@@ -152,5 +163,6 @@ fn i64s(name: &'static str, shape: &[usize]) -> TensorSpec {
         name,
         ty: TensorType::I64,
         shape: shape.to_vec(),
+        open_time: false,
     }
 }

@@ -17,6 +17,9 @@ use crate::config::Config;
 
 /// How long to pause where the system has no more file handles.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+/// Bytes that the system holds for a connection before it has sent them.
+#[cfg(any(target_os = "android", target_os = "linux"))]
+const MAX_UNSENT_BYTES: u32 = 128 << 10;
 /// What an HTTP/2 connection begins with (RFC 9113, section 3.4).
 const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
@@ -147,12 +150,16 @@ fn builder(config: &Config) -> Builder<TokioExecutor> {
     builder
 }
 
-/// Small answers must not wait for acknowledgements (40 ms stalls), and dead peers must be noticed.
+/// Small answers must not wait for acknowledgements (40 ms stalls), dead peers must be noticed, and what a slow reader has
+/// not taken must not pile up in the system: a stream's frames would be seconds old by the time that they are read.
 fn prepare(stream: &TcpStream) {
     let keepalive = socket2::TcpKeepalive::new().with_time(Duration::from_secs(60));
+    let socket = socket2::SockRef::from(stream);
     let result = stream
         .set_nodelay(true)
-        .and_then(|()| socket2::SockRef::from(stream).set_tcp_keepalive(&keepalive));
+        .and_then(|()| socket.set_tcp_keepalive(&keepalive));
+    #[cfg(any(target_os = "android", target_os = "linux"))]
+    let result = result.and_then(|()| socket.set_tcp_notsent_lowat(MAX_UNSENT_BYTES));
     if let Err(error) = result {
         tracing::debug!(%error, "cannot set socket options");
     }

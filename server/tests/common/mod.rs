@@ -3,44 +3,86 @@
 #![allow(dead_code)] // Every test file uses its own part of this.
 #![allow(clippy::unwrap_used)] // Only tests use it.
 
+pub mod calls;
+
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::net::TcpListener;
 use tonic::transport::Channel;
 use troupe_motion::{ContactParams, Joint, Skeleton, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::motion_client::MotionClient;
+use troupe_proto::v1::sessions_client::SessionsClient;
 use troupe_server::config::Config;
 use troupe_server::engine::{
     DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput,
 };
-use troupe_server::pack::{Dims, Manifest, Pack};
-use troupe_server::server::{PackSource, ServerHandle, serve_packs};
+use troupe_server::pack::{Dims, Manifest, Pack, Stage};
+use troupe_server::server::{PackSource, ServerHandle, serve_packs_at};
+use troupe_server::session::TimeSource;
+
+/// Folder of the test packs: their styles.
+const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/toy");
 
 /// Joints of the test pack.
 pub const JOINTS: usize = 2;
 
 /// A door that an engine waits at before each batch.
 #[derive(Clone, Default)]
-pub struct Gate(Arc<(Mutex<bool>, Condvar)>);
+pub struct Gate(Arc<Door>);
+
+#[derive(Default)]
+struct Door {
+    closed: Mutex<bool>,
+    opened: Condvar,
+    broken: AtomicBool,
+}
 
 impl Gate {
     pub fn close(&self) {
-        *self.0.0.lock().unwrap() = true;
+        *self.0.closed.lock().unwrap() = true;
     }
 
     pub fn open(&self) {
-        *self.0.0.lock().unwrap() = false;
-        self.0.1.notify_all();
+        *self.0.closed.lock().unwrap() = false;
+        self.0.opened.notify_all();
     }
 
-    fn pass(&self) {
-        let mut closed = self.0.0.lock().unwrap();
+    /// Has every batch fail, or not any more.
+    pub fn set_broken(&self, broken: bool) {
+        self.0.broken.store(broken, Ordering::Relaxed);
+    }
+
+    fn pass(&self) -> Result<(), EngineError> {
+        let mut closed = self.0.closed.lock().unwrap();
         while *closed {
-            closed = self.0.1.wait(closed).unwrap();
+            closed = self.0.opened.wait(closed).unwrap();
         }
+        match self.0.broken.load(Ordering::Relaxed) {
+            false => Ok(()),
+            true => Err(EngineError::Run {
+                stage: Stage::Root,
+                reason: "told to fail".into(),
+            }),
+        }
+    }
+}
+
+/// Time that passes when told to.
+#[derive(Clone, Default)]
+pub struct HandClock(Arc<AtomicU64>);
+
+impl HandClock {
+    pub fn pass(&self, time: Duration) {
+        self.0.fetch_add(time.as_millis() as u64, Ordering::Relaxed);
+    }
+
+    fn source(&self) -> TimeSource {
+        let (start, passed) = (Instant::now(), self.0.clone());
+        TimeSource::new(move || start + Duration::from_millis(passed.load(Ordering::Relaxed)))
     }
 }
 
@@ -52,7 +94,7 @@ pub struct StraightLine {
 
 impl Stages for StraightLine {
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
-        self.gate.pass();
+        self.gate.pass()?;
         let (slots, frames) = (self.dims.slots(), self.dims.max_frames());
         for row in 0..rows {
             let allowed = input.allowed_counts.row(row);
@@ -146,12 +188,14 @@ pub fn pack(name: &str) -> Pack {
         training: toml::Table::new(),
         evaluation: toml::Table::new(),
     };
-    Pack::from_manifest(manifest, Path::new("test")).unwrap()
+    Pack::from_manifest(manifest, Path::new(FOLDER)).unwrap()
 }
 
 pub struct TestServer {
     pub handle: ServerHandle,
     pub gate: Gate,
+    /// The time of expiry; it stands still until a test moves it.
+    pub clock: HandClock,
 }
 
 impl TestServer {
@@ -190,8 +234,11 @@ impl TestServer {
             Ok(vec![source("toy"), source("other")])
         };
         let listener = TcpListener::bind(config.listen).await.unwrap();
-        let handle = serve_packs(config, listener, packs).await.unwrap();
-        Self { handle, gate }
+        let clock = HandClock::default();
+        let handle = serve_packs_at(config, listener, clock.source(), packs)
+            .await
+            .unwrap();
+        Self { handle, gate, clock }
     }
 
     pub fn url(&self, path: &str) -> String {
@@ -200,6 +247,10 @@ impl TestServer {
 
     pub async fn grpc(&self) -> MotionClient<Channel> {
         MotionClient::new(self.channel().await).max_decoding_message_size(usize::MAX)
+    }
+
+    pub async fn sessions(&self) -> SessionsClient<Channel> {
+        SessionsClient::new(self.channel().await).max_decoding_message_size(usize::MAX)
     }
 
     pub async fn channel(&self) -> Channel {
@@ -212,6 +263,17 @@ impl TestServer {
 
     pub async fn get(&self, path: &str) -> reqwest::Response {
         reqwest::get(self.url(path)).await.unwrap()
+    }
+
+    /// A call over HTTP with a JSON body.
+    pub async fn send(
+        &self,
+        method: reqwest::Method,
+        path: &str,
+        body: &impl serde::Serialize,
+    ) -> reqwest::Response {
+        let request = reqwest::Client::new().request(method, self.url(path));
+        request.json(body).send().await.unwrap()
     }
 
     /// `POST /v1/inbetween` with any body.

@@ -1,0 +1,112 @@
+//! The Sessions service over gRPC.
+
+use std::pin::Pin;
+use std::sync::Arc;
+
+use futures_util::{Stream, StreamExt as _};
+use tonic::{Request, Response, Status, Streaming};
+use troupe_proto::v1;
+use troupe_proto::v1::sessions_server::Sessions;
+
+use crate::api::ApiError;
+use crate::service::Service;
+use crate::session::drive::{Outlet, outbox};
+
+/// The Sessions service.
+pub(super) struct SessionsApi {
+    pub(super) service: Arc<Service>,
+    /// Most bytes of a message on a stream, for errors.
+    pub(super) stream_message_bytes: usize,
+}
+
+/// An answer as gRPC gives it.
+fn answer<T>(result: Result<T, ApiError>) -> Result<Response<T>, Status> {
+    match result {
+        Ok(answer) => Ok(Response::new(answer)),
+        Err(error) => Err(error.status()),
+    }
+}
+
+#[tonic::async_trait]
+impl Sessions for SessionsApi {
+    async fn create_sessions(
+        &self,
+        request: Request<v1::CreateSessionsRequest>,
+    ) -> Result<Response<v1::CreateSessionsResponse>, Status> {
+        answer(self.service.create_sessions(request.into_inner()).await)
+    }
+
+    async fn get_session(
+        &self,
+        request: Request<v1::GetSessionRequest>,
+    ) -> Result<Response<v1::Session>, Status> {
+        answer(self.service.sessions().get(&request.into_inner().id))
+    }
+
+    async fn list_sessions(
+        &self,
+        request: Request<v1::ListSessionsRequest>,
+    ) -> Result<Response<v1::ListSessionsResponse>, Status> {
+        answer(self.service.sessions().list(request.get_ref()))
+    }
+
+    async fn close_sessions(
+        &self,
+        request: Request<v1::CloseSessionsRequest>,
+    ) -> Result<Response<v1::CloseSessionsResponse>, Status> {
+        answer(self.service.sessions().close(request.get_ref()))
+    }
+
+    async fn command(
+        &self,
+        request: Request<v1::CommandRequest>,
+    ) -> Result<Response<v1::CommandResponse>, Status> {
+        answer(self.service.sessions().command(request.get_ref()))
+    }
+
+    async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::StepResponse>, Status> {
+        answer(self.service.sessions().step(request.get_ref()).await)
+    }
+
+    type DriveStream = Pin<Box<dyn Stream<Item = Result<v1::DriveResponse, Status>> + Send>>;
+
+    async fn drive(
+        &self,
+        request: Request<Streaming<v1::DriveRequest>>,
+    ) -> Result<Response<Self::DriveStream>, Status> {
+        let place = match self.service.sessions().open_stream() {
+            Ok(place) => place,
+            Err(error) => return Err(error.status()),
+        };
+        let limit = self.stream_message_bytes;
+        let mut inbound = request
+            .into_inner()
+            .map(move |said| said.map_err(|status| ApiError::of_status(&status, limit)));
+        let (outbox, outlet) = outbox();
+        // It ends by itself: with the server, or with the client, whose going drops the outlet.
+        tokio::spawn(async move { place.run(&mut inbound, outbox).await });
+        let outbound = futures_util::stream::unfold(outlet, |mut outlet: Outlet| async {
+            outlet.next().await.map(|said| (Ok(said), outlet))
+        });
+        Ok(Response::new(Box::pin(outbound)))
+    }
+
+    async fn peek(&self, request: Request<v1::PeekRequest>) -> Result<Response<v1::PeekResponse>, Status> {
+        answer(self.service.sessions().peek(request.get_ref()))
+    }
+
+    async fn list_styles(
+        &self,
+        request: Request<v1::ListStylesRequest>,
+    ) -> Result<Response<v1::ListStylesResponse>, Status> {
+        answer(self.service.list_styles(request.get_ref()))
+    }
+
+    async fn get_style(&self, request: Request<v1::GetStyleRequest>) -> Result<Response<v1::Style>, Status> {
+        answer(self.service.get_style(request.get_ref()))
+    }
+
+    async fn put_style(&self, request: Request<v1::PutStyleRequest>) -> Result<Response<v1::Style>, Status> {
+        answer(self.service.put_style(request.into_inner()).await)
+    }
+}

@@ -1,0 +1,100 @@
+//! Messages as JSON. Errors name the field.
+
+use std::sync::Arc;
+
+use axum::body::Bytes;
+use axum::extract::{FromRequest, Request};
+use axum::response::IntoResponse as _;
+use http::StatusCode;
+use serde::de::DeserializeOwned;
+use troupe_proto::v1;
+
+use crate::api::error::{ApiError, MAX_MESSAGE, MAX_PATH, cut};
+use crate::api::shape::Shapes;
+
+/// Limits of a body. `DefaultBodyLimit` enforces the bytes; here they are named in errors.
+#[derive(Clone)]
+pub(in crate::api) struct BodyLimits {
+    pub(in crate::api) bytes: usize,
+    pub(in crate::api) shapes: Arc<Shapes>,
+}
+
+/// A message that comes as JSON.
+pub(in crate::api) trait Message: DeserializeOwned {
+    /// The remote procedure whose shape it must have.
+    const RPC: &'static str;
+}
+
+impl Message for v1::InBetweenRequest {
+    const RPC: &'static str = "InBetween";
+}
+
+impl Message for v1::CreateSessionsRequest {
+    const RPC: &'static str = "CreateSessions";
+}
+
+impl Message for v1::CommandRequest {
+    const RPC: &'static str = "Command";
+}
+
+impl Message for v1::StepRequest {
+    const RPC: &'static str = "Step";
+}
+
+impl Message for v1::Style {
+    const RPC: &'static str = "PutStyle";
+}
+
+impl Message for v1::DriveRequest {
+    const RPC: &'static str = "Drive";
+}
+
+/// Reads a message.
+pub(in crate::api) fn read<T: Message>(bytes: &[u8], limits: &BodyLimits) -> Result<T, ApiError> {
+    if let Some(shape) = limits.shapes.of(T::RPC) {
+        shape.check_json(bytes)?;
+    }
+    let mut json = serde_json::Deserializer::from_slice(bytes);
+    let value = serde_path_to_error::deserialize(&mut json).map_err(|error| {
+        let (path, inner) = (error.path().to_string(), error.inner());
+        if inner.is_eof() {
+            return ApiError::Truncated {
+                problem: inner.to_string(),
+                limit_bytes: limits.bytes,
+            };
+        }
+        ApiError::Malformed {
+            message: cut(&inner.to_string(), MAX_MESSAGE),
+            field: (path != ".").then(|| cut(&path, MAX_PATH)),
+        }
+    })?;
+    json.end().map_err(|error| ApiError::Malformed {
+        message: error.to_string(),
+        field: None,
+    })?;
+    Ok(value)
+}
+
+/// A JSON body. The content type does not matter.
+pub(in crate::api) struct JsonBody<T>(pub(in crate::api) T);
+
+impl<S: Send + Sync, T: Message> FromRequest<S> for JsonBody<T> {
+    type Rejection = ApiError;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
+        let limits = request.extensions().get::<BodyLimits>().cloned();
+        let limits = limits.ok_or_else(|| ApiError::Internal("no limits are set".to_owned()))?;
+        let bytes = Bytes::from_request(request, state).await.map_err(|rejection| {
+            match rejection.into_response().status() {
+                StatusCode::PAYLOAD_TOO_LARGE => ApiError::TooLarge {
+                    limit_bytes: limits.bytes,
+                },
+                _ => ApiError::Truncated {
+                    problem: "it is shorter than announced".to_owned(),
+                    limit_bytes: limits.bytes,
+                },
+            }
+        })?;
+        read(&bytes, &limits).map(Self)
+    }
+}

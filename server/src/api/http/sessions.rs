@@ -1,0 +1,301 @@
+//! Sessions, commands, steps and styles over HTTP.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::rejection::{PathRejection, QueryRejection};
+use axum::extract::{Path, Query, State};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use troupe_proto::v1;
+
+use super::json::JsonBody;
+use super::named;
+use crate::api::error::{ApiError, ErrorBody, MAX_MESSAGE, cut};
+use crate::inbetween::FieldError;
+use crate::service::Service;
+
+type Server = State<Arc<Service>>;
+type Named<T> = Result<Path<T>, PathRejection>;
+type Asked<T> = Result<Query<T>, QueryRejection>;
+
+/// The numbers after a path's question mark.
+fn asked<T: DeserializeOwned>(query: Asked<T>) -> Result<T, FieldError> {
+    let Query(asked) = query.map_err(|rejection| FieldError {
+        field: "query".to_owned(),
+        message: cut(&rejection.body_text(), MAX_MESSAGE),
+        allowed: "the parameters of this path".to_owned(),
+    })?;
+    Ok(asked)
+}
+
+/// Open sessions, all or none
+#[utoipa::path(
+    post,
+    path = "/v1/sessions",
+    tag = "sessions",
+    request_body = v1::CreateSessionsRequest,
+    responses(
+        (status = 200, description = "The opened sessions", body = v1::CreateSessionsResponse),
+        (status = 400, description = "A value that is not accepted, or a style that the pack does not have", body = ErrorBody),
+        (status = 404, description = "No such pack", body = ErrorBody),
+        (status = 409, description = "A session of that id is open", body = ErrorBody),
+        (status = 413, description = "The body is too large", body = ErrorBody),
+        (status = 429, description = "No room for as many sessions", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn create(
+    State(service): Server,
+    JsonBody(request): JsonBody<v1::CreateSessionsRequest>,
+) -> Result<Json<v1::CreateSessionsResponse>, ApiError> {
+    service.create_sessions(request).await.map(Json)
+}
+
+/// Which page of the list.
+#[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
+#[serde(default, deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct Page {
+    /// Most sessions to return: 1 to 1000. 0: 100.
+    page_size: u32,
+    /// next_page_token of the page before. Empty: the first page.
+    page_token: String,
+}
+
+/// List open sessions by id
+#[utoipa::path(
+    get,
+    path = "/v1/sessions",
+    tag = "sessions",
+    params(Page),
+    responses(
+        (status = 200, description = "A page of sessions", body = v1::ListSessionsResponse),
+        (status = 400, description = "A value that is not accepted", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn list(
+    State(service): Server,
+    page: Asked<Page>,
+) -> Result<Json<v1::ListSessionsResponse>, ApiError> {
+    let Page {
+        page_size,
+        page_token,
+    } = asked(page)?;
+    let request = v1::ListSessionsRequest {
+        page_size,
+        page_token,
+    };
+    service.sessions().list(&request).map(Json)
+}
+
+/// Describe a session
+#[utoipa::path(
+    get,
+    path = "/v1/sessions/{id}",
+    tag = "sessions",
+    params(("id" = String, Path, description = "The session's id")),
+    responses(
+        (status = 200, description = "The session", body = v1::Session),
+        (status = 404, description = "No such session", body = ErrorBody),
+        (status = 410, description = "The session has expired", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn get(
+    State(service): Server,
+    id: Named<String>,
+) -> Result<Json<v1::Session>, ApiError> {
+    service.sessions().get(&named("id", id)?).map(Json)
+}
+
+/// Close a session; that it is gone already is no error
+#[utoipa::path(
+    delete,
+    path = "/v1/sessions/{id}",
+    tag = "sessions",
+    params(("id" = String, Path, description = "The session's id")),
+    responses((status = 200, description = "How many were closed: 1 or 0", body = v1::CloseSessionsResponse))
+)]
+pub(in crate::api) async fn close(
+    State(service): Server,
+    id: Named<String>,
+) -> Result<Json<v1::CloseSessionsResponse>, ApiError> {
+    let request = v1::CloseSessionsRequest {
+        ids: vec![named("id", id)?],
+    };
+    service.sessions().close(&request).map(Json)
+}
+
+/// How much of the future.
+#[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
+#[serde(default, deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct Future {
+    /// Frames to return at most: 1 to 64. 0: all that there are.
+    frames: u32,
+}
+
+/// Look at a session's buffered future and the plan behind it
+#[utoipa::path(
+    get,
+    path = "/v1/sessions/{id}/peek",
+    tag = "sessions",
+    params(("id" = String, Path, description = "The session's id"), Future),
+    responses(
+        (status = 200, description = "The future", body = v1::PeekResponse),
+        (status = 400, description = "A value that is not accepted", body = ErrorBody),
+        (status = 404, description = "No such session", body = ErrorBody),
+        (status = 410, description = "The session has expired", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn peek(
+    State(service): Server,
+    id: Named<String>,
+    future: Asked<Future>,
+) -> Result<Json<v1::PeekResponse>, ApiError> {
+    let request = v1::PeekRequest {
+        session_id: named("id", id)?,
+        frames: asked(future)?.frames,
+    };
+    service.sessions().peek(&request).map(Json)
+}
+
+/// Give commands to sessions
+///
+/// What became of each is in its result; one that is refused does not hold up the others.
+#[utoipa::path(
+    post,
+    path = "/v1/commands",
+    tag = "sessions",
+    request_body = v1::CommandRequest,
+    responses(
+        (status = 200, description = "What became of the commands", body = v1::CommandResponse),
+        (status = 400, description = "No commands, too many, or a body that is no request", body = ErrorBody),
+        (status = 413, description = "The body is too large", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn command(
+    State(service): Server,
+    JsonBody(request): JsonBody<v1::CommandRequest>,
+) -> Result<Json<v1::CommandResponse>, ApiError> {
+    service.sessions().command(&request).map(Json)
+}
+
+/// Give commands and take the next frames
+///
+/// Waits for the plans that the frames need. Sessions that cannot be served are among the problems; where none can be, the
+/// answer is the first one's error.
+#[utoipa::path(
+    post,
+    path = "/v1/step",
+    tag = "sessions",
+    request_body = v1::StepRequest,
+    responses(
+        (status = 200, description = "The next frames", body = v1::StepResponse),
+        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
+        (status = 404, description = "None of the sessions is open", body = ErrorBody),
+        (status = 409, description = "All sessions are in somebody else's hands", body = ErrorBody),
+        (status = 410, description = "The sessions have expired", body = ErrorBody),
+        (status = 413, description = "The body is too large", body = ErrorBody),
+        (status = 500, description = "Inference failed", body = ErrorBody),
+        (status = 504, description = "Not served in time", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn step(
+    State(service): Server,
+    JsonBody(request): JsonBody<v1::StepRequest>,
+) -> Result<Json<v1::StepResponse>, ApiError> {
+    service.sessions().step(&request).await.map(Json)
+}
+
+/// List the locomotion styles of a pack, without their keyframes
+#[utoipa::path(
+    get,
+    path = "/v1/packs/{name}/styles",
+    tag = "styles",
+    params(("name" = String, Path, description = "The pack's name")),
+    responses(
+        (status = 200, description = "All styles, sorted by name", body = v1::ListStylesResponse),
+        (status = 404, description = "No such pack", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn list_styles(
+    State(service): Server,
+    name: Named<String>,
+) -> Result<Json<v1::ListStylesResponse>, ApiError> {
+    let request = v1::ListStylesRequest {
+        pack: named("name", name)?,
+    };
+    service.list_styles(&request).map(Json)
+}
+
+/// One style with its keyframes
+#[utoipa::path(
+    get,
+    path = "/v1/packs/{name}/styles/{style}",
+    tag = "styles",
+    params(
+        ("name" = String, Path, description = "The pack's name"),
+        ("style" = String, Path, description = "The style's name"),
+    ),
+    responses(
+        (status = 200, description = "The style", body = v1::Style),
+        (status = 400, description = "No such style", body = ErrorBody),
+        (status = 404, description = "No such pack", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn get_style(
+    State(service): Server,
+    names: Named<(String, String)>,
+) -> Result<Json<v1::Style>, ApiError> {
+    let (pack, style) = named("style", names)?;
+    service.get_style(&v1::GetStyleRequest { pack, style }).map(Json)
+}
+
+/// Add a style to a pack, or replace one that was added
+///
+/// The name in the body is that of the path, or left out.
+#[utoipa::path(
+    put,
+    path = "/v1/packs/{name}/styles/{style}",
+    tag = "styles",
+    params(
+        ("name" = String, Path, description = "The pack's name"),
+        ("style" = String, Path, description = "The style's name"),
+    ),
+    request_body = v1::Style,
+    responses(
+        (status = 200, description = "The style as it is now", body = v1::Style),
+        (status = 400, description = "A value that is not accepted, or a body that is no style", body = ErrorBody),
+        (status = 404, description = "No such pack", body = ErrorBody),
+        (status = 409, description = "The style is one of the pack's own", body = ErrorBody),
+        (status = 413, description = "The body is too large", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn put_style(
+    State(service): Server,
+    names: Named<(String, String)>,
+    JsonBody(style): JsonBody<v1::Style>,
+) -> Result<Json<v1::Style>, ApiError> {
+    let (pack, name) = named("style", names)?;
+    if !style.name.is_empty() && style.name != name {
+        return Err(FieldError {
+            field: "style.name".to_owned(),
+            message: format!(
+                "is {:?}, but the path names {:?}",
+                cut(&style.name, 64),
+                cut(&name, 64)
+            ),
+            allowed: "the name in the path, or none".to_owned(),
+        }
+        .into());
+    }
+    let request = v1::PutStyleRequest {
+        pack,
+        style: Some(v1::Style { name, ..style }),
+    };
+    service.put_style(request).await.map(Json)
+}

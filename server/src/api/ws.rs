@@ -1,0 +1,248 @@
+//! Streams over WebSocket: the messages of `troupe.v1.Sessions/Drive`, as JSON text or as protobuf in binary messages.
+//! The server answers in the form of the first message.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use axum::Extension;
+use axum::extract::State;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
+use axum::response::{IntoResponse as _, Response};
+use futures_util::stream::SplitSink;
+use futures_util::{SinkExt as _, StreamExt as _};
+use prost::Message as _;
+use tokio::time::{MissedTickBehavior, timeout};
+use troupe_proto::v1;
+use troupe_proto::v1::drive_response::Message as Say;
+
+use super::MAX_STREAM_MESSAGE_BYTES;
+use super::error::{ApiError, ErrorBody, MAX_MESSAGE, cut};
+use super::http::json::{self, BodyLimits};
+use crate::service::Service;
+use crate::session::drive::{Outlet, Place, outbox};
+
+/// How long a client may take to read what is left once its stream has ended.
+const FAREWELL: Duration = Duration::from_secs(2);
+/// How often a client that says nothing is asked for a sign of life.
+const PING_INTERVAL: Duration = Duration::from_secs(20);
+/// Most bytes of a reason in a close frame (RFC 6455, section 5.5).
+const MAX_REASON_BYTES: usize = 123;
+
+/// Drive sessions over a WebSocket
+///
+/// The messages are DriveRequest and DriveResponse: as JSON in text messages, or as protobuf in binary ones; the server
+/// answers in the form of the first. That one must be `open`.
+#[utoipa::path(
+    get,
+    path = "/v1/drive",
+    tag = "sessions",
+    responses(
+        (status = 101, description = "A WebSocket: the client sends DriveRequest, the server DriveResponse", body = v1::DriveResponse),
+        (status = 400, description = "Not the start of a WebSocket", body = ErrorBody),
+        (status = 429, description = "No room for another stream", body = ErrorBody),
+        (status = 503, description = "Shutting down", body = ErrorBody),
+    )
+)]
+pub(super) async fn drive(
+    State(service): State<Arc<Service>>,
+    Extension(limits): Extension<BodyLimits>,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Result<Response, ApiError> {
+    let upgrade = upgrade.map_err(|rejection| ApiError::Malformed {
+        message: format!("this path takes a WebSocket: {}", rejection.body_text()),
+        field: None,
+    })?;
+    let place = service.sessions().open_stream()?;
+    let bytes = limits.bytes.min(MAX_STREAM_MESSAGE_BYTES);
+    let limits = BodyLimits { bytes, ..limits };
+    let upgrade = upgrade.max_message_size(bytes).max_frame_size(bytes);
+    Ok(upgrade
+        .on_upgrade(move |socket| serve(socket, place, limits))
+        .into_response())
+}
+
+/// The form of messages: that of the client's first.
+#[derive(Debug, Default)]
+struct Form {
+    text: AtomicBool,
+    known: AtomicBool,
+}
+
+impl Form {
+    fn note(&self, text: bool) {
+        if !self.known.swap(true, Ordering::Relaxed) {
+            self.text.store(text, Ordering::Relaxed);
+        }
+    }
+
+    fn write(&self, said: &v1::DriveResponse) -> Result<Message, serde_json::Error> {
+        // A client that is turned away before it said anything can read text.
+        let text = self.text.load(Ordering::Relaxed) || !self.known.load(Ordering::Relaxed);
+        match text {
+            true => Ok(Message::Text(serde_json::to_string(said)?.into())),
+            false => Ok(Message::Binary(said.encode_to_vec().into())),
+        }
+    }
+}
+
+/// Serves a stream to its end.
+async fn serve(socket: WebSocket, place: Place, limits: BodyLimits) {
+    let form = Form::default();
+    let (mut sink, source) = socket.split();
+    // Boxed so that the stream can be read on after the conversation has ended.
+    let mut inbound = source
+        .take_while(|message| std::future::ready(!matches!(message, Ok(Message::Close(_)))))
+        .filter_map(|message| std::future::ready(read(message, &form, &limits)))
+        .boxed();
+    let (outbox, outlet) = outbox();
+    {
+        let conversation = place.run(&mut inbound, outbox);
+        let writing = write(outlet, &mut sink, &form);
+        tokio::pin!(conversation, writing);
+        let written = tokio::select! {
+            () = &mut conversation => timeout(FAREWELL, writing).await.is_ok(),
+            // Nobody reads: the outlet is gone with the writer, and the conversation ends by that.
+            () = &mut writing => {
+                conversation.await;
+                true
+            }
+        };
+        if !written {
+            return tracing::debug!("a stream's client did not read its end");
+        }
+    }
+    // What the client still says must be read, or the system resets the connection under our last words.
+    let rest = async { while inbound.next().await.is_some() {} };
+    let _ = timeout(FAREWELL, rest).await;
+}
+
+/// Writes what the stream says until its end, or until the client is gone.
+async fn write(mut outlet: Outlet, sink: &mut SplitSink<WebSocket, Message>, form: &Form) {
+    let mut pings = tokio::time::interval(PING_INTERVAL);
+    pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    pings.reset();
+    let mut farewell = None;
+    loop {
+        let message = tokio::select! {
+            said = outlet.next() => match said {
+                None => break,
+                Some(said) => {
+                    if let Some(Say::Closing(closing)) = &said.message {
+                        farewell = closing.reason.clone();
+                    }
+                    form.write(&said)
+                }
+            },
+            _ = pings.tick() => Ok(Message::Ping(bytes::Bytes::new())),
+        };
+        let sent = match message {
+            Ok(message) => sink.send(message).await,
+            Err(error) => return tracing::error!(%error, "an answer cannot be written as JSON"),
+        };
+        if let Err(error) = sent {
+            return tracing::debug!(%error, "a stream's client is gone");
+        }
+    }
+    let close = sink
+        .send(Message::Close(farewell.map(|reason| close_frame(&reason))))
+        .await;
+    if let Err(error) = close {
+        tracing::debug!(%error, "a stream's client did not wait for its end");
+    }
+}
+
+fn close_frame(problem: &v1::Problem) -> CloseFrame {
+    let code = match problem.reason.as_str() {
+        "CLIENT_DONE" => close_code::NORMAL,
+        "DRAINING" => close_code::AWAY,
+        _ => close_code::POLICY,
+    };
+    let text = match problem.reason.as_str() {
+        "INVALID_REQUEST" => format!("INVALID_REQUEST: {}", problem.message),
+        reason => reason.to_owned(),
+    };
+    let mut end = text.len().min(MAX_REASON_BYTES);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    CloseFrame {
+        code,
+        reason: text[..end].into(),
+    }
+}
+
+/// What a client's message says. `None` for what is not for us.
+fn read(
+    message: Result<Message, axum::Error>,
+    form: &Form,
+    limits: &BodyLimits,
+) -> Option<Result<v1::DriveRequest, ApiError>> {
+    match message {
+        Ok(Message::Text(text)) => {
+            form.note(true);
+            Some(json::read(text.as_bytes(), limits))
+        }
+        Ok(Message::Binary(bytes)) => {
+            form.note(false);
+            Some(decode(&bytes, limits))
+        }
+        Ok(Message::Ping(_) | Message::Pong(_) | Message::Close(_)) => None,
+        Err(error) => Some(Err(broken(&error, limits.bytes))),
+    }
+}
+
+fn decode(bytes: &[u8], limits: &BodyLimits) -> Result<v1::DriveRequest, ApiError> {
+    if let Some(shape) = limits.shapes.of("Drive") {
+        shape.check_protobuf(bytes)?;
+    }
+    v1::DriveRequest::decode(bytes).map_err(|error| ApiError::Malformed {
+        message: cut(&error.to_string(), MAX_MESSAGE),
+        field: None,
+    })
+}
+
+/// The error of a message that could not be taken off the wire.
+fn broken(error: &axum::Error, limit_bytes: usize) -> ApiError {
+    let text = error.to_string();
+    match text.contains("too long") || text.contains("too big") {
+        true => ApiError::TooLarge { limit_bytes },
+        false => ApiError::Malformed {
+            message: cut(&text, MAX_MESSAGE),
+            field: None,
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_close_frame_holds_as_much_of_the_reason_as_it_may() {
+        let problem = |reason: &str, message: String| v1::Problem {
+            reason: reason.to_owned(),
+            message,
+            ..v1::Problem::default()
+        };
+        let frame = close_frame(&problem("INVALID_REQUEST", "é".repeat(200)));
+        assert_eq!(frame.code, close_code::POLICY);
+        assert!(frame.reason.len() <= MAX_REASON_BYTES && frame.reason.starts_with("INVALID_REQUEST: é"));
+        let frame = close_frame(&problem("DRAINING", "the server is shutting down".into()));
+        assert_eq!(
+            (frame.code, frame.reason.as_str()),
+            (close_code::AWAY, "DRAINING")
+        );
+    }
+
+    #[test]
+    fn answers_take_the_form_of_the_first_message() {
+        let said = v1::DriveResponse::default();
+        let form = Form::default();
+        assert!(matches!(form.write(&said).unwrap(), Message::Text(_)));
+        form.note(false);
+        form.note(true);
+        assert!(matches!(form.write(&said).unwrap(), Message::Binary(_)));
+    }
+}

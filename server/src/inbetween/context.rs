@@ -1,0 +1,62 @@
+//! Context keyframes on their own: where a live character begins.
+
+use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
+use troupe_proto::v1;
+
+use super::keyframe::{self, Role};
+use super::{FieldError, Path};
+use crate::pack::Pack;
+
+/// A frame in the world.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContextFrame {
+    /// Position of the root joint, metres.
+    pub root: Vec3,
+    /// One for each joint, unit length: joint 0 in the world, others relative to their parents.
+    pub rotations: Vec<Quat>,
+}
+
+/// Checks the keyframes of the field `name` of `path`, as a request's context is checked, and gives their frames.
+///
+/// # Errors
+/// [`FieldError`] for the first value that is not accepted.
+pub fn check_context(
+    path: &Path<'_>,
+    name: &'static str,
+    keys: &[v1::Keyframe],
+    pack: &Pack,
+) -> Result<Vec<ContextFrame>, FieldError> {
+    let wanted = pack.dims.context_frames;
+    if keys.len() != wanted {
+        let message = format!("has {} keyframes", keys.len());
+        return Err(path
+            .field(name)
+            .error(message, format!("exactly {wanted}, or none")));
+    }
+    let mut checked = Vec::with_capacity(keys.len());
+    for (index, key) in keys.iter().enumerate() {
+        let path = path.element(name, index);
+        if key.velocity.is_some() {
+            return Err(path.field("velocity").error("is given", "root and pose only"));
+        }
+        checked.push(keyframe::check(&path, key, Role::Context, &pack.skeleton)?);
+    }
+    // Distances count from the origin: a character's first place has no other.
+    for (index, key) in checked.iter().enumerate() {
+        keyframe::check_reach(&path.element(name, index), key, Vec3::ZERO)?;
+    }
+    let world = SegmentFrame::from_root(GlobalRoot::new(Vec3::ZERO, 0.0));
+    let frames = checked.iter().enumerate().map(|(index, key)| {
+        let given = key.given(&world);
+        match (given.root, given.rotations) {
+            (Some(root), Some(rotations)) => Ok(ContextFrame {
+                root: root.position,
+                rotations,
+            }),
+            _ => Err(path
+                .element(name, index)
+                .error("is not whole", "root and pose in every context keyframe")),
+        }
+    });
+    frames.collect()
+}

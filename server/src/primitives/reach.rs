@@ -1,0 +1,112 @@
+//! What a style can do: how fast in which direction, and which way it must face for it.
+
+use troupe_motion::Vec3;
+use troupe_motion::root::wrap_angle;
+use troupe_motion::rotation::yaw;
+
+use super::recipe::{
+    BACK_ARC, FAST_ARC, FORWARD_ARC, GAIT_ARC, OFF_AXIS_PACE_MPS, SPEED_MARGIN, STANDING_MPS,
+};
+use crate::style::{Gait, Style};
+
+/// Angles from a gait's direction, and what is left there of a walking pace.
+const WALKING_ARC: [(f32, f32); 3] = [(0.35, 1.0), (1.57, 0.7), (3.15, 0.5)];
+/// A side gait is one that is farther off than this, radians; the slowest of a style's gaits that move is at least so fast,
+/// m/s.
+const LEAST_PACE_MPS: f32 = 0.2;
+
+/// A feasible motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Feasible {
+    /// World velocity over the ground, m/s.
+    pub(crate) velocity: Vec3,
+    /// Where to face, radians.
+    pub(crate) facing: f32,
+}
+
+/// The motion nearest to `velocity` (world, m/s) while facing `facing` that `style` has gaits for, or `only` one of them:
+/// slower where it is too fast, and facing more the way it goes where it would have to step aside.
+pub(crate) fn nearest(style: &Style, only: Option<usize>, velocity: Vec3, facing: f32) -> Feasible {
+    let still = Feasible {
+        velocity: Vec3::ZERO,
+        facing,
+    };
+    let velocity = velocity.with_y(0.0);
+    let speed = velocity.length();
+    if speed < STANDING_MPS {
+        return still;
+    }
+    let local = yaw(-facing) * velocity;
+    let off = local.x.atan2(local.z);
+    let gaits = || {
+        let chosen = style.gaits.iter().enumerate();
+        chosen
+            .filter(move |(index, _)| only.is_none_or(|only| only == *index))
+            .map(|(_, gait)| gait)
+            .filter(|gait| gait.speed_mps() > STANDING_MPS)
+    };
+    let most = fastest(gaits, off) * SPEED_MARGIN;
+    if most < STANDING_MPS {
+        return still;
+    }
+    let arc = forward_arc(gaits, off);
+    let turned = if off.abs() > arc && off.abs() < BACK_ARC {
+        off.signum() * (off.abs() - arc)
+    } else {
+        0.0
+    };
+    Feasible {
+        velocity: velocity * (most / speed).min(1.0),
+        facing: wrap_angle(facing + turned),
+    }
+}
+
+/// The highest speed in a direction, `off` radians from the heading to the left.
+fn fastest<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) -> f32 {
+    let pace = gaits()
+        .map(Gait::speed_mps)
+        .filter(|&speed| speed > LEAST_PACE_MPS)
+        .fold(OFF_AXIS_PACE_MPS, f32::min);
+    gaits()
+        .map(|gait| {
+            let apart = wrap_angle(off - direction(gait)).abs();
+            let walking = gait.speed_mps().min(pace);
+            walking * walking_share(apart) + (gait.speed_mps() - walking) * fast_share(apart)
+        })
+        .fold(0.0, f32::max)
+}
+
+/// How far aside the velocity may be, on the side of `off`.
+fn forward_arc<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) -> f32 {
+    gaits()
+        .map(|gait| direction(gait) * off.signum() + GAIT_ARC)
+        .filter(|&arc| arc < BACK_ARC)
+        .fold(FORWARD_ARC, f32::max)
+}
+
+fn direction(gait: &Gait) -> f32 {
+    gait.left_mps.atan2(gait.forward_mps)
+}
+
+fn fast_share(apart: f32) -> f32 {
+    let (full, gone) = FAST_ARC;
+    ((gone - apart) / (gone - full)).clamp(0.0, 1.0)
+}
+
+/// Piecewise linear in the angle.
+fn walking_share(apart: f32) -> f32 {
+    let [(near, full), rest @ ..] = WALKING_ARC;
+    let mut from = (near, full);
+    for to in rest {
+        if apart <= to.0 {
+            let share = ((apart - from.0) / (to.0 - from.0)).max(0.0);
+            return from.1 + (to.1 - from.1) * share;
+        }
+        from = to;
+    }
+    from.1
+}
+
+#[cfg(test)]
+#[path = "reach_tests.rs"]
+mod tests;

@@ -1,0 +1,215 @@
+//! A character's motion: frames of the past that a plan may start from, and of the future.
+
+use troupe_motion::interpolate::{blend, smoothstep};
+use troupe_motion::rotation::align_sign;
+use troupe_motion::{Quat, Vec3};
+
+use super::SUB_FRAMES;
+
+/// Frames over which a new plan takes over from the old one.
+pub const CROSSFADE_FRAMES: usize = 8;
+
+/// What is left of each frame's velocity in the next, where a motion is drawn out beyond its end.
+const DRAWN_OUT_VELOCITY: f32 = 0.7;
+
+/// Consecutive frames, by column.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Frames<'a> {
+    /// Root positions, one a frame.
+    pub(super) roots: &'a [Vec3],
+    /// Rotations, `frames * joints`.
+    pub(super) rotations: &'a [Quat],
+    /// Contacts, one a frame.
+    pub(super) contacts: &'a [u8],
+}
+
+impl<'a> Frames<'a> {
+    /// Without the first `count` frames.
+    fn skip(self, count: usize, joints: usize) -> Self {
+        Self {
+            roots: self.roots.get(count..).unwrap_or_default(),
+            rotations: self.rotations.get(count * joints..).unwrap_or_default(),
+            contacts: self.contacts.get(count..).unwrap_or_default(),
+        }
+    }
+
+    fn pose(&self, index: usize, joints: usize) -> &'a [Quat] {
+        &self.rotations[index * joints..][..joints]
+    }
+}
+
+/// Frames by column and by their number on the timeline. It always holds at least one frame; frame numbers that it does
+/// not hold stand for the nearest that it does.
+///
+/// Memory grows to the longest plan that came and stays: nothing is allocated for a frame.
+#[derive(Debug, Clone)]
+pub(super) struct MotionBuffer {
+    joints: usize,
+    /// Number of the oldest frame.
+    first: i64,
+    roots: Vec<Vec3>,
+    /// `frames * joints`, joint 0 in the world; no joint changes its hemisphere from one frame to the next.
+    rotations: Vec<Quat>,
+    contacts: Vec<u8>,
+}
+
+impl MotionBuffer {
+    /// A buffer of the frames from number `first` on; there must be at least one.
+    pub(super) fn new(joints: usize, first: i64, frames: Frames<'_>) -> Self {
+        debug_assert!(!frames.roots.is_empty() && frames.rotations.len() == frames.roots.len() * joints);
+        let mut buffer = Self {
+            joints,
+            first,
+            roots: Vec::new(),
+            rotations: Vec::new(),
+            contacts: Vec::new(),
+        };
+        buffer.append(frames);
+        buffer
+    }
+
+    /// Number of the oldest frame.
+    pub(super) fn first(&self) -> i64 {
+        self.first
+    }
+
+    /// Number of the newest frame.
+    pub(super) fn last(&self) -> i64 {
+        self.first + self.roots.len() as i64 - 1
+    }
+
+    fn index(&self, frame: i64) -> usize {
+        (frame.clamp(self.first, self.last()) - self.first) as usize
+    }
+
+    /// Root position of a frame.
+    pub(super) fn root(&self, frame: i64) -> Vec3 {
+        self.roots[self.index(frame)]
+    }
+
+    /// Rotations of a frame, one a joint.
+    pub(super) fn pose(&self, frame: i64) -> &[Quat] {
+        &self.rotations[self.index(frame) * self.joints..][..self.joints]
+    }
+
+    /// The frames `from..=to`, as far as they are there.
+    pub(super) fn range(&self, from: i64, to: i64) -> Frames<'_> {
+        if from > to || from > self.last() || to < self.first {
+            return Frames {
+                roots: &[],
+                rotations: &[],
+                contacts: &[],
+            };
+        }
+        let (from, end) = (self.index(from), self.index(to) + 1);
+        Frames {
+            roots: &self.roots[from..end],
+            rotations: &self.rotations[from * self.joints..end * self.joints],
+            contacts: &self.contacts[from..end],
+        }
+    }
+
+    /// Forgets the frames before number `frame`.
+    pub(super) fn trim(&mut self, frame: i64) {
+        let count = self.index(frame);
+        self.roots.drain(..count);
+        self.rotations.drain(..count * self.joints);
+        self.contacts.drain(..count);
+        self.first += count as i64;
+    }
+
+    /// Adds frames up to number `to` in which the motion comes to rest.
+    pub(super) fn draw_out(&mut self, to: i64) {
+        while self.last() < to {
+            let now = self.roots.len() - 1;
+            let before = now.saturating_sub(1);
+            let step = (self.roots[now] - self.roots[before]) * DRAWN_OUT_VELOCITY;
+            self.roots.push(self.roots[now] + step);
+            for joint in 0..self.joints {
+                let rotation = self.rotations[now * self.joints + joint];
+                let turn = rotation * self.rotations[before * self.joints + joint].conjugate();
+                let turn = Quat::IDENTITY.slerp(turn, DRAWN_OUT_VELOCITY);
+                self.rotations.push((turn * rotation).normalize());
+            }
+            self.contacts.push(self.contacts[now]);
+        }
+    }
+
+    /// Replaces what comes behind frame `at` by `plan`, which fades in over the first [`CROSSFADE_FRAMES`]. Where the old
+    /// motion is too short for that it is drawn out.
+    pub(super) fn splice(&mut self, at: i64, plan: Frames<'_>) {
+        let fade = CROSSFADE_FRAMES.min(plan.roots.len());
+        self.draw_out(at + fade as i64);
+        let start = self.index(at) + 1;
+        for step in 0..fade {
+            let weight = smoothstep((step + 1) as f32 / (CROSSFADE_FRAMES + 1) as f32);
+            self.fade(start + step, &plan, step, weight);
+        }
+        self.roots.truncate(start + fade);
+        self.rotations.truncate((start + fade) * self.joints);
+        self.contacts.truncate(start + fade);
+        self.append(plan.skip(fade, self.joints));
+    }
+
+    /// Moves the frame at `index` towards frame `step` of the plan.
+    fn fade(&mut self, index: usize, plan: &Frames<'_>, step: usize, weight: f32) {
+        self.roots[index] = self.roots[index].lerp(plan.roots[step], weight);
+        let old = &mut self.rotations[index * self.joints..][..self.joints];
+        for (old, new) in old.iter_mut().zip(plan.pose(step, self.joints)) {
+            *old = old.slerp(*new, weight).normalize();
+        }
+        self.align(index);
+        if weight >= 0.5 {
+            self.contacts[index] = plan.contacts[step];
+        }
+    }
+
+    fn append(&mut self, frames: Frames<'_>) {
+        let from = self.roots.len();
+        self.roots.extend_from_slice(frames.roots);
+        self.rotations.extend_from_slice(frames.rotations);
+        self.contacts.extend_from_slice(frames.contacts);
+        for index in from..self.roots.len() {
+            self.align(index);
+        }
+    }
+
+    /// Keeps the rotations of a frame in the hemisphere of those before.
+    fn align(&mut self, index: usize) {
+        let Some(before) = index.checked_sub(1) else {
+            return;
+        };
+        for joint in 0..self.joints {
+            let reference = self.rotations[before * self.joints + joint];
+            let rotation = &mut self.rotations[index * self.joints + joint];
+            *rotation = align_sign(*rotation, reference);
+        }
+    }
+
+    /// The motion at `cursor`, in sub-frames: linear between two frames' roots, spherical between rotations, contacts of
+    /// the nearer frame. Rotations go to `out`; root and contacts come back.
+    pub(super) fn sample(&self, cursor: i64, out: &mut Vec<Quat>) -> (Vec3, u8) {
+        let sub_frames = i64::from(SUB_FRAMES);
+        let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
+        let (from, to) = (self.index(frame), self.index(frame + 1));
+        if rest == 0 || from == to {
+            out.clear();
+            out.extend_from_slice(self.pose(frame));
+            return (self.roots[from], self.contacts[from]);
+        }
+        let part = rest as f32 / SUB_FRAMES as f32;
+        out.resize(self.joints, Quat::IDENTITY);
+        let root = blend(
+            (self.roots[from], self.pose(frame)),
+            (self.roots[to], self.pose(frame + 1)),
+            part,
+            out,
+        );
+        let nearer = if part < 0.5 { from } else { to };
+        (root, self.contacts[nearer])
+    }
+}
+
+#[cfg(test)]
+#[path = "buffer_tests.rs"]
+mod tests;

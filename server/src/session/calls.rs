@@ -1,0 +1,265 @@
+//! The calls of `troupe.v1.Sessions`, apart from how they travel.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::{Semaphore, watch};
+use troupe_proto::v1;
+
+use super::cell::SessionCell;
+use super::drive::{Place, Roster};
+use super::{Registry, TimeSource, commands, describe, options, peek, step, units};
+use crate::api::ApiError;
+use crate::inbetween::Path;
+use crate::service::PackTable;
+use crate::telemetry::Telemetry;
+
+/// Most sessions of a page of the list, and how many where nothing is said.
+const PAGE: (u32, u32) = (1000, 100);
+/// Most sessions of one call that closes some.
+const MAX_CLOSED: usize = 10_000;
+/// Requests to create up to this many sessions are served on the task that received them.
+const INLINE_SESSIONS: usize = 16;
+
+/// Limits of sessions and streams.
+#[derive(Debug, Clone, Copy)]
+pub struct SessionLimits {
+    /// Most open sessions.
+    pub sessions: usize,
+    /// Most sessions of one request.
+    pub per_request: usize,
+    /// Most sessions on one stream.
+    pub per_stream: usize,
+    /// Most open streams.
+    pub streams: usize,
+    /// Time to live of sessions that do not say, milliseconds.
+    pub ttl_ms: u32,
+    /// How long a stream's reader may take nothing.
+    pub stall_timeout: Duration,
+}
+
+/// All sessions and streams of a server.
+#[derive(Debug)]
+pub struct Sessions {
+    registry: Arc<Registry>,
+    limits: SessionLimits,
+    time: TimeSource,
+    telemetry: Telemetry,
+    places: Arc<Semaphore>,
+    draining: watch::Sender<bool>,
+}
+
+impl Sessions {
+    /// A server's sessions: none yet.
+    pub fn new(limits: SessionLimits, time: TimeSource, telemetry: Telemetry) -> Self {
+        Self {
+            registry: Arc::new(Registry::new(limits.sessions)),
+            limits,
+            time,
+            telemetry,
+            places: Arc::new(Semaphore::new(limits.streams)),
+            draining: watch::Sender::new(false),
+        }
+    }
+
+    /// The limits.
+    pub fn limits(&self) -> &SessionLimits {
+        &self.limits
+    }
+
+    /// Open sessions.
+    pub fn open(&self) -> usize {
+        self.registry.len()
+    }
+
+    /// Ends sessions whose time is up; answers how many. To be called now and then.
+    pub fn sweep(&self) -> usize {
+        self.registry.sweep(self.time.now())
+    }
+
+    /// Ends all streams, and takes no new ones.
+    pub fn drain(&self) {
+        self.draining.send_replace(true);
+    }
+
+    /// Waits until no stream is open.
+    pub async fn streams_ended(&self) {
+        let all = self.limits.streams as u32;
+        // The semaphore is never closed; were it, there would be no stream either.
+        let _ = self.places.acquire_many(all).await;
+    }
+
+    pub(super) fn draining(&self) -> watch::Receiver<bool> {
+        self.draining.subscribe()
+    }
+
+    pub(super) fn roster(&self, close_at_end: bool) -> Roster {
+        let (registry, time) = (self.registry.clone(), self.time.clone());
+        Roster::new(registry, time, self.limits.per_stream, close_at_end)
+    }
+
+    /// Notes how many streams are open, `leaving` of which are about to go.
+    pub(super) fn streams_changed(&self, leaving: usize) {
+        let free = self.places.available_permits() + leaving;
+        self.telemetry.streams(self.limits.streams.saturating_sub(free));
+    }
+
+    pub(super) fn apply(&self, commands: &[v1::Command]) -> Vec<v1::CommandResult> {
+        commands::apply(&self.registry, &self.time, commands)
+    }
+
+    /// A place for a stream.
+    ///
+    /// # Errors
+    /// [`ApiError::TooManyStreams`], or [`ApiError::Unavailable`] while the server shuts down.
+    pub fn open_stream(self: &Arc<Self>) -> Result<Place, ApiError> {
+        if *self.draining.borrow() {
+            return Err(ApiError::Unavailable("shutting down"));
+        }
+        match self.places.clone().try_acquire_owned() {
+            Ok(permit) => Ok(Place::new(permit, self.clone())),
+            Err(_) => Err(ApiError::TooManyStreams {
+                limit: self.limits.streams,
+            }),
+        }
+    }
+
+    /// `troupe.v1.Sessions/CreateSessions`.
+    ///
+    /// # Errors
+    /// [`ApiError`]; no session is open then.
+    pub async fn create(
+        self: &Arc<Self>,
+        packs: &PackTable,
+        request: v1::CreateSessionsRequest,
+    ) -> Result<v1::CreateSessionsResponse, ApiError> {
+        let count = request.sessions.len();
+        units::length(&Path::root().field("sessions"), count, 1, self.limits.per_request)?;
+        self.registry.room_for(count)?;
+        let (this, packs) = (self.clone(), packs.clone());
+        crate::service::offload(count, INLINE_SESSIONS, move || this.create_now(&packs, &request)).await?
+    }
+
+    fn create_now(
+        &self,
+        packs: &PackTable,
+        request: &v1::CreateSessionsRequest,
+    ) -> Result<v1::CreateSessionsResponse, ApiError> {
+        let root = Path::root();
+        let mut cells = Vec::with_capacity(request.sessions.len());
+        for (index, wanted) in request.sessions.iter().enumerate() {
+            let parts = options::parts(&root.element("sessions", index), wanted, packs, &self.limits)?;
+            cells.push(Arc::new(SessionCell::new(parts, self.time.clone())));
+        }
+        self.registry
+            .insert(&cells, |index| format!("sessions[{index}].id"))?;
+        let now = self.time.now();
+        Ok(v1::CreateSessionsResponse {
+            sessions: cells.iter().map(|cell| describe::session(cell, now)).collect(),
+        })
+    }
+
+    /// `troupe.v1.Sessions/GetSession`.
+    ///
+    /// # Errors
+    /// [`ApiError`] where the session is not open.
+    pub fn get(&self, id: &str) -> Result<v1::Session, ApiError> {
+        let now = self.time.now();
+        let cell = self.registry.get(id, now, &|| "id".to_owned())?;
+        Ok(describe::session(&cell, now))
+    }
+
+    /// `troupe.v1.Sessions/ListSessions`.
+    ///
+    /// # Errors
+    /// [`ApiError::Field`] for a page size out of range.
+    pub fn list(&self, request: &v1::ListSessionsRequest) -> Result<v1::ListSessionsResponse, ApiError> {
+        let root = Path::root();
+        let (most, usual) = PAGE;
+        let size = if request.page_size == 0 {
+            usual
+        } else {
+            request.page_size
+        };
+        units::count_within(&root.field("page_size"), size, 1, most)?;
+        let after = (!request.page_token.is_empty()).then_some(request.page_token.as_str());
+        // One more than asked for tells whether there is another page.
+        let (mut cells, total) = self.registry.page(after, size as usize + 1);
+        let more = cells.len() > size as usize;
+        cells.truncate(size as usize);
+        let now = self.time.now();
+        let last = cells.last().filter(|_| more);
+        Ok(v1::ListSessionsResponse {
+            next_page_token: last.map(|cell| cell.id().to_string()).unwrap_or_default(),
+            sessions: cells.iter().map(|cell| describe::session(cell, now)).collect(),
+            total: total as u32,
+        })
+    }
+
+    /// `troupe.v1.Sessions/CloseSessions`.
+    ///
+    /// # Errors
+    /// [`ApiError::Field`] for a list that is empty or too long.
+    pub fn close(&self, request: &v1::CloseSessionsRequest) -> Result<v1::CloseSessionsResponse, ApiError> {
+        let root = Path::root();
+        units::length(&root.field("ids"), request.ids.len(), 1, MAX_CLOSED)?;
+        let now = self.time.now();
+        let closed = request
+            .ids
+            .iter()
+            .filter(|id| self.registry.close(id, now))
+            .count();
+        Ok(v1::CloseSessionsResponse {
+            closed: closed as u32,
+        })
+    }
+
+    /// `troupe.v1.Sessions/Command`.
+    ///
+    /// # Errors
+    /// [`ApiError::Field`] for a list that is empty or too long; what is wrong with one command is in its result.
+    pub fn command(&self, request: &v1::CommandRequest) -> Result<v1::CommandResponse, ApiError> {
+        let root = Path::root();
+        let count = request.commands.len();
+        units::length(&root.field("commands"), count, 1, commands::MAX_COMMANDS)?;
+        Ok(v1::CommandResponse {
+            results: self.apply(&request.commands),
+        })
+    }
+
+    /// `troupe.v1.Sessions/Step`.
+    ///
+    /// # Errors
+    /// [`ApiError`] for a request that makes no sense, or where no session could be served.
+    pub async fn step(&self, request: &v1::StepRequest) -> Result<v1::StepResponse, ApiError> {
+        let arrived = std::time::Instant::now();
+        let plan = step::check(request, &self.limits)?;
+        let command_results = self.apply(&request.commands);
+        let stepped = step::step(&self.registry, &self.time, &request.session_ids, plan).await;
+        if let (true, Some((_, error))) = (stepped.blocks.is_empty(), stepped.problems.first()) {
+            return Err(error.clone());
+        }
+        Ok(v1::StepResponse {
+            blocks: stepped.blocks,
+            command_results,
+            problems: step::problems(&request.session_ids, &stepped.problems),
+            total_us: arrived.elapsed().as_micros() as u64,
+            waited_us: stepped.waited.as_micros() as u64,
+        })
+    }
+
+    /// `troupe.v1.Sessions/Peek`.
+    ///
+    /// # Errors
+    /// [`ApiError`] where the session is not open, or for a count out of range.
+    pub fn peek(&self, request: &v1::PeekRequest) -> Result<v1::PeekResponse, ApiError> {
+        let root = Path::root();
+        let most = peek::MAX_PEEK_FRAMES;
+        let frames = if request.frames == 0 { most } else { request.frames };
+        units::count_within(&root.field("frames"), frames, 1, most)?;
+        let now = self.time.now();
+        let field = || "session_id".to_owned();
+        let cell = self.registry.get(&request.session_id, now, &field)?;
+        Ok(peek::peek(&cell, frames as usize, now))
+    }
+}

@@ -1,0 +1,323 @@
+//! One session: its character behind a lock, who advances it, and when it was last wanted.
+
+use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::sync::Notify;
+use troupe_motion::conventions::Convention;
+use troupe_proto::v1;
+
+use super::time::TimeSource;
+use super::{Character, PlanRequest, Stats};
+use crate::api::ApiError;
+use crate::batch::SubmitError;
+use crate::service::LoadedPack;
+use crate::style::Style;
+
+/// Who advances a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Owner {
+    /// Nobody at the moment.
+    Free = 0,
+    /// A step.
+    Step = 1,
+    /// A stream.
+    Drive = 2,
+}
+
+impl Owner {
+    fn of(value: u8) -> Self {
+        match value {
+            1 => Self::Step,
+            2 => Self::Drive,
+            _ => Self::Free,
+        }
+    }
+}
+
+impl From<Owner> for v1::Clock {
+    fn from(owner: Owner) -> Self {
+        match owner {
+            Owner::Free => Self::Free,
+            Owner::Step => Self::Step,
+            Owner::Drive => Self::Drive,
+        }
+    }
+}
+
+/// How a session ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum End {
+    /// A caller closed it.
+    Closed = 1,
+    /// Its time to live ran out.
+    Expired = 2,
+}
+
+/// The value of [`SessionCell::owner`] that no owner can take: the session is about to expire.
+const EXPIRING: u8 = 3;
+
+/// What is behind a session's lock.
+#[derive(Debug)]
+pub struct Live {
+    /// The character.
+    pub character: Character,
+    /// The style of the newest command.
+    pub style: Arc<Style>,
+    /// Why plans failed since the last that did not, and how many.
+    pub trouble: Option<(u32, SubmitError)>,
+    /// What the metrics know of the character.
+    counted: Stats,
+}
+
+/// One session.
+#[derive(Debug)]
+pub struct SessionCell {
+    id: Arc<str>,
+    pack: Arc<LoadedPack>,
+    convention: Convention,
+    seed: u64,
+    ttl: Duration,
+    time: TimeSource,
+    born: Instant,
+    /// Milliseconds from `born` to the last sign of life.
+    seen_ms: AtomicU64,
+    owner: AtomicU8,
+    ended: AtomicU8,
+    live: Mutex<Live>,
+    /// A plan came, failed, or the session ended. One waiter at most: the owner.
+    changed: Notify,
+}
+
+/// What a new session is made of.
+pub struct Parts {
+    /// Its id.
+    pub id: Arc<str>,
+    /// Its pack.
+    pub pack: Arc<LoadedPack>,
+    /// Its convention.
+    pub convention: Convention,
+    /// Its seed.
+    pub seed: u64,
+    /// Its time to live.
+    pub ttl: Duration,
+    /// Its character.
+    pub character: Character,
+    /// The style that it starts in.
+    pub style: Arc<Style>,
+}
+
+impl SessionCell {
+    /// A session that nobody advances yet.
+    pub fn new(parts: Parts, time: TimeSource) -> Self {
+        let born = time.now();
+        Self {
+            id: parts.id,
+            pack: parts.pack,
+            convention: parts.convention,
+            seed: parts.seed,
+            ttl: parts.ttl,
+            time,
+            born,
+            seen_ms: AtomicU64::new(0),
+            owner: AtomicU8::new(Owner::Free as u8),
+            ended: AtomicU8::new(0),
+            live: Mutex::new(Live {
+                character: parts.character,
+                style: parts.style,
+                trouble: None,
+                counted: Stats::default(),
+            }),
+            changed: Notify::new(),
+        }
+    }
+
+    /// Its id.
+    pub fn id(&self) -> &Arc<str> {
+        &self.id
+    }
+
+    /// Its pack.
+    pub fn pack(&self) -> &Arc<LoadedPack> {
+        &self.pack
+    }
+
+    /// The convention of everything that it takes and gives.
+    pub fn convention(&self) -> Convention {
+        self.convention
+    }
+
+    /// Its seed.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// Time without a sign of life after which it expires.
+    pub fn ttl(&self) -> Duration {
+        self.ttl
+    }
+
+    /// Its character. Never held across an await.
+    pub fn live(&self) -> MutexGuard<'_, Live> {
+        // A panic under the lock leaves a character that may look odd, but one that still moves.
+        self.live.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Notes a sign of life.
+    pub fn touch(&self) {
+        let ms = self.time.now().saturating_duration_since(self.born).as_millis() as u64;
+        self.seen_ms.fetch_max(ms, Ordering::Relaxed);
+    }
+
+    /// Time left at `now`: all of it while somebody advances the session.
+    pub fn left(&self, now: Instant) -> Duration {
+        if self.owner() != Owner::Free {
+            return self.ttl;
+        }
+        let seen = self.born + Duration::from_millis(self.seen_ms.load(Ordering::Relaxed));
+        self.ttl.saturating_sub(now.saturating_duration_since(seen))
+    }
+
+    /// Who advances it.
+    pub fn owner(&self) -> Owner {
+        Owner::of(self.owner.load(Ordering::Acquire))
+    }
+
+    /// How it ended, where it has.
+    pub fn end(&self) -> Option<End> {
+        match self.ended.load(Ordering::Acquire) {
+            0 => None,
+            1 => Some(End::Closed),
+            _ => Some(End::Expired),
+        }
+    }
+
+    /// Ends it where its time is up at `now` and nobody advances it. Answers whether it did.
+    pub(super) fn expire(&self, now: Instant) -> bool {
+        let free = Owner::Free as u8;
+        if !self.left(now).is_zero() || self.owner() != Owner::Free {
+            return false;
+        }
+        let taken = self
+            .owner
+            .compare_exchange(free, EXPIRING, Ordering::AcqRel, Ordering::Acquire);
+        if taken.is_err() {
+            return false;
+        }
+        // Somebody may have wanted it between the look at the clock and now.
+        if !self.left_while_free(now).is_zero() {
+            self.owner.store(free, Ordering::Release);
+            return false;
+        }
+        self.finish(End::Expired)
+    }
+
+    fn left_while_free(&self, now: Instant) -> Duration {
+        let seen = self.born + Duration::from_millis(self.seen_ms.load(Ordering::Acquire));
+        self.ttl.saturating_sub(now.saturating_duration_since(seen))
+    }
+
+    /// Ends it, whoever has it. Answers whether it was open.
+    pub(super) fn finish(&self, end: End) -> bool {
+        let first = self
+            .ended
+            .compare_exchange(0, end as u8, Ordering::AcqRel, Ordering::Acquire)
+            .is_ok();
+        if first {
+            self.changed.notify_one();
+        }
+        first
+    }
+
+    /// Takes the session's clock for `owner`, until the guard is dropped.
+    ///
+    /// # Errors
+    /// [`ApiError::SessionBusy`], or what [`SessionCell::gone`] says. `field` named the session.
+    pub fn take(self: &Arc<Self>, owner: Owner, field: &dyn Fn() -> String) -> Result<Held, ApiError> {
+        let (free, wanted) = (Owner::Free as u8, owner as u8);
+        loop {
+            let taken = self
+                .owner
+                .compare_exchange(free, wanted, Ordering::AcqRel, Ordering::Acquire);
+            let held = taken.map(|_| Held(self.clone()));
+            if let Some(error) = self.gone(field) {
+                return Err(error);
+            }
+            match held {
+                Ok(held) => {
+                    self.touch();
+                    return Ok(held);
+                }
+                // Somebody looks whether it expires; that takes a moment.
+                Err(EXPIRING) => std::hint::spin_loop(),
+                Err(other) => {
+                    return Err(ApiError::SessionBusy {
+                        id: self.id.to_string(),
+                        field: field(),
+                        owner: match Owner::of(other) {
+                            Owner::Drive => "a stream",
+                            _ => "a step",
+                        },
+                    });
+                }
+            }
+        }
+    }
+
+    /// Why the session cannot be served any more, where it has ended.
+    pub fn gone(&self, field: &dyn Fn() -> String) -> Option<ApiError> {
+        match self.end()? {
+            End::Expired => Some(ApiError::SessionExpired {
+                id: self.id.to_string(),
+                field: field(),
+            }),
+            End::Closed => Some(ApiError::UnknownSession {
+                id: self.id.to_string(),
+                field: field(),
+            }),
+        }
+    }
+
+    /// Waits until a plan came or failed, or the session ended, since the last wait. For the owner only.
+    pub async fn changed(&self) {
+        self.changed.notified().await;
+    }
+
+    /// Wakes the owner.
+    pub(super) fn wake(&self) {
+        self.changed.notify_one();
+    }
+
+    /// Takes the request that the character has, where there is one, and counts what it has done meanwhile.
+    pub fn settle(&self, live: &mut Live) -> Option<PlanRequest> {
+        let stats = live.character.stats();
+        if stats != live.counted {
+            self.pack.sessions.progressed(&live.counted, &stats);
+            live.counted = stats;
+        }
+        let request = live.character.take_request()?;
+        self.pack.sessions.asked(request.cause);
+        Some(request)
+    }
+}
+
+/// A session's clock, in somebody's hands. Dropping it lets go.
+#[derive(Debug)]
+pub struct Held(Arc<SessionCell>);
+
+impl Held {
+    /// The session.
+    pub fn cell(&self) -> &Arc<SessionCell> {
+        &self.0
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        self.0.touch();
+        self.0.owner.store(Owner::Free as u8, Ordering::Release);
+    }
+}

@@ -1,0 +1,160 @@
+//! Commands: checked one by one, so that one that is wrong does not hold up the others.
+
+use std::sync::Arc;
+
+use troupe_motion::Vec3;
+use troupe_proto::v1;
+use troupe_proto::v1::command::Intent;
+
+use super::cell::{Live, SessionCell};
+use super::options::unknown_style;
+use super::units;
+use super::{CommandOutcome, Registry};
+use crate::api::ApiError;
+use crate::inbetween::{FieldError, MAX_HEIGHT_M, Path};
+use crate::primitives::LocomotionCommand;
+use crate::session::TimeSource;
+use crate::style::Style;
+
+/// Most commands of one request.
+pub const MAX_COMMANDS: usize = 10_000;
+/// How far ahead a command may be given, frames.
+const MAX_FRAMES_AHEAD: u64 = 100_000;
+/// Largest velocity along an axis, m/s.
+const MAX_VELOCITY_MPS: f32 = 1000.0;
+
+/// Gives commands to their sessions and says what became of each, in order.
+pub(super) fn apply(
+    registry: &Registry,
+    time: &TimeSource,
+    commands: &[v1::Command],
+) -> Vec<v1::CommandResult> {
+    let root = Path::root();
+    let now = time.now();
+    let each = commands.iter().enumerate().map(|(index, command)| {
+        let path = root.element("commands", index);
+        let field = || path.field("session_id").to_string();
+        let outcome = registry
+            .get(&command.session_id, now, &field)
+            .and_then(|cell| give(&path, &cell, command));
+        result(command, outcome)
+    });
+    each.collect()
+}
+
+fn result(command: &v1::Command, outcome: Result<CommandOutcome, ApiError>) -> v1::CommandResult {
+    let (status, problem) = match outcome {
+        Ok(CommandOutcome::Accepted) => (v1::CommandStatus::Accepted, None),
+        Ok(CommandOutcome::Repeated) => (v1::CommandStatus::Repeated, None),
+        Ok(CommandOutcome::Late) => (v1::CommandStatus::Late, None),
+        Err(error) => (v1::CommandStatus::Refused, Some(error.problem())),
+    };
+    v1::CommandResult {
+        session_id: command
+            .session_id
+            .chars()
+            .take(super::options::MAX_ID_CHARS)
+            .collect(),
+        sequence: command.sequence,
+        status: status.into(),
+        problem,
+    }
+}
+
+fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<CommandOutcome, ApiError> {
+    if command.sequence == 0 {
+        return Err(path.field("sequence").error("is 0", "1 or more").into());
+    }
+    let Some(Intent::Locomote(locomote)) = &command.intent else {
+        return Err(path.field("intent").error("is missing", "locomote").into());
+    };
+    let mut live = cell.live();
+    let locomotion = locomotion(&path.field("locomote"), locomote, cell, &live)?;
+    if let Some(at) = command.at_frame {
+        check_at(path, at, live.character.frame())?;
+    }
+    let style = locomotion.style.clone();
+    let outcome = live
+        .character
+        .command(command.sequence, command.at_frame, locomotion);
+    if outcome == CommandOutcome::Accepted {
+        live.style = style;
+    }
+    drop(live);
+    cell.touch();
+    Ok(outcome)
+}
+
+fn check_at(path: &Path<'_>, at: u64, frame: u64) -> Result<(), FieldError> {
+    let latest = frame.saturating_add(MAX_FRAMES_AHEAD);
+    match at <= latest {
+        true => Ok(()),
+        false => Err(path.field("at_frame").error(
+            format!("is {at}, and the session is at frame {frame}"),
+            format!("at most {latest}"),
+        )),
+    }
+}
+
+/// What a message asks for, in the native convention.
+fn locomotion(
+    path: &Path<'_>,
+    locomote: &v1::Locomote,
+    cell: &SessionCell,
+    live: &Live,
+) -> Result<LocomotionCommand, ApiError> {
+    let convention = cell.convention();
+    let style = match locomote.style.as_str() {
+        "" => live.style.clone(),
+        name => cell
+            .pack()
+            .styles
+            .get(name)
+            .ok_or_else(|| unknown_style(&path.field("style"), name, cell.pack()))?,
+    };
+    let facing = |value| units::heading(&path.field("facing"), value, convention);
+    let height = |value| height(&path.field("height"), value, convention.units_per_metre());
+    Ok(LocomotionCommand {
+        velocity: velocity(path, locomote, cell)?,
+        facing: locomote.facing.map(facing).transpose()?,
+        gait: gait(&path.field("gait"), &locomote.gait, &style)?,
+        height_m: locomote.height.map(height).transpose()?,
+        style,
+    })
+}
+
+fn velocity(path: &Path<'_>, locomote: &v1::Locomote, cell: &SessionCell) -> Result<Vec3, FieldError> {
+    let Some(given) = locomote.velocity else {
+        return Ok(Vec3::ZERO);
+    };
+    let path = path.field("velocity");
+    let convention = cell.convention();
+    let velocity = units::vector(&path, given, MAX_VELOCITY_MPS, convention)?;
+    match velocity.y == 0.0 {
+        true => Ok(velocity),
+        false => {
+            let up = velocity.y * convention.units_per_metre();
+            let path = path.field(units::up_axis(convention));
+            Err(path.error(format!("is {up}: it points up"), "0"))
+        }
+    }
+}
+
+fn height(path: &Path<'_>, value: f32, units_per_metre: f32) -> Result<f32, FieldError> {
+    units::within(path, value, 0.0, MAX_HEIGHT_M * units_per_metre).map(|value| value / units_per_metre)
+}
+
+fn gait(path: &Path<'_>, name: &str, style: &Arc<Style>) -> Result<Option<String>, FieldError> {
+    if name.is_empty() {
+        return Ok(None);
+    }
+    if style.gaits.iter().any(|gait| gait.name == name) {
+        return Ok(Some(name.to_owned()));
+    }
+    let start: String = name.chars().take(64).collect();
+    let gaits: Vec<&str> = style.gaits.iter().map(|gait| gait.name.as_str()).collect();
+    Err(path.error(
+        format!("the style {} has no gait {start:?}", style.name),
+        gaits.join(", "),
+    ))
+}

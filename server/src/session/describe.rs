@@ -1,0 +1,63 @@
+//! Sessions as messages, in their own convention.
+
+use std::time::Instant;
+
+use troupe_motion::GlobalRoot;
+use troupe_motion::conventions::Convention;
+use troupe_motion::root::wrap_angle;
+use troupe_proto::v1;
+
+use super::cell::{Live, SessionCell};
+use super::units;
+use super::{Stats, View};
+
+/// The session as it stands at `now`.
+pub(super) fn session(cell: &SessionCell, now: Instant) -> v1::Session {
+    session_of(cell, &cell.live(), now)
+}
+
+/// [`session`], under a lock that the caller holds.
+pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::Session {
+    let View {
+        frame,
+        root,
+        speed_mps,
+        buffered_frames,
+        last_sequence,
+        stats,
+    } = live.character.view();
+    let convention = cell.convention();
+    v1::Session {
+        id: cell.id().to_string(),
+        pack: cell.pack().pack.name().to_owned(),
+        style: live.style.name.clone(),
+        seed: cell.seed(),
+        convention: units::convention_name(convention).into(),
+        frame,
+        position: Some(units::position(root.position, convention)),
+        heading: heading(root, convention),
+        speed: speed_mps,
+        last_sequence,
+        clock: v1::Clock::from(cell.owner()).into(),
+        ttl_ms: cell.ttl().as_millis() as u32,
+        expires_in_ms: cell.left(now).as_millis() as u32,
+        buffered_frames,
+        stats: Some(stats_of(&stats)),
+    }
+}
+
+/// A root's heading in the session's convention, within half a turn.
+pub(super) fn heading(root: GlobalRoot, convention: Convention) -> f32 {
+    convention.heading_from_native(wrap_angle(root.heading))
+}
+
+fn stats_of(stats: &Stats) -> v1::SessionStats {
+    v1::SessionStats {
+        plans_for_command: stats.plans_for_command,
+        plans_for_low_buffer: stats.plans_for_low_buffer,
+        plans_for_interval: stats.plans_for_interval,
+        late_plans: stats.late_plans,
+        underruns: stats.underruns,
+        failed_plans: stats.failed_plans,
+    }
+}

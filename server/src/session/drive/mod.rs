@@ -1,0 +1,373 @@
+//! Server-clocked frames: one task a stream, which ticks its sessions and hears its client.
+//!
+//! The task ends when the client is done or gone, reads nothing for too long, says something that makes no sense, or when
+//! the server shuts down. Its sessions are let go of then, whatever the reason.
+
+mod outbox;
+mod roster;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use futures_util::{Stream, StreamExt as _};
+use tokio::sync::{OwnedSemaphorePermit, watch};
+use tokio::time::{Interval, MissedTickBehavior};
+use troupe_proto::v1;
+use troupe_proto::v1::drive_request::Message as Ask;
+use troupe_proto::v1::drive_response::Message as Say;
+
+use super::encode::Form;
+use super::{Sessions, commands, step, units};
+use crate::api::ApiError;
+use crate::inbetween::{FieldError, Path};
+
+pub use outbox::{Outbox, Outlet, outbox};
+pub(super) use roster::Roster;
+
+/// Longest time that characters catch up on after ticks that the server missed.
+const MAX_CATCH_UP: Duration = Duration::from_secs(1);
+
+/// Why a stream ends.
+#[derive(Debug)]
+enum Closing {
+    /// The client says that it is done.
+    ClientDone,
+    /// The server shuts down.
+    Draining,
+    /// Nobody reads.
+    SlowReader(Duration),
+    /// The client said something that makes no sense.
+    Invalid(ApiError),
+    /// The client has gone: nobody is left to tell.
+    Gone,
+}
+
+impl From<FieldError> for Closing {
+    fn from(error: FieldError) -> Self {
+        Self::Invalid(error.into())
+    }
+}
+
+impl Closing {
+    fn message(&self) -> v1::DriveClosing {
+        let problem = |reason: &str, message: String| v1::Problem {
+            reason: reason.to_owned(),
+            message,
+            ..v1::Problem::default()
+        };
+        let reason = match self {
+            Self::ClientDone | Self::Gone => problem("CLIENT_DONE", "the client is done".to_owned()),
+            Self::Draining => problem("DRAINING", "the server is shutting down".to_owned()),
+            Self::SlowReader(limit) => problem(
+                "SLOW_READER",
+                format!("nothing was read for {} ms", limit.as_millis()),
+            ),
+            Self::Invalid(error) => v1::Problem {
+                reason: "INVALID_REQUEST".to_owned(),
+                ..error.problem()
+            },
+        };
+        v1::DriveClosing { reason: Some(reason) }
+    }
+}
+
+/// A place among the server's streams; dropping it makes room for another.
+#[derive(Debug)]
+pub struct Place {
+    _permit: OwnedSemaphorePermit,
+    sessions: Arc<Sessions>,
+}
+
+impl Place {
+    pub(super) fn new(permit: OwnedSemaphorePermit, sessions: Arc<Sessions>) -> Self {
+        sessions.streams_changed(0);
+        Self {
+            _permit: permit,
+            sessions,
+        }
+    }
+
+    /// Runs a stream to its end. `inbound` gives what the client says, or why it cannot be read; it ends when the client
+    /// is done.
+    pub async fn run<I>(&self, inbound: &mut I, outbox: Outbox)
+    where
+        I: Stream<Item = Result<v1::DriveRequest, ApiError>> + Unpin,
+    {
+        let mut draining = self.sessions.draining();
+        let closing = match self.opened(inbound, &outbox, &mut draining).await {
+            Ok(mut stream) => stream.run(inbound, &outbox, &mut draining).await,
+            Err(closing) => closing,
+        };
+        tracing::debug!(?closing, "a stream ends");
+        outbox.close(closing.message());
+    }
+
+    /// Waits for the first message, which must open the stream.
+    async fn opened<I>(
+        &self,
+        inbound: &mut I,
+        outbox: &Outbox,
+        draining: &mut watch::Receiver<bool>,
+    ) -> Result<Driving, Closing>
+    where
+        I: Stream<Item = Result<v1::DriveRequest, ApiError>> + Unpin,
+    {
+        let limit = self.sessions.limits().stall_timeout;
+        let first = tokio::select! {
+            () = outbox.reader_gone() => return Err(Closing::Gone),
+            () = drained(draining) => return Err(Closing::Draining),
+            first = tokio::time::timeout(limit, inbound.next()) => first,
+        };
+        let wanted = "open as the first message";
+        let path = Path::root();
+        match first {
+            Ok(Some(Ok(v1::DriveRequest {
+                message: Some(Ask::Open(open)),
+            }))) => Ok(Driving::new(&self.sessions, &open)?),
+            Ok(Some(Ok(_))) => Err(path.field("message").error("is not open", wanted).into()),
+            Ok(Some(Err(error))) => Err(Closing::Invalid(error)),
+            Ok(None) => Err(Closing::ClientDone),
+            Err(_) => {
+                let message = format!("did not come within {} ms", limit.as_millis());
+                Err(path.field("message").error(message, wanted).into())
+            }
+        }
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        // The permit itself goes after this.
+        self.sessions.streams_changed(1);
+    }
+}
+
+/// Ends when the server shuts down.
+async fn drained(draining: &mut watch::Receiver<bool>) {
+    if draining.wait_for(|draining| *draining).await.is_err() {
+        // The sender is gone with the server's handle; the server itself goes on.
+        std::future::pending().await
+    }
+}
+
+/// An open stream.
+struct Driving {
+    sessions: Arc<Sessions>,
+    roster: Roster,
+    form: Form,
+    sub_frames: u32,
+    ticker: Ticker,
+    dropped_ticks: u64,
+}
+
+impl Driving {
+    fn new(sessions: &Arc<Sessions>, open: &v1::DriveOpen) -> Result<Self, FieldError> {
+        let root = Path::root();
+        let path = root.field("open");
+        let sub_frames = step::sub_frames(&path, open.rate_hz)?;
+        let rate_hz = if open.rate_hz == 0 { 30 } else { open.rate_hz };
+        Ok(Self {
+            roster: sessions.roster(open.close_sessions),
+            sessions: sessions.clone(),
+            form: Form::of(&path, open.encoding, open.return_positions)?,
+            sub_frames,
+            ticker: Ticker::new(rate_hz),
+            dropped_ticks: 0,
+        })
+    }
+
+    async fn run<I>(
+        &mut self,
+        inbound: &mut I,
+        outbox: &Outbox,
+        draining: &mut watch::Receiver<bool>,
+    ) -> Closing
+    where
+        I: Stream<Item = Result<v1::DriveRequest, ApiError>> + Unpin,
+    {
+        loop {
+            tokio::select! {
+                // Ticks before messages, so that nobody can talk the clock to a stop.
+                biased;
+                () = outbox.reader_gone() => return Closing::Gone,
+                () = drained(draining) => return Closing::Draining,
+                tick = self.ticker.next() => {
+                    let limit = self.sessions.limits().stall_timeout;
+                    if outbox.stalled(Instant::now()) >= limit {
+                        return Closing::SlowReader(limit);
+                    }
+                    self.tick(tick, outbox);
+                }
+                asked = inbound.next(), if outbox.has_room() => {
+                    let answered = match asked {
+                        None => return Closing::ClientDone,
+                        Some(asked) => asked.map_err(Closing::Invalid).and_then(|asked| self.hear(asked)),
+                    };
+                    match answered {
+                        Ok(Some(answer)) => outbox.say(answer),
+                        Ok(None) => {}
+                        Err(closing) => return closing,
+                    }
+                }
+            }
+        }
+    }
+
+    /// What a client's message leads to.
+    fn hear(&mut self, asked: v1::DriveRequest) -> Result<Option<Say>, Closing> {
+        let root = Path::root();
+        let most = self.sessions.limits().per_stream;
+        match asked.message {
+            Some(Ask::Attach(v1::DriveAttach { session_ids })) => {
+                let path = root.field("attach");
+                units::length(&path.field("session_ids"), session_ids.len(), 1, most)?;
+                Ok(Some(Say::Attached(self.roster.attach(&session_ids))))
+            }
+            Some(Ask::Detach(v1::DriveDetach { session_ids })) => {
+                let path = root.field("detach");
+                units::length(&path.field("session_ids"), session_ids.len(), 1, most)?;
+                Ok(left(self.roster.detach(&session_ids)))
+            }
+            Some(Ask::Command(request)) => {
+                let path = root.field("command");
+                let commands = &path.field("commands");
+                units::length(commands, request.commands.len(), 1, commands::MAX_COMMANDS)?;
+                let mut results = self.sessions.apply(&request.commands);
+                results.retain(|result| result.status() != v1::CommandStatus::Accepted);
+                Ok((!results.is_empty()).then_some(Say::Commands(v1::CommandResponse { results })))
+            }
+            Some(Ask::Open(_)) => Err(root
+                .field("message")
+                .error("is a second open", "attach, detach or command")
+                .into()),
+            None => Err(root
+                .field("message")
+                .error("is missing", "attach, detach or command")
+                .into()),
+        }
+    }
+
+    /// Advances the characters by a tick, and by those that were missed before it.
+    fn tick(&mut self, tick: TickNumber, outbox: &Outbox) {
+        if let Some(gone) = left(self.roster.ended()) {
+            outbox.say(gone);
+        }
+        if tick.missed > 0 {
+            self.dropped_ticks += tick.missed;
+            for (pack, count) in self.roster.counts() {
+                pack.sessions.dropped(count as u64 * tick.missed);
+            }
+        }
+        if self.roster.is_empty() {
+            return;
+        }
+        let ticks = 1 + tick.missed.min(self.ticker.most_missed()) as u32;
+        let mut frames = self.roster.tick(self.sub_frames * ticks, self.form);
+        frames.frames.tick = tick.number;
+        frames.frames.dropped_ticks = self.dropped_ticks;
+        if outbox.send(frames) {
+            self.dropped_ticks += 1;
+        }
+    }
+}
+
+fn left(sessions: Vec<v1::SessionProblem>) -> Option<Say> {
+    (!sessions.is_empty()).then_some(Say::Left(v1::DriveLeft { sessions }))
+}
+
+/// A tick of a stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct TickNumber {
+    /// Counts from 0, missed ones too.
+    number: u64,
+    /// Ticks since the one before that nobody saw: the server was busy.
+    missed: u64,
+}
+
+/// Counts ticks.
+struct Ticker {
+    interval: Interval,
+    start: tokio::time::Instant,
+    rate_hz: u32,
+    next: u64,
+}
+
+impl Ticker {
+    fn new(rate_hz: u32) -> Self {
+        let period = Duration::from_secs(1) / rate_hz;
+        let start = tokio::time::Instant::now();
+        let mut interval = tokio::time::interval_at(start, period);
+        interval.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        Self {
+            interval,
+            start,
+            rate_hz,
+            next: 0,
+        }
+    }
+
+    /// Waits for the next tick.
+    async fn next(&mut self) -> TickNumber {
+        let at = self.interval.tick().await;
+        self.count(at - self.start)
+    }
+
+    /// The tick that was due `since` the first.
+    fn count(&mut self, since: Duration) -> TickNumber {
+        let due = (since.as_secs_f64() * f64::from(self.rate_hz)).round() as u64;
+        let number = due.max(self.next);
+        let missed = number - self.next;
+        self.next = number + 1;
+        TickNumber { number, missed }
+    }
+
+    /// Most missed ticks that characters catch up on.
+    fn most_missed(&self) -> u64 {
+        MAX_CATCH_UP.as_secs() * u64::from(self.rate_hz)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test(start_paused = true)]
+    async fn ticks_are_counted_with_those_that_were_missed() {
+        for rate_hz in [30, 50, 60] {
+            let mut ticker = Ticker::new(rate_hz);
+            for number in 0..10 {
+                let tick = ticker.next().await;
+                assert_eq!(tick, TickNumber { number, missed: 0 });
+            }
+            // The server is busy for six and a half periods.
+            tokio::time::advance(Duration::from_secs(13) / (2 * rate_hz)).await;
+            let late = ticker.next().await;
+            assert_eq!(
+                late,
+                TickNumber {
+                    number: 10,
+                    missed: 0
+                }
+            );
+            let next = ticker.next().await;
+            assert_eq!((next.number, next.missed), (16, 5), "at {rate_hz} Hz");
+            assert_eq!(ticker.next().await.missed, 0);
+        }
+    }
+
+    #[test]
+    fn long_streams_do_not_drift() {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_time()
+            .build()
+            .unwrap();
+        let _guard = runtime.enter();
+        let mut ticker = Ticker::new(30);
+        // The interval's period is a third of a nanosecond short; after a day that is a millisecond.
+        let period = Duration::from_secs(1) / 30;
+        for number in 0..30 * 3600 * 24u32 {
+            let tick = ticker.count(period * number);
+            assert_eq!((tick.number, tick.missed), (u64::from(number), 0));
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! What a stream has to say, and how much of it may wait: control messages in a short queue, and one tick's frames. A tick
+//! that its reader has not taken when the next one comes is replaced, so a slow reader always gets the latest.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::sync::Notify;
+use troupe_proto::v1;
+use troupe_proto::v1::drive_response::Message;
+
+use crate::service::LoadedPack;
+
+/// Control messages that may wait. With as many waiting, the stream takes no more of its client's messages.
+const MAX_CONTROL: usize = 64;
+
+/// The frames of one tick.
+#[derive(Debug)]
+pub struct Tick {
+    /// The message.
+    pub frames: v1::DriveFrames,
+    /// Frames in it, by pack.
+    pub counts: Vec<(Arc<LoadedPack>, usize)>,
+}
+
+impl Tick {
+    /// Notes that the tick was not sent.
+    fn dropped(&self) {
+        for (pack, count) in &self.counts {
+            pack.sessions.dropped(*count as u64);
+        }
+    }
+}
+
+#[derive(Debug, Default)]
+struct State {
+    control: VecDeque<Message>,
+    tick: Option<Tick>,
+    /// Goes out last.
+    closing: Option<v1::DriveClosing>,
+    finished: bool,
+    reader_gone: bool,
+    /// Since when something waits that the reader could have taken.
+    waits_since: Option<Instant>,
+}
+
+impl State {
+    fn waits(&self) -> bool {
+        !self.control.is_empty() || self.tick.is_some() || self.closing.is_some()
+    }
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    state: Mutex<State>,
+    /// For the reader.
+    readable: Notify,
+    /// For the stream.
+    gone: Notify,
+}
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts something in, and tells the reader.
+    fn put<T>(&self, change: impl FnOnce(&mut State) -> T) -> T {
+        let result = {
+            let mut state = self.state();
+            let result = change(&mut state);
+            if state.waits() {
+                state.waits_since.get_or_insert_with(Instant::now);
+            }
+            result
+        };
+        self.readable.notify_one();
+        result
+    }
+}
+
+/// The stream's end. Dropping it ends the reader's messages.
+#[derive(Debug)]
+pub struct Outbox(Arc<Shared>);
+
+/// The reader's end. Dropping it tells the stream that nobody reads any more.
+#[derive(Debug)]
+pub struct Outlet(Arc<Shared>);
+
+/// Both ends of an empty outbox.
+pub fn outbox() -> (Outbox, Outlet) {
+    let shared = Arc::new(Shared::default());
+    (Outbox(shared.clone()), Outlet(shared))
+}
+
+impl Outbox {
+    /// Whether there is room for control messages that answer the client.
+    pub fn has_room(&self) -> bool {
+        self.0.state().control.len() < MAX_CONTROL
+    }
+
+    /// Sends a control message.
+    pub fn say(&self, message: Message) {
+        self.0.put(|state| state.control.push_back(message));
+    }
+
+    /// Sends a tick's frames. Answers whether they replaced a tick that was not taken.
+    pub fn send(&self, tick: Tick) -> bool {
+        let replaced = self.0.put(|state| state.tick.replace(tick));
+        if let Some(tick) = &replaced {
+            tick.dropped();
+        }
+        replaced.is_some()
+    }
+
+    /// How long the reader has left something lying at `now`.
+    pub fn stalled(&self, now: Instant) -> Duration {
+        let since = self.0.state().waits_since;
+        since.map_or(Duration::ZERO, |since| now.saturating_duration_since(since))
+    }
+
+    /// Waits until nobody reads any more.
+    pub async fn reader_gone(&self) {
+        loop {
+            let gone = self.0.gone.notified();
+            if self.0.state().reader_gone {
+                return;
+            }
+            gone.await;
+        }
+    }
+
+    /// Ends the messages with `closing`, after what waits.
+    pub fn close(self, closing: v1::DriveClosing) {
+        self.0.put(|state| state.closing = Some(closing));
+    }
+}
+
+impl Drop for Outbox {
+    fn drop(&mut self) {
+        self.0.put(|state| state.finished = true);
+    }
+}
+
+impl Outlet {
+    /// The next message; control messages first. `None` at the end.
+    pub async fn next(&mut self) -> Option<v1::DriveResponse> {
+        loop {
+            let readable = self.0.readable.notified();
+            {
+                let mut state = self.0.state();
+                let message = Self::take(&mut state);
+                state.waits_since = state.waits().then(Instant::now);
+                if message.is_some() || state.finished {
+                    return message.map(|message| v1::DriveResponse {
+                        message: Some(message),
+                    });
+                }
+            }
+            readable.await;
+        }
+    }
+
+    fn take(state: &mut State) -> Option<Message> {
+        if let Some(message) = state.control.pop_front() {
+            return Some(message);
+        }
+        if let Some(Tick { frames, counts }) = state.tick.take() {
+            for (pack, count) in counts {
+                pack.sessions.sent(count);
+            }
+            return Some(Message::Frames(frames));
+        }
+        state.closing.take().map(Message::Closing)
+    }
+}
+
+impl Drop for Outlet {
+    fn drop(&mut self) {
+        self.0.state().reader_gone = true;
+        self.0.gone.notify_one();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tick(number: u64) -> Tick {
+        Tick {
+            frames: v1::DriveFrames {
+                tick: number,
+                ..v1::DriveFrames::default()
+            },
+            counts: Vec::new(),
+        }
+    }
+
+    fn left() -> Message {
+        Message::Left(v1::DriveLeft::default())
+    }
+
+    fn name(message: Option<v1::DriveResponse>) -> String {
+        match message.and_then(|response| response.message) {
+            Some(Message::Frames(frames)) => format!("tick {}", frames.tick),
+            Some(Message::Left(_)) => "left".to_owned(),
+            Some(Message::Closing(_)) => "closing".to_owned(),
+            Some(other) => panic!("{other:?}"),
+            None => "end".to_owned(),
+        }
+    }
+
+    #[tokio::test]
+    async fn the_latest_tick_wins_and_control_messages_all_arrive() {
+        let (outbox, mut outlet) = outbox();
+        assert!(!outbox.send(tick(0)));
+        outbox.say(left());
+        assert!(outbox.send(tick(1)) && outbox.send(tick(2)));
+        outbox.say(left());
+        outbox.close(v1::DriveClosing::default());
+        let mut said = Vec::new();
+        for _ in 0..6 {
+            said.push(name(outlet.next().await));
+        }
+        assert_eq!(said, ["left", "left", "tick 2", "closing", "end", "end"]);
+    }
+
+    #[tokio::test]
+    async fn a_reader_that_waits_is_woken() {
+        let (outbox, mut outlet) = outbox();
+        let reading = tokio::spawn(async move { name(outlet.next().await) });
+        tokio::task::yield_now().await;
+        outbox.send(tick(7));
+        assert_eq!(reading.await.unwrap(), "tick 7");
+        outbox.reader_gone().await;
+    }
+
+    #[tokio::test]
+    async fn a_reader_that_takes_nothing_stalls() {
+        let (outbox, mut outlet) = outbox();
+        let later = Instant::now() + Duration::from_secs(60);
+        assert_eq!(outbox.stalled(later), Duration::ZERO);
+        outbox.send(tick(0));
+        outbox.send(tick(1));
+        assert!(outbox.stalled(later) > Duration::from_secs(59));
+        outlet.next().await;
+        assert_eq!(outbox.stalled(later), Duration::ZERO, "all is taken");
+    }
+
+    #[test]
+    fn the_queue_has_an_end() {
+        let (outbox, _outlet) = outbox();
+        for _ in 0..MAX_CONTROL {
+            assert!(outbox.has_room());
+            outbox.say(left());
+        }
+        assert!(!outbox.has_room());
+    }
+}

@@ -1,0 +1,211 @@
+//! The sessions on a stream.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use troupe_proto::v1;
+
+use super::outbox::Tick;
+use crate::api::ApiError;
+use crate::service::LoadedPack;
+use crate::session::cell::{End, Held, Owner, SessionCell};
+use crate::session::encode::{BlockWriter, Form};
+use crate::session::planner::{self, Patience};
+use crate::session::{Clock, FrameOut, Registry, TimeSource};
+
+/// A session on the stream.
+#[derive(Debug)]
+struct Member {
+    slot: u32,
+    held: Held,
+    /// Its pack, among the roster's.
+    pack: usize,
+}
+
+/// The sessions on a stream. Dropping it lets go of them, and closes them where that was asked for, however the stream
+/// ended.
+#[derive(Debug)]
+pub struct Roster {
+    registry: Arc<Registry>,
+    time: TimeSource,
+    limit: usize,
+    close_at_end: bool,
+    next_slot: u32,
+    /// By slot.
+    members: Vec<Member>,
+    packs: Vec<Arc<LoadedPack>>,
+    out: FrameOut,
+}
+
+impl Roster {
+    /// A roster for at most `limit` sessions.
+    pub fn new(registry: Arc<Registry>, time: TimeSource, limit: usize, close_at_end: bool) -> Self {
+        Self {
+            registry,
+            time,
+            limit,
+            close_at_end,
+            next_slot: 0,
+            members: Vec::new(),
+            packs: Vec::new(),
+            out: FrameOut::default(),
+        }
+    }
+
+    /// Whether nobody is on the stream.
+    pub fn is_empty(&self) -> bool {
+        self.members.is_empty()
+    }
+
+    /// Takes sessions onto the stream, those that can be.
+    pub fn attach(&mut self, ids: &[String]) -> v1::DriveAttached {
+        let mut attached = v1::DriveAttached::default();
+        for (index, id) in ids.iter().enumerate() {
+            match self.attach_one(index, id) {
+                Ok(slot) => attached.sessions.push(v1::Attached {
+                    session_id: id.clone(),
+                    slot,
+                }),
+                Err(error) => attached.problems.push(v1::SessionProblem {
+                    slot: index as u32,
+                    session_id: id.chars().take(crate::session::MAX_ID_CHARS).collect(),
+                    problem: Some(error.problem()),
+                }),
+            }
+        }
+        attached
+    }
+
+    fn attach_one(&mut self, index: usize, id: &str) -> Result<u32, ApiError> {
+        let field = || format!("attach.session_ids[{index}]");
+        if self.members.len() >= self.limit {
+            return Err(ApiError::TooManySessions {
+                open: self.members.len(),
+                limit: self.limit,
+                place: " on this stream",
+            });
+        }
+        let cell = self.registry.get(id, self.time.now(), &field)?;
+        let held = cell.take(Owner::Drive, &field)?;
+        let known = self.packs.iter().position(|pack| Arc::ptr_eq(pack, cell.pack()));
+        let pack = known.unwrap_or_else(|| {
+            self.packs.push(cell.pack().clone());
+            self.packs.len() - 1
+        });
+        let slot = self.next_slot;
+        self.next_slot += 1;
+        ask(&cell);
+        self.members.push(Member { slot, held, pack });
+        Ok(slot)
+    }
+
+    /// Takes sessions off the stream; those that are not on it are no error.
+    pub fn detach(&mut self, ids: &[String]) -> Vec<v1::SessionProblem> {
+        let ids: HashSet<&str> = ids.iter().map(String::as_str).collect();
+        let detached = |cell: &SessionCell| ids.contains(&**cell.id()).then_some("DETACHED");
+        self.remove(detached)
+    }
+
+    /// Takes off those that have ended.
+    pub fn ended(&mut self) -> Vec<v1::SessionProblem> {
+        self.remove(|cell| {
+            cell.end().map(|end| match end {
+                End::Closed => "SESSION_CLOSED",
+                End::Expired => "SESSION_EXPIRED",
+            })
+        })
+    }
+
+    fn remove(&mut self, reason: impl Fn(&SessionCell) -> Option<&'static str>) -> Vec<v1::SessionProblem> {
+        let mut left = Vec::new();
+        self.members.retain(|member| {
+            let cell = member.held.cell();
+            let Some(reason) = reason(cell) else {
+                return true;
+            };
+            left.push(v1::SessionProblem {
+                slot: member.slot,
+                session_id: cell.id().to_string(),
+                problem: Some(v1::Problem {
+                    reason: reason.to_owned(),
+                    message: format!("the session {:?} has left the stream", cell.id()),
+                    ..v1::Problem::default()
+                }),
+            });
+            false
+        });
+        left
+    }
+
+    /// Advances everybody by `sub_frames` and writes the frames. The tick's number and count of dropped ones are left to
+    /// the stream.
+    pub fn tick(&mut self, sub_frames: u32, form: Form) -> Tick {
+        let counts = self.counts();
+        let mut writers: Vec<(BlockWriter, usize)> = counts
+            .iter()
+            .map(|(pack, count)| (BlockWriter::new(&pack.pack, form, *count, 1), 0))
+            .collect();
+        let mut underruns = 0;
+        for member in &self.members {
+            let cell = member.held.cell();
+            let pack = cell.pack();
+            let request = {
+                let mut live = cell.live();
+                let latency = pack.load.expected_frames(pack.pack.manifest.fps);
+                live.character.expect_latency(latency);
+                live.character.advance(sub_frames, Clock::Runs);
+                live.character.sample(&mut self.out);
+                cell.settle(&mut live)
+            };
+            if let Some(request) = request {
+                planner::ask(cell, request, Patience::Fails);
+            }
+            underruns += u32::from(self.out.underrun);
+            let (writer, place) = &mut writers[member.pack];
+            writer.name(member.slot);
+            writer.write(
+                (*place, 0),
+                &self.out,
+                cell.convention(),
+                &cell.pack().pack.skeleton,
+            );
+            *place += 1;
+        }
+        let blocks = writers.into_iter().filter(|(_, count)| *count > 0);
+        Tick {
+            frames: v1::DriveFrames {
+                blocks: blocks.map(|(writer, _)| writer.finish(|_| true)).collect(),
+                underruns,
+                ..v1::DriveFrames::default()
+            },
+            counts,
+        }
+    }
+
+    /// Sessions on the stream, for each pack that was ever on it.
+    pub fn counts(&self) -> Vec<(Arc<LoadedPack>, usize)> {
+        let mut counts: Vec<_> = self.packs.iter().map(|pack| (pack.clone(), 0)).collect();
+        for member in &self.members {
+            counts[member.pack].1 += 1;
+        }
+        counts
+    }
+}
+
+/// Has the plan made that a character already wants, before its first tick.
+fn ask(cell: &Arc<SessionCell>) {
+    let request = cell.settle(&mut cell.live());
+    if let Some(request) = request {
+        planner::ask(cell, request, Patience::Fails);
+    }
+}
+
+impl Drop for Roster {
+    fn drop(&mut self) {
+        if self.close_at_end {
+            for member in &self.members {
+                self.registry.close_cell(member.held.cell());
+            }
+        }
+    }
+}

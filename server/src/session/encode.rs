@@ -1,0 +1,174 @@
+//! Frames of many characters, packed by column.
+
+use troupe_motion::codec::{BYTES_PER_ROOT, BYTES_PER_ROTATION, encode_root, encode_rotation};
+use troupe_motion::conventions::Convention;
+use troupe_motion::fk::world_transforms;
+use troupe_motion::rotation::to_wxyz;
+use troupe_motion::{Quat, Skeleton, Vec3};
+use troupe_proto::v1;
+
+use super::FrameOut;
+use crate::inbetween::{FieldError, Path};
+use crate::pack::Pack;
+
+/// How frames are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Form {
+    /// The encoding of roots and rotations.
+    pub encoding: v1::Encoding,
+    /// Whether world joint positions are written too.
+    pub positions: bool,
+}
+
+impl Form {
+    /// The form that a message asks for in `encoding` and `return_positions`.
+    ///
+    /// # Errors
+    /// [`FieldError`] for a number that is no encoding.
+    pub fn of(path: &Path<'_>, encoding: i32, positions: bool) -> Result<Self, FieldError> {
+        let encoding = v1::Encoding::try_from(encoding).map_err(|_| {
+            path.field("encoding")
+                .error(format!("is {encoding}"), "f32 (0) or compact (1)")
+        })?;
+        Ok(Self { encoding, positions })
+    }
+}
+
+/// Writes the columns of one block. Every place of a column is made once; a frame is written where it belongs.
+#[derive(Debug)]
+pub struct BlockWriter {
+    form: Form,
+    joints: usize,
+    frames: usize,
+    block: v1::FrameBlock,
+    /// Scratch of one pose.
+    world: (Vec<Vec3>, Vec<Quat>),
+}
+
+impl BlockWriter {
+    /// A block for `characters` of `pack`, `frames` frames each.
+    pub fn new(pack: &Pack, form: Form, characters: usize, frames: usize) -> Self {
+        let joints = pack.skeleton.joint_count();
+        let cells = characters * frames;
+        let (floats, bytes) = match form.encoding {
+            v1::Encoding::F32 => (cells, 0),
+            v1::Encoding::Compact => (0, cells),
+        };
+        let posed = if form.positions { joints } else { 0 };
+        let block = v1::FrameBlock {
+            pack: pack.name().to_owned(),
+            slots: Vec::with_capacity(characters),
+            frame_count: frames as u32,
+            first_frames: vec![0; characters],
+            root_positions: vec![0.0; floats * 3],
+            rotations: vec![0.0; floats * joints * 4],
+            packed_roots: vec![0; bytes * BYTES_PER_ROOT],
+            packed_rotations: vec![0; bytes * joints * BYTES_PER_ROTATION],
+            contacts: vec![0; cells],
+            positions: vec![0.0; cells * posed * 3],
+        };
+        Self {
+            form,
+            joints,
+            frames,
+            block,
+            world: (vec![Vec3::ZERO; posed], vec![Quat::IDENTITY; posed]),
+        }
+    }
+
+    /// Names the next character, in the order of their places.
+    pub fn name(&mut self, slot: u32) {
+        self.block.slots.push(slot);
+    }
+
+    /// Writes frame `frame` of the character at place `character`.
+    pub fn write(
+        &mut self,
+        (character, frame): (usize, usize),
+        out: &FrameOut,
+        convention: Convention,
+        skeleton: &Skeleton,
+    ) {
+        let cell = character * self.frames + frame;
+        if frame == 0 {
+            self.block.first_frames[character] = out.frame;
+        }
+        self.block.contacts[cell] = out.contacts;
+        match self.form.encoding {
+            v1::Encoding::F32 => self.write_floats(cell, out, convention),
+            v1::Encoding::Compact => self.write_compact(cell, out, convention),
+        }
+        if self.form.positions {
+            self.write_positions(cell, out, convention, skeleton);
+        }
+    }
+
+    fn write_floats(&mut self, cell: usize, out: &FrameOut, convention: Convention) {
+        let root = convention.position_from_native(out.root).to_array();
+        self.block.root_positions[cell * 3..cell * 3 + 3].copy_from_slice(&root);
+        let row = &mut self.block.rotations[cell * self.joints * 4..(cell + 1) * self.joints * 4];
+        for (wxyz, &rotation) in row.as_chunks_mut::<4>().0.iter_mut().zip(&out.rotations) {
+            *wxyz = to_wxyz(convention.rotation_from_native(rotation));
+        }
+    }
+
+    fn write_compact(&mut self, cell: usize, out: &FrameOut, convention: Convention) {
+        // Tenths of a millimetre whatever the convention's unit.
+        let steps = encode_root(convention.direction_from_native(out.root));
+        let row = &mut self.block.packed_roots[cell * BYTES_PER_ROOT..(cell + 1) * BYTES_PER_ROOT];
+        for (bytes, step) in row.as_chunks_mut::<4>().0.iter_mut().zip(steps) {
+            *bytes = step.to_le_bytes();
+        }
+        let size = self.joints * BYTES_PER_ROTATION;
+        let row = &mut self.block.packed_rotations[cell * size..(cell + 1) * size];
+        let places = row.as_chunks_mut::<BYTES_PER_ROTATION>().0;
+        for (place, &rotation) in places.iter_mut().zip(&out.rotations) {
+            let words = encode_rotation(convention.rotation_from_native(rotation));
+            for (bytes, word) in place.as_chunks_mut::<2>().0.iter_mut().zip(words) {
+                *bytes = word.to_le_bytes();
+            }
+        }
+    }
+
+    fn write_positions(&mut self, cell: usize, out: &FrameOut, convention: Convention, skeleton: &Skeleton) {
+        let (positions, rotations) = &mut self.world;
+        world_transforms(skeleton, out.root, &out.rotations, positions, rotations);
+        let row = &mut self.block.positions[cell * self.joints * 3..(cell + 1) * self.joints * 3];
+        for (place, &position) in row.as_chunks_mut::<3>().0.iter_mut().zip(positions.iter()) {
+            *place = convention.position_from_native(position).to_array();
+        }
+    }
+
+    /// The block, without the characters for which `keep` says no.
+    pub fn finish(mut self, keep: impl Fn(usize) -> bool) -> v1::FrameBlock {
+        let characters = self.block.slots.len();
+        if (0..characters).all(&keep) {
+            return self.block;
+        }
+        let block = &mut self.block;
+        retain_rows(&mut block.slots, characters, &keep);
+        retain_rows(&mut block.first_frames, characters, &keep);
+        retain_rows(&mut block.root_positions, characters, &keep);
+        retain_rows(&mut block.rotations, characters, &keep);
+        retain_rows(&mut block.packed_roots, characters, &keep);
+        retain_rows(&mut block.packed_rotations, characters, &keep);
+        retain_rows(&mut block.contacts, characters, &keep);
+        retain_rows(&mut block.positions, characters, &keep);
+        self.block
+    }
+}
+
+/// Keeps the rows of a column for which `keep` says so.
+fn retain_rows<T: Copy>(column: &mut Vec<T>, rows: usize, keep: impl Fn(usize) -> bool) {
+    let size = column.len() / rows.max(1);
+    let mut kept = 0;
+    for row in (0..rows).filter(|&row| keep(row)) {
+        column.copy_within(row * size..(row + 1) * size, kept * size);
+        kept += 1;
+    }
+    column.truncate(kept * size);
+}
+
+#[cfg(test)]
+#[path = "encode_tests.rs"]
+mod tests;

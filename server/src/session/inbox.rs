@@ -1,0 +1,45 @@
+//! Commands by their sequence numbers, and the one that waits for its frame.
+
+use super::{CommandOutcome, WaitingCommand};
+use crate::primitives::LocomotionCommand;
+
+/// Takes every command once and in order; holds at most one.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Inbox {
+    last_sequence: u64,
+    waiting: Option<WaitingCommand>,
+}
+
+impl Inbox {
+    /// Highest sequence number of a command so far.
+    pub(super) fn last_sequence(&self) -> u64 {
+        self.last_sequence
+    }
+
+    /// The command that waits for its frame.
+    pub(super) fn waiting(&self) -> Option<&WaitingCommand> {
+        self.waiting.as_ref()
+    }
+
+    /// Takes a command that is to hold from `frame` on. It replaces one that still waits.
+    pub(super) fn offer(&mut self, sequence: u64, frame: u64, command: LocomotionCommand) -> CommandOutcome {
+        if sequence == self.last_sequence {
+            return CommandOutcome::Repeated;
+        }
+        if sequence < self.last_sequence {
+            return CommandOutcome::Late;
+        }
+        self.last_sequence = sequence;
+        self.waiting = Some(WaitingCommand {
+            sequence,
+            frame,
+            command,
+        });
+        CommandOutcome::Accepted
+    }
+
+    /// Hands over the command that waits, if its frame is not after `frame`.
+    pub(super) fn take_due(&mut self, frame: u64) -> Option<WaitingCommand> {
+        self.waiting.take_if(|waiting| waiting.frame <= frame)
+    }
+}

@@ -1,0 +1,220 @@
+//! What a new session is asked to be: every value checked, and in the native convention.
+
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+use std::time::Duration;
+
+use troupe_motion::conventions::Convention;
+use troupe_motion::rotation::{from_wxyz, to_wxyz};
+use troupe_motion::{GlobalRoot, Vec3};
+use troupe_proto::v1;
+
+use super::cell::Parts;
+use super::units;
+use super::{Character, CharacterOptions, SessionLimits, Start};
+use crate::api::ApiError;
+use crate::inbetween::{ContextFrame, FieldError, MAX_DISTANCE_M, MAX_TEMPERATURE, Path, check_context};
+use crate::pack::Pack;
+use crate::primitives::LocomotionCommand;
+use crate::service::{LoadedPack, PackTable};
+use crate::style::Style;
+
+/// Most characters of a session's id.
+pub const MAX_ID_CHARS: usize = 64;
+/// A session's time to live, milliseconds.
+pub const TTL_RANGE_MS: RangeInclusive<u32> = 1000..=86_400_000;
+/// Frames of look-ahead, and the default.
+const LOOK_AHEAD: (u32, u32, u32) = (2, 12, 4);
+/// Frames between plans.
+const INTERVAL: (u32, u32) = (3, 30);
+/// Highest root interpolation ratio.
+const MAX_ROOT_RATIO: f32 = 1.2;
+
+/// Checks what a session is asked to be and makes its parts.
+pub(super) fn parts(
+    path: &Path<'_>,
+    options: &v1::SessionOptions,
+    packs: &PackTable,
+    limits: &SessionLimits,
+) -> Result<Parts, ApiError> {
+    let id = id(&path.field("id"), &options.id)?;
+    let pack = packs.find(path.field("pack"), &options.pack)?.clone();
+    let style = style(&path.field("style"), &options.style, &pack)?;
+    let convention = units::convention(&path.field("convention"), options.convention)?;
+    let start = start(path, options, convention, &pack.pack)?;
+    let ttl = ttl(path, options, limits)?;
+    let character = character_options(path, options)?;
+    let command = LocomotionCommand {
+        velocity: Vec3::ZERO,
+        facing: None,
+        style: style.clone(),
+        gait: None,
+        height_m: None,
+    };
+    Ok(Parts {
+        id,
+        convention,
+        seed: options.seed,
+        ttl,
+        character: Character::new(pack.pack.clone(), character, start, command),
+        style,
+        pack,
+    })
+}
+
+fn character_options(path: &Path<'_>, options: &v1::SessionOptions) -> Result<CharacterOptions, FieldError> {
+    let (low, high, default) = LOOK_AHEAD;
+    let look_ahead = options.look_ahead_frames.unwrap_or(default);
+    let interval = |frames| {
+        units::count_within(
+            &path.field("replan_interval_frames"),
+            frames,
+            INTERVAL.0,
+            INTERVAL.1,
+        )
+    };
+    let ratio = |ratio| units::within(&path.field("root_ratio"), ratio, 0.0, MAX_ROOT_RATIO);
+    Ok(CharacterOptions {
+        seed: options.seed,
+        look_ahead_frames: units::count_within(&path.field("look_ahead_frames"), look_ahead, low, high)?,
+        replan_interval_frames: options.replan_interval_frames.map(interval).transpose()?,
+        root_ratio: options.root_ratio.map(ratio).transpose()?,
+        temperature: units::within(
+            &path.field("temperature"),
+            options.temperature,
+            0.0,
+            MAX_TEMPERATURE,
+        )?,
+    })
+}
+
+fn ttl(
+    path: &Path<'_>,
+    options: &v1::SessionOptions,
+    limits: &SessionLimits,
+) -> Result<Duration, FieldError> {
+    let (low, high) = (*TTL_RANGE_MS.start(), *TTL_RANGE_MS.end());
+    let ms = options.ttl_ms.unwrap_or(limits.ttl_ms);
+    let ms = units::count_within(&path.field("ttl_ms"), ms, low, high)?;
+    Ok(Duration::from_millis(ms.into()))
+}
+
+/// The id that a session is to have; a new one where it is empty.
+fn id(path: &Path<'_>, wanted: &str) -> Result<Arc<str>, FieldError> {
+    if wanted.is_empty() {
+        return Ok(new_id());
+    }
+    let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    match wanted.len() <= MAX_ID_CHARS && wanted.chars().all(fits) {
+        true => Ok(Arc::from(wanted)),
+        false => {
+            let start: String = wanted.chars().take(MAX_ID_CHARS).collect();
+            Err(path.error(
+                format!("is {start:?}"),
+                format!("1 to {MAX_ID_CHARS} letters, digits, '-', '_' or '.', or empty"),
+            ))
+        }
+    }
+}
+
+/// An id that nobody can guess.
+fn new_id() -> Arc<str> {
+    let number: u128 = rand::random();
+    Arc::from(format!("{:024x}", number >> 32))
+}
+
+/// The style of that name; the pack's default where it is empty.
+fn style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> Result<Arc<Style>, ApiError> {
+    let found = match name {
+        "" => pack.styles.default_style(),
+        name => pack.styles.get(name),
+    };
+    found.ok_or_else(|| unknown_style(path, name, pack))
+}
+
+/// The error of a style that is not there.
+pub(super) fn unknown_style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> ApiError {
+    ApiError::UnknownStyle {
+        name: name.chars().take(MAX_ID_CHARS).collect(),
+        field: path.to_string(),
+        there_are: pack
+            .styles
+            .list()
+            .iter()
+            .map(|style| style.name.clone())
+            .collect(),
+    }
+}
+
+fn start(
+    path: &Path<'_>,
+    options: &v1::SessionOptions,
+    convention: Convention,
+    pack: &Pack,
+) -> Result<Start, FieldError> {
+    if options.context.is_empty() {
+        let place = options.position.unwrap_or_default();
+        let position = units::vector(&path.field("position"), place, MAX_DISTANCE_M, convention)?;
+        let heading = units::heading(&path.field("heading"), options.heading, convention)?;
+        return Ok(Start::Standing(GlobalRoot::new(position, heading)));
+    }
+    for (name, given) in [
+        ("position", options.position.is_some()),
+        ("heading", options.heading != 0.0),
+    ] {
+        if given {
+            return Err(path
+                .field(name)
+                .error("is given together with context", "only one of the two"));
+        }
+    }
+    let native: Vec<v1::Keyframe> = options
+        .context
+        .iter()
+        .map(|key| native_keyframe(key, convention))
+        .collect();
+    let mut frames = check_context(path, "context", &native, pack).map_err(|error| match convention {
+        Convention::Native => error,
+        _ => FieldError {
+            message: format!("{}, in the native convention", error.message),
+            ..error
+        },
+    })?;
+    let count = frames.len();
+    let wrong = || {
+        path.field("context")
+            .error(format!("has {count} keyframes"), "exactly 4")
+    };
+    let frames: &mut [ContextFrame; 4] = frames.as_mut_slice().try_into().map_err(|_| wrong())?;
+    Ok(Start::Context {
+        roots: [0, 1, 2, 3].map(|index| frames[index].root),
+        rotations: frames
+            .iter_mut()
+            .flat_map(|frame| frame.rotations.drain(..))
+            .collect(),
+    })
+}
+
+/// A context keyframe in the native convention. Values are not checked yet.
+fn native_keyframe(key: &v1::Keyframe, convention: Convention) -> v1::Keyframe {
+    if convention == Convention::Native {
+        return key.clone();
+    }
+    let mut native = key.clone();
+    if let Some(root) = &mut native.root {
+        root.heading = root.heading.map(|heading| convention.heading_to_native(heading));
+        root.position = root.position.map(|p| {
+            let Vec3 { x, y, z } = convention.position_to_native(Vec3::new(p.x, p.y, p.z));
+            v1::Vec3 { x, y, z }
+        });
+    }
+    if let Some(pose) = &mut native.pose {
+        pose.root_height = pose
+            .root_height
+            .map(|height| height / convention.units_per_metre());
+        for rotation in pose.rotations.as_chunks_mut::<4>().0 {
+            *rotation = to_wxyz(convention.rotation_to_native(from_wxyz(*rotation)));
+        }
+    }
+    native
+}

@@ -1,0 +1,183 @@
+//! The buffered future of a session and the plan behind it.
+
+use std::time::Instant;
+
+use troupe_motion::conventions::Convention;
+use troupe_motion::rotation::to_wxyz;
+use troupe_motion::{GlobalRoot, Quat, Vec3};
+use troupe_proto::v1;
+use troupe_proto::v1::command::Intent;
+
+use super::cell::SessionCell;
+use super::encode::{BlockWriter, Form};
+use super::{CONTEXT_FRAMES, FrameOut, Peek, PlanCause, PlanRecord, WaitingCommand};
+use super::{describe, units};
+use crate::pack::Pack;
+use crate::primitives::{LocomotionCommand, TargetKey};
+
+/// Most frames of a peek.
+pub const MAX_PEEK_FRAMES: u32 = 64;
+
+/// At most `frames` frames of the future, and the plan behind them.
+pub(super) fn peek(cell: &SessionCell, frames: usize, now: Instant) -> v1::PeekResponse {
+    let (session, peek) = {
+        let live = cell.live();
+        (
+            describe::session_of(cell, &live, now),
+            live.character.peek(frames),
+        )
+    };
+    let (convention, pack) = (cell.convention(), &cell.pack().pack);
+    v1::PeekResponse {
+        session: Some(session),
+        future: Some(future(&peek, pack, convention)),
+        plan: peek.plan.as_deref().map(|plan| plan_view(plan, pack, convention)),
+        in_flight: peek.in_flight,
+        waiting: peek.waiting.map(|waiting| command(cell, &waiting)),
+    }
+}
+
+fn future(peek: &Peek, pack: &Pack, convention: Convention) -> v1::FrameBlock {
+    let joints = pack.skeleton.joint_count();
+    let form = Form {
+        encoding: v1::Encoding::F32,
+        positions: false,
+    };
+    let mut writer = BlockWriter::new(pack, form, 1, peek.roots.len());
+    writer.name(0);
+    let mut out = FrameOut {
+        frame: peek.first_frame,
+        ..FrameOut::default()
+    };
+    let poses = peek.rotations.chunks_exact(joints);
+    for (index, ((&root, pose), &contacts)) in peek.roots.iter().zip(poses).zip(&peek.contacts).enumerate() {
+        out.root = root;
+        out.contacts = contacts;
+        out.rotations.clear();
+        out.rotations.extend_from_slice(pose);
+        writer.write((0, index), &out, convention, &pack.skeleton);
+    }
+    writer.finish(|_| true)
+}
+
+fn plan_view(plan: &PlanRecord, pack: &Pack, convention: Convention) -> v1::PlanView {
+    let joints = pack.skeleton.joint_count();
+    let shape = &plan.shape;
+    let context = (0..CONTEXT_FRAMES).map(|index| v1::Keyframe {
+        root: Some(v1::Root {
+            position: Some(units::position(shape.context_roots[index], convention)),
+            heading: None,
+        }),
+        velocity: None,
+        pose: Some(pose(
+            &shape.context_rotations[index * joints..(index + 1) * joints],
+            None,
+            convention,
+        )),
+    });
+    let path = |roots: &[GlobalRoot]| roots.iter().flat_map(|&root| five(root, convention)).collect();
+    let targets = &shape.targets;
+    v1::PlanView {
+        number: plan.number,
+        cause: match plan.cause {
+            PlanCause::Command => "command",
+            PlanCause::LowBuffer => "low_buffer",
+            PlanCause::Interval => "interval",
+        }
+        .to_owned(),
+        asked_at_frame: plan.asked_at,
+        splice_frame: plan.splice,
+        context: context.collect(),
+        targets: targets
+            .targets
+            .iter()
+            .map(|key| target(key, convention))
+            .collect(),
+        root_r_g1: Some(root(targets.r_g1, convention)),
+        root_r_g2: path(&targets.r_g2),
+        root_r_g3: path(&plan.trace.r_g3),
+        root_r_g4: path(&plan.trace.r_g4),
+        tokens: plan.trace.tokens.clone(),
+        token_count_probabilities: plan.trace.count_probs.clone(),
+        gaits: targets
+            .gaits
+            .iter()
+            .map(|(gait, weight)| v1::GaitWeight {
+                gait: gait.clone(),
+                weight: *weight,
+            })
+            .collect(),
+    }
+}
+
+fn root(root: GlobalRoot, convention: Convention) -> v1::Root {
+    v1::Root {
+        position: Some(units::position(root.position, convention)),
+        heading: Some(describe::heading(root, convention)),
+    }
+}
+
+/// Position, cosine and sine of the heading.
+fn five(root: GlobalRoot, convention: Convention) -> [f32; 5] {
+    let Vec3 { x, y, z } = convention.position_from_native(root.position);
+    let (sin, cos) = convention.heading_from_native(root.heading).sin_cos();
+    [x, y, z, cos, sin]
+}
+
+fn pose(rotations: &[Quat], height_m: Option<f32>, convention: Convention) -> v1::Pose {
+    let wxyz = rotations
+        .iter()
+        .flat_map(|&rotation| to_wxyz(convention.rotation_from_native(rotation)));
+    v1::Pose {
+        rotations: wxyz.collect(),
+        root_height: height_m.map(|height| height * convention.units_per_metre()),
+    }
+}
+
+fn target(key: &TargetKey, convention: Convention) -> v1::Keyframe {
+    let unit = convention.units_per_metre();
+    v1::Keyframe {
+        root: key.root.map(|key| root(key, convention)),
+        velocity: key.velocity.map(|local| {
+            let ground = convention.position_from_native(Vec3::new(local.vx, 0.0, local.vz));
+            // The message knows two axes of the ground: those that are not up.
+            let second = match units::up_axis(convention) {
+                "z" => ground.y,
+                _ => ground.z,
+            };
+            v1::RootVelocity {
+                x: ground.x,
+                z: second,
+                angular: convention.heading_from_native(local.omega),
+                height: Some(local.height * unit),
+            }
+        }),
+        pose: key
+            .rotations
+            .as_ref()
+            .map(|rotations| pose(rotations, key.height_m, convention)),
+    }
+}
+
+fn command(cell: &SessionCell, waiting: &WaitingCommand) -> v1::Command {
+    let convention = cell.convention();
+    let LocomotionCommand {
+        velocity,
+        facing,
+        style,
+        gait,
+        height_m,
+    } = &waiting.command;
+    v1::Command {
+        session_id: cell.id().to_string(),
+        sequence: waiting.sequence,
+        at_frame: Some(waiting.frame),
+        intent: Some(Intent::Locomote(v1::Locomote {
+            velocity: Some(units::position(*velocity, convention)),
+            facing: facing.map(|facing| convention.heading_from_native(facing)),
+            style: style.name.clone(),
+            gait: gait.clone().unwrap_or_default(),
+            height: height_m.map(|height| height * convention.units_per_metre()),
+        })),
+    }
+}

@@ -1,0 +1,356 @@
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::time::Duration;
+
+use proptest::prelude::*;
+use troupe_motion::conventions::Convention;
+use troupe_motion::{GlobalRoot, Vec3};
+
+use super::super::cell::{Held, Owner, Parts};
+use super::super::load::PlanLoad;
+use super::super::{Character, CharacterOptions, Start, TimeSource};
+use super::*;
+use crate::batch::Batcher;
+use crate::config::Config;
+use crate::engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, TokenInput};
+use crate::engine::{EngineError, Pipeline, Stages};
+use crate::primitives::LocomotionCommand;
+use crate::service::LoadedPack;
+use crate::style::StyleTable;
+use crate::style::testing::{walker_pack, walker_style};
+use crate::telemetry::Telemetry;
+
+const TTL: Duration = Duration::from_secs(10);
+
+/// Stages that are never run.
+struct Idle;
+
+impl Stages for Idle {
+    fn root(&mut self, _: usize, _: &RootInput, _: &mut RootOutput) -> Result<(), EngineError> {
+        Ok(())
+    }
+
+    fn pose(&mut self, _: usize, _: &TokenInput, _: &mut PoseOutput) -> Result<(), EngineError> {
+        Ok(())
+    }
+
+    fn decoder(&mut self, _: usize, _: &TokenInput, _: &mut DecoderOutput) -> Result<(), EngineError> {
+        Ok(())
+    }
+}
+
+/// A registry with a clock that is moved by hand.
+struct Setup {
+    registry: Registry,
+    pack: Arc<LoadedPack>,
+    start: Instant,
+    passed_ms: Arc<AtomicU64>,
+    telemetry: Telemetry,
+}
+
+impl Setup {
+    async fn new(limit: usize) -> Self {
+        let (pack, telemetry) = (walker_pack(), Telemetry::new().unwrap());
+        let config = Config::local(Path::new("unused")).unwrap();
+        let metrics = telemetry.pack(pack.name(), "1");
+        let dims = pack.dims;
+        let factory = Box::new(move || Ok(Pipeline::new(dims, Box::new(Idle), 1)));
+        let batcher = Batcher::start("test", config.batch_limits(), metrics.clone(), factory);
+        let loaded = LoadedPack {
+            styles: StyleTable::load(&pack, None).unwrap(),
+            sessions: telemetry.sessions(pack.name(), "1"),
+            batcher: batcher.await.unwrap(),
+            pack: Arc::new(pack),
+            load: PlanLoad::default(),
+            metrics,
+        };
+        Self {
+            registry: Registry::new(limit),
+            pack: Arc::new(loaded),
+            start: Instant::now(),
+            passed_ms: Arc::default(),
+            telemetry,
+        }
+    }
+
+    fn now(&self) -> Instant {
+        self.start + Duration::from_millis(self.passed_ms.load(Ordering::Relaxed))
+    }
+
+    fn pass(&self, time: Duration) {
+        self.passed_ms
+            .fetch_add(time.as_millis() as u64, Ordering::Relaxed);
+    }
+
+    fn cell(&self, id: &str) -> Arc<SessionCell> {
+        let style = Arc::new(walker_style());
+        let options = CharacterOptions {
+            seed: 0,
+            look_ahead_frames: 4,
+            replan_interval_frames: None,
+            root_ratio: None,
+            temperature: 0.0,
+        };
+        let command = LocomotionCommand {
+            velocity: Vec3::ZERO,
+            facing: None,
+            style: style.clone(),
+            gait: None,
+            height_m: None,
+        };
+        let start = Start::Standing(GlobalRoot::new(Vec3::ZERO, 0.0));
+        let (from, passed) = (self.start, self.passed_ms.clone());
+        let time = TimeSource::new(move || from + Duration::from_millis(passed.load(Ordering::Relaxed)));
+        let parts = Parts {
+            id: Arc::from(id),
+            pack: self.pack.clone(),
+            convention: Convention::Native,
+            seed: 0,
+            ttl: TTL,
+            character: Character::new(self.pack.pack.clone(), options, start, command),
+            style,
+        };
+        Arc::new(SessionCell::new(parts, time))
+    }
+
+    fn open(&self, id: &str) -> Result<(), ApiError> {
+        self.registry.insert(&[self.cell(id)], |_| "id".to_owned())
+    }
+
+    fn get(&self, id: &str) -> Result<Arc<SessionCell>, &'static str> {
+        let got = self.registry.get(id, self.now(), &|| "id".to_owned());
+        got.map_err(|error| error.reason())
+    }
+
+    fn take(&self, id: &str, owner: Owner) -> Result<Held, &'static str> {
+        let taken = self.get(id)?.take(owner, &|| "id".to_owned());
+        taken.map_err(|error| error.reason())
+    }
+}
+
+#[tokio::test]
+async fn a_session_that_is_held_does_not_expire_and_its_time_begins_when_it_is_let_go() {
+    let setup = Setup::new(2).await;
+    setup.open("a").unwrap();
+    let held = setup.take("a", Owner::Drive).unwrap();
+    setup.pass(TTL * 5);
+    assert_eq!(setup.registry.sweep(setup.now()), 0);
+    assert_eq!(held.cell().left(setup.now()), TTL);
+    assert_eq!(setup.take("a", Owner::Step).unwrap_err(), "SESSION_BUSY");
+    drop(held);
+    setup.pass(TTL - Duration::from_millis(1));
+    assert_eq!(setup.registry.sweep(setup.now()), 0);
+    setup.pass(Duration::from_millis(1));
+    assert_eq!(setup.registry.sweep(setup.now()), 1);
+    assert_eq!(setup.get("a").unwrap_err(), "SESSION_EXPIRED");
+}
+
+#[tokio::test]
+async fn who_holds_a_session_that_is_closed_hears_of_it() {
+    let setup = Setup::new(2).await;
+    setup.open("a").unwrap();
+    let held = setup.take("a", Owner::Step).unwrap();
+    assert!(setup.registry.close("a", setup.now()));
+    held.cell().changed().await;
+    assert_eq!(held.cell().end(), Some(End::Closed));
+    assert_eq!(
+        held.cell().gone(&String::new).unwrap().reason(),
+        "UNKNOWN_SESSION"
+    );
+    assert!(!setup.registry.close("a", setup.now()));
+    assert_eq!(setup.get("a").unwrap_err(), "UNKNOWN_SESSION");
+}
+
+/// What may happen to a few sessions.
+#[derive(Debug, Clone)]
+enum Deed {
+    Open(u8),
+    Close(u8),
+    Take(u8),
+    Drop(u8),
+    Touch(u8),
+    Pass(u16),
+    Sweep,
+}
+
+fn deed() -> impl Strategy<Value = Deed> {
+    let id = 0..4u8;
+    prop_oneof![
+        id.clone().prop_map(Deed::Open),
+        id.clone().prop_map(Deed::Close),
+        id.clone().prop_map(Deed::Take),
+        id.clone().prop_map(Deed::Drop),
+        id.prop_map(Deed::Touch),
+        (0..12_000u16).prop_map(Deed::Pass),
+        Just(Deed::Sweep),
+    ]
+}
+
+/// What a session should be: when it was last wanted, and who holds it.
+#[derive(Default)]
+struct Model {
+    open: HashMap<String, u64>,
+    held: HashMap<String, Held>,
+    expired: HashSet<String>,
+    ends: (u64, u64),
+}
+
+impl Model {
+    fn expire(&mut self, now: u64) {
+        let due = |id: &str, seen: u64| !self.held.contains_key(id) && now - seen >= TTL.as_millis() as u64;
+        let due: Vec<String> = self
+            .open
+            .iter()
+            .filter(|(id, seen)| due(id, **seen))
+            .map(|(id, _)| id.clone())
+            .collect();
+        for id in due {
+            self.open.remove(&id);
+            self.expired.insert(id);
+            self.ends.1 += 1;
+        }
+    }
+
+    fn wanted(&self, id: &str) -> Result<(), &'static str> {
+        match (self.open.contains_key(id), self.expired.contains(id)) {
+            (true, _) => Ok(()),
+            (_, true) => Err("SESSION_EXPIRED"),
+            _ => Err("UNKNOWN_SESSION"),
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn sessions_live_and_end_as_the_rules_say(deeds in proptest::collection::vec(deed(), 1..60)) {
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let setup = runtime.block_on(Setup::new(3));
+        let mut model = Model::default();
+        for deed in deeds {
+            let now = setup.passed_ms.load(Ordering::Relaxed);
+            // Sessions that nobody asks for keep their place until the sweep.
+            setup.registry.sweep(setup.now());
+            model.expire(now);
+            match deed {
+                Deed::Open(id) => {
+                    let id = id.to_string();
+                    let reason = setup.open(&id).map_err(|error| error.reason());
+                    let wanted = if model.open.len() == 3 {
+                        Err("TOO_MANY_SESSIONS")
+                    } else if model.open.contains_key(&id) {
+                        Err("SESSION_EXISTS")
+                    } else {
+                        model.expired.remove(&id);
+                        model.open.insert(id, now);
+                        Ok(())
+                    };
+                    prop_assert_eq!(reason, wanted);
+                }
+                Deed::Close(id) => {
+                    let id = id.to_string();
+                    let was_open = model.open.remove(&id).is_some();
+                    model.ends.0 += u64::from(was_open);
+                    model.held.remove(&id);
+                    prop_assert_eq!(setup.registry.close(&id, setup.now()), was_open);
+                }
+                Deed::Take(id) => {
+                    let id = id.to_string();
+                    let wanted = model.wanted(&id).and_then(|()| match model.held.contains_key(&id) {
+                        true => Err("SESSION_BUSY"),
+                        false => Ok(()),
+                    });
+                    match setup.take(&id, Owner::Step) {
+                        Ok(held) => {
+                            prop_assert_eq!(wanted, Ok(()));
+                            model.open.insert(id.clone(), now);
+                            model.held.insert(id, held);
+                        }
+                        Err(reason) => prop_assert_eq!(wanted, Err(reason)),
+                    }
+                }
+                Deed::Drop(id) => {
+                    if model.held.remove(&id.to_string()).is_some() {
+                        model.open.insert(id.to_string(), now);
+                    }
+                }
+                Deed::Touch(id) => {
+                    let got = setup.get(&id.to_string());
+                    prop_assert_eq!(got.as_ref().map(|_| ()).map_err(|reason| *reason), model.wanted(&id.to_string()));
+                    if let Ok(cell) = got {
+                        cell.touch();
+                        model.open.insert(id.to_string(), now);
+                    }
+                }
+                Deed::Pass(ms) => setup.pass(Duration::from_millis(ms.into())),
+                Deed::Sweep => {}
+            }
+            prop_assert_eq!(setup.registry.len(), model.open.len());
+        }
+        let text = setup.telemetry.render();
+        for (reason, count) in [("closed", model.ends.0), ("expired", model.ends.1)] {
+            let line = format!("reason=\"{reason}\"}} {count}\n");
+            prop_assert!(text.contains(&line), "{} in {}", line, text);
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn threads_that_race_for_a_session_take_it_one_at_a_time_and_not_after_its_end() {
+    let setup = Arc::new(Setup::new(1).await);
+    setup.open("a").unwrap();
+    let (holders, taken) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
+    let racers: Vec<_> = (0..4)
+        .map(|_| {
+            let (setup, holders, taken) = (setup.clone(), holders.clone(), taken.clone());
+            std::thread::spawn(move || {
+                loop {
+                    match setup.take("a", Owner::Step) {
+                        Ok(held) => {
+                            assert_eq!(holders.fetch_add(1, Ordering::SeqCst), 0, "two hold it");
+                            taken.fetch_add(1, Ordering::Relaxed);
+                            holders.fetch_sub(1, Ordering::SeqCst);
+                            drop(held);
+                        }
+                        Err("SESSION_BUSY") => {}
+                        Err(reason) => return reason,
+                    }
+                }
+            })
+        })
+        .collect();
+    while taken.load(Ordering::Relaxed) < 1000 {
+        std::thread::yield_now();
+    }
+    // Somebody may touch it in between, so its time has to run out more than once.
+    while !setup.registry.is_empty() {
+        setup.pass(TTL);
+        setup.registry.sweep(setup.now());
+    }
+    for racer in racers {
+        assert_eq!(racer.join().unwrap(), "SESSION_EXPIRED");
+    }
+}
+
+#[test]
+fn tombstones_are_few_and_the_newest() {
+    let mut tombstones = Tombstones::new(3);
+    for index in 0..10 {
+        tombstones.add(Arc::from(format!("{index}")));
+    }
+    assert_eq!((tombstones.by_age.len(), tombstones.by_id.len()), (3, 3));
+    assert!(tombstones.knows("9") && tombstones.knows("7") && !tombstones.knows("6"));
+}
+
+#[test]
+fn an_id_that_is_used_again_is_not_forgotten_early() {
+    let mut tombstones = Tombstones::new(3);
+    tombstones.add(Arc::from("a"));
+    tombstones.forget("a");
+    assert!(!tombstones.knows("a"));
+    tombstones.add(Arc::from("b"));
+    tombstones.add(Arc::from("a"));
+    // The first "a" makes room, which must not take the second with it.
+    tombstones.add(Arc::from("c"));
+    assert!(tombstones.knows("a") && tombstones.knows("b") && tombstones.knows("c"));
+}

@@ -1,0 +1,274 @@
+//! Client-clocked frames: each call advances many characters, and waits for the plans that they need.
+//!
+//! Every character runs until it is done or needs a plan; then all plans that are missing are waited for together, and
+//! so on. Plans of one round travel in the same batches.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use troupe_proto::v1;
+
+use super::cell::{Held, Owner};
+use super::encode::{BlockWriter, Form};
+use super::planner::{self, Patience};
+use super::{Advance, Clock, FrameOut, Registry, SUB_FRAMES, SessionLimits, TimeSource, units};
+use crate::api::ApiError;
+use crate::batch::SubmitError;
+use crate::engine::EngineError;
+use crate::inbetween::{FieldError, Path};
+use crate::service::LoadedPack;
+
+/// Most frames of a step.
+pub const MAX_STEP_FRAMES: u32 = 120;
+/// Frame rates that the timeline divides into.
+const RATES_HZ: [u32; 3] = [30, 50, 60];
+/// Plans that may fail one after the other before the session counts as one that cannot be served.
+const MAX_FAILURES: u32 = 3;
+/// Frames after which other work gets a turn.
+const FRAMES_A_TURN: usize = 256;
+
+/// Sub-frames of the timeline that a tick at `rate_hz` takes; 0 stands for 30.
+///
+/// # Errors
+/// [`FieldError`] for a rate that is not offered.
+pub(super) fn sub_frames(path: &Path<'_>, rate_hz: u32) -> Result<u32, FieldError> {
+    let rate = if rate_hz == 0 { 30 } else { rate_hz };
+    match RATES_HZ.contains(&rate) {
+        // The timeline is one of 30 frames a second.
+        true => Ok(SUB_FRAMES * 30 / rate),
+        false => Err(path
+            .field("rate_hz")
+            .error(format!("is {rate_hz}"), "30, 50 or 60")),
+    }
+}
+
+/// A checked request.
+#[derive(Debug)]
+pub(super) struct StepPlan {
+    frames: usize,
+    sub_frames: u32,
+    form: Form,
+}
+
+/// Checks what a step asks for, apart from its commands and the sessions themselves.
+pub(super) fn check(request: &v1::StepRequest, limits: &SessionLimits) -> Result<StepPlan, FieldError> {
+    let root = Path::root();
+    let ids = &request.session_ids;
+    units::length(&root.field("session_ids"), ids.len(), 1, limits.per_request)?;
+    let mut seen = HashSet::with_capacity(ids.len());
+    for (index, id) in ids.iter().enumerate() {
+        if !seen.insert(id.as_str()) {
+            return Err(root
+                .element("session_ids", index)
+                .error("is there twice", "each session once"));
+        }
+    }
+    let frames = request.frames.max(1);
+    units::count_within(&root.field("frames"), frames, 1, MAX_STEP_FRAMES)?;
+    let commands = &root.field("commands");
+    units::length(commands, request.commands.len(), 0, super::commands::MAX_COMMANDS)?;
+    Ok(StepPlan {
+        frames: frames as usize,
+        sub_frames: sub_frames(&root, request.rate_hz)?,
+        form: Form::of(&root, request.encoding, request.return_positions)?,
+    })
+}
+
+/// A character on its way.
+struct Walker {
+    /// Place in the request.
+    slot: usize,
+    held: Held,
+    /// Its block and its place there.
+    block: usize,
+    place: usize,
+    /// Whether what an earlier, interrupted step left over is done.
+    settled: bool,
+    /// Frames written so far.
+    done: usize,
+    trouble: Option<ApiError>,
+}
+
+/// Frames and what else a step gives.
+#[derive(Debug, Default)]
+pub(super) struct Stepped {
+    pub(super) blocks: Vec<v1::FrameBlock>,
+    /// By place in the request, sorted.
+    pub(super) problems: Vec<(usize, ApiError)>,
+    pub(super) waited: Duration,
+}
+
+/// Advances the sessions. Those that cannot be served are among the problems.
+pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String], plan: StepPlan) -> Stepped {
+    let mut stepped = Stepped::default();
+    let (mut walkers, blocks) = gather(registry, time, ids, &mut stepped.problems);
+    let mut writers: Vec<BlockWriter> = blocks
+        .iter()
+        .map(|(pack, count)| BlockWriter::new(&pack.pack, plan.form, *count, plan.frames))
+        .collect();
+    for walker in &walkers {
+        writers[walker.block].name(walker.slot as u32);
+    }
+
+    let mut out = FrameOut::default();
+    let mut written = 0;
+    let mut going: Vec<usize> = (0..walkers.len()).collect();
+    while !going.is_empty() {
+        let mut waiting = Vec::new();
+        for index in going {
+            let walker = &mut walkers[index];
+            if walker.run(&plan, &mut writers[walker.block], &mut out, &mut written) {
+                waiting.push(index);
+            }
+            if written >= FRAMES_A_TURN {
+                written = 0;
+                tokio::task::yield_now().await;
+            }
+        }
+        let since = Instant::now();
+        for &index in &waiting {
+            walkers[index].held.cell().changed().await;
+        }
+        stepped.waited += since.elapsed();
+        going = waiting;
+    }
+    finish(walkers, writers, &blocks, plan.frames, &mut stepped);
+    stepped
+}
+
+/// Takes the sessions' clocks, and gives each a place in the block of its pack.
+fn gather(
+    registry: &Registry,
+    time: &TimeSource,
+    ids: &[String],
+    problems: &mut Vec<(usize, ApiError)>,
+) -> (Vec<Walker>, Vec<(Arc<LoadedPack>, usize)>) {
+    let now = time.now();
+    let mut blocks: Vec<(Arc<LoadedPack>, usize)> = Vec::new();
+    let mut walkers = Vec::with_capacity(ids.len());
+    for (slot, id) in ids.iter().enumerate() {
+        let field = || format!("session_ids[{slot}]");
+        let taken = registry
+            .get(id, now, &field)
+            .and_then(|cell| cell.take(Owner::Step, &field));
+        let held = match taken {
+            Ok(held) => held,
+            Err(error) => {
+                problems.push((slot, error));
+                continue;
+            }
+        };
+        {
+            let mut live = held.cell().live();
+            // What failed for an earlier caller need not fail for this one, and this one waits for its plans.
+            live.trouble = None;
+            live.character.expect_latency(0);
+        }
+        let pack = held.cell().pack();
+        let known = blocks.iter().position(|(known, _)| Arc::ptr_eq(known, pack));
+        let block = known.unwrap_or_else(|| {
+            blocks.push((pack.clone(), 0));
+            blocks.len() - 1
+        });
+        walkers.push(Walker {
+            slot,
+            held,
+            block,
+            place: blocks[block].1,
+            settled: false,
+            done: 0,
+            trouble: None,
+        });
+        blocks[block].1 += 1;
+    }
+    (walkers, blocks)
+}
+
+impl Walker {
+    /// Runs until the character is done, cannot be served, or needs a plan; answers whether it is the last.
+    fn run(
+        &mut self,
+        plan: &StepPlan,
+        writer: &mut BlockWriter,
+        out: &mut FrameOut,
+        written: &mut usize,
+    ) -> bool {
+        let cell = self.held.cell().clone();
+        let slot = self.slot;
+        if let Some(error) = cell.gone(&|| format!("session_ids[{slot}]")) {
+            self.trouble = Some(error);
+            return false;
+        }
+        let mut live = cell.live();
+        // What is left of a frame, if anything: of this step before its plan came, or of an earlier one that was cut off.
+        let mut moved = live.character.advance(0, Clock::Waits);
+        loop {
+            if let Some(request) = cell.settle(&mut live) {
+                // The batcher's way in does not block; the answer comes over another task.
+                planner::ask(&cell, request, Patience::Waits);
+            }
+            if moved == Advance::NeedsPlan {
+                self.trouble = trouble(live.trouble.as_ref());
+                return self.trouble.is_none();
+            }
+            if self.settled {
+                live.character.sample(out);
+                writer.write(
+                    (self.place, self.done),
+                    out,
+                    cell.convention(),
+                    &cell.pack().pack.skeleton,
+                );
+                self.done += 1;
+                *written += 1;
+            }
+            self.settled = true;
+            if self.done == plan.frames {
+                return false;
+            }
+            moved = live.character.advance(plan.sub_frames, Clock::Waits);
+        }
+    }
+}
+
+/// Why it is no use to wait for another plan, where it is none.
+fn trouble(failures: Option<&(u32, SubmitError)>) -> Option<ApiError> {
+    let (count, error) = failures?;
+    let stopped = matches!(error, SubmitError::Engine(EngineError::Stopped));
+    (stopped || *count >= MAX_FAILURES).then(|| error.clone().into())
+}
+
+fn finish(
+    walkers: Vec<Walker>,
+    writers: Vec<BlockWriter>,
+    blocks: &[(Arc<LoadedPack>, usize)],
+    frames: usize,
+    stepped: &mut Stepped,
+) {
+    let mut good: Vec<Vec<bool>> = blocks.iter().map(|(_, count)| vec![true; *count]).collect();
+    for walker in walkers {
+        if let Some(error) = walker.trouble {
+            good[walker.block][walker.place] = false;
+            stepped.problems.push((walker.slot, error));
+        }
+    }
+    stepped.problems.sort_by_key(|(slot, _)| *slot);
+    for ((writer, good), (pack, _)) in writers.into_iter().zip(good).zip(blocks) {
+        let block = writer.finish(|place| good[place]);
+        if !block.slots.is_empty() {
+            pack.sessions.sent(block.slots.len() * frames);
+            stepped.blocks.push(block);
+        }
+    }
+}
+
+/// Problems as messages.
+pub(super) fn problems(ids: &[String], problems: &[(usize, ApiError)]) -> Vec<v1::SessionProblem> {
+    let each = problems.iter().map(|(slot, error)| v1::SessionProblem {
+        slot: *slot as u32,
+        session_id: ids[*slot].chars().take(super::options::MAX_ID_CHARS).collect(),
+        problem: Some(error.problem()),
+    });
+    each.collect()
+}

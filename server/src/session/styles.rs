@@ -1,0 +1,67 @@
+//! The styles of a pack as messages.
+
+use std::sync::Arc;
+
+use troupe_proto::v1;
+
+use super::options::unknown_style;
+use crate::api::ApiError;
+use crate::inbetween::Path;
+use crate::service::LoadedPack;
+use crate::style::{MAX_ADDED_STYLES, PutError, Style};
+
+/// `troupe.v1.Sessions/ListStyles`.
+pub(crate) fn list(pack: &LoadedPack) -> v1::ListStylesResponse {
+    let styles = pack.styles.list();
+    v1::ListStylesResponse {
+        pack: pack.pack.name().to_owned(),
+        styles: styles.iter().map(|style| style.to_proto_summary()).collect(),
+        default_style: pack
+            .styles
+            .default_style()
+            .map(|style| style.name.clone())
+            .unwrap_or_default(),
+    }
+}
+
+/// `troupe.v1.Sessions/GetStyle`.
+///
+/// # Errors
+/// [`ApiError::UnknownStyle`].
+pub(crate) fn get(pack: &LoadedPack, name: &str) -> Result<v1::Style, ApiError> {
+    match pack.styles.get(name) {
+        Some(style) => Ok(style.to_proto()),
+        None => Err(unknown_style(&Path::root().field("style"), name, pack)),
+    }
+}
+
+/// `troupe.v1.Sessions/PutStyle`. Blocks where added styles are kept in a folder.
+///
+/// # Errors
+/// [`ApiError`] for the first value that is not accepted, or where the style cannot be kept.
+pub(crate) fn put(pack: &Arc<LoadedPack>, style: Option<&v1::Style>) -> Result<v1::Style, ApiError> {
+    let root = Path::root();
+    let path = root.field("style");
+    let Some(style) = style else {
+        return Err(path.error("is missing", "a style with its keyframes").into());
+    };
+    let style = Style::from_proto(&path, style, &pack.pack, false)?;
+    let name = path.field("name");
+    match pack.styles.put(style) {
+        Ok(style) => Ok(style.to_proto()),
+        Err(PutError::BuiltIn(style)) => Err(ApiError::StyleIsBuiltIn {
+            name: style,
+            field: name.to_string(),
+        }),
+        Err(PutError::TooMany) => Err(name
+            .error(
+                "is new, and the pack has as many added styles as it may",
+                format!("at most {MAX_ADDED_STYLES} added styles"),
+            )
+            .into()),
+        Err(error) => {
+            tracing::error!(%error, "a style was not kept");
+            Err(ApiError::Internal(error.to_string()))
+        }
+    }
+}

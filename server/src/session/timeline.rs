@@ -1,0 +1,405 @@
+//! A character's timeline: the cursor, when to ask for a plan, and where a plan takes over. It knows neither commands
+//! nor networks, only that the command changed and that a plan is so many frames.
+//!
+//! Frames are decided about one by one: [`Timeline::run`] stops at every frame for [`Timeline::settle`]. A plan that is asked
+//! for at frame f takes over at its splice frame, `look_ahead` frames on, and stays in flight until the cursor is
+//! there, however early it comes. So frames do not depend on how long plans take, as long as none is late.
+
+use super::buffer::{CROSSFADE_FRAMES, Frames, MotionBuffer};
+use super::{Arrival, CONTEXT_FRAMES, Clock, LivePlan, PlanCause, SUB_FRAMES, Stats};
+use crate::primitives::recipe::VELOCITY_FRAMES;
+
+/// Sub-frames of a frame, as the cursor counts.
+const SUB: i64 = SUB_FRAMES as i64;
+/// Frames that must remain at the splice frame of a plan. With fewer and no plan, the character slows down.
+const MARGIN_FRAMES: i64 = CROSSFADE_FRAMES as i64;
+/// Pace of a character that is not slowed down: as many parts of it as the margin has sub-frames.
+const FULL_PACE: i64 = MARGIN_FRAMES * SUB;
+/// Frames that the first plan may take: a crowd that is set in motion asks for all of its plans at once.
+const FIRST_PLAN_FRAMES: i64 = 24;
+/// A buffer counts as low up to so many frames early, so that characters who stand about do not ask all at once.
+const SPREAD_FRAMES: u32 = 8;
+/// Most frames that a plan is asked for ahead of the cursor, where plans are expected to take long. A plan that came late
+/// would lose as many frames of its own, and the next would be needed so much sooner: with less, a crowd that is a little
+/// too large for the networks would want ever more of them.
+const MAX_LOOK_AHEAD: i64 = 20;
+/// Frames kept behind the cursor: what a plan's context and the velocity before it take.
+pub(super) const HISTORY_FRAMES: i64 = VELOCITY_FRAMES as i64 + 2;
+
+/// When to ask for plans.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Policy {
+    /// Frames between the splice frames of plans. `None`: plans for commands and a low buffer only.
+    pub(super) interval_frames: Option<u32>,
+}
+
+/// What stopped the cursor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stop {
+    /// It is at this frame, which is to be settled.
+    AtFrame(i64),
+    /// It waits for the plan in flight.
+    NeedsPlan,
+    /// The step is done.
+    Done,
+}
+
+/// A plan to ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Ticket {
+    /// Counts the plans from 0.
+    pub(super) number: u64,
+    /// What called for it.
+    pub(super) cause: PlanCause,
+    /// The frame at which it was asked for.
+    pub(super) asked_at: i64,
+    /// The frame of its last context frame.
+    pub(super) splice: i64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Flight {
+    ticket: Ticket,
+    /// It is in the buffer, and the cursor not yet at its splice frame.
+    arrived: bool,
+}
+
+/// The cursor, the buffer that it moves on, and the plan in flight.
+#[derive(Debug, Clone)]
+pub(super) struct Timeline {
+    buffer: MotionBuffer,
+    look_ahead: i64,
+    /// Frames that a plan asked for now is expected to take.
+    expected: i64,
+    /// Sub-frames from frame 0.
+    cursor: i64,
+    /// Sub-frames of the current step that the cursor has not made yet.
+    pending: i64,
+    /// The newest frame that was settled.
+    settled: Option<i64>,
+    /// Of [`FULL_PACE`].
+    pace: i64,
+    /// The pace is down for want of a plan.
+    slowing: bool,
+    /// The last plan failed or was dropped.
+    failed: bool,
+    /// The command changed since the last plan was asked for.
+    command_changed: bool,
+    flight: Option<Flight>,
+    last_splice: Option<i64>,
+    /// What called for the plan that took over last.
+    last_cause: PlanCause,
+    /// Any number; characters of different numbers do not ask in step after a command to all of them.
+    phase: u64,
+    next_number: u64,
+    stats: Stats,
+}
+
+impl Timeline {
+    /// A timeline at frame 0 whose buffer ends there or later. The buffer is drawn out so that the first plan has time.
+    /// `phase` is any number, best a different one for each character.
+    pub(super) fn new(mut buffer: MotionBuffer, look_ahead_frames: u32, phase: u64) -> Self {
+        let look_ahead = i64::from(look_ahead_frames.max(1));
+        buffer.draw_out(look_ahead.max(FIRST_PLAN_FRAMES) + MARGIN_FRAMES);
+        Self {
+            buffer,
+            look_ahead,
+            expected: 0,
+            cursor: 0,
+            pending: 0,
+            settled: None,
+            pace: FULL_PACE,
+            slowing: false,
+            failed: false,
+            command_changed: true,
+            flight: None,
+            last_splice: None,
+            last_cause: PlanCause::Command,
+            phase,
+            next_number: 0,
+            stats: Stats::default(),
+        }
+    }
+
+    pub(super) fn buffer(&self) -> &MotionBuffer {
+        &self.buffer
+    }
+
+    /// Sub-frames from frame 0.
+    pub(super) fn cursor(&self) -> i64 {
+        self.cursor
+    }
+
+    /// The cursor's frame, rounded down.
+    pub(super) fn frame(&self) -> i64 {
+        self.cursor / SUB
+    }
+
+    /// The first frame that the cursor has not left.
+    fn next_frame(&self) -> i64 {
+        (self.cursor + SUB - 1) / SUB
+    }
+
+    fn on_frame(&self) -> bool {
+        self.cursor % SUB == 0
+    }
+
+    pub(super) fn stats(&self) -> Stats {
+        self.stats
+    }
+
+    /// The character is slowed down for want of a plan.
+    pub(super) fn slowing(&self) -> bool {
+        self.slowing
+    }
+
+    /// A plan was asked for and has not come.
+    pub(super) fn awaits_plan(&self) -> bool {
+        self.flight.is_some_and(|flight| !flight.arrived)
+    }
+
+    /// The current command's change waits for the next plan.
+    pub(super) fn command_waits(&self) -> bool {
+        self.command_changed
+    }
+
+    /// The command changed at the frame that is being settled.
+    pub(super) fn command_changed(&mut self) {
+        self.command_changed = true;
+    }
+
+    /// Plans asked for from now on are expected to take that many frames. Where that is more than the look-ahead, they are
+    /// asked for so much further ahead, and no longer for the interval alone: others need the networks more.
+    pub(super) fn expect(&mut self, frames: u32) {
+        self.expected = i64::from(frames);
+    }
+
+    /// Frames from the cursor to the splice frame of a plan asked for now.
+    fn reach(&self) -> i64 {
+        self.look_ahead.max((self.expected + 1).min(MAX_LOOK_AHEAD))
+    }
+
+    /// Adds to the way that the cursor is to go.
+    pub(super) fn push(&mut self, sub_frames: u32) {
+        self.pending += i64::from(sub_frames);
+    }
+
+    /// Moves the cursor until something stops it. To be called again after [`Stop::AtFrame`].
+    ///
+    /// A clock that runs settles a frame when the cursor reaches it, so that plans are asked for early. One that waits
+    /// settles it when the cursor leaves it, with all commands that came at that frame, and so never depends on when
+    /// plans came.
+    pub(super) fn run(&mut self, clock: Clock) -> Stop {
+        loop {
+            let (frame, moving) = (self.frame(), self.pending > 0);
+            let stuck = moving && self.flight.is_none() && self.frames_left() == 0;
+            let unsettled = self.settled != Some(frame) && (moving || clock == Clock::Runs);
+            if self.on_frame() && (stuck || unsettled) {
+                return Stop::AtFrame(frame);
+            }
+            if !moving {
+                return Stop::Done;
+            }
+            if clock == Clock::Waits && self.overdue() {
+                return Stop::NeedsPlan;
+            }
+            self.go(clock);
+        }
+    }
+
+    /// Moves the cursor along the current step, at most to the next frame.
+    fn go(&mut self, clock: Clock) {
+        self.slow_down(clock);
+        let step = self.pending.min(SUB);
+        let way = (step * self.pace / FULL_PACE).max(1);
+        let next = (self.frame() + 1) * SUB - self.cursor;
+        let spent = match way <= next {
+            true => step,
+            false => (next * FULL_PACE / self.pace).clamp(1, step),
+        };
+        self.pending -= spent;
+        self.cursor = (self.cursor + way.min(next)).min(self.buffer.last() * SUB);
+        if !self.slowing {
+            // From a standstill it takes as many frames to be back at full pace as the margin has.
+            self.pace = (self.pace + spent).min(FULL_PACE);
+        }
+    }
+
+    /// With a plan overdue, the pace falls with what remains of the buffer.
+    fn slow_down(&mut self, clock: Clock) {
+        let remain = self.buffer.last() * SUB - self.cursor;
+        let slow = clock == Clock::Runs && (self.failed || self.overdue()) && remain < FULL_PACE;
+        if slow {
+            self.stats.underruns += u64::from(!self.slowing);
+            self.pace = self.pace.min(remain).max(1);
+        }
+        self.slowing = slow;
+    }
+
+    /// The plan in flight should have come.
+    fn overdue(&self) -> bool {
+        self.flight
+            .is_some_and(|flight| !flight.arrived && flight.ticket.splice * SUB <= self.cursor)
+    }
+
+    /// Whole frames in the buffer beyond the cursor.
+    pub(super) fn frames_left(&self) -> i64 {
+        (self.buffer.last() * SUB - self.cursor) / SUB
+    }
+
+    /// Decides about the frame that the cursor is at: ends the flight of a plan whose splice frame it is, and asks for
+    /// the next where the policy says so.
+    pub(super) fn settle(&mut self, policy: Policy) -> Option<Ticket> {
+        let frame = self.frame();
+        self.settled = Some(frame);
+        if let Some(Flight {
+            ticket,
+            arrived: true,
+        }) = self.flight
+            && ticket.splice <= frame
+        {
+            self.flight = None;
+        }
+        if self.flight.is_some() {
+            return None;
+        }
+        let cause = self.cause(frame, policy)?;
+        Some(self.ask(cause, frame, self.reach()))
+    }
+
+    fn cause(&self, frame: i64, policy: Policy) -> Option<PlanCause> {
+        let splice = frame + self.reach();
+        let in_time = self.expected <= self.look_ahead;
+        let is_due = |interval| {
+            in_time
+                && self
+                    .last_splice
+                    .is_none_or(|last| splice >= last + i64::from(self.wait(interval)))
+        };
+        if self.command_changed {
+            Some(PlanCause::Command)
+        } else if self.buffer.last() <= splice + MARGIN_FRAMES + self.spread(SPREAD_FRAMES) {
+            Some(PlanCause::LowBuffer)
+        } else if policy.interval_frames.is_some_and(is_due) {
+            Some(PlanCause::Interval)
+        } else {
+            None
+        }
+    }
+
+    /// Frames from the last plan to the next for an interval of `interval` frames. After a plan for a command it is between
+    /// half of it and the whole, by the character's phase.
+    fn wait(&self, interval: u32) -> u32 {
+        match self.last_cause {
+            PlanCause::Command => interval - self.spread(interval / 2 + 1) as u32,
+            PlanCause::LowBuffer | PlanCause::Interval => interval,
+        }
+    }
+
+    /// A number below `count` that differs from character to character and from plan to plan.
+    fn spread(&self, count: u32) -> i64 {
+        (self.phase.wrapping_add(self.next_number) % u64::from(count.max(1))) as i64
+    }
+
+    /// Asks for the very first plan at once, to take over at frame 0.
+    pub(super) fn ask_first(&mut self) -> Ticket {
+        self.ask(PlanCause::Command, 0, 0)
+    }
+
+    fn ask(&mut self, cause: PlanCause, frame: i64, look_ahead: i64) -> Ticket {
+        let ticket = Ticket {
+            number: self.next_number,
+            cause,
+            asked_at: frame,
+            splice: (frame + look_ahead).min(self.buffer.last()),
+        };
+        self.next_number += 1;
+        self.command_changed = false;
+        self.flight = Some(Flight {
+            ticket,
+            arrived: false,
+        });
+        ticket
+    }
+
+    /// Whether the plan of that number is awaited.
+    fn awaited(&self, number: u64) -> Option<Ticket> {
+        self.flight
+            .filter(|flight| flight.ticket.number == number && !flight.arrived)
+            .map(|flight| flight.ticket)
+    }
+
+    /// A plan has come.
+    pub(super) fn land(&mut self, number: u64, plan: &LivePlan) -> Arrival {
+        let Some(ticket) = self.awaited(number) else {
+            return Arrival::Stray;
+        };
+        let at = ticket.splice.max(self.next_frame());
+        let late = at > ticket.splice;
+        self.stats.late_plans += u64::from(late);
+        let used = CONTEXT_FRAMES + (at - ticket.splice) as usize;
+        let usable = plan.roots.len().saturating_sub(used);
+        if usable < CROSSFADE_FRAMES {
+            self.give_up(ticket);
+            return Arrival::Dropped;
+        }
+        let keep = self.frame().min(at - CONTEXT_FRAMES as i64 + 1) - HISTORY_FRAMES;
+        self.buffer.trim(keep);
+        let joints = plan.rotations.len() / plan.roots.len().max(1);
+        let frames = Frames {
+            roots: &plan.roots[used..],
+            rotations: &plan.rotations[used * joints..],
+            contacts: &plan.contacts[used..],
+        };
+        self.buffer.splice(at, frames);
+        self.took_over(ticket, at);
+        match late {
+            true => Arrival::Late,
+            false => Arrival::InTime {
+                lead_frames: (at * SUB - self.cursor) as f32 / SUB_FRAMES as f32,
+            },
+        }
+    }
+
+    fn took_over(&mut self, ticket: Ticket, at: i64) {
+        self.failed = false;
+        self.last_splice = Some(at);
+        self.last_cause = ticket.cause;
+        *match ticket.cause {
+            PlanCause::Command => &mut self.stats.plans_for_command,
+            PlanCause::LowBuffer => &mut self.stats.plans_for_low_buffer,
+            PlanCause::Interval => &mut self.stats.plans_for_interval,
+        } += 1;
+        if self.cursor < ticket.splice * SUB {
+            self.flight = Some(Flight {
+                ticket,
+                arrived: true,
+            });
+        } else {
+            self.flight = None;
+            // Where the cursor waited, its frame is settled again, as if the plan had been in time.
+            self.settled = None;
+        }
+    }
+
+    /// A plan will not come.
+    pub(super) fn fail(&mut self, number: u64) -> Arrival {
+        let Some(ticket) = self.awaited(number) else {
+            return Arrival::Stray;
+        };
+        self.stats.failed_plans += 1;
+        self.give_up(ticket);
+        Arrival::Failed
+    }
+
+    /// The next frame asks for another plan instead, for the same cause.
+    fn give_up(&mut self, ticket: Ticket) {
+        self.flight = None;
+        self.failed = true;
+        self.command_changed |= ticket.cause == PlanCause::Command;
+    }
+}
+
+#[cfg(test)]
+#[path = "timeline_tests.rs"]
+mod tests;

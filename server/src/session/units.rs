@@ -1,0 +1,143 @@
+//! Checks of single values, and the session's convention at the edge.
+
+use troupe_motion::Vec3;
+use troupe_motion::conventions::Convention;
+use troupe_proto::v1;
+
+use crate::inbetween::{FieldError, Path};
+
+/// Largest heading either way, radians: beyond it a 32-bit float is coarse.
+pub const MAX_HEADING: f32 = 1000.0;
+
+/// The convention that a message names.
+pub fn convention(path: &Path<'_>, value: i32) -> Result<Convention, FieldError> {
+    match v1::Convention::try_from(value) {
+        Ok(v1::Convention::Native) => Ok(Convention::Native),
+        Ok(v1::Convention::Unreal) => Ok(Convention::Unreal),
+        Ok(v1::Convention::Unity) => Ok(Convention::Unity),
+        Ok(v1::Convention::Ros) => Ok(Convention::Ros),
+        Err(_) => Err(path.error(
+            format!("is {value}"),
+            "native (0), unreal (1), unity (2) or ros (3)",
+        )),
+    }
+}
+
+/// The convention as messages name it.
+pub fn convention_name(convention: Convention) -> v1::Convention {
+    match convention {
+        Convention::Native => v1::Convention::Native,
+        Convention::Unreal => v1::Convention::Unreal,
+        Convention::Unity => v1::Convention::Unity,
+        Convention::Ros => v1::Convention::Ros,
+    }
+}
+
+/// A number from `low` to `high`.
+pub fn within(path: &Path<'_>, value: f32, low: f32, high: f32) -> Result<f32, FieldError> {
+    match (low..=high).contains(&value) {
+        true => Ok(value),
+        false => Err(path.error(format!("is {value}"), format!("{low} to {high}"))),
+    }
+}
+
+/// A whole number from `low` to `high`.
+pub fn count_within(path: &Path<'_>, value: u32, low: u32, high: u32) -> Result<u32, FieldError> {
+    match (low..=high).contains(&value) {
+        true => Ok(value),
+        false => Err(path.error(format!("is {value}"), format!("{low} to {high}"))),
+    }
+}
+
+/// A heading in the session's convention, as the native one.
+pub fn heading(path: &Path<'_>, value: f32, convention: Convention) -> Result<f32, FieldError> {
+    within(path, value, -MAX_HEADING, MAX_HEADING).map(|value| convention.heading_to_native(value))
+}
+
+/// A vector in the session's convention, each of its numbers at most `limit` metres (or metres per second) either way, as
+/// the native one.
+pub fn vector(
+    path: &Path<'_>,
+    value: v1::Vec3,
+    limit: f32,
+    convention: Convention,
+) -> Result<Vec3, FieldError> {
+    let limit = limit * convention.units_per_metre();
+    for (name, value) in [("x", value.x), ("y", value.y), ("z", value.z)] {
+        within(&path.field(name), value, -limit, limit)?;
+    }
+    Ok(convention.position_to_native(Vec3::new(value.x, value.y, value.z)))
+}
+
+/// The name of the axis that points up.
+pub fn up_axis(convention: Convention) -> &'static str {
+    match convention {
+        Convention::Native | Convention::Unity => "y",
+        Convention::Unreal | Convention::Ros => "z",
+    }
+}
+
+/// A native position in the session's convention.
+pub fn position(value: Vec3, convention: Convention) -> v1::Vec3 {
+    let Vec3 { x, y, z } = convention.position_from_native(value);
+    v1::Vec3 { x, y, z }
+}
+
+/// A list's length, from `low` to `high`.
+pub fn length(path: &Path<'_>, found: usize, low: usize, high: usize) -> Result<(), FieldError> {
+    match found {
+        _ if (low..=high).contains(&found) => Ok(()),
+        0 => Err(path.error("is empty", format!("{low} to {high}"))),
+        _ => Err(path.error(format!("has {found} entries"), format!("{low} to {high}"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_are_told_in_the_sessions_unit() {
+        let root = Path::root();
+        let path = root.field("velocity");
+        let far = v1::Vec3 {
+            x: 0.0,
+            y: 150_000.0,
+            z: 0.0,
+        };
+        let error = vector(&path, far, 1000.0, Convention::Unreal).unwrap_err();
+        assert_eq!(
+            (error.field.as_str(), error.allowed.as_str()),
+            ("velocity.y", "-100000 to 100000")
+        );
+        assert!(vector(&path, far, 1500.0, Convention::Unreal).is_ok());
+    }
+
+    #[test]
+    fn nothing_that_is_not_finite_is_within_a_range() {
+        let root = Path::root();
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(within(&root, bad, -1.0, 1.0).is_err());
+            assert!(heading(&root, bad, Convention::Unity).is_err());
+        }
+    }
+
+    #[test]
+    fn the_up_axis_is_the_one_that_native_up_becomes() {
+        for convention in Convention::ALL {
+            let up = convention.direction_from_native(Vec3::Y);
+            let name = if up.y == 1.0 { "y" } else { "z" };
+            assert_eq!(up_axis(convention), name);
+            assert_eq!(up.element_sum(), 1.0);
+        }
+    }
+
+    #[test]
+    fn conventions_come_back() {
+        for this in Convention::ALL {
+            let number = i32::from(convention_name(this));
+            assert_eq!(convention(&Path::root(), number).unwrap(), this);
+        }
+        assert!(convention(&Path::root(), 4).is_err());
+    }
+}

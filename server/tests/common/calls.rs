@@ -1,0 +1,82 @@
+//! Sessions, commands and steps as tests make them.
+
+use tonic::transport::Channel;
+use troupe_proto::v1;
+use troupe_proto::v1::command::Intent;
+use troupe_proto::v1::sessions_client::SessionsClient;
+
+/// Gates of streams and calls.
+pub type Client = SessionsClient<Channel>;
+
+/// A session of that id at the origin, in the usual style.
+pub fn options(id: &str) -> v1::SessionOptions {
+    v1::SessionOptions {
+        id: id.into(),
+        seed: 7,
+        ..v1::SessionOptions::default()
+    }
+}
+
+/// Opens sessions of those ids.
+pub async fn open(client: &mut Client, ids: &[impl AsRef<str>]) -> Vec<v1::Session> {
+    let sessions = ids.iter().map(|id| options(id.as_ref())).collect();
+    let request = v1::CreateSessionsRequest { sessions };
+    client
+        .create_sessions(request)
+        .await
+        .unwrap()
+        .into_inner()
+        .sessions
+}
+
+/// Ids `prefix-0` and so on.
+pub fn ids(prefix: &str, count: usize) -> Vec<String> {
+    (0..count).map(|index| format!("{prefix}-{index}")).collect()
+}
+
+/// A command to move with `(x, z)` m/s.
+pub fn walk(id: &str, sequence: u64, (x, z): (f32, f32)) -> v1::Command {
+    v1::Command {
+        session_id: id.into(),
+        sequence,
+        at_frame: None,
+        intent: Some(Intent::Locomote(v1::Locomote {
+            velocity: Some(v1::Vec3 { x, y: 0.0, z }),
+            ..v1::Locomote::default()
+        })),
+    }
+}
+
+/// What the command asks for.
+pub fn locomote(command: &mut v1::Command) -> &mut v1::Locomote {
+    match &mut command.intent {
+        Some(Intent::Locomote(locomote)) => locomote,
+        None => panic!("no intent"),
+    }
+}
+
+/// A step of `frames` frames.
+pub fn step(ids: &[impl AsRef<str>], frames: u32, commands: Vec<v1::Command>) -> v1::StepRequest {
+    v1::StepRequest {
+        session_ids: ids.iter().map(|id| id.as_ref().to_owned()).collect(),
+        frames,
+        commands,
+        ..v1::StepRequest::default()
+    }
+}
+
+/// Steps, and gives the one block.
+pub async fn stepped(client: &mut Client, request: v1::StepRequest) -> v1::FrameBlock {
+    let mut answer = client.step(request).await.unwrap().into_inner();
+    assert_eq!((answer.blocks.len(), answer.problems.len()), (1, 0), "{answer:?}");
+    answer.blocks.remove(0)
+}
+
+/// Roots and rotations of the character at place `index` of a block.
+pub fn frames_of(block: &v1::FrameBlock, index: usize) -> (Vec<f32>, Vec<f32>) {
+    let part = |column: &[f32]| {
+        let size = column.len() / block.slots.len();
+        column[index * size..(index + 1) * size].to_vec()
+    };
+    (part(&block.root_positions), part(&block.rotations))
+}
