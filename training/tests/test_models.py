@@ -10,6 +10,7 @@ import torch
 
 from troupe_training.config import COUNTS, MAX_FRAMES, MAX_TOKENS, PRESETS, SLOTS
 from troupe_training.features import ClipStore, random_slot_masks, slot_frames
+from troupe_training.layers import UnrolledConv, unroll_convolutions
 from troupe_training.losses import Kinematics
 from troupe_training.root_module import RootStage, baseline_trajectory
 from troupe_training.rotations import six_d_to_matrix
@@ -49,6 +50,16 @@ def test_padding_changes_nothing(store: ClipStore, tokens: int):
     logits = pose(chosen, count, segments.global_root, segments.pose, mask)
     padded_logits = pose(pad(chosen, MAX_TOKENS, 0), count, *long)
     assert torch.allclose(padded_logits[:, :tokens], logits, atol=2e-5)
+
+
+@pytest.mark.parametrize("kernel", [3, 5, 7])
+def test_an_unrolled_convolution_is_the_convolution(kernel: int):
+    stack = torch.nn.Sequential(torch.nn.Conv1d(6, 4, kernel, padding=kernel // 2))
+    x = torch.randn(3, 6, 5)
+    expected = stack(x)
+    unroll_convolutions(stack)
+    assert isinstance(stack[0], UnrolledConv)
+    assert torch.allclose(stack(x), expected, atol=1e-5)
 
 
 def test_quantizer_finds_its_own_codes():

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import onnxruntime
 import pytest
 
@@ -41,6 +42,31 @@ def test_pack_is_complete(pack: Path):
             pack / "human" / f"{stage}.onnx", providers=["CPUExecutionProvider"]
         )
         assert all(isinstance(i.shape[0], str) for i in session.get_inputs()), "the batch axis is dynamic"
+
+
+def test_pose_and_decoder_take_any_number_of_tokens(pack: Path):
+    """Padding a call to more tokens than its segment has does not change the segment."""
+    for stage, output, per_token in (("pose", "logits", 1), ("decoder", "refined_root", 4)):
+        session = onnxruntime.InferenceSession(
+            pack / "human" / f"{stage}.onnx", providers=["CPUExecutionProvider"]
+        )
+        tokens, _, _, frame_pose, _ = (i.shape for i in session.get_inputs())
+        assert isinstance(tokens[1], str) and isinstance(frame_pose[1], str), "the time axis is dynamic"
+        rng = np.random.default_rng(1)
+        full = {
+            "tokens": rng.integers(0, 16, (2, 16, tokens[2])),
+            "global_root": rng.standard_normal((2, 64, 5), np.float32),
+            "frame_pose": rng.standard_normal((2, 64, frame_pose[2]), np.float32),
+            "frame_mask": np.ones((2, 64), np.float32),
+        }
+        for count in (3, 9, 15):
+            answers = []
+            for slots in (count, 16):
+                steps = {n: v[:, : slots if n == "tokens" else 4 * slots] for n, v in full.items()}
+                answers.append(session.run([output], steps | {"num_tokens": np.full(2, count)})[0])
+            short, long = (answer[:, : per_token * count] for answer in answers)
+            assert answers[0].shape[1] == per_token * count
+            np.testing.assert_allclose(short, long, atol=1e-4)
 
 
 def test_evaluate_reports_all_methods(pack: Path):

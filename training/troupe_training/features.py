@@ -54,17 +54,21 @@ class Segments:
 
 
 def local_root_of(global_root: torch.Tensor) -> torch.Tensor:
-    """Local root ``[..., T, 4]`` from global root ``[..., T, 5]`` by backward differences; frame 0 copies frame 1."""
+    """Local root ``[..., T, 4]`` from global root ``[..., T, 5]`` by backward differences; frame 0 copies frame 1.
+
+    The arc tangent is taken of T numbers a row, not of the T - 1 there are: ONNX Runtime computes it four at a time and
+    rounds what is left over otherwise, and a row of the batch must not depend on where in the tensor it lies.
+    """
     x, y, z, c, s = global_root.unbind(-1)
     dx = (x[..., 1:] - x[..., :-1]) * FPS
     dz = (z[..., 1:] - z[..., :-1]) * FPS
     # sin and cos of the heading's change, without any arc tangent of the headings themselves
     turn_sin = s[..., 1:] * c[..., :-1] - c[..., 1:] * s[..., :-1]
     turn_cos = c[..., 1:] * c[..., :-1] + s[..., 1:] * s[..., :-1]
+    moving = torch.stack([dx, dz, turn_sin, turn_cos], -1)
+    dx, dz, turn_sin, turn_cos = torch.cat([moving[..., :1, :], moving], -2).unbind(-1)
     omega = torch.atan2(turn_sin, turn_cos) * FPS
-    moving = torch.stack([dx, dz, omega], -1)
-    moving = torch.cat([moving[..., :1, :], moving], -2)
-    return torch.cat([moving, y[..., None]], -1)
+    return torch.stack([dx, dz, omega, y], -1)
 
 
 class ClipStore:

@@ -60,6 +60,36 @@ class ChannelNorm(nn.Module):
         return self.norm(x.transpose(1, 2)).transpose(1, 2)
 
 
+class UnrolledConv(nn.Module):
+    """A `nn.Conv1d` of stride one as a single matrix product over shifted copies of its input, for export.
+
+    The same numbers in the same order of weights; ONNX Runtime's own convolution multiplies one row of the batch at a
+    time and is slow where that row has only a few frames.
+    """
+
+    def __init__(self, conv: nn.Conv1d):
+        super().__init__()
+        self.taps = conv.kernel_size[0]
+        self.register_buffer("weight", conv.weight.detach().permute(2, 1, 0).flatten(0, 1).contiguous())
+        self.register_buffer("bias", conv.bias.detach().clone())
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """``[B, C, T] -> [B, D, T]``, zeros beyond both ends."""
+        frames = x.shape[2]
+        padded = F.pad(x.transpose(1, 2), (0, 0, self.taps // 2, self.taps // 2))
+        shifted = torch.cat([padded[:, tap : tap + frames] for tap in range(self.taps)], -1)
+        return (shifted @ self.weight + self.bias).transpose(1, 2)
+
+
+def unroll_convolutions(module: nn.Module) -> None:
+    """Replaces every convolution inside ``module`` by its `UnrolledConv`."""
+    for name, child in module.named_children():
+        if isinstance(child, nn.Conv1d):
+            setattr(module, name, UnrolledConv(child))
+        else:
+            unroll_convolutions(child)
+
+
 class ResidualConv(nn.Module):
     """``x + conv(relu(norm(x)))`` with frames outside the segment held at zero."""
 

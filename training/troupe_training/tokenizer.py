@@ -186,16 +186,20 @@ class Decoder(nn.Module):
 
 
 def integrate_root(start: torch.Tensor, local_root: torch.Tensor) -> torch.Tensor:
-    """Global root ``[B, T, 5]`` from its first value ``[B, 5]`` and local roots ``[B, T, 4]`` (r_g4)."""
+    """Global root ``[B, T, 5]`` from its first value ``[B, 5]`` and local roots ``[B, T, 4]`` (r_g4).
+
+    The first heading is computed at every frame, for the reason that `local_root_of` tells.
+    """
+    start = start[:, None].expand(-1, local_root.shape[1], -1)
     step = local_root[..., :3] / FPS
     first = torch.zeros_like(step[:, :1])
     travelled = torch.cumsum(torch.cat([first, step[:, 1:]], 1), 1)
-    psi = torch.atan2(start[:, None, 4], start[:, None, 3]) + travelled[..., 2]
+    psi = torch.atan2(start[..., 4], start[..., 3]) + travelled[..., 2]
     return torch.stack(
         [
-            start[:, None, 0] + travelled[..., 0],
+            start[..., 0] + travelled[..., 0],
             local_root[..., 3],
-            start[:, None, 2] + travelled[..., 1],
+            start[..., 2] + travelled[..., 1],
             torch.cos(psi),
             torch.sin(psi),
         ],
