@@ -1,6 +1,6 @@
 # make run   gets ONNX Runtime, builds, starts the server with the default pack
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples
+.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles live-eval film crowd
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
 REAL_CLIPS := target/data/bandai-namco
@@ -44,10 +44,36 @@ real-clips:
 pack: python-env
 	.venv/bin/troupe-train pack "$(DATA)" --out "$(or $(OUT),models/mine)" --name "$(notdir $(or $(OUT),models/mine))" $(ARGS)
 
+# The pack's styles, from the motion data that models/human/styles.toml names: make styles DATA=folder
+styles: runtime
+	@[ -d "$(DATA)" ] || { echo "usage: make styles DATA=folder of BVH files" >&2; exit 2; }
+	cargo build --release --package troupe-client
+	scripts/with-server.sh target/release/troupe style build --list models/human/styles.toml \
+		--data "$(DATA)" --out models/human/styles $(ARGS)
+
+# How well live characters obey and move, beside the clips where they are at hand (ARGS="--styles normal" for a short look)
+live-eval: runtime real-clips
+	cargo build --release --package troupe-client
+	scripts/with-server.sh target/release/troupe eval live $(ARGS) \
+		$$([ ! -d $(REAL_CLIPS) ] || echo --data $(REAL_CLIPS) --list models/human/styles.toml)
+
 # The README's picture, of a clip of the test split, through a running server.
 picture: real-clips
 	cargo run --release --package troupe-client -- draw --from 40 --to 85 \
 		--clip $(REAL_CLIPS)/dataset-2_walk-turn-left_active_007.bvh --out docs/images/inbetween.png
+
+# Filmstrips of the scripted paths in examples/paths, through a running server.
+film: runtime
+	cargo build --release --package troupe-client
+	for path in square figure-of-eight reversal style-changes; do \
+		scripts/with-server.sh target/release/troupe film --path examples/paths/$$path.toml \
+			--out docs/images/$$path.png || exit 1; \
+	done
+
+# A hundred characters that wander for a minute on the server's clock (ARGS="--count 200" for more; see --help)
+crowd: runtime
+	cargo build --release --package troupe-client --example crowd
+	scripts/with-server.sh target/release/examples/crowd --drive --count 100 --seconds 60 $(ARGS)
 
 # The files in examples/.
 samples:

@@ -1,9 +1,10 @@
-//! The connection to a server and its three calls.
+//! The connection to a server, and the calls about packs and single requests.
 
 use std::time::Duration;
 
 use tonic::transport::{Channel, Endpoint};
 use troupe_proto::v1::motion_client::MotionClient;
+use troupe_proto::v1::sessions_client::SessionsClient;
 use troupe_proto::v1::{GetPackRequest, InBetweenRequest, ListPacksRequest, Timing};
 
 use crate::error::{AnswerError, ClientError, RequestError, deepest};
@@ -38,7 +39,11 @@ pub struct Client {
     url: String,
     options: ConnectOptions,
     rpc: MotionClient<Channel>,
+    sessions: SessionsRpc,
 }
+
+/// The generated client of sessions.
+pub(crate) type SessionsRpc = SessionsClient<Channel>;
 
 /// The answer to one in-betweening request.
 #[derive(Debug, Clone)]
@@ -74,13 +79,18 @@ impl Client {
                 url: url.to_owned(),
                 reason: deepest(&e),
             })?;
-        let rpc = MotionClient::new(channel)
-            .max_decoding_message_size(options.max_message_bytes)
-            .max_encoding_message_size(options.max_message_bytes);
+        let limit = options.max_message_bytes;
+        let rpc = MotionClient::new(channel.clone())
+            .max_decoding_message_size(limit)
+            .max_encoding_message_size(limit);
+        let sessions = SessionsClient::new(channel)
+            .max_decoding_message_size(limit)
+            .max_encoding_message_size(limit);
         Ok(Self {
             url: url.to_owned(),
             options,
             rpc,
+            sessions,
         })
     }
 
@@ -187,7 +197,15 @@ impl Client {
         })
     }
 
-    fn sort(&self, status: &tonic::Status) -> ClientError {
+    pub(crate) fn request_timeout(&self) -> Duration {
+        self.options.request_timeout
+    }
+
+    pub(crate) fn sessions_rpc(&self) -> SessionsRpc {
+        self.sessions.clone()
+    }
+
+    pub(crate) fn sort(&self, status: &tonic::Status) -> ClientError {
         ClientError::from_status(status, &self.url, self.options.request_timeout)
     }
 }

@@ -7,6 +7,8 @@ use tonic::Code;
 use tonic_types::StatusExt as _;
 use troupe_motion::clip::ClipError;
 
+use crate::problem::{Problem, ProblemKind, SessionError};
+
 /// Why a call did not give an answer.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
@@ -37,6 +39,12 @@ pub enum ClientError {
     /// The server answered with an error.
     #[error("the server refused: {0}")]
     Refused(#[from] Box<Refusal>),
+    /// The server cannot serve this session: it expired, is not known, or is in another's hands.
+    #[error("{0}")]
+    Session(#[from] Box<SessionError>),
+    /// The server ended the stream.
+    #[error("the server ended the stream: {0}")]
+    StreamEnded(Box<Problem>),
     /// The request cannot be built from what was given.
     #[error(transparent)]
     Request(#[from] RequestError),
@@ -184,7 +192,29 @@ impl ClientError {
         }
     }
 
-    /// Sorts a failed call into unreachable, timed out or refused.
+    /// What is wrong with a session, where that is the error.
+    pub fn session_problem(&self) -> Option<&Problem> {
+        match self {
+            Self::Session(error) => Some(&error.problem),
+            _ => None,
+        }
+    }
+
+    /// Whether the session expired: nobody touched it for its time to live. A new one can be opened in its place.
+    pub fn is_session_expired(&self) -> bool {
+        self.session_problem()
+            .is_some_and(|problem| problem.kind == ProblemKind::SessionExpired)
+    }
+
+    /// The problem of one session.
+    pub(crate) fn session(session: &str, problem: Problem) -> Self {
+        Self::Session(Box::new(SessionError {
+            session: session.to_owned(),
+            problem,
+        }))
+    }
+
+    /// Sorts a failed call into unreachable, timed out, a session's problem or refused.
     pub(crate) fn from_status(status: &tonic::Status, url: &str, timeout: Duration) -> Self {
         let broken = std::error::Error::source(status).is_some_and(|source| {
             source.is::<tonic::transport::Error>() || source.is::<tonic::ConnectError>()
@@ -202,7 +232,11 @@ impl ClientError {
                 after: timeout,
             };
         }
-        Self::Refused(Box::new(Refusal::from_status(status)))
+        let refusal = Refusal::from_status(status);
+        match refusal.session_error(status) {
+            Some(error) => Self::Session(Box::new(error)),
+            None => Self::Refused(Box::new(refusal)),
+        }
     }
 }
 
@@ -248,6 +282,29 @@ impl Refusal {
             violations,
             reason: info.map(|i| i.reason.clone()),
         }
+    }
+
+    /// The same as a session's problem, where its kind is one.
+    fn session_error(&self, status: &tonic::Status) -> Option<SessionError> {
+        let kind = ProblemKind::from_reason(self.reason.as_deref()?);
+        if !kind.is_about_a_session() {
+            return None;
+        }
+        let details = status.get_error_details();
+        let session = details
+            .error_info()
+            .and_then(|info| info.metadata.get("session"))
+            .cloned();
+        let first = self.violations.first();
+        Some(SessionError {
+            session: session.unwrap_or_default(),
+            problem: Problem {
+                kind,
+                message: self.message.clone(),
+                field: first.map(|v| v.field.clone()),
+                allowed: first.and_then(|v| v.allowed.clone()),
+            },
+        })
     }
 }
 
@@ -306,6 +363,24 @@ mod tests {
             text.contains("characters[0].frame_count: is 9, must be 12 to 64"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn an_expired_session_is_told_apart() {
+        let told = |reason: &str| {
+            let mut details = ErrorDetails::new();
+            details.set_error_info(reason, "troupe", HashMap::new());
+            refused(details)
+        };
+        let error = told("SESSION_EXPIRED");
+        assert!(error.is_session_expired(), "{error:?}");
+        let busy = told("SESSION_BUSY");
+        assert_eq!(busy.session_problem().unwrap().kind, ProblemKind::SessionBusy);
+        assert!(!busy.is_session_expired());
+        // What is about the request stays a refusal with its fields.
+        for reason in ["INVALID_FIELD", "UNKNOWN_STYLE", "TOO_MANY_SESSIONS"] {
+            assert!(matches!(told(reason), ClientError::Refused(_)), "{reason}");
+        }
     }
 
     #[test]

@@ -16,12 +16,33 @@
 //! # }
 //! ```
 //!
-//! Frames go by the conventions of `motion.proto`: right-handed, Y up, +Z forward, metres, radians.
+//! Live characters, which move until they are told otherwise, are in [`live`]:
+//!
+//! ```no_run
+//! use glam::Vec3;
+//! use troupe_client::{Client, SessionOptions};
+//!
+//! # async fn example() -> Result<(), troupe_client::ClientError> {
+//! let client = Client::connect("http://127.0.0.1:8080").await?;
+//! let pack = client.pack("").await?;
+//! let mut guard = client.session(&pack, &SessionOptions::new().seed(7)).await?;
+//! guard.walk(Vec3::Z * 1.4).style("elderly");
+//! for frame in guard.step(30).await?.iter() {
+//!     println!("the hips are at {}", frame.root);
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Frames of single requests go by the conventions of `motion.proto`: right-handed, Y up, +Z forward, metres, radians.
 
 mod connection;
 mod error;
 mod inbetween;
+pub mod live;
 mod pack;
+mod problem;
+mod styles;
 
 #[cfg(feature = "cli")]
 pub mod cli;
@@ -29,4 +50,9 @@ pub mod cli;
 pub use connection::{Client, ConnectOptions, InBetweenAnswers};
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
+pub use live::{
+    Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, Frame, FrameOptions, Frames, Locomotion,
+    MemberId, Rate, Recording, Session, SessionOptions,
+};
 pub use pack::Pack;
+pub use problem::{Problem, ProblemKind, SessionError};

@@ -9,10 +9,10 @@ use troupe_proto::v1;
 
 use crate::error::{AnswerError, RequestError};
 
-/// A pack that a server has loaded, with its skeleton ready for motion maths.
+/// A pack that a server has loaded, with its skeleton ready for motion maths. Clones share what they hold.
 #[derive(Debug, Clone)]
 pub struct Pack {
-    message: v1::Pack,
+    message: Arc<v1::Pack>,
     skeleton: Arc<Skeleton>,
 }
 
@@ -81,7 +81,10 @@ impl TryFrom<v1::Pack> for Pack {
 
     fn try_from(message: v1::Pack) -> Result<Self, AnswerError> {
         let skeleton = Arc::new(skeleton(&message)?);
-        Ok(Self { message, skeleton })
+        Ok(Self {
+            message: Arc::new(message),
+            skeleton,
+        })
     }
 }
 

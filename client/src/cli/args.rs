@@ -1,12 +1,16 @@
 //! Arguments of the `troupe` command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-/// Fill gaps in motion clips on a Troupe server, and measure how well it does.
+use super::eval::Live;
+use super::live_args::{Drive, Film, Sessions};
+use super::style::Style;
+
+/// Drive characters and fill gaps in motion clips on a Troupe server, and measure how well it does.
 #[derive(Debug, Parser)]
 #[command(name = "troupe", version, propagate_version = true, max_term_width = 110, after_long_help = AFTER)]
 pub(super) struct Arguments {
@@ -49,7 +53,10 @@ Examples:
   troupe packs
   troupe inbetween --clip walk.bvh --from 60 --to 95 --out filled.bvh
   troupe eval --data clips/ --split test.txt --json eval.json
-  troupe draw --clip walk.bvh --from 60 --to 106 --out picture.png";
+  troupe draw --clip walk.bvh --from 60 --to 106 --out picture.png
+  troupe drive
+  troupe drive --path examples/paths/square.toml --out square.bvh
+  troupe film --path examples/paths/square.toml --out square.png";
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
@@ -57,6 +64,10 @@ pub(super) enum Command {
     Packs(Packs),
     Eval(Eval),
     Draw(Draw),
+    Drive(Drive),
+    Film(Film),
+    Sessions(Sessions),
+    Style(Style),
 }
 
 /// Replace what lies between two frames of a clip by generated motion.
@@ -205,10 +216,27 @@ Examples:
   troupe eval --data clips/
   troupe eval --data clips/ --split training/splits/bandai-namco-test.txt --json eval.json
   troupe eval --data clips/ --gaps 30 --stride 60 --max-windows 200 --seed 1")]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct Eval {
+    #[command(subcommand)]
+    pub(super) what: Option<EvalWhat>,
+
+    #[command(flatten)]
+    pub(super) gaps: GapEval,
+}
+
+/// What else can be measured.
+#[derive(Debug, Subcommand)]
+pub(super) enum EvalWhat {
+    Live(Live),
+}
+
+/// Measuring on held-out clips.
+#[derive(Debug, Args)]
+pub(super) struct GapEval {
     /// Folder of BVH files.
-    #[arg(long, value_name = "DIR")]
-    pub(super) data: PathBuf,
+    #[arg(long, value_name = "DIR", required = true)]
+    data: Option<PathBuf>,
 
     /// File with the names of the clips to use, one a line; without it every clip of the folder.
     #[arg(long, value_name = "FILE")]
@@ -244,6 +272,13 @@ pub(super) struct Eval {
 
     #[command(flatten)]
     pub(super) scale: Scale,
+}
+
+impl GapEval {
+    /// Folder of BVH files. It is there: only a subcommand goes without.
+    pub(super) fn data(&self) -> &Path {
+        self.data.as_deref().unwrap_or(Path::new("."))
+    }
 }
 
 /// Draw a filled gap as a picture: context, generated and target poses, and the clip's own below.

@@ -35,7 +35,9 @@ impl Failure {
         ExitCode::from(match self {
             Self::Input(_) | Self::Client(ClientError::Address { .. } | ClientError::Request(_)) => 2,
             Self::Client(ClientError::Unreachable { .. } | ClientError::TimedOut { .. }) => 3,
-            Self::Client(ClientError::Refused(_)) => 4,
+            Self::Client(ClientError::Refused(_) | ClientError::Session(_) | ClientError::StreamEnded(_)) => {
+                4
+            }
             Self::Client(ClientError::Answer(_)) | Self::Other(_) => 1,
         })
     }

@@ -2,12 +2,18 @@
 
 mod args;
 mod draw;
+mod drive;
 mod eval;
 mod failure;
 mod files;
+mod film;
 mod inbetween;
+mod live_args;
 mod packs;
+mod path;
+mod sessions;
 mod splice;
+mod style;
 mod term;
 
 use std::io::{ErrorKind, Write as _};
@@ -52,6 +58,10 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Packs(command) => packs::run(&session, &command).await,
         Command::Eval(command) => eval::run(&session, &command).await,
         Command::Draw(command) => draw::run(&session, &command).await,
+        Command::Drive(command) => drive::run(&session, &command).await,
+        Command::Film(command) => film::run(&session, &command).await,
+        Command::Sessions(command) => sessions::run(&session, &command).await,
+        Command::Style(command) => style::run(&session, &command).await,
     }
 }
 

@@ -170,7 +170,8 @@ fn millions(parameters: u64) -> String {
     format!("{:.1} M", parameters as f64 / 1e6)
 }
 
-fn table() -> Table {
+/// A table as all commands print them.
+pub(super) fn table() -> Table {
     let mut table = Table::new();
     table
         .load_style(presets::UTF8_FULL_CONDENSED)

@@ -40,8 +40,58 @@ fn help_of_eval() {
 }
 
 #[test]
+fn help_of_eval_live() {
+    insta::assert_snapshot!(help(&["eval", "live"]));
+}
+
+#[test]
+fn help_of_style() {
+    insta::assert_snapshot!(help(&["style"]));
+}
+
+#[test]
+fn help_of_style_add() {
+    insta::assert_snapshot!(help(&["style", "add"]));
+}
+
+#[test]
+fn help_of_style_list() {
+    insta::assert_snapshot!(help(&["style", "list"]));
+}
+
+#[test]
+fn help_of_style_show() {
+    insta::assert_snapshot!(help(&["style", "show"]));
+}
+
+#[test]
+fn help_of_style_build() {
+    insta::assert_snapshot!(help(&["style", "build"]));
+}
+
+#[test]
 fn help_of_draw() {
     insta::assert_snapshot!(help(&["draw"]));
+}
+
+#[test]
+fn help_of_drive() {
+    insta::assert_snapshot!(help(&["drive"]));
+}
+
+#[test]
+fn help_of_film() {
+    insta::assert_snapshot!(help(&["film"]));
+}
+
+#[test]
+fn help_of_sessions() {
+    insta::assert_snapshot!(help(&["sessions"]));
+}
+
+#[test]
+fn help_of_sessions_close() {
+    insta::assert_snapshot!(help(&["sessions", "close"]));
 }
 
 #[test]

@@ -14,20 +14,20 @@ use crate::real;
 use crate::server::shared;
 
 /// A folder of this test's own, removed with it.
-struct Folder(PathBuf);
+pub struct Folder(PathBuf);
 
 impl Folder {
-    fn new(test: &str) -> Self {
+    pub fn new(test: &str) -> Self {
         let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("cli-{test}-{}", std::process::id()));
         std::fs::create_dir_all(&path).unwrap();
         Self(path)
     }
 
-    fn file(&self, name: &str) -> PathBuf {
+    pub fn file(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
 
-    fn write_clip(&self, name: &str, clip: &Clip) -> PathBuf {
+    pub(crate) fn write_clip(&self, name: &str, clip: &Clip) -> PathBuf {
         let path = self.file(name);
         let file = BvhFile::from_clip(clip, &BvhWriteOptions::default()).unwrap();
         std::fs::write(&path, bvh::write(&file)).unwrap();
@@ -47,7 +47,7 @@ fn read_clip(path: &Path, pack: &Pack) -> Clip {
 }
 
 /// Runs `troupe` with the shared server's address in its environment.
-async fn troupe<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Output {
+pub async fn troupe<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-under-test"));
     command
         .args(arguments)
@@ -59,12 +59,12 @@ async fn troupe<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S
         .unwrap()
 }
 
-fn text(bytes: &[u8]) -> String {
+pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// What a successful command printed.
-fn printed(output: &Output) -> String {
+pub fn printed(output: &Output) -> String {
     assert!(
         output.status.success(),
         "{}: {}",
@@ -76,7 +76,7 @@ fn printed(output: &Output) -> String {
 
 /// Checks the exit code of a failed command, and that it told all of `told` on standard error and nothing on standard
 /// output.
-fn failed(output: &Output, code: i32, told: &[&str]) {
+pub fn failed(output: &Output, code: i32, told: &[&str]) {
     let errors = text(&output.stderr);
     assert_eq!(output.status.code(), Some(code), "{errors}");
     for told in told {

@@ -4,18 +4,18 @@ use ab_glyph::{Font, FontRef, GlyphId, OutlineCurve, PxScale, ScaleFont as _};
 use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, Stroke, StrokeDash, Transform};
 
 /// A point in pixels: x to the right, y down.
-pub(super) type Point = glam::Vec2;
+pub(in crate::cli) type Point = glam::Vec2;
 
 /// A colour: red, green, blue and opacity, each 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Ink {
+pub(in crate::cli) struct Ink {
     rgb: [f32; 3],
     alpha: f32,
 }
 
 impl Ink {
     /// From `0xRRGGBB`.
-    pub(super) const fn hex(code: u32) -> Self {
+    pub(in crate::cli) const fn hex(code: u32) -> Self {
         let [_, r, g, b] = code.to_be_bytes();
         Self {
             rgb: [r as f32 / 255.0, g as f32 / 255.0, b as f32 / 255.0],
@@ -24,17 +24,17 @@ impl Ink {
     }
 
     /// The same colour, see-through.
-    pub(super) fn alpha(self, alpha: f32) -> Self {
+    pub(in crate::cli) fn alpha(self, alpha: f32) -> Self {
         Self { alpha, ..self }
     }
 
     /// How solid it is: 0 to 1.
-    pub(super) fn opacity(self) -> f32 {
+    pub(in crate::cli) fn opacity(self) -> f32 {
         self.alpha
     }
 
     /// This colour at `t` 0, `other` at 1.
-    pub(super) fn mix(self, other: Self, t: f32) -> Self {
+    pub(in crate::cli) fn mix(self, other: Self, t: f32) -> Self {
         let mix = |a: f32, b: f32| a + (b - a) * t;
         Self {
             rgb: std::array::from_fn(|i| mix(self.rgb[i], other.rgb[i])),
@@ -58,29 +58,29 @@ impl Ink {
 
 /// Weight of the letters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Weight {
+pub(in crate::cli) enum Weight {
     Regular,
     SemiBold,
 }
 
 /// Where a text stands relative to its point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Align {
+pub(in crate::cli) enum Align {
     Left,
     Centre,
 }
 
 /// How a text is set.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Type {
-    pub(super) size: f32,
-    pub(super) weight: Weight,
-    pub(super) align: Align,
-    pub(super) ink: Ink,
+pub(in crate::cli) struct Type {
+    pub(in crate::cli) size: f32,
+    pub(in crate::cli) weight: Weight,
+    pub(in crate::cli) align: Align,
+    pub(in crate::cli) ink: Ink,
 }
 
 /// A picture being drawn, in the pixels of the layout; `zoom` of its own pixels to each of them.
-pub(super) struct Canvas {
+pub(in crate::cli) struct Canvas {
     pixels: Pixmap,
     zoom: f32,
     regular: FontRef<'static>,
@@ -95,7 +95,7 @@ impl Canvas {
     ///
     /// # Errors
     /// A sentence, where the size is not one that a picture can have.
-    pub(super) fn new(width: f32, height: f32, zoom: f32) -> Result<Self, String> {
+    pub(in crate::cli) fn new(width: f32, height: f32, zoom: f32) -> Result<Self, String> {
         let mut pixels = Pixmap::new((width * zoom).round() as u32, (height * zoom).round() as u32)
             .ok_or("a picture of that size cannot be made")?;
         pixels.fill(Color::WHITE);
@@ -112,17 +112,17 @@ impl Canvas {
     ///
     /// # Errors
     /// A sentence, where encoding fails.
-    pub(super) fn to_png(&self) -> Result<Vec<u8>, String> {
+    pub(in crate::cli) fn to_png(&self) -> Result<Vec<u8>, String> {
         self.pixels.encode_png().map_err(|e| e.to_string())
     }
 
     /// A line through points, with round ends and corners.
-    pub(super) fn line(&mut self, points: &[Point], width: f32, ink: Ink) {
+    pub(in crate::cli) fn line(&mut self, points: &[Point], width: f32, ink: Ink) {
         self.stroke(points, width, ink, None);
     }
 
     /// A dashed line through points.
-    pub(super) fn dashed(&mut self, points: &[Point], width: f32, dash: [f32; 2], ink: Ink) {
+    pub(in crate::cli) fn dashed(&mut self, points: &[Point], width: f32, dash: [f32; 2], ink: Ink) {
         self.stroke(points, width, ink, StrokeDash::new(dash.to_vec(), 0.0));
     }
 
@@ -144,7 +144,7 @@ impl Canvas {
     }
 
     /// A filled disc.
-    pub(super) fn disc(&mut self, centre: Point, radius: f32, ink: Ink) {
+    pub(in crate::cli) fn disc(&mut self, centre: Point, radius: f32, ink: Ink) {
         if let Some(path) = PathBuilder::from_circle(centre.x, centre.y, radius) {
             self.pixels
                 .fill_path(&path, &ink.paint(), FillRule::Winding, self.transform(), None);
@@ -152,7 +152,7 @@ impl Canvas {
     }
 
     /// A filled rectangle with round corners, from its upper left corner.
-    pub(super) fn panel(&mut self, corner: Point, size: Point, radius: f32, ink: Ink) {
+    pub(in crate::cli) fn panel(&mut self, corner: Point, size: Point, radius: f32, ink: Ink) {
         let (Point { x, y }, far) = (corner, corner + size);
         let mut path = PathBuilder::new();
         path.move_to(x + radius, y);
@@ -172,7 +172,7 @@ impl Canvas {
     }
 
     /// A line of text whose baseline starts, or has its middle at `at`.
-    pub(super) fn text(&mut self, text: &str, at: Point, set: Type) {
+    pub(in crate::cli) fn text(&mut self, text: &str, at: Point, set: Type) {
         let mut pen = match set.align {
             Align::Left => at.x,
             Align::Centre => at.x - self.text_width(text, set) / 2.0,
@@ -193,7 +193,7 @@ impl Canvas {
     }
 
     /// Width of a line of text.
-    pub(super) fn text_width(&self, text: &str, set: Type) -> f32 {
+    pub(in crate::cli) fn text_width(&self, text: &str, set: Type) -> f32 {
         let font = self.font(set.weight);
         let scaled = font.as_scaled(scale(font, set.size));
         text.chars()

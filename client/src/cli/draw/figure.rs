@@ -12,7 +12,7 @@ const HEAD_LIFT_M: f32 = 0.06;
 
 /// A camera without perspective: it looks down a little and shows the way ahead to the right.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Camera {
+pub(in crate::cli) struct Camera {
     right: Vec3,
     up: Vec3,
     toward: Vec3,
@@ -23,7 +23,7 @@ pub(super) struct Camera {
 impl Camera {
     /// A camera in which whoever faces `heading` faces right, turned towards the viewer by `turn`; it looks down by
     /// `pitch`. All in radians.
-    pub(super) fn new(heading: f32, turn: f32, pitch: f32) -> Self {
+    pub(in crate::cli) fn new(heading: f32, turn: f32, pitch: f32) -> Self {
         let ahead = Vec3::new(heading.sin(), 0.0, heading.cos());
         let side = ahead.cross(Vec3::Y);
         let right = turn.cos() * ahead - turn.sin() * side;
@@ -38,17 +38,17 @@ impl Camera {
     }
 
     /// Where a place relative to the figure's own origin is on the picture, in metres: x to the right, y down.
-    pub(super) fn project(&self, place: Vec3) -> Vec2 {
+    pub(in crate::cli) fn project(&self, place: Vec3) -> Vec2 {
         Vec2::new(self.right.dot(place), -self.up.dot(place))
     }
 
     /// How near a place is: greater is nearer.
-    pub(super) fn nearness(&self, place: Vec3) -> f32 {
+    pub(in crate::cli) fn nearness(&self, place: Vec3) -> f32 {
         self.toward.dot(place)
     }
 
     /// The same place seen from straight above, in metres: x to the right, y down.
-    pub(super) fn plan(&self, place: Vec3) -> Vec2 {
+    pub(in crate::cli) fn plan(&self, place: Vec3) -> Vec2 {
         Vec2::new(self.right.dot(place), self.near.dot(place))
     }
 }
@@ -61,13 +61,13 @@ struct Bone {
 }
 
 /// How to draw a skeleton: its bones with their widths, and its head.
-pub(super) struct Figure {
+pub(in crate::cli) struct Figure {
     bones: Vec<Bone>,
     head: Option<(usize, usize)>,
 }
 
 impl Figure {
-    pub(super) fn new(skeleton: &Skeleton) -> Self {
+    pub(in crate::cli) fn new(skeleton: &Skeleton) -> Self {
         let joints = &skeleton.joints;
         // How many joints hang below each one: the more, the thicker the bone.
         let mut below = vec![0_u8; joints.len()];
@@ -89,7 +89,7 @@ impl Figure {
 
     /// Draws a pose given by its joints' places (metres, relative to the figure's own origin on the ground), which
     /// comes to stand at `at`; `scale` pixels make a metre.
-    pub(super) fn draw(
+    pub(in crate::cli) fn draw(
         &self,
         canvas: &mut Canvas,
         camera: &Camera,
@@ -132,7 +132,7 @@ impl Figure {
     }
 
     /// Draws the shadow that a light straight above throws.
-    pub(super) fn draw_shadow(
+    pub(in crate::cli) fn draw_shadow(
         &self,
         canvas: &mut Canvas,
         camera: &Camera,

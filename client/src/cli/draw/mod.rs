@@ -1,7 +1,8 @@
 //! `troupe draw`.
 
-mod canvas;
-mod figure;
+pub(super) mod canvas;
+pub(super) mod figure;
+pub(super) mod house;
 mod picture;
 
 use troupe_motion::clip::Clip;

@@ -4,26 +4,21 @@ use glam::{Vec2, Vec3};
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
 
-use super::canvas::{Align, Canvas, Ink, Point, Type, Weight};
+use super::canvas::{Align, Canvas, Ink, Point};
 use super::figure::{Camera, Figure};
+use super::house::{DARK, MARGIN, MUTED, PANEL, RULE, draw_scale, draw_title, heading, ramp, regular};
 
 /// Size of the layout; pictures of other sizes scale it.
 pub(super) const WIDTH: f32 = 1600.0;
 pub(super) const HEIGHT: f32 = 720.0;
 
-const MARGIN: f32 = 40.0;
 const STRIP_END: f32 = 1236.0;
 const PLAN_CORNER: Point = Vec2::new(1268.0, 104.0);
 const PLAN_SIZE: Point = Vec2::new(292.0, 590.0);
 
-const DARK: Ink = Ink::hex(0x1f_29_33);
-const MUTED: Ink = Ink::hex(0x7b_87_94);
 const CONTEXT: Ink = Ink::hex(0x6b_75_80);
 const TARGET: Ink = Ink::hex(0xf0_8c_00);
 const TRUTH: Ink = Ink::hex(0xb4_be_ca);
-const RULE: Ink = Ink::hex(0xd5_db_e2);
-const PANEL: Ink = Ink::hex(0xf6_f8_fa);
-const RAMP: [Ink; 3] = [Ink::hex(0x1b_6f_d8), Ink::hex(0x7a_4d_d8), Ink::hex(0xd8_43_8c)];
 
 /// What one frame of a segment is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,8 +33,7 @@ impl Role {
     fn ink(self) -> Ink {
         match self {
             Self::Context => CONTEXT,
-            Self::Generated(t) if t < 0.5 => RAMP[0].mix(RAMP[1], t * 2.0),
-            Self::Generated(t) => RAMP[1].mix(RAMP[2], t * 2.0 - 1.0),
+            Self::Generated(t) => ramp(t),
             Self::Target => TARGET,
         }
     }
@@ -161,19 +155,7 @@ impl Picture<'_> {
     }
 
     fn draw_heading(&self, canvas: &mut Canvas) {
-        let title = Type {
-            size: 27.0,
-            weight: Weight::SemiBold,
-            align: Align::Left,
-            ink: DARK,
-        };
-        canvas.text(&self.title, Point::new(MARGIN, 50.0), title);
-        canvas.text(
-            &self.subtitle,
-            Point::new(MARGIN, 76.0),
-            regular(16.0, MUTED, Align::Left),
-        );
-
+        draw_title(canvas, &self.title, &self.subtitle);
         let label = regular(16.0, DARK, Align::Left);
         let mut pen = WIDTH - MARGIN;
         for (name, inks) in [
@@ -204,12 +186,7 @@ impl Picture<'_> {
         scale: f32,
     ) {
         let segment = strip.segment;
-        let head = Type {
-            size: 18.0,
-            weight: Weight::SemiBold,
-            align: Align::Left,
-            ink: DARK,
-        };
+        let head = heading(18.0);
         let caption = Point::new(MARGIN, strip.ground - 232.0);
         canvas.text(strip.caption[0], caption, head);
         let after = Point::new(canvas.text_width(strip.caption[0], head) + 12.0, 0.0);
@@ -280,12 +257,7 @@ impl Picture<'_> {
     /// The root's path from above, generated over ground truth.
     fn draw_plan(&self, canvas: &mut Canvas, camera: &Camera) {
         canvas.panel(PLAN_CORNER, PLAN_SIZE, 12.0, PANEL);
-        let head = Type {
-            size: 18.0,
-            weight: Weight::SemiBold,
-            align: Align::Left,
-            ink: DARK,
-        };
+        let head = heading(18.0);
         canvas.text("Root path from above", PLAN_CORNER + Point::new(22.0, 36.0), head);
 
         let paths = [&self.truth, &self.generated].map(|segment| {
@@ -340,28 +312,11 @@ fn draw_plan_legend(canvas: &mut Canvas, scale: f32) {
         let at = corner + Point::new(0.0, row as f32 * 24.0);
         let line = [at - Point::new(0.0, 5.0), at + Point::new(34.0, -5.0)];
         if solid {
-            canvas.line(&line, 4.5, RAMP[1]);
+            canvas.line(&line, 4.5, ramp(0.5));
         } else {
             canvas.dashed(&line, 3.0, [1.0, 7.0], MUTED);
         }
         canvas.text(name, at + Point::new(46.0, 0.0), label);
     }
-    let (length, name) = [(2.0, "2 m"), (1.0, "1 m"), (0.5, "0.5 m"), (0.2, "0.2 m")]
-        .into_iter()
-        .find(|(length, _)| length * scale < 110.0)
-        .unwrap_or((0.1, "0.1 m"));
-    let left = corner + Point::new(0.0, 62.0);
-    let right = left + Point::new(length * scale, 0.0);
-    let tick = Point::new(0.0, 6.0);
-    canvas.line(&[left - tick, left, right, right - tick], 1.5, MUTED);
-    canvas.text(name, right + Point::new(10.0, 0.0), label);
-}
-
-fn regular(size: f32, ink: Ink, align: Align) -> Type {
-    Type {
-        size,
-        weight: Weight::Regular,
-        align,
-        ink,
-    }
+    draw_scale(canvas, corner + Point::new(0.0, 62.0), scale);
 }

@@ -1,5 +1,6 @@
 //! `troupe eval`.
 
+mod live;
 mod report;
 mod windows;
 
@@ -10,25 +11,34 @@ use troupe_motion::metrics::{Evaluation, MetricError, Summary, Task, evaluate};
 
 use self::report::{GapReport, Report};
 use self::windows::{NamedClip, Skipped, Window, clip_names, cut, read_clips, task, window_seed, windows};
-use super::args::Eval;
+use super::args::{Eval, EvalWhat, GapEval};
 use super::failure::Failure;
 use super::{Session, print};
 use crate::connection::Client;
 use crate::inbetween::{CONTEXT_FRAMES, InBetween};
 use crate::pack::Pack;
 
+pub(super) use live::Live;
+
 pub(super) async fn run(session: &Session, command: &Eval) -> Result<(), Failure> {
+    match &command.what {
+        Some(EvalWhat::Live(command)) => live::run(session, command).await,
+        None => fill_gaps(session, &command.gaps).await,
+    }
+}
+
+async fn fill_gaps(session: &Session, command: &GapEval) -> Result<(), Failure> {
     let (client, pack) = session.connect_to_pack(&command.sampling.pack).await?;
     check_gaps(&command.gaps, &pack)?;
-    let names = clip_names(&command.data, command.split.as_deref())?;
-    let (mut clips, mut skipped) = read_clips(&command.data, &names, &pack, command.scale, &session.term);
+    let names = clip_names(command.data(), command.split.as_deref())?;
+    let (mut clips, mut skipped) = read_clips(command.data(), &names, &pack, command.scale, &session.term);
     skipped.extend(drop_short(&mut clips, &command.gaps));
     if clips.is_empty() {
         let why = skipped.first().map_or("it holds no BVH files".to_owned(), |s| {
             format!("{}: {}", s.clip, s.reason)
         });
         return Err(Failure::file(
-            &command.data,
+            command.data(),
             format_args!("no clip can be used ({why})"),
         ));
     }
@@ -89,7 +99,7 @@ struct Bench<'a> {
     client: Client,
     pack: Pack,
     clips: Vec<NamedClip>,
-    command: &'a Eval,
+    command: &'a GapEval,
 }
 
 /// The same window in three forms.

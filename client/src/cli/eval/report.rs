@@ -7,7 +7,7 @@ use serde::Serialize;
 use troupe_motion::metrics::Figures;
 
 use super::windows::Skipped;
-use crate::cli::args::Eval;
+use crate::cli::args::GapEval;
 use crate::pack::Pack;
 
 /// Skipped clips named in the text; the JSON has all.
@@ -124,7 +124,7 @@ the gap; positions are not normalised. Context and target joints: the worst join
 impl Report {
     pub(super) fn new(
         pack: &Pack,
-        command: &Eval,
+        command: &GapEval,
         clips: usize,
         skipped: Vec<Skipped>,
         gaps: Vec<GapReport>,

@@ -1,0 +1,253 @@
+//! A character along a scripted path, on the client's clock.
+
+use glam::{Vec2, Vec3};
+use troupe_motion::GlobalRoot;
+use troupe_motion::clip::Clip;
+use troupe_motion::conventions::Convention;
+use troupe_proto::v1;
+
+use super::options_of;
+use crate::cli::Session;
+use crate::cli::failure::Failure;
+use crate::cli::live_args::Character;
+use crate::cli::path::{Path, Player};
+use crate::error::{AnswerError, ClientError};
+use crate::live::{FrameOptions, Recording};
+
+/// Times a second that the path is looked at; frames of a step in between.
+const LOOKS_HZ: u32 = 10;
+/// Time over which a speed is taken, seconds: a step's sway is not speed.
+const SPEED_OVER_S: f32 = 0.5;
+
+/// What came of a path.
+#[derive(Debug)]
+pub(in crate::cli) struct Take {
+    /// The motion, native convention.
+    pub(in crate::cli) clip: Clip,
+    /// What was to be done, from each frame on.
+    pub(in crate::cli) told: Vec<Order>,
+    /// The way that was commanded, (x, z).
+    pub(in crate::cli) commanded: Vec<Vec2>,
+    /// The last waypoint, where the path has some.
+    pub(in crate::cli) goal: Option<Vec2>,
+    /// Commands that were sent.
+    pub(in crate::cli) commands: u64,
+    /// The server's count.
+    pub(in crate::cli) stats: v1::SessionStats,
+}
+
+/// What was to be done from a frame of the clip on.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::cli) struct Order {
+    pub(in crate::cli) frame: usize,
+    pub(in crate::cli) style: String,
+    /// (x, z), m/s.
+    pub(in crate::cli) velocity: Vec2,
+}
+
+/// Figures of a take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::cli) struct Measures {
+    pub(in crate::cli) distance_m: f32,
+    /// While it was told to go.
+    pub(in crate::cli) mean_speed_mps: f32,
+    pub(in crate::cli) most_speed_mps: f32,
+    pub(in crate::cli) end_to_last_waypoint_m: Option<f32>,
+}
+
+impl Take {
+    pub(in crate::cli) fn measures(&self) -> Measures {
+        let ground = self.clip.root_positions.iter().map(|p| Vec2::new(p.x, p.z));
+        let ground = ground.collect::<Vec<_>>();
+        // A window of half a second evens out the sway of the hips.
+        let window = ((SPEED_OVER_S * self.clip.fps) as usize).clamp(1, ground.len().max(2) - 1);
+        let span_s = window as f32 / self.clip.fps;
+        let (mut sum, mut count, mut most) = (0.0, 0_usize, 0.0_f32);
+        let mut distance_m = 0.0;
+        for (frame, pair) in ground.windows(window + 1).enumerate() {
+            let way = pair[0].distance(pair[window]);
+            most = most.max(way / span_s);
+            if self
+                .order_at(frame)
+                .is_some_and(|order| order.velocity != Vec2::ZERO)
+            {
+                sum += way / span_s;
+                count += 1;
+            }
+            if frame % window == 0 {
+                distance_m += way;
+            }
+        }
+        Measures {
+            distance_m,
+            mean_speed_mps: sum / count.max(1) as f32,
+            most_speed_mps: most,
+            end_to_last_waypoint_m: self
+                .goal
+                .zip(ground.last())
+                .map(|(goal, end)| goal.distance(*end)),
+        }
+    }
+
+    /// What was to be done at a frame.
+    pub(in crate::cli) fn order_at(&self, frame: usize) -> Option<&Order> {
+        let after = self.told.partition_point(|order| order.frame <= frame);
+        self.told.get(after.checked_sub(1)?)
+    }
+}
+
+/// Has a new character follow a path to its end.
+pub(in crate::cli) async fn follow(
+    session: &Session,
+    path: &Path,
+    character: &Character,
+    options: FrameOptions,
+) -> Result<Take, Failure> {
+    let (client, pack) = session.connect_to_pack(&character.pack).await?;
+    let mut live = client.session(&pack, &options_of(Some(path), character)).await?;
+    live.set_frame_options(options);
+    let outcome = play(session, &mut live, path, character, options).await;
+    // Closed in any case; what went wrong before is what matters.
+    let closed = live.close().await;
+    let take = outcome?;
+    closed?;
+    Ok(take)
+}
+
+async fn play(
+    session: &Session,
+    live: &mut crate::live::Session,
+    path: &Path,
+    character: &Character,
+    options: FrameOptions,
+) -> Result<Take, Failure> {
+    let hz = options.rate.hz() as f32;
+    let start = live.info().await?;
+    let mut style = start.style;
+    let mut player = Player::new(path);
+    let mut recording = Recording::of(live);
+    let mut told = Vec::<Order>::new();
+    let mut place = path.start;
+    let bar = session.term.bar((path.limit_s() * hz) as usize, "frames");
+    let skeleton = live.pack().skeleton().clone();
+    loop {
+        let frame = recording.len();
+        let time_s = frame as f32 / hz;
+        if time_s + 0.5 / hz >= player.ends_s() {
+            break;
+        }
+        let mut intent = player.intent(time_s, place).clone();
+        // The argument holds until the path has a style of its own to change to.
+        if intent.style == path.style {
+            intent.style = character.style.clone().or(intent.style);
+        }
+        if let Some(new) = &intent.style {
+            style.clone_from(new);
+        }
+        let order = Order {
+            frame,
+            style: style.clone(),
+            velocity: Vec2::new(intent.velocity.x, intent.velocity.z),
+        };
+        if told
+            .last()
+            .is_none_or(|last| (&last.style, last.velocity) != (&order.style, order.velocity))
+        {
+            told.push(order);
+        }
+        live.set_intent(intent);
+        let frames = live
+            .step(frames_until(frame, hz, player.next_command_s(), player.ends_s()))
+            .await?;
+        for frame in frames.iter() {
+            recording.push(frame);
+        }
+        if let Some(last) = frames.last() {
+            let GlobalRoot {
+                position: Vec3 { x, z, .. },
+                ..
+            } = last.native_root(&skeleton, Convention::Native);
+            place = Vec2::new(x, z);
+        }
+        bar.set_position(recording.len() as u64);
+    }
+    bar.finish_and_clear();
+    let info = live.info().await?;
+    let clip = recording
+        .into_clip()
+        .map_err(|e| ClientError::from(AnswerError::Frames(e)))?;
+    Ok(Take {
+        commanded: path.commanded(clip.duration_s()),
+        goal: path.waypoints.last().map(|p| p.at),
+        clip,
+        told,
+        commands: info.last_sequence,
+        stats: info.stats.unwrap_or_default(),
+    })
+}
+
+/// Frames to take before the path is looked at again: a tenth of a second's, or fewer so that the next command, or the end,
+/// comes at its frame.
+fn frames_until(frame: usize, hz: f32, next_command_s: Option<f32>, ends_s: f32) -> u32 {
+    let look = hz as u32 / LOOKS_HZ;
+    let until = |time_s: f32| (time_s * hz).round() as i64 - frame as i64;
+    let soonest = next_command_s.map_or(i64::MAX, until).min(until(ends_s));
+    u32::try_from(soonest.max(1)).unwrap_or(u32::MAX).min(look)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Quat;
+    use troupe_motion::skeleton::{Joint, Skeleton};
+
+    use super::*;
+
+    #[test]
+    fn commands_and_the_end_come_at_their_frame() {
+        assert_eq!(frames_until(0, 30.0, None, 9.0), 3);
+        assert_eq!(frames_until(13, 30.0, Some(0.5), 9.0), 2);
+        assert_eq!(frames_until(14, 30.0, Some(0.5), 9.0), 1);
+        assert_eq!(frames_until(269, 30.0, Some(20.0), 9.0), 1);
+        assert_eq!(frames_until(0, 60.0, None, 9.0), 6);
+        // One that is due is not a reason to stand still.
+        assert_eq!(frames_until(20, 30.0, Some(0.5), 9.0), 1);
+    }
+
+    #[test]
+    fn distance_and_speeds_are_measured_over_the_sway() {
+        // Two seconds at 1 m/s along z with a sway across it, then one second of standing.
+        let joint = Joint {
+            name: "Hips".to_owned(),
+            parent: None,
+            offset_m: Vec3::ZERO,
+        };
+        let skeleton = Arc::new(Skeleton::new(vec![joint], Vec3::X, 0.0, None).unwrap());
+        let place = |f: usize| {
+            let z = f.min(60) as f32 / 30.0;
+            Vec3::new(0.02 * (f as f32 * std::f32::consts::TAU / 15.0).sin(), 0.9, z)
+        };
+        let roots = (0..91).map(place).collect();
+        let order = |frame, velocity| Order {
+            frame,
+            style: "walk".to_owned(),
+            velocity,
+        };
+        let take = Take {
+            clip: Clip::new(skeleton, 30.0, roots, vec![Quat::IDENTITY; 91]).unwrap(),
+            told: vec![order(0, Vec2::Y), order(46, Vec2::ZERO)],
+            commanded: Vec::new(),
+            goal: Some(Vec2::new(0.0, 2.5)),
+            commands: 2,
+            stats: v1::SessionStats::default(),
+        };
+        let measures = take.measures();
+        assert!((measures.distance_m - 2.0).abs() < 0.02, "{measures:?}");
+        assert!((measures.mean_speed_mps - 1.0).abs() < 0.02, "{measures:?}");
+        assert!((measures.most_speed_mps - 1.0).abs() < 0.05, "{measures:?}");
+        assert!((measures.end_to_last_waypoint_m.unwrap() - 0.5).abs() < 0.01);
+        assert_eq!(take.order_at(45).unwrap().frame, 0);
+        assert_eq!(take.order_at(46).unwrap().frame, 46);
+    }
+}

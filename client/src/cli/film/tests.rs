@@ -1,0 +1,117 @@
+//! The film, without a server.
+
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+use glam::{Quat, Vec2, Vec3};
+use troupe_motion::clip::Clip;
+use troupe_motion::skeleton::{Joint, Skeleton};
+use troupe_proto::v1;
+
+use super::picture::{Film, WIDTH};
+use crate::cli::drive::{Order, Take};
+
+/// A figure that walks half a circle.
+fn take(frames: usize, styles: &[&str]) -> Take {
+    let joint = |name: &str, parent, offset_m| Joint {
+        name: name.to_owned(),
+        parent,
+        offset_m,
+    };
+    let joints = vec![
+        joint("Hips", None, Vec3::ZERO),
+        joint("Spine", Some(0), Vec3::Y * 0.5),
+        joint("Head", Some(1), Vec3::Y * 0.3),
+        joint("Foot_L", Some(0), Vec3::new(0.1, -0.9, 0.0)),
+        joint("Foot_R", Some(0), Vec3::new(-0.1, -0.9, 0.0)),
+    ];
+    let skeleton = Arc::new(Skeleton::new(joints, Vec3::X, 0.0, None).unwrap());
+    let angle = |f: usize| PI * f as f32 / frames.max(2) as f32;
+    let roots = (0..frames).map(|f| Vec3::new(2.0 - 2.0 * angle(f).cos(), 0.9, 2.0 * angle(f).sin()));
+    let turns = (0..frames).flat_map(|f| {
+        let turn = Quat::from_rotation_y(angle(f));
+        [
+            turn,
+            Quat::IDENTITY,
+            Quat::IDENTITY,
+            Quat::IDENTITY,
+            Quat::IDENTITY,
+        ]
+    });
+    let told = styles.iter().enumerate().map(|(nth, style)| Order {
+        frame: nth * frames / styles.len(),
+        style: (*style).to_owned(),
+        velocity: Vec2::Y,
+    });
+    Take {
+        told: told.collect(),
+        commanded: vec![
+            Vec2::ZERO,
+            Vec2::new(0.0, 2.0),
+            Vec2::new(4.0, 2.0),
+            Vec2::new(4.0, 0.0),
+        ],
+        goal: None,
+        commands: 1,
+        stats: v1::SessionStats::default(),
+        clip: Clip::new(skeleton, 30.0, roots.collect(), turns.collect()).unwrap(),
+    }
+}
+
+fn draw(take: &Take, poses: usize, zoom: f32) -> tiny_skia::Pixmap {
+    let film = Film {
+        title: "Half a circle".to_owned(),
+        subtitle: super::subtitle(take),
+        take,
+        poses,
+        zoom,
+    };
+    tiny_skia::Pixmap::decode_png(&film.to_png().unwrap()).unwrap()
+}
+
+/// Pixels near a colour.
+fn count(pixels: &tiny_skia::Pixmap, [r, g, b]: [u8; 3]) -> usize {
+    let near = |p: &&tiny_skia::PremultipliedColorU8| {
+        p.red().abs_diff(r) < 12 && p.green().abs_diff(g) < 12 && p.blue().abs_diff(b) < 12
+    };
+    pixels.pixels().iter().filter(near).count()
+}
+
+const BLUE: [u8; 3] = [0x1b, 0x6f, 0xd8];
+const PINK: [u8; 3] = [0xd8, 0x43, 0x8c];
+const ORANGE: [u8; 3] = [0xf0, 0x8c, 0x00];
+
+#[test]
+fn one_style_is_coloured_by_time() {
+    let pixels = draw(&take(90, &["walk"]), 8, 1.0);
+    assert_eq!(pixels.width() as f32, WIDTH);
+    for ink in [BLUE, PINK] {
+        assert!(count(&pixels, ink) > 500, "{ink:?}");
+    }
+    assert_eq!(count(&pixels, ORANGE), 0);
+}
+
+#[test]
+fn styles_have_colours_of_their_own() {
+    let pixels = draw(&take(90, &["walk", "old", "young"]), 12, 0.5);
+    assert_eq!(pixels.width() as f32, WIDTH / 2.0);
+    for ink in [BLUE, PINK, ORANGE] {
+        assert!(count(&pixels, ink) > 200, "{ink:?}");
+    }
+}
+
+#[test]
+fn more_poses_take_more_rows() {
+    let (one, two) = (
+        draw(&take(90, &["walk"]), 20, 0.4),
+        draw(&take(90, &["walk"]), 24, 0.4),
+    );
+    assert!(two.height() > one.height());
+}
+
+#[test]
+fn the_shortest_take_is_drawn() {
+    for frames in [1, 2, 5] {
+        draw(&take(frames, &["walk"]), 40, 0.4);
+    }
+}

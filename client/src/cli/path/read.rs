@@ -1,0 +1,216 @@
+//! The file's form, and its checks.
+
+use glam::Vec2;
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::{Manner, Motion, Path, Timed, Waypoint};
+
+/// Faster than anybody runs, m/s.
+const MAX_SPEED_MPS: f32 = 20.0;
+/// Farther than a path goes, metres.
+const MAX_PLACE_M: f32 = 1000.0;
+/// Longest path, seconds.
+const MAX_TIME_S: f32 = 3600.0;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    title: Option<String>,
+    style: Option<String>,
+    #[serde(default)]
+    seed: u64,
+    seconds: Option<Spanned<f32>>,
+    start: Option<Spanned<Vec<f32>>>,
+    heading_deg: Option<Spanned<f32>>,
+    #[serde(default)]
+    command: Vec<Spanned<CommandEntry>>,
+    #[serde(default)]
+    waypoint: Vec<Spanned<WaypointEntry>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CommandEntry {
+    time_s: Spanned<f32>,
+    velocity: Option<Spanned<Vec<f32>>>,
+    speed: Option<Spanned<f32>>,
+    direction_deg: Option<Spanned<f32>>,
+    facing_deg: Option<Spanned<f32>>,
+    style: Option<String>,
+    gait: Option<String>,
+    height_m: Option<Spanned<f32>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WaypointEntry {
+    at: Spanned<Vec<f32>>,
+    speed: Option<Spanned<f32>>,
+    wait_s: Option<Spanned<f32>>,
+    facing_deg: Option<Spanned<f32>>,
+    style: Option<String>,
+    gait: Option<String>,
+    height_m: Option<Spanned<f32>>,
+}
+
+pub(super) fn parse(text: &str) -> Result<Path, String> {
+    let file = toml::from_str::<File>(text).map_err(|e| e.to_string().trim_end().to_owned())?;
+    let check = Check { text };
+    let seconds = check.number("seconds", file.seconds.as_ref(), 0.1, MAX_TIME_S)?;
+    let heading = check.angle("heading_deg", file.heading_deg.as_ref())?;
+    let path = Path {
+        title: file.title,
+        style: file.style,
+        seed: file.seed,
+        start: file
+            .start
+            .as_ref()
+            .map(|start| check.place("start", start))
+            .transpose()?
+            .unwrap_or_default(),
+        heading: heading.unwrap_or_default(),
+        seconds,
+        commands: check.commands(&file.command, !file.waypoint.is_empty())?,
+        waypoints: check.waypoints(&file.waypoint)?,
+    };
+    if path.commands.is_empty() && path.waypoints.is_empty() {
+        return Err("there is neither a [[command]] nor a [[waypoint]] in it".to_owned());
+    }
+    Ok(path)
+}
+
+/// Finds the line of what is wrong.
+struct Check<'a> {
+    text: &'a str,
+}
+
+impl Check<'_> {
+    fn fault<T>(&self, at: &Spanned<T>, what: impl std::fmt::Display) -> String {
+        let before = self.text.get(..at.span().start).unwrap_or_default();
+        format!("line {}: {what}", before.matches('\n').count() + 1)
+    }
+
+    fn number(
+        &self,
+        field: &str,
+        value: Option<&Spanned<f32>>,
+        least: f32,
+        most: f32,
+    ) -> Result<Option<f32>, String> {
+        let Some(spanned) = value else { return Ok(None) };
+        let number = *spanned.get_ref();
+        if !(least..=most).contains(&number) {
+            return Err(self.fault(
+                spanned,
+                format!("{field} is {number}, but may be {least} to {most}"),
+            ));
+        }
+        Ok(Some(number))
+    }
+
+    fn angle(&self, field: &str, value: Option<&Spanned<f32>>) -> Result<Option<f32>, String> {
+        Ok(self.number(field, value, -3600.0, 3600.0)?.map(f32::to_radians))
+    }
+
+    /// Two numbers that make a vector of a length of at most `most`.
+    fn pair(&self, field: &str, value: &Spanned<Vec<f32>>, most: f32, unit: &str) -> Result<Vec2, String> {
+        let fault = |what: String| Err(self.fault(value, what));
+        let &[x, z] = value.get_ref().as_slice() else {
+            let count = value.get_ref().len();
+            return fault(format!("{field} has {count} numbers, but must have two: x and z"));
+        };
+        let pair = Vec2::new(x, z);
+        if !pair.is_finite() || pair.length() > most {
+            return fault(format!(
+                "{field} is {pair}, but may be at most {most} {unit} long"
+            ));
+        }
+        Ok(pair)
+    }
+
+    fn place(&self, field: &str, value: &Spanned<Vec<f32>>) -> Result<Vec2, String> {
+        self.pair(field, value, MAX_PLACE_M, "m")
+    }
+
+    fn commands(
+        &self,
+        entries: &[Spanned<CommandEntry>],
+        with_waypoints: bool,
+    ) -> Result<Vec<Timed>, String> {
+        let mut commands = Vec::<Timed>::with_capacity(entries.len());
+        for spanned in entries {
+            let entry = spanned.get_ref();
+            let time_s = self
+                .number("time_s", Some(&entry.time_s), 0.0, MAX_TIME_S)?
+                .unwrap_or_default();
+            if let Some(before) = commands.last().filter(|before| before.time_s > time_s) {
+                let what = format!(
+                    "time_s is {time_s}, but the command before is at {}",
+                    before.time_s
+                );
+                return Err(self.fault(&entry.time_s, what));
+            }
+            let motion = self.motion(entry)?;
+            if with_waypoints && motion != Motion::AsBefore {
+                let what = "velocity, speed and direction_deg are the waypoints' where there are any; a [[command]] may then \
+                            set facing_deg, style, gait and height_m";
+                return Err(self.fault(spanned, what));
+            }
+            let manner = Manner {
+                facing: self.angle("facing_deg", entry.facing_deg.as_ref())?,
+                style: entry.style.clone(),
+                gait: entry.gait.clone(),
+                height_m: self.number("height_m", entry.height_m.as_ref(), 0.0, 3.0)?,
+            };
+            commands.push(Timed {
+                time_s,
+                motion,
+                manner,
+            });
+        }
+        Ok(commands)
+    }
+
+    fn motion(&self, entry: &CommandEntry) -> Result<Motion, String> {
+        let speed_mps = self.number("speed", entry.speed.as_ref(), 0.0, MAX_SPEED_MPS)?;
+        let direction = self.angle("direction_deg", entry.direction_deg.as_ref())?;
+        let Some(velocity) = &entry.velocity else {
+            return Ok(match (speed_mps, direction) {
+                (None, None) => Motion::AsBefore,
+                (speed_mps, direction) => Motion::Polar { speed_mps, direction },
+            });
+        };
+        if speed_mps.is_some() || direction.is_some() {
+            let what = "velocity excludes speed and direction_deg: it has both";
+            return Err(self.fault(velocity, what));
+        }
+        let vector = self.pair("velocity", velocity, MAX_SPEED_MPS, "m/s")?;
+        Ok(Motion::Velocity(vector))
+    }
+
+    fn waypoints(&self, entries: &[Spanned<WaypointEntry>]) -> Result<Vec<Waypoint>, String> {
+        let mut waypoints = Vec::<Waypoint>::with_capacity(entries.len());
+        for spanned in entries {
+            let entry = spanned.get_ref();
+            let speed = self.number("speed", entry.speed.as_ref(), 0.1, MAX_SPEED_MPS)?;
+            let speed_mps = speed
+                .or_else(|| waypoints.last().map(|before| before.speed_mps))
+                .ok_or_else(|| self.fault(spanned, "speed is missing; the first waypoint needs one"))?;
+            waypoints.push(Waypoint {
+                at: self.place("at", &entry.at)?,
+                speed_mps,
+                wait_s: self
+                    .number("wait_s", entry.wait_s.as_ref(), 0.0, MAX_TIME_S)?
+                    .unwrap_or_default(),
+                manner: Manner {
+                    facing: self.angle("facing_deg", entry.facing_deg.as_ref())?,
+                    style: entry.style.clone(),
+                    gait: entry.gait.clone(),
+                    height_m: self.number("height_m", entry.height_m.as_ref(), 0.0, 3.0)?,
+                },
+            });
+        }
+        Ok(waypoints)
+    }
+}

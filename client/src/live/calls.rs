@@ -1,0 +1,147 @@
+//! The client's calls about sessions.
+
+use std::future::Future;
+
+use troupe_proto::v1;
+
+use super::options::SessionOptions;
+use super::session::Session;
+use crate::connection::Client;
+use crate::error::{AnswerError, ClientError};
+use crate::pack::Pack;
+
+/// Sessions of a page of a list: the most that the server gives.
+const PAGE: u32 = 1000;
+/// Sessions of a request to create or close some, within the default limits of a server.
+const CHUNK: usize = 1000;
+
+impl Client {
+    /// Opens a session: one character of a pack.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn session(&self, pack: &Pack, options: &SessionOptions) -> Result<Session, ClientError> {
+        let mut sessions = self.open_sessions(pack, std::slice::from_ref(options)).await?;
+        Ok(sessions.pop().ok_or(AnswerError::Missing("sessions"))?)
+    }
+
+    /// Opens many sessions of a pack, in order. Where some cannot be opened, those that were are closed again.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn open_sessions(
+        &self,
+        pack: &Pack,
+        options: &[SessionOptions],
+    ) -> Result<Vec<Session>, ClientError> {
+        let mut sessions = Vec::with_capacity(options.len());
+        for chunk in options.chunks(CHUNK) {
+            match self.open_chunk(pack, chunk).await {
+                Ok(opened) => sessions.extend(opened),
+                Err(error) => {
+                    let ids = sessions.iter().map(Session::id);
+                    // The first error is the one worth telling.
+                    let _ = self.close_sessions(ids).await;
+                    return Err(error);
+                }
+            }
+        }
+        Ok(sessions)
+    }
+
+    async fn open_chunk(&self, pack: &Pack, options: &[SessionOptions]) -> Result<Vec<Session>, ClientError> {
+        let request = v1::CreateSessionsRequest {
+            sessions: options.iter().map(|o| o.to_message(pack.name())).collect(),
+        };
+        let answer = self
+            .unary(|mut rpc| async move { rpc.create_sessions(request).await })
+            .await?;
+        if answer.sessions.len() != options.len() {
+            return Err(AnswerError::Length {
+                field: "sessions",
+                got: answer.sessions.len(),
+                expected: options.len(),
+            }
+            .into());
+        }
+        let sessions = answer.sessions.iter();
+        Ok(sessions.map(|of| Session::new(self, pack, of)).collect())
+    }
+
+    /// Takes up a session that is open already, such as one of a client that went away.
+    ///
+    /// # Errors
+    /// See [`ClientError`]; [`ClientError::Session`] where it is gone.
+    pub async fn resume_session(&self, id: &str) -> Result<Session, ClientError> {
+        let of = self.session_info(id).await?;
+        let pack = self.pack(&of.pack).await?;
+        Ok(Session::new(self, &pack, &of))
+    }
+
+    /// A session as it stands: where it is, what it does and has done.
+    ///
+    /// # Errors
+    /// See [`ClientError`]; [`ClientError::Session`] where it is gone.
+    pub async fn session_info(&self, id: &str) -> Result<v1::Session, ClientError> {
+        let request = v1::GetSessionRequest { id: id.to_owned() };
+        self.unary(|mut rpc| async move { rpc.get_session(request).await })
+            .await
+    }
+
+    /// All sessions that are open on the server, by id, whoever opened them.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn list_sessions(&self) -> Result<Vec<v1::Session>, ClientError> {
+        let mut sessions = Vec::new();
+        let mut page_token = String::new();
+        loop {
+            let request = v1::ListSessionsRequest {
+                page_size: PAGE,
+                page_token,
+            };
+            let page = self
+                .unary(|mut rpc| async move { rpc.list_sessions(request).await })
+                .await?;
+            sessions.extend(page.sessions);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                return Ok(sessions);
+            }
+        }
+    }
+
+    /// Closes sessions and says how many were still open.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn close_sessions(
+        &self,
+        ids: impl IntoIterator<Item = impl Into<String>>,
+    ) -> Result<usize, ClientError> {
+        let ids = ids.into_iter().map(Into::into).collect::<Vec<String>>();
+        let mut closed = 0;
+        for chunk in ids.chunks(CHUNK) {
+            let request = v1::CloseSessionsRequest { ids: chunk.to_vec() };
+            let answer = self
+                .unary(|mut rpc| async move { rpc.close_sessions(request).await })
+                .await?;
+            closed += answer.closed as usize;
+        }
+        Ok(closed)
+    }
+
+    /// A call with one answer.
+    pub(crate) async fn unary<T, F>(
+        &self,
+        call: impl FnOnce(crate::connection::SessionsRpc) -> F,
+    ) -> Result<T, ClientError>
+    where
+        F: Future<Output = Result<tonic::Response<T>, tonic::Status>>,
+    {
+        match call(self.sessions_rpc()).await {
+            Ok(answer) => Ok(answer.into_inner()),
+            Err(status) => Err(self.sort(&status)),
+        }
+    }
+}

@@ -1,0 +1,440 @@
+//! Many characters, advanced together.
+
+use std::time::Duration;
+
+use futures_util::future::join_all;
+use futures_util::{StreamExt as _, stream};
+use troupe_proto::v1;
+
+use super::frames::{Block, Frames};
+use super::locomotion::Locomotion;
+use super::options::{FrameOptions, SessionOptions};
+use super::session::{Session, refusal};
+use crate::connection::Client;
+use crate::error::{AnswerError, ClientError};
+use crate::pack::Pack;
+use crate::problem::Problem;
+
+/// Questions about single sessions that are open at a time.
+const QUESTIONS: usize = 32;
+
+/// How a crowd is advanced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CrowdOptions {
+    /// How frames are taken.
+    pub frames: FrameOptions,
+    /// Characters of one request, at most the server's `max_sessions_per_request`; more are split over requests that run at
+    /// the same time.
+    pub per_request: usize,
+}
+
+impl Default for CrowdOptions {
+    /// 30 frames a second as floats, 1024 characters a request.
+    fn default() -> Self {
+        Self {
+            frames: FrameOptions::default(),
+            per_request: 1024,
+        }
+    }
+}
+
+/// Names a character of a crowd; never used again for another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct MemberId(usize);
+
+impl MemberId {
+    /// Counts the crowd's characters from 0 in the order in which they came.
+    pub fn index(self) -> usize {
+        self.0
+    }
+}
+
+/// What is wrong with one character of a crowd.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fault {
+    /// The character.
+    pub member: MemberId,
+    /// Its session.
+    pub session: String,
+    /// What is wrong.
+    pub problem: Problem,
+    /// Whether it has left the crowd: its session is gone. Else it is tried again with the next step.
+    pub left: bool,
+}
+
+/// Many characters of one pack, advanced together by the game's clock.
+///
+/// Every character has an intent that the game may change as it likes; a step sends the changed ones and brings the next
+/// frames of all. Buffers are used again from step to step. A character whose session is gone is reported and leaves;
+/// the others go on.
+///
+/// ```no_run
+/// use glam::Vec3;
+/// use troupe_client::{Client, Crowd, CrowdOptions, Locomotion, SessionOptions};
+///
+/// # async fn example() -> Result<(), troupe_client::ClientError> {
+/// let client = Client::connect("http://127.0.0.1:8080").await?;
+/// let pack = client.pack("").await?;
+/// let mut crowd = Crowd::new(&client, &pack, CrowdOptions::default());
+/// let places = (0..200).map(|i| SessionOptions::new().seed(i).at(Vec3::X * i as f32, 0.0));
+/// let members = crowd.add(&places.collect::<Vec<_>>()).await?;
+///
+/// loop {
+///     // The game decides ...
+///     if let Some(intent) = crowd.intent_mut(members[7]) {
+///         *intent = Locomotion::walk(Vec3::new(0.0, 0.0, 1.4));
+///     }
+///     // ... and everybody moves.
+///     let step = crowd.step(1).await?;
+///     for (member, frames) in step.characters() {
+///         let Some(frame) = frames.last() else { continue };
+///         // draw(member, frame.root, frame.rotations)
+/// #       let _ = (member, frame);
+///     }
+///     for fault in step.faults() {
+///         eprintln!("{}: {}", fault.session, fault.problem);
+///     }
+/// #   return Ok(());
+/// }
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct Crowd {
+    client: Client,
+    pack: Pack,
+    options: CrowdOptions,
+    members: Vec<Member>,
+    /// One a request of the last step.
+    chunks: Vec<Chunk>,
+    faults: Vec<Fault>,
+    waited: Duration,
+}
+
+#[derive(Debug)]
+struct Member {
+    /// None once it has left.
+    session: Option<Session>,
+    /// Request of the last step and place in its block, where it has frames.
+    place: Option<(usize, usize)>,
+}
+
+/// The characters of one request, and their frames.
+#[derive(Debug, Default)]
+struct Chunk {
+    members: Vec<MemberId>,
+    block: Block,
+}
+
+impl Crowd {
+    /// An empty crowd.
+    pub fn new(client: &Client, pack: &Pack, options: CrowdOptions) -> Self {
+        Self {
+            client: client.clone(),
+            pack: pack.clone(),
+            options,
+            members: Vec::new(),
+            chunks: Vec::new(),
+            faults: Vec::new(),
+            waited: Duration::ZERO,
+        }
+    }
+
+    /// Opens sessions for new characters, all or none.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn add(&mut self, options: &[SessionOptions]) -> Result<Vec<MemberId>, ClientError> {
+        let sessions = self.client.open_sessions(&self.pack, options).await?;
+        Ok(sessions.into_iter().map(|s| self.adopt(s)).collect())
+    }
+
+    /// Takes in a character whose session is open already; it must be of the crowd's pack.
+    pub fn adopt(&mut self, session: Session) -> MemberId {
+        self.members.push(Member {
+            session: Some(session),
+            place: None,
+        });
+        MemberId(self.members.len() - 1)
+    }
+
+    /// Lets a character go, with its session.
+    pub fn remove(&mut self, member: MemberId) -> Option<Session> {
+        let member = self.members.get_mut(member.0)?;
+        member.place = None;
+        member.session.take()
+    }
+
+    /// Characters that have not left.
+    pub fn len(&self) -> usize {
+        self.members().count()
+    }
+
+    /// Whether all have left.
+    pub fn is_empty(&self) -> bool {
+        self.members().next().is_none()
+    }
+
+    /// The characters that have not left.
+    pub fn members(&self) -> impl Iterator<Item = MemberId> {
+        let here = self.members.iter().enumerate();
+        here.filter_map(|(i, m)| m.session.is_some().then_some(MemberId(i)))
+    }
+
+    /// A character's session.
+    pub fn session(&self, member: MemberId) -> Option<&Session> {
+        self.members.get(member.0)?.session.as_ref()
+    }
+
+    /// What a character should do, to be changed. None once it has left.
+    pub fn intent_mut(&mut self, member: MemberId) -> Option<&mut Locomotion> {
+        let session = self.members.get_mut(member.0)?.session.as_mut()?;
+        Some(session.intent_mut().wanted_mut())
+    }
+
+    /// Advances everybody by some frames, 1 to 120, and tells the server what changed.
+    ///
+    /// # Errors
+    /// See [`ClientError`]: where the server cannot be reached, or refuses the request as a whole. Characters of other
+    /// requests of the same step may then have moved on; the first frame's number tells.
+    pub async fn step(&mut self, frames: u32) -> Result<CrowdStep<'_>, ClientError> {
+        self.faults.clear();
+        self.members.iter_mut().for_each(|m| m.place = None);
+        self.divide();
+        let requests = (0..self.chunks.len())
+            .map(|chunk| self.request(chunk, frames))
+            .collect::<Vec<_>>();
+        let calls = requests.into_iter().map(|request| {
+            self.client
+                .unary(|mut rpc| async move { rpc.step(request).await })
+        });
+        let answers = join_all(calls).await;
+
+        self.waited = Duration::ZERO;
+        let mut failed = None;
+        for (chunk, answer) in answers.into_iter().enumerate() {
+            let taken = match answer {
+                Ok(answer) => self.take(chunk, answer),
+                Err(error) => {
+                    self.doubt(chunk);
+                    self.take_error(chunk, error).await
+                }
+            };
+            failed = failed.or(taken.err());
+        }
+        match failed {
+            Some(error) => Err(error),
+            None => Ok(CrowdStep { crowd: self }),
+        }
+    }
+
+    /// Puts everybody into requests.
+    fn divide(&mut self) {
+        let per_request = self.options.per_request.max(1);
+        let here = self.members.iter().enumerate();
+        let mut here = here
+            .filter_map(|(i, m)| m.session.is_some().then_some(MemberId(i)))
+            .peekable();
+        let mut used = 0;
+        while here.peek().is_some() {
+            if used == self.chunks.len() {
+                self.chunks.push(Chunk::default());
+            }
+            let chunk = &mut self.chunks[used];
+            chunk.members.clear();
+            chunk.members.extend(here.by_ref().take(per_request));
+            chunk.block.clear();
+            used += 1;
+        }
+        self.chunks.truncate(used);
+    }
+
+    fn request(&mut self, chunk: usize, frames: u32) -> v1::StepRequest {
+        let members = &self.chunks[chunk].members;
+        let mut session_ids = Vec::with_capacity(members.len());
+        let mut commands = Vec::new();
+        for member in members {
+            let Some(session) = &mut self.members[member.0].session else {
+                continue;
+            };
+            let id = session.id().to_owned();
+            commands.extend(session.intent_mut().changed(&id));
+            session_ids.push(id);
+        }
+        v1::StepRequest {
+            session_ids,
+            frames,
+            rate_hz: self.options.frames.rate.hz(),
+            commands,
+            encoding: self.options.frames.encoding.to_wire(),
+            return_positions: self.options.frames.positions,
+        }
+    }
+
+    /// Takes in the answer to one request.
+    fn take(&mut self, chunk: usize, answer: v1::StepResponse) -> Result<(), ClientError> {
+        self.waited = self.waited.max(Duration::from_micros(answer.waited_us));
+        let of = &mut self.chunks[chunk];
+        if let Some(block) = answer.blocks.into_iter().next() {
+            let units = |slot: u32| {
+                let member = of.members.get(slot as usize);
+                let session = member.and_then(|m| self.members[m.0].session.as_ref());
+                session.map_or(1.0, |s| s.convention().units_per_metre())
+            };
+            of.block.read(block, self.pack.skeleton().joint_count(), units)?;
+        }
+        for (place, &slot) in of.block.slots().iter().enumerate() {
+            let member = of.members.get(slot as usize);
+            let member = member.ok_or(AnswerError::Missing("the character of a slot"))?;
+            self.members[member.0].place = Some((chunk, place));
+        }
+        for problem in answer.problems {
+            let slot = problem.slot as usize;
+            let problem = Problem::from(problem.problem.unwrap_or_default());
+            let member = self.chunks[chunk].members.get(slot).copied();
+            let member = member.ok_or(AnswerError::Missing("the character of a problem"))?;
+            self.fault(member, problem);
+        }
+        self.take_refusals(chunk, &answer.command_results);
+        Ok(())
+    }
+
+    fn take_refusals(&mut self, chunk: usize, results: &[v1::CommandResult]) {
+        if results.iter().all(|r| r.status() != v1::CommandStatus::Refused) {
+            return;
+        }
+        for nth in 0..self.chunks[chunk].members.len() {
+            let member = self.chunks[chunk].members[nth];
+            let refused = self.session(member).and_then(|s| refusal(results, s.id()));
+            // Whoever is gone has been reported.
+            if let Some(problem) = refused.filter(|p| !p.kind.is_gone()) {
+                self.fault(member, problem);
+            }
+        }
+    }
+
+    /// Where not one character of a request could be served the server answers with the first one's problem alone: each is
+    /// asked for. Other errors are the crowd's.
+    async fn take_error(&mut self, chunk: usize, error: ClientError) -> Result<(), ClientError> {
+        let ClientError::Session(common) = error else {
+            return Err(error);
+        };
+        let members = self.chunks[chunk].members.clone();
+        let questions = members.into_iter().filter_map(|member| {
+            let (client, id) = (self.client.clone(), self.session(member)?.id().to_owned());
+            Some(async move { (member, client.session_info(&id).await) })
+        });
+        let questions = stream::iter(questions.collect::<Vec<_>>()).buffered(QUESTIONS);
+        for (member, answer) in questions.collect::<Vec<_>>().await {
+            match answer {
+                Ok(_) => self.fault(member, common.problem.clone()),
+                Err(ClientError::Session(own)) => self.fault(member, own.problem),
+                Err(other) => return Err(other),
+            }
+        }
+        Ok(())
+    }
+
+    /// Reports a character, which leaves where its session is gone.
+    fn fault(&mut self, member: MemberId, problem: Problem) {
+        let of = &mut self.members[member.0];
+        let left = problem.kind.is_gone();
+        self.faults.push(Fault {
+            member,
+            session: of
+                .session
+                .as_ref()
+                .map_or_else(String::new, |s| s.id().to_owned()),
+            problem,
+            left,
+        });
+        if left {
+            *of = Member {
+                session: None,
+                place: None,
+            };
+        }
+    }
+
+    /// The commands of a request may not have arrived.
+    fn doubt(&mut self, chunk: usize) {
+        for member in &self.chunks[chunk].members {
+            if let Some(session) = &mut self.members[member.0].session {
+                session.intent_mut().doubt();
+            }
+        }
+    }
+
+    /// What the sessions have done so far, added up. It lists the server's sessions, so it is not for every tick.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn stats(&self) -> Result<v1::SessionStats, ClientError> {
+        let mut ids = self
+            .members()
+            .filter_map(|m| self.session(m).map(Session::id))
+            .collect::<Vec<_>>();
+        ids.sort_unstable();
+        let open = self.client.list_sessions().await?;
+        let of_crowd = open.iter().filter(|s| ids.binary_search(&s.id.as_str()).is_ok());
+        Ok(sum(of_crowd.filter_map(|s| s.stats.as_ref())))
+    }
+
+    /// Closes all sessions.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn close(self) -> Result<(), ClientError> {
+        let sessions = self.members.into_iter().filter_map(|m| m.session);
+        let ids = sessions.map(|s| s.id().to_owned());
+        self.client.close_sessions(ids).await.map(|_| ())
+    }
+}
+
+fn sum<'a>(stats: impl Iterator<Item = &'a v1::SessionStats>) -> v1::SessionStats {
+    stats.fold(v1::SessionStats::default(), |sum, of| v1::SessionStats {
+        plans_for_command: sum.plans_for_command + of.plans_for_command,
+        plans_for_low_buffer: sum.plans_for_low_buffer + of.plans_for_low_buffer,
+        plans_for_interval: sum.plans_for_interval + of.plans_for_interval,
+        late_plans: sum.late_plans + of.late_plans,
+        underruns: sum.underruns + of.underruns,
+        failed_plans: sum.failed_plans + of.failed_plans,
+    })
+}
+
+/// What a step brought, borrowed from the crowd.
+#[derive(Debug, Clone, Copy)]
+pub struct CrowdStep<'a> {
+    crowd: &'a Crowd,
+}
+
+impl<'a> CrowdStep<'a> {
+    /// The characters that moved, with their frames.
+    pub fn characters(&self) -> impl Iterator<Item = (MemberId, Frames<'a>)> + use<'a> {
+        let crowd = self.crowd;
+        crowd.chunks.iter().flat_map(move |chunk| {
+            let places = chunk.block.slots().iter().enumerate();
+            places.map(move |(place, &slot)| (chunk.members[slot as usize], chunk.block.frames(place)))
+        })
+    }
+
+    /// One character's frames. None where it did not move.
+    pub fn get(&self, member: MemberId) -> Option<Frames<'a>> {
+        let (chunk, place) = self.crowd.members.get(member.0)?.place?;
+        Some(self.crowd.chunks[chunk].block.frames(place))
+    }
+
+    /// What was wrong with single characters: those that could not be served, and those whose command was refused, which
+    /// moved on as before.
+    pub fn faults(&self) -> &'a [Fault] {
+        &self.crowd.faults
+    }
+
+    /// Longest time that a request of the step waited for plans on the server.
+    pub fn waited(&self) -> Duration {
+        self.crowd.waited
+    }
+}
+
+#[cfg(test)]
+#[path = "crowd_tests.rs"]
+mod tests;

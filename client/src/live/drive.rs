@@ -1,0 +1,481 @@
+//! Characters on the server's clock.
+
+use std::collections::{BTreeMap, HashMap};
+
+use futures_util::FutureExt as _;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::Streaming;
+use troupe_proto::v1;
+use v1::drive_request::Message as Ask;
+use v1::drive_response::Message as Told;
+
+use super::frames::{Block, Frames};
+use super::locomotion::Locomotion;
+use super::options::FrameOptions;
+use super::session::Session;
+use crate::connection::Client;
+use crate::error::{AnswerError, ClientError};
+use crate::problem::{Problem, ProblemKind};
+
+/// Messages that may wait to be sent. More wait in their sessions' intents, where a newer one replaces an older.
+const QUEUE: usize = 64;
+
+/// How a stream is opened.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct DriveOptions {
+    /// How frames are sent.
+    pub frames: FrameOptions,
+    /// Give every tick that arrives, in order, such as for a recording. By default [`Drive::next`] gives the newest and
+    /// counts what it skipped.
+    pub every_tick: bool,
+    /// Close the sessions of the stream when it ends. By default they wait for their time to live.
+    pub close_sessions: bool,
+}
+
+/// Something that happened to a stream's sessions.
+#[derive(Debug)]
+pub enum DriveEvent {
+    /// The session is on the stream now.
+    Attached {
+        /// Its name.
+        session: String,
+    },
+    /// The session could not be taken onto the stream. It is given back, unless it is gone.
+    NotAttached {
+        /// Its name.
+        id: String,
+        /// It.
+        session: Option<Box<Session>>,
+        /// Why.
+        problem: Problem,
+    },
+    /// The session left the stream: detached, closed or expired. It is given back, unless it is gone.
+    Left {
+        /// Its name.
+        id: String,
+        /// It.
+        session: Option<Box<Session>>,
+        /// Why.
+        problem: Problem,
+    },
+    /// What the session should do was refused; it goes on as before.
+    Refused {
+        /// Its name.
+        session: String,
+        /// Why.
+        problem: Problem,
+    },
+}
+
+/// A stream on which the server advances many characters at 30, 50 or 60 Hz, opened by [`Client::drive`].
+///
+/// The sessions are the stream's while they are on it, and come back when they leave. A stream that breaks is not opened
+/// again by itself: take the sessions with [`Self::into_sessions`] and attach them to another.
+///
+/// ```no_run
+/// use glam::Vec3;
+/// use troupe_client::{Client, DriveOptions, Locomotion, SessionOptions};
+///
+/// # async fn example() -> Result<(), troupe_client::ClientError> {
+/// let client = Client::connect("http://127.0.0.1:8080").await?;
+/// let pack = client.pack("").await?;
+/// let guard = client.session(&pack, &SessionOptions::new().id("guard")).await?;
+///
+/// let mut drive = client.drive(DriveOptions::default()).await?;
+/// drive.attach([guard]).await?;
+/// if let Some(intent) = drive.intent_mut("guard") {
+///     *intent = Locomotion::walk(Vec3::Z * 1.4);
+/// }
+/// while let Some(update) = drive.next().await? {
+///     if let Some(tick) = update.tick {
+///         for (id, frames) in tick.characters() {
+///             println!("{id} is at {:?}", frames.last().map(|f| f.root));
+///         }
+///     }
+///     for event in update.events {
+///         println!("{event:?}");
+///     }
+/// }
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct Drive {
+    client: Client,
+    options: DriveOptions,
+    asks: mpsc::Sender<v1::DriveRequest>,
+    answers: Streaming<v1::DriveResponse>,
+    sessions: BTreeMap<String, Session>,
+    /// Names of the sessions in the stream's slots.
+    slots: HashMap<u32, String>,
+    blocks: Vec<Block>,
+    /// Ticks that came but were not given, because newer ones had come.
+    skipped: u64,
+    events: Vec<DriveEvent>,
+    /// How the stream ended, to be told once all that came before has been given.
+    end: Option<Result<(), ClientError>>,
+    ended: bool,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct TickHead {
+    number: u64,
+    dropped: u64,
+    underruns: u32,
+}
+
+/// What came since the last look.
+#[derive(Debug)]
+pub struct Update<'a> {
+    /// The newest tick, where one came.
+    pub tick: Option<Tick<'a>>,
+    /// What happened to sessions.
+    pub events: Vec<DriveEvent>,
+}
+
+/// A tick of frames, borrowed from the stream.
+#[derive(Debug, Clone, Copy)]
+pub struct Tick<'a> {
+    head: TickHead,
+    skipped: u64,
+    drive: &'a Drive,
+}
+
+impl Client {
+    /// Opens a stream on which the server advances sessions.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn drive(&self, options: DriveOptions) -> Result<Drive, ClientError> {
+        let (asks, queue) = mpsc::channel(QUEUE);
+        let open = v1::DriveOpen {
+            rate_hz: options.frames.rate.hz(),
+            encoding: options.frames.encoding.to_wire(),
+            return_positions: options.frames.positions,
+            close_sessions: options.close_sessions,
+        };
+        // The queue is empty, so it has room.
+        let _ = asks.try_send(request(Ask::Open(open)));
+        let queue = ReceiverStream::new(queue);
+        let answers = self
+            .unary(|mut rpc| async move { rpc.drive(queue).await })
+            .await?;
+        Ok(Drive {
+            client: self.clone(),
+            options,
+            asks,
+            answers,
+            sessions: BTreeMap::new(),
+            slots: HashMap::new(),
+            blocks: Vec::new(),
+            skipped: 0,
+            events: Vec::new(),
+            end: None,
+            ended: false,
+        })
+    }
+}
+
+impl Drive {
+    /// Takes sessions onto the stream. An event tells when each is there, or that it could not be taken.
+    ///
+    /// # Errors
+    /// [`ClientError::Unreachable`] where the stream is broken.
+    pub async fn attach(&mut self, sessions: impl IntoIterator<Item = Session>) -> Result<(), ClientError> {
+        let mut session_ids = Vec::new();
+        for session in sessions {
+            session_ids.push(session.id().to_owned());
+            self.sessions.insert(session.id().to_owned(), session);
+        }
+        self.ask(Ask::Attach(v1::DriveAttach { session_ids })).await
+    }
+
+    /// Takes sessions off the stream. Each comes back with a [`DriveEvent::Left`].
+    ///
+    /// # Errors
+    /// [`ClientError::Unreachable`] where the stream is broken.
+    pub async fn detach(
+        &mut self,
+        ids: impl IntoIterator<Item = impl Into<String>>,
+    ) -> Result<(), ClientError> {
+        let session_ids = ids.into_iter().map(Into::into).collect();
+        self.ask(Ask::Detach(v1::DriveDetach { session_ids })).await
+    }
+
+    async fn ask(&mut self, ask: Ask) -> Result<(), ClientError> {
+        let sent = self.asks.send(request(ask)).await;
+        sent.map_err(|_| ClientError::Unreachable {
+            url: self.client.url().to_owned(),
+            reason: "the stream is broken".to_owned(),
+        })
+    }
+
+    /// A session of the stream.
+    pub fn session(&self, id: &str) -> Option<&Session> {
+        self.sessions.get(id)
+    }
+
+    /// The stream's sessions, by name.
+    pub fn sessions(&self) -> impl Iterator<Item = &Session> {
+        self.sessions.values()
+    }
+
+    /// What a session should do, to be changed; [`Self::next`] and [`Self::flush`] send it.
+    pub fn intent_mut(&mut self, id: &str) -> Option<&mut Locomotion> {
+        let session = self.sessions.get_mut(id)?;
+        Some(session.intent_mut().wanted_mut())
+    }
+
+    /// Sends what changed of what the sessions should do. Where the connection is busy it stays for the next time, so that
+    /// the newest goes.
+    pub fn flush(&mut self) {
+        let changed = self.sessions.iter_mut();
+        let commands = changed
+            .filter_map(|(id, session)| session.intent_mut().changed(id))
+            .collect::<Vec<_>>();
+        if commands.is_empty() {
+            return;
+        }
+        let ask = request(Ask::Command(v1::CommandRequest { commands }));
+        let Err(unsent) = self.asks.try_send(ask) else {
+            return;
+        };
+        if let Some(Ask::Command(unsent)) = unsent.into_inner().message {
+            for command in unsent.commands {
+                if let Some(session) = self.sessions.get_mut(&command.session_id) {
+                    session.intent_mut().doubt();
+                }
+            }
+        }
+    }
+
+    /// Sends what changed, and waits for the next tick or event. Of several ticks that have come the newest is given, unless
+    /// [`DriveOptions::every_tick`]. None once the stream has ended as this client asked.
+    ///
+    /// Nothing is lost where the future is dropped before it is ready.
+    ///
+    /// # Errors
+    /// See [`ClientError`]; [`ClientError::StreamEnded`] with the server's reason. The stream has ended then.
+    pub async fn next(&mut self) -> Result<Option<Update<'_>>, ClientError> {
+        if let Some(end) = self.end.take() {
+            self.ended = true;
+            end?;
+        }
+        if self.ended {
+            return Ok(None);
+        }
+        self.flush();
+        let mut newest = None;
+        let first = self.answers.message().await;
+        // No waiting from here on, so that nothing is lost.
+        let mut came = Some(first);
+        while let Some(message) = came {
+            self.sort(message, &mut newest)?;
+            let enough = self.end.is_some() || (self.options.every_tick && newest.is_some());
+            came = if enough {
+                None
+            } else {
+                self.answers.message().now_or_never()
+            };
+        }
+        let head = match newest {
+            Some(frames) => Some(self.read(frames)?),
+            None => None,
+        };
+        let events = std::mem::take(&mut self.events);
+        if head.is_none() && events.is_empty() {
+            // It ended and that is all.
+            self.ended = true;
+            return match self.end.take() {
+                Some(Err(error)) => Err(error),
+                _ => Ok(None),
+            };
+        }
+        let tick = head.map(|head| Tick {
+            head,
+            skipped: self.skipped,
+            drive: self,
+        });
+        Ok(Some(Update { tick, events }))
+    }
+
+    /// Sorts one message of the server.
+    fn sort(
+        &mut self,
+        message: Result<Option<v1::DriveResponse>, tonic::Status>,
+        newest: &mut Option<v1::DriveFrames>,
+    ) -> Result<(), ClientError> {
+        let told = match message {
+            Ok(Some(message)) => message.message.ok_or(AnswerError::Missing("message"))?,
+            Ok(None) => {
+                self.end.get_or_insert_with(|| Err(ended_without_a_word()));
+                return Ok(());
+            }
+            Err(status) => {
+                self.end = Some(Err(self.client.sort(&status)));
+                return Ok(());
+            }
+        };
+        match told {
+            Told::Frames(frames) => {
+                if newest.replace(frames).is_some() {
+                    self.skipped += 1;
+                }
+            }
+            Told::Attached(attached) => self.attached(attached),
+            Told::Left(left) => {
+                for left in left.sessions {
+                    self.slots.remove(&left.slot);
+                    let (session, id, problem) = self.give_back(left);
+                    self.events.push(DriveEvent::Left { id, session, problem });
+                }
+            }
+            Told::Commands(commands) => self.refused(commands),
+            Told::Closing(closing) => {
+                let problem = Problem::from(closing.reason.unwrap_or_default());
+                self.end = Some(match problem.kind {
+                    ProblemKind::ClientDone => Ok(()),
+                    _ => Err(ClientError::StreamEnded(Box::new(problem))),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn attached(&mut self, attached: v1::DriveAttached) {
+        for v1::Attached { session_id, slot } in attached.sessions {
+            self.slots.insert(slot, session_id.clone());
+            self.events.push(DriveEvent::Attached { session: session_id });
+        }
+        for problem in attached.problems {
+            let (session, id, problem) = self.give_back(problem);
+            self.events.push(DriveEvent::NotAttached { id, session, problem });
+        }
+    }
+
+    /// A session that is on the stream no more, unless it is gone altogether.
+    fn give_back(&mut self, of: v1::SessionProblem) -> (Option<Box<Session>>, String, Problem) {
+        let problem = Problem::from(of.problem.unwrap_or_default());
+        let session = self.sessions.remove(&of.session_id).map(Box::new);
+        (
+            session.filter(|_| !problem.kind.is_gone()),
+            of.session_id,
+            problem,
+        )
+    }
+
+    fn refused(&mut self, commands: v1::CommandResponse) {
+        for result in commands.results {
+            if result.status() == v1::CommandStatus::Refused {
+                self.events.push(DriveEvent::Refused {
+                    session: result.session_id,
+                    problem: result.problem.unwrap_or_default().into(),
+                });
+            }
+        }
+    }
+
+    /// Decodes a tick. Blocks of which no character is known yet, or any more, are passed over.
+    fn read(&mut self, frames: v1::DriveFrames) -> Result<TickHead, ClientError> {
+        self.blocks.iter_mut().for_each(Block::clear);
+        let (slots, sessions) = (&self.slots, &self.sessions);
+        let of = |slot: u32| slots.get(&slot).and_then(|id| sessions.get(id));
+        for (nth, message) in frames.blocks.into_iter().enumerate() {
+            let Some(known) = message.slots.iter().find_map(|&slot| of(slot)) else {
+                continue;
+            };
+            if nth >= self.blocks.len() {
+                self.blocks.resize_with(nth + 1, Block::default);
+            }
+            let joints = known.pack().skeleton().joint_count();
+            self.blocks[nth].read(message, joints, |slot| {
+                of(slot).map_or(1.0, |s| s.convention().units_per_metre())
+            })?;
+        }
+        Ok(TickHead {
+            number: frames.tick,
+            dropped: frames.dropped_ticks,
+            underruns: frames.underruns,
+        })
+    }
+
+    /// Ends the stream, waits until the server has let go of its sessions, and gives them back.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn close(self) -> Result<Vec<Session>, ClientError> {
+        let Self {
+            client,
+            asks,
+            mut answers,
+            sessions,
+            ..
+        } = self;
+        drop(asks);
+        let rest = async { while let Ok(Some(_)) = answers.message().await {} };
+        let limit = client.request_timeout();
+        match tokio::time::timeout(limit, rest).await {
+            Ok(()) => Ok(sessions.into_values().collect()),
+            Err(_) => Err(ClientError::TimedOut {
+                url: client.url().to_owned(),
+                after: limit,
+            }),
+        }
+    }
+
+    /// The sessions of the stream, such as after an error. Where the server has not noticed yet that the stream is gone it
+    /// may call them busy for a moment.
+    pub fn into_sessions(self) -> Vec<Session> {
+        self.sessions.into_values().collect()
+    }
+}
+
+impl<'a> Tick<'a> {
+    /// Counts the ticks of the stream from 0.
+    pub fn number(&self) -> u64 {
+        self.head.number
+    }
+
+    /// Ticks so far that never came to the game: the server had not sent them, because this client was slow to take them, or
+    /// they had come but a newer one had too.
+    pub fn dropped(&self) -> u64 {
+        self.head.dropped + self.skipped
+    }
+
+    /// Characters of this tick that had to slow down because a plan was late.
+    pub fn underruns(&self) -> u32 {
+        self.head.underruns
+    }
+
+    /// The characters, by the names of their sessions, each with one frame.
+    pub fn characters(&self) -> impl Iterator<Item = (&'a str, Frames<'a>)> + use<'a> {
+        let drive = self.drive;
+        drive.blocks.iter().flat_map(move |block| {
+            let places = block.slots().iter().enumerate();
+            places.filter_map(move |(place, slot)| {
+                let id = drive.slots.get(slot)?;
+                Some((id.as_str(), block.frames(place)))
+            })
+        })
+    }
+}
+
+fn request(message: Ask) -> v1::DriveRequest {
+    v1::DriveRequest {
+        message: Some(message),
+    }
+}
+
+fn ended_without_a_word() -> ClientError {
+    ClientError::StreamEnded(Box::new(Problem {
+        kind: ProblemKind::Other(String::new()),
+        message: "it did not say why".to_owned(),
+        field: None,
+        allowed: None,
+    }))
+}
+
+#[cfg(test)]
+#[path = "drive_tests.rs"]
+mod tests;

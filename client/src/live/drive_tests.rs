@@ -1,0 +1,219 @@
+//! Streams against a server by script.
+
+use glam::Vec3;
+
+use super::*;
+use crate::live::options::SessionOptions;
+use crate::live::testing::{block, problem, scripted};
+
+fn told(message: Told) -> v1::DriveResponse {
+    v1::DriveResponse {
+        message: Some(message),
+    }
+}
+
+fn tick(number: u64, slots: &[u32]) -> v1::DriveResponse {
+    told(Told::Frames(v1::DriveFrames {
+        tick: number,
+        blocks: vec![block(slots, 1, vec![number; slots.len()])],
+        dropped_ticks: 4,
+        underruns: 1,
+    }))
+}
+
+fn attached(ids: &[(&str, u32)]) -> v1::DriveResponse {
+    let sessions = ids.iter().map(|&(id, slot)| v1::Attached {
+        session_id: id.to_owned(),
+        slot,
+    });
+    told(Told::Attached(v1::DriveAttached {
+        sessions: sessions.collect(),
+        problems: Vec::new(),
+    }))
+}
+
+fn session_problem(slot: u32, id: &str, reason: &str) -> v1::SessionProblem {
+    v1::SessionProblem {
+        slot,
+        session_id: id.to_owned(),
+        problem: Some(problem(reason)),
+    }
+}
+
+fn closing(reason: &str) -> v1::DriveResponse {
+    told(Told::Closing(v1::DriveClosing {
+        reason: Some(problem(reason)),
+    }))
+}
+
+/// A stream with sessions a, b, ... on it, on which the server says all of `script`.
+async fn stream(every_tick: bool, sessions: &[&str], script: Vec<v1::DriveResponse>) -> Drive {
+    let (client, pack, server) = scripted().await;
+    server.lock().unwrap().stream = script;
+    let options = sessions
+        .iter()
+        .map(|&id| SessionOptions::new().id(id))
+        .collect::<Vec<_>>();
+    let sessions = client.open_sessions(&pack, &options).await.unwrap();
+    let options = DriveOptions {
+        every_tick,
+        ..DriveOptions::default()
+    };
+    let mut drive = client.drive(options).await.unwrap();
+    drive.attach(sessions).await.unwrap();
+    drive
+}
+
+/// The numbers of the ticks that are given until the stream ends, and how it ends.
+async fn all(drive: &mut Drive) -> (Vec<u64>, Vec<DriveEvent>, Result<(), ClientError>) {
+    let (mut ticks, mut events) = (Vec::new(), Vec::new());
+    loop {
+        match drive.next().await {
+            Ok(Some(update)) => {
+                ticks.extend(update.tick.map(|t| t.number()));
+                events.extend(update.events);
+            }
+            Ok(None) => return (ticks, events, Ok(())),
+            Err(error) => return (ticks, events, Err(error)),
+        }
+    }
+}
+
+#[tokio::test]
+async fn every_tick_comes_in_order_where_asked_for() {
+    let script = vec![
+        attached(&[("a", 7)]),
+        tick(0, &[7]),
+        tick(1, &[7]),
+        tick(2, &[7]),
+        closing("CLIENT_DONE"),
+    ];
+    let mut drive = stream(true, &["a"], script).await;
+    let (ticks, events, end) = all(&mut drive).await;
+    assert_eq!(ticks, [0, 1, 2]);
+    assert!(matches!(&events[..], [DriveEvent::Attached { session }] if session == "a"));
+    end.unwrap();
+    assert!(drive.next().await.unwrap().is_none(), "it stays ended");
+}
+
+#[tokio::test]
+async fn a_late_look_gives_the_newest_and_counts_the_rest() {
+    let mut script = vec![attached(&[("a", 7)])];
+    script.extend((0..5).map(|number| tick(number, &[7])));
+    script.push(closing("CLIENT_DONE"));
+    let mut drive = stream(false, &["a"], script).await;
+    // All of it has come meanwhile.
+    tokio::time::sleep(std::time::Duration::from_millis(300)).await;
+    let mut given = 0;
+    let mut dropped = 0;
+    let mut newest = 0;
+    while let Some(update) = drive.next().await.unwrap() {
+        if let Some(tick) = update.tick {
+            given += 1;
+            (dropped, newest) = (tick.dropped(), tick.number());
+            let (id, frames) = tick.characters().next().unwrap();
+            assert_eq!((id, frames.last().unwrap().root.x), ("a", 7.0));
+        }
+    }
+    assert_eq!(newest, 4);
+    // Four the server said, and those that were passed over here.
+    assert_eq!(dropped, 4 + 5 - given);
+    assert!(given < 5, "it did catch up");
+}
+
+#[tokio::test]
+async fn sessions_come_back_when_they_leave() {
+    let not_taken = told(Told::Attached(v1::DriveAttached {
+        sessions: Vec::new(),
+        problems: vec![
+            session_problem(0, "b", "SESSION_BUSY"),
+            session_problem(0, "c", "SESSION_EXPIRED"),
+        ],
+    }));
+    let left = told(Told::Left(v1::DriveLeft {
+        sessions: vec![session_problem(7, "a", "DETACHED")],
+    }));
+    let script = vec![
+        attached(&[("a", 7)]),
+        not_taken,
+        tick(0, &[7]),
+        left,
+        tick(1, &[7]),
+        closing("DRAINING"),
+    ];
+    let mut drive = stream(true, &["a", "b", "c"], script).await;
+    let (ticks, events, end) = all(&mut drive).await;
+    assert_eq!(ticks, [0, 1], "a tick of one who has just left is no error");
+    let back = events.iter().filter_map(|event| match event {
+        DriveEvent::NotAttached { id, session, problem } | DriveEvent::Left { id, session, problem } => {
+            Some((id.as_str(), session.is_some(), problem.kind.clone()))
+        }
+        _ => None,
+    });
+    assert_eq!(
+        back.collect::<Vec<_>>(),
+        [
+            ("b", true, ProblemKind::SessionBusy),
+            ("c", false, ProblemKind::SessionExpired),
+            ("a", true, ProblemKind::Detached),
+        ]
+    );
+    let error = end.unwrap_err();
+    assert!(
+        matches!(&error, ClientError::StreamEnded(why) if why.kind == ProblemKind::Draining),
+        "{error}"
+    );
+    assert!(drive.into_sessions().is_empty());
+}
+
+#[tokio::test]
+async fn a_stream_that_breaks_off_is_an_error_and_the_sessions_are_kept() {
+    let (client, pack, server) = scripted().await;
+    let session = client
+        .session(&pack, &SessionOptions::new().id("a"))
+        .await
+        .unwrap();
+    server.lock().unwrap().stream = vec![attached(&[("a", 1)]), v1::DriveResponse::default()];
+    let mut drive = client.drive(DriveOptions::default()).await.unwrap();
+    drive.attach([session]).await.unwrap();
+    let (_, _, end) = all(&mut drive).await;
+    assert!(matches!(end, Err(ClientError::Answer(_))), "{end:?}");
+    assert_eq!(drive.into_sessions()[0].id(), "a");
+}
+
+#[tokio::test]
+async fn intents_go_with_the_next_look() {
+    let (client, pack, server) = scripted().await;
+    let session = client
+        .session(&pack, &SessionOptions::new().id("a"))
+        .await
+        .unwrap();
+    let refused = v1::CommandResult {
+        session_id: "a".to_owned(),
+        sequence: 1,
+        status: v1::CommandStatus::Refused.into(),
+        problem: Some(problem("UNKNOWN_STYLE")),
+    };
+    server.lock().unwrap().stream = vec![told(Told::Commands(v1::CommandResponse {
+        results: vec![refused],
+    }))];
+    let mut drive = client.drive(DriveOptions::default()).await.unwrap();
+    drive.attach([session]).await.unwrap();
+    *drive.intent_mut("a").unwrap() = Locomotion::walk(Vec3::Z);
+    assert!(drive.intent_mut("b").is_none());
+    let update = drive.next().await.unwrap().unwrap();
+    assert!(matches!(&update.events[..], [DriveEvent::Refused { session, .. }] if session == "a"));
+    let sessions = drive.close().await.unwrap();
+    assert_eq!(sessions.len(), 1);
+    let asked = std::mem::take(&mut server.lock().unwrap().asked);
+    let kinds = asked.iter().map(|ask| match ask.message.as_ref().unwrap() {
+        Ask::Open(open) => format!("open {}", open.rate_hz),
+        Ask::Attach(attach) => format!("attach {:?}", attach.session_ids),
+        Ask::Detach(_) => "detach".to_owned(),
+        Ask::Command(command) => format!("command {}", command.commands[0].sequence),
+    });
+    assert_eq!(
+        kinds.collect::<Vec<_>>(),
+        ["open 30", "attach [\"a\"]", "command 1"]
+    );
+}

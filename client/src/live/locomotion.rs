@@ -1,0 +1,242 @@
+//! What a character should do, and which of it the server knows already.
+
+use glam::Vec3;
+use troupe_proto::v1;
+
+/// Move over the ground: velocity, facing, style. In the session's convention; by default, stand.
+///
+/// ```
+/// use glam::Vec3;
+/// use troupe_client::Locomotion;
+///
+/// // Strafe: go along +X at 1 m/s and keep facing +Z, as an old man.
+/// let strafe = Locomotion::walk(Vec3::X).facing(0.0).style("elderly");
+/// # assert_ne!(strafe, Locomotion::stand());
+/// ```
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Locomotion {
+    /// Where to go and how fast, in the session's units per second, over the ground. Zero: stand.
+    pub velocity: Vec3,
+    /// Where to face, radians. None: where it goes, or where it faces when it stands.
+    pub facing: Option<f32>,
+    /// Style to move in. None: the one that it has.
+    pub style: Option<String>,
+    /// The only gait of the style to use. None: those that suit the velocity.
+    pub gait: Option<String>,
+    /// Height of the root joint in the session's unit, for styles that have a range of heights. None: the style's.
+    pub height: Option<f32>,
+}
+
+impl Locomotion {
+    /// Stand where you are.
+    pub fn stand() -> Self {
+        Self::default()
+    }
+
+    /// Go with this velocity, in the session's units per second.
+    pub fn walk(velocity: Vec3) -> Self {
+        Self {
+            velocity,
+            ..Self::default()
+        }
+    }
+
+    /// Faces this way, radians, whatever the velocity.
+    #[must_use]
+    pub fn facing(mut self, heading: f32) -> Self {
+        self.facing = Some(heading);
+        self
+    }
+
+    /// Moves in this style.
+    #[must_use]
+    pub fn style(mut self, style: impl Into<String>) -> Self {
+        self.style = Some(style.into());
+        self
+    }
+
+    /// Uses this gait of the style alone.
+    #[must_use]
+    pub fn gait(mut self, gait: impl Into<String>) -> Self {
+        self.gait = Some(gait.into());
+        self
+    }
+
+    /// Holds the root joint at this height, in the session's unit.
+    #[must_use]
+    pub fn height(mut self, height: f32) -> Self {
+        self.height = Some(height);
+        self
+    }
+
+    /// The intent on the wire.
+    pub fn to_message(&self) -> v1::Locomote {
+        let Vec3 { x, y, z } = self.velocity;
+        v1::Locomote {
+            velocity: (self.velocity != Vec3::ZERO).then_some(v1::Vec3 { x, y, z }),
+            facing: self.facing,
+            style: self.style.clone().unwrap_or_default(),
+            gait: self.gait.clone().unwrap_or_default(),
+            height: self.height,
+        }
+    }
+}
+
+/// What one character should do, what the server was told, and the sequence numbers of the commands between.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Intent {
+    wanted: Locomotion,
+    told: Option<Locomotion>,
+    sequence: u64,
+    /// Whether `wanted` was ever looked at to be changed: a session that is taken up goes on until it is.
+    touched: bool,
+}
+
+impl Intent {
+    /// Of a session that has taken commands up to this sequence number.
+    pub(crate) fn after(sequence: u64) -> Self {
+        Self {
+            sequence,
+            ..Self::default()
+        }
+    }
+
+    pub(crate) fn wanted(&self) -> &Locomotion {
+        &self.wanted
+    }
+
+    pub(crate) fn wanted_mut(&mut self) -> &mut Locomotion {
+        self.touched = true;
+        &mut self.wanted
+    }
+
+    /// The server has seen sequence numbers up to here, whoever gave them.
+    pub(crate) fn seen(&mut self, sequence: u64) {
+        self.sequence = self.sequence.max(sequence);
+    }
+
+    /// The command that brings the server up to date, where it is not. It counts as told from now on.
+    pub(crate) fn changed(&mut self, session: &str) -> Option<v1::Command> {
+        let same = match &self.told {
+            Some(told) => {
+                let style = self.wanted.style.as_ref().or(told.style.as_ref());
+                style == told.style.as_ref()
+                    && self.wanted.velocity == told.velocity
+                    && self.wanted.facing == told.facing
+                    && self.wanted.gait == told.gait
+                    && self.wanted.height == told.height
+            }
+            // One that nobody has commanded stands in its own style.
+            None => !self.touched || (self.sequence == 0 && self.wanted == Locomotion::default()),
+        };
+        (!same).then(|| self.command(session, None))
+    }
+
+    /// A command with the next sequence number, to hold from `at_frame` on.
+    pub(crate) fn command(&mut self, session: &str, at_frame: Option<u64>) -> v1::Command {
+        self.sequence += 1;
+        let before = self.told.take().and_then(|told| told.style);
+        let mut told = self.wanted.clone();
+        told.style = told.style.or(before);
+        self.told = Some(told);
+        v1::Command {
+            session_id: session.to_owned(),
+            sequence: self.sequence,
+            at_frame,
+            intent: Some(v1::command::Intent::Locomote(self.wanted.to_message())),
+        }
+    }
+
+    /// The last command may not have arrived: what is wanted is to be told again.
+    pub(crate) fn doubt(&mut self) {
+        // A style that was told before may hold or not; it is told again where it is wanted.
+        if let Some(told) = self.told.take() {
+            self.wanted.style = self.wanted.style.take().or(told.style);
+            // Differs from everything, so that the next look finds a change.
+            self.told = Some(Locomotion {
+                velocity: Vec3::NAN,
+                ..Locomotion::default()
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn locomote(command: &v1::Command) -> &v1::Locomote {
+        let Some(v1::command::Intent::Locomote(locomote)) = &command.intent else {
+            panic!("{command:?}")
+        };
+        locomote
+    }
+
+    #[test]
+    fn only_changes_are_told_and_sequences_count_up() {
+        let mut intent = Intent::default();
+        assert_eq!(intent.changed("a"), None, "a new character stands by itself");
+        *intent.wanted_mut() = Locomotion::walk(Vec3::Z).style("old");
+        let first = intent.changed("a").unwrap();
+        assert_eq!(
+            (first.session_id.as_str(), first.sequence, first.at_frame),
+            ("a", 1, None)
+        );
+        assert_eq!(locomote(&first).style, "old");
+        assert_eq!(intent.changed("a"), None);
+
+        intent.wanted_mut().facing = Some(0.5);
+        assert_eq!(intent.changed("a").unwrap().sequence, 2);
+        *intent.wanted_mut() = Locomotion::stand();
+        let third = intent.changed("a").unwrap();
+        assert_eq!((third.sequence, locomote(&third).velocity), (3, None));
+        assert_eq!(intent.changed("a"), None);
+    }
+
+    #[test]
+    fn no_style_means_the_one_that_it_has() {
+        let mut intent = Intent::default();
+        *intent.wanted_mut() = Locomotion::walk(Vec3::Z).style("old");
+        intent.changed("a").unwrap();
+        // The same, said without the style, is no change.
+        *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
+        assert_eq!(intent.changed("a"), None);
+        // Nor is the style said again after another command without it.
+        *intent.wanted_mut() = Locomotion::walk(Vec3::X);
+        intent.changed("a").unwrap();
+        *intent.wanted_mut() = Locomotion::walk(Vec3::X).style("old");
+        assert_eq!(intent.changed("a"), None);
+        *intent.wanted_mut() = Locomotion::walk(Vec3::X).style("young");
+        assert_eq!(locomote(&intent.changed("a").unwrap()).style, "young");
+    }
+
+    #[test]
+    fn what_may_not_have_arrived_is_told_again_with_a_new_number() {
+        let mut intent = Intent::after(7);
+        *intent.wanted_mut() = Locomotion::walk(Vec3::Z).style("old");
+        assert_eq!(intent.changed("a").unwrap().sequence, 8);
+        *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
+        intent.doubt();
+        let again = intent.changed("a").unwrap();
+        assert_eq!((again.sequence, locomote(&again).style.as_str()), (9, "old"));
+        assert_eq!(intent.changed("a"), None);
+        intent.seen(40);
+        intent.wanted_mut().height = Some(0.8);
+        assert_eq!(intent.changed("a").unwrap().sequence, 41);
+    }
+
+    #[test]
+    fn one_that_is_taken_up_goes_on_until_it_is_told_otherwise() {
+        let mut intent = Intent::after(3);
+        assert_eq!(intent.changed("a"), None);
+        *intent.wanted_mut() = Locomotion::stand();
+        assert_eq!(intent.changed("a").unwrap().sequence, 4);
+    }
+
+    #[test]
+    fn nothing_was_told_so_nothing_is_in_doubt() {
+        let mut intent = Intent::default();
+        intent.doubt();
+        assert_eq!(intent.changed("a"), None);
+    }
+}

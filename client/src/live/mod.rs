@@ -1,0 +1,30 @@
+//! Live characters: sessions on the server that move until they are told otherwise.
+//!
+//! A session's timeline counts frames at 30 Hz. There are two ways to advance it:
+//!
+//! - **Client-clocked**, by [`Session::step`] for one character or [`Crowd::step`] for many: the game's loop asks for the
+//!   next frames when it wants them. The same seed, commands and steps give the same frames.
+//! - **Server-clocked**, by [`Drive`]: a stream on which the server sends a tick of frames for many characters at 30, 50 or
+//!   60 Hz. It never waits; a character whose plan is late slows down on what it has, and that is counted.
+//!
+//! What a character should do is a [`Locomotion`]. It is set in place, as often as the game likes; only what changed goes
+//! to the server, with sequence numbers, so that commands may be lost, late or repeated without harm.
+
+mod calls;
+mod crowd;
+mod drive;
+mod frames;
+mod locomotion;
+mod options;
+mod recording;
+mod session;
+#[cfg(test)]
+mod testing;
+
+pub use crowd::{Crowd, CrowdOptions, CrowdStep, Fault, MemberId};
+pub use drive::{Drive, DriveEvent, DriveOptions, Tick, Update};
+pub use frames::{Contacts, Frame, Frames};
+pub use locomotion::Locomotion;
+pub use options::{Encoding, FrameOptions, Rate, SessionOptions};
+pub use recording::Recording;
+pub use session::Session;

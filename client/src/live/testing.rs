@@ -1,0 +1,266 @@
+//! A server that answers by script, to see what a client sends and how it takes answers that a real server seldom gives.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Request, Response, Status, Streaming};
+use tonic_types::{ErrorDetails, StatusExt as _};
+use troupe_proto::v1;
+use troupe_proto::v1::sessions_server::{Sessions, SessionsServer};
+
+use crate::connection::Client;
+use crate::pack::Pack;
+
+/// Joints of the pack of the tests.
+const JOINTS: usize = 2;
+
+/// What the server was asked, and how it answers.
+#[derive(Debug, Default)]
+pub(crate) struct Script {
+    /// Steps, in the order of their arrival.
+    pub(crate) steps: Vec<v1::StepRequest>,
+    /// Messages of streams.
+    pub(crate) asked: Vec<v1::DriveRequest>,
+    /// Sessions that cannot be served, and the reason.
+    pub(crate) broken: BTreeMap<String, &'static str>,
+    /// Styles that are refused.
+    pub(crate) unknown_style: Option<&'static str>,
+    /// The next step fails as a whole.
+    pub(crate) unavailable: bool,
+    /// Answers of the next stream; it ends after them.
+    pub(crate) stream: Vec<v1::DriveResponse>,
+    frames: BTreeMap<String, u64>,
+}
+
+#[derive(Debug, Clone)]
+struct Scripted(Arc<Mutex<Script>>);
+
+/// Starts a server by script and connects to it.
+pub(crate) async fn scripted() -> (Client, Pack, Arc<Mutex<Script>>) {
+    let script = Arc::new(Mutex::new(Script::default()));
+    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let incoming = tonic::transport::server::TcpIncoming::from(listener);
+    let service = SessionsServer::new(Scripted(script.clone()));
+    let server = tonic::transport::Server::builder().add_service(service);
+    tokio::spawn(server.serve_with_incoming(incoming));
+    let client = Client::connect(&format!("http://{address}")).await.unwrap();
+    let pack = Pack::try_from(crate::pack::tests::message()).unwrap();
+    (client, pack, script)
+}
+
+/// A block of one frame for each slot, whose root's x is the slot and whose frame number is given.
+pub(crate) fn block(slots: &[u32], frame_count: u32, first_frames: Vec<u64>) -> v1::FrameBlock {
+    let frames = slots.len() * frame_count as usize;
+    let roots = slots
+        .iter()
+        .flat_map(|&slot| (0..frame_count).flat_map(move |_| [slot as f32, 0.9, 0.0]));
+    v1::FrameBlock {
+        pack: "pair".to_owned(),
+        slots: slots.to_vec(),
+        frame_count,
+        first_frames,
+        root_positions: roots.collect(),
+        rotations: [1.0, 0.0, 0.0, 0.0].repeat(frames * JOINTS),
+        contacts: vec![1; frames],
+        ..v1::FrameBlock::default()
+    }
+}
+
+pub(crate) fn problem(reason: &str) -> v1::Problem {
+    v1::Problem {
+        reason: reason.to_owned(),
+        message: format!("because of {reason}"),
+        ..v1::Problem::default()
+    }
+}
+
+fn failed(reason: &str) -> Status {
+    let mut details = ErrorDetails::new();
+    details.set_error_info(reason, "troupe", std::collections::HashMap::new());
+    Status::with_error_details(tonic::Code::NotFound, format!("because of {reason}"), details)
+}
+
+impl Script {
+    fn result(&self, command: &v1::Command) -> v1::CommandResult {
+        let refused = match &command.intent {
+            Some(v1::command::Intent::Locomote(l)) => self.unknown_style == Some(l.style.as_str()),
+            None => true,
+        };
+        v1::CommandResult {
+            session_id: command.session_id.clone(),
+            sequence: command.sequence,
+            status: if refused {
+                v1::CommandStatus::Refused.into()
+            } else {
+                v1::CommandStatus::Accepted.into()
+            },
+            problem: refused.then(|| problem("UNKNOWN_STYLE")),
+        }
+    }
+
+    fn step(&mut self, request: v1::StepRequest) -> Result<v1::StepResponse, Status> {
+        self.steps.push(request.clone());
+        if std::mem::take(&mut self.unavailable) {
+            return Err(Status::unavailable("the queue is full"));
+        }
+        let (mut slots, mut first_frames, mut problems) = (Vec::new(), Vec::new(), Vec::new());
+        for (slot, id) in request.session_ids.iter().enumerate() {
+            if let Some(reason) = self.broken.get(id) {
+                problems.push(v1::SessionProblem {
+                    slot: slot as u32,
+                    session_id: id.clone(),
+                    problem: Some(problem(reason)),
+                });
+                continue;
+            }
+            let frame = self.frames.entry(id.clone()).or_default();
+            slots.push(slot as u32);
+            first_frames.push(*frame);
+            *frame += u64::from(request.frames);
+        }
+        if slots.is_empty() {
+            let reason = problems.first().and_then(|p| p.problem.clone());
+            return Err(failed(&reason.unwrap_or_default().reason));
+        }
+        Ok(v1::StepResponse {
+            blocks: vec![block(&slots, request.frames, first_frames)],
+            command_results: request.commands.iter().map(|c| self.result(c)).collect(),
+            problems,
+            total_us: 900,
+            waited_us: 700,
+        })
+    }
+}
+
+#[tonic::async_trait]
+impl Sessions for Scripted {
+    async fn create_sessions(
+        &self,
+        request: Request<v1::CreateSessionsRequest>,
+    ) -> Result<Response<v1::CreateSessionsResponse>, Status> {
+        let sessions = request.into_inner().sessions.into_iter();
+        let session = |of: v1::SessionOptions| v1::Session {
+            id: of.id,
+            convention: of.convention,
+            ..v1::Session::default()
+        };
+        Ok(Response::new(v1::CreateSessionsResponse {
+            sessions: sessions.map(session).collect(),
+        }))
+    }
+
+    async fn get_session(
+        &self,
+        request: Request<v1::GetSessionRequest>,
+    ) -> Result<Response<v1::Session>, Status> {
+        let id = request.into_inner().id;
+        match self.0.lock().unwrap().broken.get(&id) {
+            Some(&reason) if reason != "SESSION_BUSY" => Err(failed(reason)),
+            _ => Ok(Response::new(v1::Session {
+                id,
+                ..v1::Session::default()
+            })),
+        }
+    }
+
+    async fn list_sessions(
+        &self,
+        request: Request<v1::ListSessionsRequest>,
+    ) -> Result<Response<v1::ListSessionsResponse>, Status> {
+        // Two pages.
+        let first = request.into_inner().page_token.is_empty();
+        let session = |id: &str, underruns| v1::Session {
+            id: id.to_owned(),
+            stats: Some(v1::SessionStats {
+                underruns,
+                plans_for_command: 1,
+                ..v1::SessionStats::default()
+            }),
+            ..v1::Session::default()
+        };
+        Ok(Response::new(if first {
+            v1::ListSessionsResponse {
+                sessions: vec![session("c0", 2), session("foreign", 100)],
+                next_page_token: "more".to_owned(),
+                total: 3,
+            }
+        } else {
+            v1::ListSessionsResponse {
+                sessions: vec![session("c1", 3)],
+                ..v1::ListSessionsResponse::default()
+            }
+        }))
+    }
+
+    async fn close_sessions(
+        &self,
+        request: Request<v1::CloseSessionsRequest>,
+    ) -> Result<Response<v1::CloseSessionsResponse>, Status> {
+        Ok(Response::new(v1::CloseSessionsResponse {
+            closed: request.into_inner().ids.len() as u32,
+        }))
+    }
+
+    async fn command(
+        &self,
+        request: Request<v1::CommandRequest>,
+    ) -> Result<Response<v1::CommandResponse>, Status> {
+        let script = self.0.lock().unwrap();
+        let commands = request.into_inner().commands;
+        Ok(Response::new(v1::CommandResponse {
+            results: commands.iter().map(|c| script.result(c)).collect(),
+        }))
+    }
+
+    async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::StepResponse>, Status> {
+        self.0
+            .lock()
+            .unwrap()
+            .step(request.into_inner())
+            .map(Response::new)
+    }
+
+    type DriveStream = ReceiverStream<Result<v1::DriveResponse, Status>>;
+
+    async fn drive(
+        &self,
+        request: Request<Streaming<v1::DriveRequest>>,
+    ) -> Result<Response<Self::DriveStream>, Status> {
+        let mut asked = request.into_inner();
+        let answers = std::mem::take(&mut self.0.lock().unwrap().stream);
+        let (send, receive) = mpsc::channel(answers.len().max(1));
+        for answer in answers {
+            send.try_send(Ok(answer)).unwrap();
+        }
+        let script = self.0.clone();
+        tokio::spawn(async move {
+            while let Ok(Some(message)) = asked.message().await {
+                script.lock().unwrap().asked.push(message);
+            }
+            drop(send);
+        });
+        Ok(Response::new(ReceiverStream::new(receive)))
+    }
+
+    async fn peek(&self, _: Request<v1::PeekRequest>) -> Result<Response<v1::PeekResponse>, Status> {
+        Err(Status::unimplemented("not part of the script"))
+    }
+
+    async fn list_styles(
+        &self,
+        _: Request<v1::ListStylesRequest>,
+    ) -> Result<Response<v1::ListStylesResponse>, Status> {
+        Err(Status::unimplemented("not part of the script"))
+    }
+
+    async fn get_style(&self, _: Request<v1::GetStyleRequest>) -> Result<Response<v1::Style>, Status> {
+        Err(Status::unimplemented("not part of the script"))
+    }
+
+    async fn put_style(&self, _: Request<v1::PutStyleRequest>) -> Result<Response<v1::Style>, Status> {
+        Err(Status::unimplemented("not part of the script"))
+    }
+}

@@ -1,0 +1,143 @@
+//! What may be wrong with one session or stream, while others go on.
+
+use std::fmt;
+
+use troupe_proto::v1;
+
+/// A session that could not be served, or whose command was refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("session `{session}`: {problem}")]
+pub struct SessionError {
+    /// The session's name; empty where the server did not say which it was.
+    pub session: String,
+    /// Why.
+    pub problem: Problem,
+}
+
+/// Why one of many could not be served.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// What kind of problem it is.
+    pub kind: ProblemKind,
+    /// The server's words.
+    pub message: String,
+    /// The field at fault, where there is one.
+    pub field: Option<String>,
+    /// What the field may be.
+    pub allowed: Option<String>,
+}
+
+/// Kinds of problems with sessions and streams.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ProblemKind {
+    /// Nobody touched the session for its time to live, and the server closed it.
+    SessionExpired,
+    /// The server has no session of that name.
+    UnknownSession,
+    /// The server has a session of that name already.
+    SessionExists,
+    /// Somebody else advances the session.
+    SessionBusy,
+    /// The session was closed.
+    SessionClosed,
+    /// The session was taken off the stream as asked.
+    Detached,
+    /// The server has as many sessions as it takes.
+    TooManySessions,
+    /// The pack has no such style.
+    UnknownStyle,
+    /// The client was done with the stream.
+    ClientDone,
+    /// The server is stopping.
+    Draining,
+    /// The client took nothing from the stream for too long.
+    SlowReader,
+    /// Another, by the server's name for it.
+    Other(String),
+}
+
+impl ProblemKind {
+    /// Whether the session is gone for good.
+    pub fn is_gone(&self) -> bool {
+        matches!(
+            self,
+            Self::SessionExpired | Self::UnknownSession | Self::SessionClosed
+        )
+    }
+
+    /// From the server's name for it.
+    pub(crate) fn from_reason(reason: &str) -> Self {
+        match reason {
+            "SESSION_EXPIRED" => Self::SessionExpired,
+            "UNKNOWN_SESSION" => Self::UnknownSession,
+            "SESSION_EXISTS" => Self::SessionExists,
+            "SESSION_BUSY" => Self::SessionBusy,
+            "SESSION_CLOSED" => Self::SessionClosed,
+            "DETACHED" => Self::Detached,
+            "TOO_MANY_SESSIONS" => Self::TooManySessions,
+            "UNKNOWN_STYLE" => Self::UnknownStyle,
+            "CLIENT_DONE" => Self::ClientDone,
+            "DRAINING" => Self::Draining,
+            "SLOW_READER" => Self::SlowReader,
+            other => Self::Other(other.to_owned()),
+        }
+    }
+
+    /// Whether an error answer of this kind is about one session rather than the request.
+    pub(crate) fn is_about_a_session(&self) -> bool {
+        matches!(
+            self,
+            Self::SessionExpired
+                | Self::UnknownSession
+                | Self::SessionExists
+                | Self::SessionBusy
+                | Self::SessionClosed
+        )
+    }
+}
+
+impl From<v1::Problem> for Problem {
+    fn from(problem: v1::Problem) -> Self {
+        let given = |text: String| Some(text).filter(|text| !text.is_empty());
+        Self {
+            kind: ProblemKind::from_reason(&problem.reason),
+            message: problem.message,
+            field: given(problem.field),
+            allowed: given(problem.allowed),
+        }
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.message.is_empty() {
+            return write!(f, "{:?}", self.kind);
+        }
+        f.write_str(&self.message)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn problems_of_many_are_read() {
+        let problem = Problem::from(v1::Problem {
+            reason: "UNKNOWN_STYLE".to_owned(),
+            message: "no style `wlak`".to_owned(),
+            field: "commands[0].locomote.style".to_owned(),
+            allowed: "idle, walk".to_owned(),
+        });
+        assert_eq!(problem.kind, ProblemKind::UnknownStyle);
+        assert_eq!(problem.allowed.as_deref(), Some("idle, walk"));
+        assert_eq!(problem.to_string(), "no style `wlak`");
+        let other = Problem::from(v1::Problem {
+            reason: "NEW_ONE".to_owned(),
+            ..v1::Problem::default()
+        });
+        assert_eq!(other.kind, ProblemKind::Other("NEW_ONE".to_owned()));
+        assert!(other.field.is_none() && !other.kind.is_gone());
+    }
+}
