@@ -213,7 +213,10 @@ fn frames_do_not_depend_on_latency_or_company() {
             .zip(&b.roots)
             .position(|(a, b)| a.distance(*b) > 1e-3);
         assert_eq!(differs, None, "{} in {}: by latency", scene.name, scene.style);
-        assert_eq!(a.seams, b.seams);
+        // A plan that is asked for in the last frames may come behind them.
+        let seen =
+            |take: &Take| -> Vec<_> { take.seams.iter().filter(|&&s| s < FRAMES as _).copied().collect() };
+        assert_eq!(seen(a), seen(b));
     }
     // Alone, without the others in the batch.
     for (index, (scene, together, _)) in at_once.iter().enumerate().take(2) {

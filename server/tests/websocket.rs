@@ -203,7 +203,8 @@ async fn what_makes_no_sense_closes_with_a_clear_reason() {
     ];
     for (message, field, says) in cases {
         let mut socket = Socket::connect(&server).await;
-        socket.0.send(message).await.unwrap();
+        // The server may close before it has read the whole of a large message.
+        let _ = socket.0.send(message).await;
         let (reason, frame) = socket.closed().await;
         assert_eq!(
             (reason.reason.as_str(), reason.field.as_str()),

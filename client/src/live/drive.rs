@@ -188,6 +188,9 @@ impl Drive {
             session_ids.push(session.id().to_owned());
             self.sessions.insert(session.id().to_owned(), session);
         }
+        if session_ids.is_empty() {
+            return Ok(());
+        }
         self.ask(Ask::Attach(v1::DriveAttach { session_ids })).await
     }
 
@@ -199,7 +202,10 @@ impl Drive {
         &mut self,
         ids: impl IntoIterator<Item = impl Into<String>>,
     ) -> Result<(), ClientError> {
-        let session_ids = ids.into_iter().map(Into::into).collect();
+        let session_ids: Vec<String> = ids.into_iter().map(Into::into).collect();
+        if session_ids.is_empty() {
+            return Ok(());
+        }
         self.ask(Ask::Detach(v1::DriveDetach { session_ids })).await
     }
 
@@ -267,17 +273,20 @@ impl Drive {
         }
         self.flush();
         let mut newest = None;
-        let first = self.answers.message().await;
-        // No waiting from here on, so that nothing is lost.
-        let mut came = Some(first);
-        while let Some(message) = came {
-            self.sort(message, &mut newest)?;
-            let enough = self.end.is_some() || (self.options.every_tick && newest.is_some());
-            came = if enough {
-                None
-            } else {
-                self.answers.message().now_or_never()
-            };
+        // Messages that tell this client nothing, such as commands that came late, are no reason to stop waiting.
+        while newest.is_none() && self.events.is_empty() && self.end.is_none() {
+            let first = self.answers.message().await;
+            // No waiting from here on, so that nothing is lost.
+            let mut came = Some(first);
+            while let Some(message) = came {
+                self.sort(message, &mut newest)?;
+                let enough = self.end.is_some() || (self.options.every_tick && newest.is_some());
+                came = if enough {
+                    None
+                } else {
+                    self.answers.message().now_or_never()
+                };
+            }
         }
         let head = match newest {
             Some(frames) => Some(self.read(frames)?),

@@ -134,7 +134,7 @@ impl Intent {
 
     /// A command with the next sequence number, to hold from `at_frame` on.
     pub(crate) fn command(&mut self, session: &str, at_frame: Option<u64>) -> v1::Command {
-        self.sequence += 1;
+        self.sequence = self.sequence.saturating_add(1);
         let before = self.told.take().and_then(|told| told.style);
         let mut told = self.wanted.clone();
         told.style = told.style.or(before);

@@ -45,6 +45,9 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
             tokio::time::sleep((*retry_after).max(MIN_RETRY)).await;
             result = cell.pack().batcher.submit(vec![item.clone()]).await;
         }
+        if let Ok(served) = &result {
+            cell.pack().load.measured(served);
+        }
         let plan = result
             .and_then(|served| {
                 served
