@@ -132,6 +132,9 @@ fn style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> Result<Arc<Style>, A
     found.ok_or_else(|| unknown_style(path, name, pack))
 }
 
+/// Names that the error of an unknown style lists at most: one call may carry thousands of such errors.
+const MAX_LISTED_STYLES: usize = 32;
+
 /// The error of a style that is not there.
 pub(super) fn unknown_style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> ApiError {
     ApiError::UnknownStyle {
@@ -141,6 +144,7 @@ pub(super) fn unknown_style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> A
             .styles
             .list()
             .iter()
+            .take(MAX_LISTED_STYLES)
             .map(|style| style.name.clone())
             .collect(),
     }

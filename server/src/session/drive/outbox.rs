@@ -13,6 +13,8 @@ use crate::service::LoadedPack;
 
 /// Control messages that may wait. With as many waiting, the stream takes no more of its client's messages.
 const MAX_CONTROL: usize = 64;
+/// Bytes of them that may wait, likewise; the message that goes over it still fits.
+const MAX_CONTROL_BYTES: usize = 1 << 20;
 
 /// The frames of one tick.
 #[derive(Debug)]
@@ -35,6 +37,7 @@ impl Tick {
 #[derive(Debug, Default)]
 struct State {
     control: VecDeque<Message>,
+    control_bytes: usize,
     tick: Option<Tick>,
     /// Goes out last.
     closing: Option<v1::DriveClosing>,
@@ -96,12 +99,16 @@ pub fn outbox() -> (Outbox, Outlet) {
 impl Outbox {
     /// Whether there is room for control messages that answer the client.
     pub fn has_room(&self) -> bool {
-        self.0.state().control.len() < MAX_CONTROL
+        let state = self.0.state();
+        state.control.len() < MAX_CONTROL && state.control_bytes < MAX_CONTROL_BYTES
     }
 
     /// Sends a control message.
     pub fn say(&self, message: Message) {
-        self.0.put(|state| state.control.push_back(message));
+        self.0.put(|state| {
+            state.control_bytes += message.encoded_len();
+            state.control.push_back(message);
+        });
     }
 
     /// Sends a tick's frames. Answers whether they replaced a tick that was not taken.
@@ -163,6 +170,7 @@ impl Outlet {
 
     fn take(state: &mut State) -> Option<Message> {
         if let Some(message) = state.control.pop_front() {
+            state.control_bytes -= message.encoded_len();
             return Some(message);
         }
         if let Some(Tick { frames, counts }) = state.tick.take() {
@@ -255,5 +263,17 @@ mod tests {
             outbox.say(left());
         }
         assert!(!outbox.has_room());
+    }
+    #[tokio::test]
+    async fn large_messages_fill_it_sooner() {
+        let (outbox, mut outlet) = outbox();
+        let results = vec![v1::CommandResult {
+            session_id: "x".repeat(MAX_CONTROL_BYTES),
+            ..v1::CommandResult::default()
+        }];
+        outbox.say(Message::Commands(v1::CommandResponse { results }));
+        assert!(!outbox.has_room());
+        outlet.next().await;
+        assert!(outbox.has_room());
     }
 }
