@@ -70,10 +70,10 @@ film: runtime
 			--out docs/images/$$path.png || exit 1; \
 	done
 
-# A hundred characters that wander for a minute on the server's clock (ARGS="--count 200" for more; see --help)
+# A hundred characters that wander for a minute on the server's clock (ARGS="--count 200 --seconds 20" for others; see --help)
 crowd: runtime
 	cargo build --release --package troupe-client --example crowd
-	scripts/with-server.sh target/release/examples/crowd --drive --count 100 --seconds 60 $(ARGS)
+	scripts/with-server.sh target/release/examples/crowd --drive $(or $(ARGS),--count 100 --seconds 60)
 
 # The files in examples/.
 samples:
