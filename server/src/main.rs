@@ -107,18 +107,22 @@ fn greeting(server: &ServerHandle) -> String {
         )
     });
     let packs: String = packs.collect();
-    // In a checkout there is a clip to try it with.
-    let fill = if std::path::Path::new("examples/walk.bvh").exists() {
-        "cargo run --release -p troupe-client -- inbetween --clip examples/walk.bvh --from 30 --to 65 --out filled.glb"
+    // In a checkout the client is to be built, and there is a clip to try it with.
+    let (troupe, clip) = if std::path::Path::new("examples/walk.bvh").exists() {
+        (
+            "cargo run --release -p troupe-client --",
+            "--clip examples/walk.bvh --from 30 --to 65 --out filled.glb",
+        )
     } else {
-        "troupe inbetween --clip FILE.bvh --from FRAME --to FRAME --out OUT.glb"
+        ("troupe", "--clip FILE.bvh --from FRAME --to FRAME --out OUT.glb")
     };
     format!(
         "Troupe serves gRPC and HTTP on http://{address}\n\
          {packs}\
          Try next:\n  \
            curl http://{address}/v1/packs\n  \
-           {fill}\n  \
+           {troupe} drive\n  \
+           {troupe} inbetween {clip}\n  \
            http://{address}/docs/ in a browser, for the HTTP interface\n  \
            http://{address}/metrics, for Prometheus\n"
     )

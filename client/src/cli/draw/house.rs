@@ -47,6 +47,27 @@ pub(in crate::cli) fn draw_title(canvas: &mut Canvas, title: &str, subtitle: &st
     canvas.text(subtitle, below, regular(16.0, MUTED, Align::Left));
 }
 
+/// A legend on the title's line, from its right end `pen` towards the left: names, each with its colours in front of it,
+/// `gap` pixels apart.
+pub(in crate::cli) fn draw_legend<'n>(
+    canvas: &mut Canvas,
+    mut pen: f32,
+    gap: f32,
+    entries: impl IntoIterator<Item = (&'n str, Vec<Ink>)>,
+) {
+    let label = regular(16.0, DARK, Align::Left);
+    for (name, inks) in entries {
+        pen -= canvas.text_width(name, label);
+        canvas.text(name, Point::new(pen, 50.0), label);
+        pen -= 14.0;
+        for ink in inks.iter().rev() {
+            canvas.disc(Point::new(pen, 44.5), 6.5, *ink);
+            pen -= 9.0;
+        }
+        pen -= gap;
+    }
+}
+
 /// A bar of a round length, from its left end on; `scale` pixels make a metre.
 pub(in crate::cli) fn draw_scale(canvas: &mut Canvas, left: Point, scale: f32) {
     let lengths = [

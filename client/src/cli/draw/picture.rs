@@ -6,7 +6,7 @@ use troupe_motion::fk::WorldMotion;
 
 use super::canvas::{Align, Canvas, Ink, Point};
 use super::figure::{Camera, Figure};
-use super::house::{DARK, MARGIN, MUTED, PANEL, RULE, draw_scale, draw_title, heading, ramp, regular};
+use super::house::{MARGIN, MUTED, PANEL, RULE, draw_legend, draw_scale, draw_title, heading, ramp, regular};
 
 /// Size of the layout; pictures of other sizes scale it.
 pub(super) const WIDTH: f32 = 1600.0;
@@ -156,25 +156,15 @@ impl Picture<'_> {
 
     fn draw_heading(&self, canvas: &mut Canvas) {
         draw_title(canvas, &self.title, &self.subtitle);
-        let label = regular(16.0, DARK, Align::Left);
-        let mut pen = WIDTH - MARGIN;
-        for (name, inks) in [
+        let entries = [
             ("target keyframe", vec![TARGET]),
             (
                 "generated",
                 (0..7).map(|i| Role::Generated(i as f32 / 6.0).ink()).collect(),
             ),
             ("context frames", vec![CONTEXT]),
-        ] {
-            pen -= canvas.text_width(name, label);
-            canvas.text(name, Point::new(pen, 50.0), label);
-            pen -= 14.0;
-            for ink in inks.iter().rev() {
-                canvas.disc(Point::new(pen, 44.5), 6.5, *ink);
-                pen -= 9.0;
-            }
-            pen -= 22.0;
-        }
+        ];
+        draw_legend(canvas, WIDTH - MARGIN, 22.0, entries);
     }
 
     fn draw_strip(

@@ -6,7 +6,7 @@ use troupe_motion::fk::WorldMotion;
 use crate::cli::draw::canvas::{Align, Canvas, Ink, Point};
 use crate::cli::draw::figure::{Camera, Figure};
 use crate::cli::draw::house::{
-    DARK, MARGIN, MUTED, PANEL, RULE, draw_scale, draw_title, heading, ramp, regular,
+    DARK, MARGIN, MUTED, PANEL, RULE, draw_legend, draw_scale, draw_title, heading, ramp, regular,
 };
 use crate::cli::drive::Take;
 
@@ -171,7 +171,7 @@ impl Film<'_> {
         );
         pen -= 72.0;
         let styled = parts.styles.iter().enumerate().rev();
-        let entries = if parts.styles.len() > 1 {
+        let entries: Vec<_> = if parts.styles.len() > 1 {
             styled
                 .map(|(i, style)| (style.as_str(), vec![STYLE_INKS[i % STYLE_INKS.len()]]))
                 .collect()
@@ -179,16 +179,7 @@ impl Film<'_> {
             let inks = (0..7).map(|i| ramp(i as f32 / 6.0)).collect();
             vec![("from start to end", inks)]
         };
-        for (name, inks) in entries {
-            pen -= canvas.text_width(name, label);
-            canvas.text(name, Point::new(pen, 50.0), label);
-            pen -= 14.0;
-            for ink in inks.iter().rev() {
-                canvas.disc(Point::new(pen, 44.5), 6.5, *ink);
-                pen -= 9.0;
-            }
-            pen -= 16.0;
-        }
+        draw_legend(canvas, pen, 16.0, entries);
     }
 
     /// The root's way on the ground as pieces of one colour.
