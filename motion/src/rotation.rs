@@ -17,15 +17,29 @@ pub fn from_six_d(d: [f32; 6]) -> Quat {
     let a = Vec3::new(d[0], d[1], d[2]);
     let b = Vec3::new(d[3], d[4], d[5]);
     let x = a.try_normalize().unwrap_or(Vec3::X);
-    let y = (b - x * x.dot(b)).try_normalize();
-    let y = match y {
+    let y = b - x * x.dot(b);
+    let y = if y.length_squared() > NEARLY_ALONG * b.length_squared() {
+        y.normalize()
+    } else {
+        across(x, y)
+    };
+    Quat::from_mat3(&glam::Mat3::from_cols(x, y, x.cross(y)))
+}
+
+/// Square of the sine below which two columns count as nearly along each other: what is left of one across the other
+/// has lost digits then.
+const NEARLY_ALONG: f32 = 1e-3;
+
+/// A direction across `x`, as near to `y` as its digits allow.
+#[cold]
+fn across(x: Vec3, y: Vec3) -> Vec3 {
+    match y.try_normalize() {
         // A second pass: after cancellation the first leaves a visible component along x.
         Some(y) => (y - x * x.dot(y))
             .try_normalize()
             .unwrap_or_else(|| x.any_orthonormal_vector()),
         None => x.any_orthonormal_vector(),
-    };
-    Quat::from_mat3(&glam::Mat3::from_cols(x, y, x.cross(y))).normalize()
+    }
 }
 
 /// Spherical interpolation along the shorter way from `a` (`t` = 0) to `b` (`t` = 1), of unit length.

@@ -10,12 +10,12 @@ import torch
 
 from troupe_training.config import COUNTS, MAX_FRAMES, MAX_TOKENS, PRESETS, SLOTS
 from troupe_training.features import ClipStore, random_slot_masks, slot_frames
-from troupe_training.layers import UnrolledConv, unroll_convolutions
+from troupe_training.layers import FrameConv, UnrolledConv, unroll_convolutions
 from troupe_training.losses import Kinematics
 from troupe_training.root_module import RootStage, baseline_trajectory
 from troupe_training.rotations import six_d_to_matrix
 from troupe_training.stages import build, run_root, train_stage
-from troupe_training.tokenizer import MultiHeadQuantizer
+from troupe_training.tokenizer import DecoderStage, MultiHeadQuantizer
 from troupe_training.trainer import Budget
 
 CONFIG = PRESETS["test"]
@@ -54,12 +54,27 @@ def test_padding_changes_nothing(store: ClipStore, tokens: int):
 
 @pytest.mark.parametrize("kernel", [3, 5, 7])
 def test_an_unrolled_convolution_is_the_convolution(kernel: int):
-    stack = torch.nn.Sequential(torch.nn.Conv1d(6, 4, kernel, padding=kernel // 2))
-    x = torch.randn(3, 6, 5)
+    stack = torch.nn.Sequential(FrameConv(6, kernel))
+    x = torch.randn(3, 5, 6)
     expected = stack(x)
     unroll_convolutions(stack)
     assert isinstance(stack[0], UnrolledConv)
     assert torch.allclose(stack(x), expected, atol=1e-5)
+
+
+def test_the_decoder_stage_reads_out_what_the_decoder_gives(store: ClipStore):
+    tokenizer = build("tokenizer", CONFIG, store).eval()
+    segments = store.batch(400, torch.Generator().manual_seed(2), 6)
+    batch, frames = segments.pose.shape[:2]
+    mask = torch.zeros(batch, frames)
+    mask[:, [0, 1, 2, 3, frames - 1]] = 1.0
+    chosen = torch.randint(CONFIG.codes, (batch, 6, CONFIG.heads))
+    inputs = (segments.global_root, segments.pose, mask)
+    whole = tokenizer.decoder(tokenizer.quantizer.embed(chosen), *inputs)
+    rotations, root, contacts = DecoderStage(tokenizer)(chosen, torch.full((batch,), 6), *inputs)
+    assert torch.allclose(six_d_to_matrix(rotations), whole.rotations, atol=1e-5)
+    assert torch.allclose(root, whole.global_root, atol=1e-5)
+    assert torch.allclose(contacts, torch.sigmoid(whole.contact_logits), atol=1e-5)
 
 
 def test_quantizer_finds_its_own_codes():

@@ -45,7 +45,7 @@ SMALLEST_HALF = 256  # tensors with fewer numbers stay in 32 bits
 
 ROOT_OUTPUTS = ["num_tokens", "count_probs", "global_root"]
 POSE_OUTPUTS = ["logits"]
-DECODER_OUTPUTS = ["positions", "rotations", "refined_local_root", "refined_root", "velocities", "contacts"]
+DECODER_OUTPUTS = ["rotations", "refined_root", "contacts"]
 
 
 def round_to_half(module: nn.Module) -> None:

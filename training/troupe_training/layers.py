@@ -49,56 +49,58 @@ class Standardiser(nn.Module):
         return x * self.std + self.mean
 
 
-class ChannelNorm(nn.Module):
-    """Layer norm over channels of ``[B, C, T]``, each frame for itself, so that padding cannot leak."""
+class FrameConv(nn.Conv1d):
+    """A convolution over time of ``[B, T, C]`` with stride one, zeros beyond both ends."""
 
-    def __init__(self, channels: int):
-        super().__init__()
-        self.norm = nn.LayerNorm(channels)
+    def __init__(self, channels: int, kernel: int):
+        super().__init__(channels, channels, kernel, padding=kernel // 2)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return self.norm(x.transpose(1, 2)).transpose(1, 2)
+        return super().forward(x.transpose(1, 2)).transpose(1, 2)
 
 
 class UnrolledConv(nn.Module):
-    """A `nn.Conv1d` of stride one as a single matrix product over shifted copies of its input, for export.
+    """A `FrameConv` as a single matrix product over shifted copies of its input, for export.
 
-    The same numbers in the same order of weights; ONNX Runtime's own convolution multiplies one row of the batch at a
-    time and is slow where that row has only a few frames.
+    The same numbers in the same order of weights. The convolutions of ONNX Runtime multiply one row of the batch at a time and
+    are slow where that row has only a few frames; one Gather makes the copies faster than slices and their concatenation.
     """
 
-    def __init__(self, conv: nn.Conv1d):
+    def __init__(self, conv: FrameConv):
         super().__init__()
         self.taps = conv.kernel_size[0]
         self.register_buffer("weight", conv.weight.detach().permute(2, 1, 0).flatten(0, 1).contiguous())
         self.register_buffer("bias", conv.bias.detach().clone())
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """``[B, C, T] -> [B, D, T]``, zeros beyond both ends."""
-        frames = x.shape[2]
-        padded = F.pad(x.transpose(1, 2), (0, 0, self.taps // 2, self.taps // 2))
-        shifted = torch.cat([padded[:, tap : tap + frames] for tap in range(self.taps)], -1)
-        return (shifted @ self.weight + self.bias).transpose(1, 2)
+        """``[B, T, C] -> [B, T, C]``."""
+        batch, frames, channels = x.shape
+        padded = F.pad(x, (0, 0, self.taps // 2, self.taps // 2))
+        taps = torch.arange(self.taps, device=x.device)
+        window = (torch.arange(frames, device=x.device)[:, None] + taps).flatten()
+        shifted = padded.index_select(1, window).reshape(batch, frames, self.taps * channels)
+        return shifted @ self.weight + self.bias
 
 
 def unroll_convolutions(module: nn.Module) -> None:
     """Replaces every convolution inside ``module`` by its `UnrolledConv`."""
     for name, child in module.named_children():
-        if isinstance(child, nn.Conv1d):
+        if isinstance(child, FrameConv):
             setattr(module, name, UnrolledConv(child))
         else:
             unroll_convolutions(child)
 
 
 class ResidualConv(nn.Module):
-    """``x + conv(relu(norm(x)))`` with frames outside the segment held at zero."""
+    """``x + conv(relu(norm(x)))`` with frames outside the segment held at zero; each frame is normalised for itself."""
 
     def __init__(self, channels: int, kernel: int):
         super().__init__()
-        self.norm = ChannelNorm(channels)
-        self.conv = nn.Conv1d(channels, channels, kernel, padding=kernel // 2)
+        self.norm = nn.LayerNorm(channels)
+        self.conv = FrameConv(channels, kernel)
 
     def forward(self, x: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
+        """``x`` ``[B, T, C]``, ``valid`` ``[B, T, 1]`` of 0/1."""
         return x + self.conv(F.relu(self.norm(x)) * valid)
 
 
@@ -110,6 +112,7 @@ class ConvStack(nn.Module):
         self.blocks = nn.ModuleList(ResidualConv(channels, k) for k in kernels)
 
     def forward(self, x: torch.Tensor, valid: torch.Tensor) -> torch.Tensor:
+        """``x`` ``[B, T, C]``, ``valid`` ``[B, T, 1]`` of 0/1."""
         for block in self.blocks:
             x = block(x, valid)
         return x
@@ -140,15 +143,15 @@ def sinusoids(length: int, dim: int) -> torch.Tensor:
 class TransformerLayer(nn.Module):
     """Pre-norm self-attention and feed-forward; ``bias`` ``[B, 1, 1, N]`` is added to the attention scores."""
 
-    def __init__(self, dim: int, head_dim: int):
+    def __init__(self, dim: int, head_dim: int, feedforward: int):
         super().__init__()
         self.heads = dim // head_dim
         self.norm1 = nn.LayerNorm(dim)
         self.qkv = nn.Linear(dim, 3 * dim)
         self.out = nn.Linear(dim, dim)
         self.norm2 = nn.LayerNorm(dim)
-        self.up = nn.Linear(dim, 4 * dim)
-        self.down = nn.Linear(4 * dim, dim)
+        self.up = nn.Linear(dim, feedforward * dim)
+        self.down = nn.Linear(feedforward * dim, dim)
 
     def forward(self, x: torch.Tensor, bias: torch.Tensor | None) -> torch.Tensor:
         batch, length, dim = x.shape
@@ -163,11 +166,11 @@ class TransformerLayer(nn.Module):
 
 
 class Transformer(nn.Module):
-    """A stack of `TransformerLayer` with a final norm."""
+    """A stack of `TransformerLayer` with a final norm; feed-forward layers are ``feedforward`` times as wide."""
 
-    def __init__(self, dim: int, layers: int, head_dim: int):
+    def __init__(self, dim: int, layers: int, head_dim: int, feedforward: int = 4):
         super().__init__()
-        self.layers = nn.ModuleList(TransformerLayer(dim, head_dim) for _ in range(layers))
+        self.layers = nn.ModuleList(TransformerLayer(dim, head_dim, feedforward) for _ in range(layers))
         self.norm = nn.LayerNorm(dim)
 
     def forward(self, x: torch.Tensor, valid: torch.Tensor | None = None) -> torch.Tensor:

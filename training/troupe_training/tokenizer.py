@@ -20,7 +20,7 @@ from troupe_training.layers import (
     unstack_frames,
     valid_frames,
 )
-from troupe_training.rotations import matrix_to_six_d, six_d_to_matrix
+from troupe_training.rotations import six_d_to_matrix
 
 
 @dataclass
@@ -51,9 +51,9 @@ class Encoder(nn.Module):
 
     def forward(self, pose: torch.Tensor) -> torch.Tensor:
         one = torch.ones(1, 1, 1, device=pose.device)
-        x = self.level_full(self.enter(pose).transpose(1, 2), one).transpose(1, 2)
-        x = self.level_half(self.down_half(stack_frames(x, 2)).transpose(1, 2), one).transpose(1, 2)
-        x = self.level_quarter(self.down_quarter(stack_frames(x, 2)).transpose(1, 2), one).transpose(1, 2)
+        x = self.level_full(self.enter(pose), one)
+        x = self.level_half(self.down_half(stack_frames(x, 2)), one)
+        x = self.level_quarter(self.down_quarter(stack_frames(x, 2)), one)
         return self.leave(x)
 
 
@@ -155,18 +155,29 @@ class Decoder(nn.Module):
         num_tokens: torch.Tensor | None = None,
     ) -> Decoded:
         """``embedded`` ``[B, n, K*code_dim]``, roots ``[B, T, 5]``, poses ``[B, T, J*9]`` where ``frame_mask`` is 1."""
+        hidden, local = self.hidden(embedded, global_root, frame_pose, frame_mask, num_tokens)
+        return self._read_out(hidden.float(), local.float(), global_root)
+
+    def hidden(
+        self,
+        embedded: torch.Tensor,
+        global_root: torch.Tensor,
+        frame_pose: torch.Tensor,
+        frame_mask: torch.Tensor,
+        num_tokens: torch.Tensor | None,
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """What frames are read from, ``[B, T, .]``, and the standardised local root of ``global_root``."""
         slots = embedded.shape[1]
         if num_tokens is None:
             num_tokens = torch.full((embedded.shape[0],), slots, device=embedded.device)
-        valid = [valid_frames(num_tokens, slots * k, k)[:, None] for k in (1, 2, 4)]
+        valid = [valid_frames(num_tokens, slots * k, k)[..., None] for k in (1, 2, 4)]
         condition, local = self.condition(global_root, frame_pose, frame_mask)
         x = self.enter(embedded) + self.condition_quarter(stack_frames(condition, 4))
-        x = self.level_quarter(x.transpose(1, 2), valid[0]).transpose(1, 2)
+        x = self.level_quarter(x, valid[0])
         x = unstack_frames(self.up_half(x), 2) + self.condition_half(stack_frames(condition, 2))
-        x = self.level_half(x.transpose(1, 2), valid[1]).transpose(1, 2)
+        x = self.level_half(x, valid[1])
         x = unstack_frames(self.up_full(x), 2) + self.condition_full(condition)
-        x = self.level_full(x.transpose(1, 2), valid[2]).transpose(1, 2)
-        return self._read_out(x.float(), local.float(), global_root)
+        return self.level_full(x, valid[2]), local
 
     @full_precision
     def _read_out(self, hidden: torch.Tensor, local: torch.Tensor, global_root: torch.Tensor) -> Decoded:
@@ -223,22 +234,39 @@ class Tokenizer(nn.Module):
 
 
 class DecoderStage(nn.Module):
-    """The exported decoder: tokens in, frames out, every tensor as the pack contract names it."""
+    """The exported decoder: tokens in, frames out, every tensor as the pack contract names it.
+
+    It reads out what a server needs. The two columns of a rotation are as the network gives them: who reads them
+    orthonormalises (`six_d_to_matrix`), which costs a graph many small operations.
+    """
 
     def __init__(self, tokenizer: Tokenizer):
         super().__init__()
-        self.decoder = tokenizer.decoder
+        decoder = tokenizer.decoder
+        self.decoder = decoder
         self.quantizer = tokenizer.quantizer
+        pose_dim = decoder.joints * 9
+        six_d = torch.arange(pose_dim).reshape(decoder.joints, 9)[:, 3:].flatten()
+        root = torch.arange(pose_dim, pose_dim + 4)
+        contacts = torch.arange(decoder.contacts) + pose_dim + 4 + decoder.joints * 3
+        columns = torch.cat([six_d, root, contacts]).to(decoder.leave.weight.device)
+        self.widths = [len(six_d), len(root), len(contacts)]
+        self.leave = nn.Linear(decoder.leave.in_features, len(columns), device=columns.device)
+        with torch.no_grad():
+            self.leave.weight.copy_(decoder.leave.weight[columns])
+            self.leave.bias.copy_(decoder.leave.bias[columns])
+        self.register_buffer("scale", decoder.pose_scale.std[six_d].clone())
+        self.register_buffer("centre", decoder.pose_scale.mean[six_d].clone())
 
     def forward(self, tokens, num_tokens, global_root, frame_pose, frame_mask):
-        out = self.decoder(self.quantizer.embed(tokens), global_root, frame_pose, frame_mask, num_tokens)
+        decoder = self.decoder
+        embedded = self.quantizer.embed(tokens)
+        hidden, local = decoder.hidden(embedded, global_root, frame_pose, frame_mask, num_tokens)
+        rotations, root, contacts = self.leave(decoder.norm(hidden)).split(self.widths, -1)
         return (
-            out.positions,
-            matrix_to_six_d(out.rotations),
-            out.local_root,
-            out.global_root,
-            out.velocities,
-            torch.sigmoid(out.contact_logits),
+            (rotations * self.scale + self.centre).unflatten(-1, (decoder.joints, 6)),
+            integrate_root(global_root[:, 0], decoder.root_scale.invert(local + 0.2 * root)),
+            torch.sigmoid(contacts),
         )
 
 

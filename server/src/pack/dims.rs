@@ -137,12 +137,9 @@ impl Dims {
             ],
             Stage::Pose => vec![f32s("logits", &[self.max_tokens, self.heads, self.codes])],
             Stage::Decoder => vec![
-                f32s("positions", &[frames, self.joints, 3]),
                 f32s("rotations", &[frames, self.joints, SIX_D]),
                 // An ONNX graph must not give an output the name of an input.
-                f32s("refined_local_root", &[frames, LOCAL_ROOT]),
                 f32s("refined_root", &[frames, GLOBAL_ROOT]),
-                f32s("velocities", &[frames, self.joints, 3]),
                 f32s("contacts", &[frames, self.contacts]),
             ],
         }
