@@ -39,7 +39,7 @@ const REQUEST_MESSAGES: [&str; 29] = [
 ];
 
 /// Optional fields, left out of the JSON where they are absent.
-const OPTIONAL_FIELDS: [&str; 34] = [
+const OPTIONAL_FIELDS: [&str; 36] = [
     "Root.position",
     "Root.heading",
     "RootVelocity.height",
@@ -60,12 +60,14 @@ const OPTIONAL_FIELDS: [&str; 34] = [
     "SessionOptions.look_ahead_frames",
     "SessionOptions.replan_interval_frames",
     "SessionOptions.root_ratio",
+    "SessionOptions.priority",
     "Session.position",
     "Session.stats",
     "Locomote.velocity",
     "Locomote.facing",
     "Locomote.height",
     "Command.at_frame",
+    "Command.priority",
     "CommandResult.problem",
     "SessionProblem.problem",
     "DriveClosing.reason",

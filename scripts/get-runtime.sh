@@ -1,22 +1,50 @@
 #!/usr/bin/env bash
-# Puts the ONNX Runtime library at .runtime/libonnxruntime.so, out of the wheel pinned in onnxruntime.txt.
+# Puts ONNX Runtime at .runtime/libonnxruntime.so, out of the wheel pinned in onnxruntime-KIND.txt. KIND is openvino on
+# CPUs that compute in bf16, where OpenVINO is nearly twice as fast, and cpu elsewhere; TROUPE_RUNTIME=cpu|openvino decides otherwise.
 # The wheel is only a container here: nothing of Python's is used at run time.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-stamp=.runtime/$(cksum <scripts/onnxruntime.txt | cut -d' ' -f1).ok
-[ -f "$stamp" ] && [ -f .runtime/libonnxruntime.so ] && exit 0
-
-case "$(uname -s)-$(uname -m)" in
-Linux-x86_64) platform=manylinux_2_28_x86_64 ;;
-Linux-aarch64) platform=manylinux_2_28_aarch64 ;;
-Darwin-arm64) platform=macosx_14_0_arm64 ;;
+system=$(uname -s)-$(uname -m)
+kind=${TROUPE_RUNTIME:-}
+if [ -z "$kind" ]; then
+    kind=cpu
+    if [ "$system" = Linux-x86_64 ] && grep -qE '^flags.* (avx512_bf16|amx_bf16)( |$)' /proc/cpuinfo; then
+        kind=openvino
+    fi
+fi
+case "$kind-$system" in
+*-Linux-x86_64) platform=manylinux_2_28_x86_64 ;;
+cpu-Linux-aarch64) platform=manylinux_2_28_aarch64 ;;
+cpu-Darwin-arm64) platform=macosx_14_0_arm64 ;;
+openvino-*)
+    echo "The wheel with OpenVINO is for Linux x86-64 only; this is $system. TROUPE_RUNTIME=cpu works." >&2
+    exit 1
+    ;;
 *)
-    echo "No ONNX Runtime wheel is pinned for $(uname -s) $(uname -m)." >&2
+    echo "No ONNX Runtime wheel is pinned for $system." >&2
     echo "Set ORT_DYLIB_PATH to an ONNX Runtime library of version 1.24 or newer." >&2
     exit 1
     ;;
 esac
+pin=scripts/onnxruntime-$kind.txt
+[ -f "$pin" ] || { echo "TROUPE_RUNTIME is $kind; allowed: cpu, openvino" >&2; exit 1; }
+
+# One folder for each wheel; the link names the one in use. ONNX Runtime looks for its providers beside its own file,
+# under the names that they have in the wheel.
+folder=$kind-$(cksum <"$pin" | cut -d' ' -f1)
+use() {
+    local library
+    library=$(cd .runtime && find "$folder" -name 'libonnxruntime.*' | head -n 1)
+    [ "$(readlink .runtime/libonnxruntime.so 2>/dev/null)" = "$library" ] || {
+        ln -sfn "$library" .runtime/libonnxruntime.so
+        echo "ONNX Runtime in use: .runtime/$library"
+    }
+}
+if [ -f ".runtime/$folder/.complete" ]; then
+    use
+    exit 0
+fi
 
 pip=(python3 -m pip)
 if ! "${pip[@]}" --version >/dev/null 2>&1; then
@@ -30,10 +58,19 @@ fi
 mkdir -p .runtime
 work=$(mktemp -d .runtime/download.XXXXXX)
 trap 'rm -rf "$work"' EXIT
-echo "Fetching ONNX Runtime ($platform) ..."
+echo "Fetching ONNX Runtime ($kind, $platform) ..."
 "${pip[@]}" download --quiet --no-deps --require-hashes --only-binary=:all: --python-version 3.12 \
-    --implementation cp --abi cp312 --platform "$platform" --dest "$work" -r scripts/onnxruntime.txt
+    --implementation cp --abi cp312 --platform "$platform" --dest "$work" -r "$pin"
 python3 -m zipfile -e "$work"/*.whl "$work/wheel"
-library=$(find "$work/wheel/onnxruntime/capi" -name 'libonnxruntime.*' ! -name '*providers*' | head -n 1)
-mv "$library" .runtime/libonnxruntime.so
-touch "$stamp"
+
+# The libraries alone, each once: of those of OpenVINO that come under several names, the one that others link to. Its
+# plugins for GPUs, NPUs and several devices at once, and its interface for C, are not used here.
+rm -rf ".runtime/$folder"
+mkdir ".runtime/$folder"
+find "$work/wheel/onnxruntime/capi" -maxdepth 1 \( -name 'lib*.so*' -o -name 'lib*.dylib' \) \
+    ! -name 'libopenvino*.so.20*' ! -name 'libopenvino.so' ! -name 'libopenvino_onnx_frontend.so' ! -name 'libtbb.so' \
+    ! -name 'libopenvino_c.*' ! -name 'libopenvino_*_gpu_plugin.so' ! -name 'libopenvino_*_npu_plugin.so' \
+    ! -name 'libopenvino_auto_plugin.so' ! -name 'libopenvino_hetero_plugin.so' \
+    -exec mv {} ".runtime/$folder/" \;
+touch ".runtime/$folder/.complete"
+use

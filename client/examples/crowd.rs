@@ -53,6 +53,9 @@ struct Arguments {
     /// Frames between the cursor and the point where a new plan takes over.
     #[arg(long)]
     look_ahead: Option<u32>,
+    /// Watch from the middle of the square: priority falls with the distance, from 1 to 0.
+    #[arg(long)]
+    camera: bool,
 }
 
 fn rate(text: &str) -> Result<u32, String> {
@@ -151,6 +154,9 @@ async fn step(
             if let Some(intent) = crowd.intent_mut(member) {
                 wanderer.decide(tick, arguments.rate, intent);
             }
+            if arguments.camera {
+                crowd.set_priority(member, wanderer.priority());
+            }
         }
         let step = crowd.step(1).await?;
         for (member, frames) in step.characters() {
@@ -190,6 +196,9 @@ async fn drive(
         for (wanderer, id) in wanderers.iter_mut().zip(&ids) {
             if let Some(intent) = drive.intent_mut(id) {
                 wanderer.decide(now, arguments.rate, intent);
+            }
+            if arguments.camera {
+                drive.set_priority(id, wanderer.priority());
             }
         }
         let Some(update) = drive.next().await? else { break };
@@ -271,6 +280,12 @@ impl Wanderer {
             Some(frames) => options.look_ahead_frames(frames),
             None => options,
         }
+    }
+
+    /// By the distance from the middle, in tenths: every change is a command.
+    fn priority(&self) -> f32 {
+        let far = self.place.length() / (SQUARE_M / 2.0);
+        ((1.0 - far.min(1.0)) * 10.0).round() / 10.0
     }
 
     /// Every second to four of them, something else: mostly to go somewhere, sometimes to stand or to look elsewhere than

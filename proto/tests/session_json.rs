@@ -34,7 +34,24 @@ fn walk() -> v1::Command {
             style: "walk".into(),
             ..v1::Locomote::default()
         })),
+        priority: None,
     }
+}
+
+#[test]
+fn a_priority_stands_alone_or_beside_an_intent() {
+    let alone: v1::Command =
+        serde_json::from_str(r#"{"session_id":"a","sequence":1,"priority":0.25}"#).unwrap();
+    assert_eq!((alone.priority, &alone.intent), (Some(0.25), &None));
+    round_trip(&alone);
+    let json = round_trip(&v1::Command {
+        priority: Some(0.0),
+        ..walk()
+    });
+    assert_eq!(json["priority"], json!(0.0));
+    assert!(round_trip(&walk()).get("priority").is_none());
+    let options: v1::SessionOptions = serde_json::from_str(r#"{"priority":1}"#).unwrap();
+    assert_eq!(options.priority, Some(1.0));
 }
 
 #[test]

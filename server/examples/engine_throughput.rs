@@ -1,116 +1,372 @@
-//! How many plans a second the engine makes of a pack on this machine, by batch size and segment length, and where the
-//! time goes: the networks alone, without requests around them.
+//! How many plans a second the networks of a pack make on this machine: the raw ONNX Runtime loop, by engine, lanes,
+//! batch size and segment length. No server can do better.
 //!
 //! ```text
-//! cargo run --release -p troupe-server --example engine_throughput -- [PACK_FOLDER [SECONDS_A_ROW]]
+//! cargo run --release -p troupe-server --example engine_throughput -- --help
 //! ```
 
 use std::path::{Path, PathBuf};
+use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
+use anyhow::{Context as _, ensure};
+use clap::Parser;
+use serde::Serialize;
 use troupe_server::config::Config;
-use troupe_server::engine::onnx::{OnnxStages, Runtime};
-use troupe_server::engine::{KeyTensors, Pipeline, StageTimes, WorkItem};
+use troupe_server::engine::onnx::{OnnxStages, Runtime, SessionOptions};
+use troupe_server::engine::{
+    EngineChoice, EngineKind, Lanes, Pipeline, RawLoop, StageTimes, Stages, WorkItem, straight_walk,
+};
 use troupe_server::pack::{Dims, Pack};
 
-const BATCHES: [usize; 5] = [1, 8, 16, 32, 64];
+/// Measures the networks of a pack in a loop.
+#[derive(Debug, Parser)]
+struct Args {
+    /// Folder of the pack.
+    #[arg(long, default_value = "models/human", value_name = "FOLDER")]
+    pack: PathBuf,
+    /// Engines; auto is every one that runs here.
+    #[arg(long, value_delimiter = ',', default_value = "auto", value_name = "ENGINE,..")]
+    engine: Vec<EngineChoice>,
+    /// Lanes, each a thread in a loop of its own; 0 is the server's own number.
+    #[arg(long, value_delimiter = ',', default_value = "0", value_name = "COUNT,..")]
+    lanes: Vec<usize>,
+    /// Threads over all lanes; 0 is the server's own number.
+    #[arg(long, default_value_t = 0, value_name = "COUNT")]
+    threads: usize,
+    /// Batch sizes.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "1,8,16,32,64",
+        value_name = "SIZE,.."
+    )]
+    batch: Vec<usize>,
+    /// Frames of a segment; a live session plans 36, the most is 64 with the default pack.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "36,64",
+        value_name = "FRAMES,.."
+    )]
+    frames: Vec<usize>,
+    /// What is in the loop: the networks alone, or the server's pipeline with its filling and sampling too.
+    #[arg(long = "loop", value_enum, default_value = "raw")]
+    kind: LoopKind,
+    /// Seconds a measurement.
+    #[arg(long, default_value_t = 1.0, value_name = "SECONDS")]
+    seconds: f64,
+    /// Measurements of each row, in turns; the median counts.
+    #[arg(long, default_value_t = 1, value_name = "COUNT")]
+    repeats: usize,
+    /// Whether waiting threads of a lane spin.
+    #[arg(long)]
+    spin: bool,
+    /// Print one JSON document instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+enum LoopKind {
+    Raw,
+    Pipeline,
+}
+
+#[derive(Serialize)]
+struct Output {
+    pack: String,
+    version: String,
+    library: PathBuf,
+    cores: usize,
+    rows: Vec<Row>,
+}
+
+/// A row of the table: medians over the repeats.
+#[derive(Serialize)]
+struct Row {
+    engine: EngineKind,
+    #[serde(rename = "loop")]
+    kind: LoopKind,
+    lanes: Lanes,
+    batch: usize,
+    frames: usize,
+    /// Plans of `frames` frames a second, over all lanes.
+    plans_per_s: f64,
+    frames_per_s: f64,
+    /// Plans a second of each repeat.
+    repeats: Vec<f64>,
+    /// One call for one batch, milliseconds.
+    call_ms_p50: f64,
+    call_ms_p99: f64,
+    /// Shares of the time, 0 to 1; what is left is not in the networks.
+    root_share: f64,
+    pose_share: f64,
+    decoder_share: f64,
+}
+
+/// What one lane does in the loop.
+enum Work {
+    Raw(Box<RawLoop>),
+    Pipeline(Box<Pipeline>, Vec<WorkItem>),
+}
+
+impl Work {
+    fn run(&mut self) -> anyhow::Result<StageTimes> {
+        match self {
+            Self::Raw(raw) => Ok(raw.run()?),
+            Self::Pipeline(pipeline, items) => {
+                let (answers, times) = pipeline.run(items)?;
+                for answer in answers {
+                    answer?;
+                }
+                Ok(times)
+            }
+        }
+    }
+
+    fn set_shape(&mut self, dims: &Dims, batch: usize, frames: usize) {
+        match self {
+            Self::Raw(raw) => raw.set_shape(dims, batch, frames),
+            Self::Pipeline(_, items) => *items = vec![straight_walk(dims, frames); batch],
+        }
+    }
+}
 
 fn main() -> anyhow::Result<()> {
-    let mut arguments = std::env::args_os().skip(1);
-    let folder = arguments
-        .next()
-        .map_or_else(|| PathBuf::from("models/human"), PathBuf::from);
-    let seconds = match arguments.next() {
-        Some(text) => text
-            .to_string_lossy()
-            .parse()
-            .context("seconds a row is no number")?,
-        None => 2.0,
-    };
-
-    let config = Config::local(Path::new("."))?;
-    let pack = Pack::load(&folder)?;
+    let args = Args::parse();
+    let pack = Pack::load(&args.pack)?;
     let dims = pack.dims;
-    let stages = OnnxStages::load(&Runtime::new(&config.runtime_options())?, &pack)?;
-    let mut pipeline = Pipeline::new(dims, Box::new(stages), BATCHES[BATCHES.len() - 1]);
-    let started = Instant::now();
-    pipeline.warm_up()?;
-    println!("warm-up {:.2} s", started.elapsed().as_secs_f32());
-
-    // A live session plans about a second ahead; the second column is the longest segment, the third a mix of all.
-    let usual = 34.clamp(dims.min_frames(), dims.max_frames());
-    let longest = dims.max_frames();
-    for (name, lengths) in [
-        (format!("{usual} frames"), vec![usual]),
-        (format!("{longest} frames"), vec![longest]),
-        (
-            "mixed lengths".to_owned(),
-            (dims.min_frames()..=longest).collect(),
-        ),
-    ] {
-        println!("{name:>14}   plans/s   ms/batch   root %  pose %  decoder %");
-        for batch in BATCHES {
-            let items: Vec<WorkItem> = (0..batch)
-                .map(|index| walk(&dims, lengths[index * 7 % lengths.len()]))
-                .collect();
-            measure(&mut pipeline, &items, Duration::from_secs_f32(seconds))?;
-        }
+    for &frames in &args.frames {
+        let (low, high) = (dims.min_frames(), dims.max_frames());
+        ensure!(
+            (low..=high).contains(&frames),
+            "frames is {frames}; allowed: {low} to {high}"
+        );
     }
-    Ok(())
-}
-
-/// Runs batches of `items` for `time`, and prints a row of the table.
-fn measure(pipeline: &mut Pipeline, items: &[WorkItem], time: Duration) -> anyhow::Result<()> {
-    let (mut batches, mut sum) = (0, StageTimes::default());
-    let started = Instant::now();
-    while started.elapsed() < time {
-        let (answers, times) = pipeline.run(items)?;
-        for answer in answers {
-            answer?;
-        }
-        batches += 1;
-        sum.root += times.root;
-        sum.pose += times.pose;
-        sum.decoder += times.decoder;
-    }
-    let took = started.elapsed().as_secs_f64();
-    let share = |stage: Duration| 100.0 * stage.as_secs_f64() / took;
-    println!(
-        "    batch {:>4} {:>9.1} {:>10.2} {:>8.1} {:>7.1} {:>10.1}",
-        items.len(),
-        f64::from(batches) * items.len() as f64 / took,
-        1000.0 * took / f64::from(batches),
-        share(sum.root),
-        share(sum.pose),
-        share(sum.decoder),
+    ensure!(
+        args.repeats > 0 && args.seconds > 0.0,
+        "repeats and seconds must be more than 0"
     );
+    ensure!(
+        args.batch.iter().all(|&batch| batch > 0),
+        "a batch must be more than 0"
+    );
+    let config = Config::local(Path::new("."))?;
+    let runtime = Runtime::new(config.onnx_runtime.as_deref())?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+
+    let mut output = Output {
+        pack: pack.name().to_owned(),
+        version: pack.manifest.version.clone(),
+        library: runtime.library().to_owned(),
+        cores,
+        rows: Vec::new(),
+    };
+    if !args.json {
+        println!(
+            "pack {} {}, {}",
+            output.pack,
+            output.version,
+            output.library.display()
+        );
+        println!(
+            "{:<14} {:>5} {:>7} {:>5} {:>6} {:>9} {:>9} {:>8} {:>8}   root pose decoder %",
+            "engine", "lanes", "threads", "batch", "frames", "plans/s", "frames/s", "ms p50", "ms p99"
+        );
+    }
+    for engine in engines(&args.engine, &runtime) {
+        for &lanes in &args.lanes {
+            let lanes = Lanes::plan(lanes, args.threads, cores);
+            let options = SessionOptions {
+                engine,
+                threads: lanes.threads,
+                spin: args.spin,
+            };
+            let most = args.batch.iter().copied().max().unwrap_or(1);
+            let mut works = (0..lanes.count)
+                .map(|_| {
+                    let stages: Box<dyn Stages> = Box::new(OnnxStages::load(&runtime, &pack, options)?);
+                    Ok(match args.kind {
+                        LoopKind::Raw => {
+                            Work::Raw(Box::new(RawLoop::new(&dims, stages, most, dims.max_frames())))
+                        }
+                        LoopKind::Pipeline => {
+                            Work::Pipeline(Box::new(Pipeline::new(dims, stages, most)), Vec::new())
+                        }
+                    })
+                })
+                .collect::<anyhow::Result<Vec<Work>>>()?;
+            let first = output.rows.len();
+            for repeat in 0..args.repeats {
+                let shapes = args
+                    .frames
+                    .iter()
+                    .flat_map(|&frames| args.batch.iter().map(move |&batch| (batch, frames)));
+                for (index, (batch, frames)) in shapes.enumerate() {
+                    let run = measure(
+                        &mut works,
+                        &dims,
+                        batch,
+                        frames,
+                        Duration::from_secs_f64(args.seconds),
+                    )?;
+                    if repeat == 0 {
+                        output.rows.push(run.row(engine, args.kind, lanes, batch, frames));
+                    } else {
+                        output.rows[first + index].join(&run);
+                    }
+                }
+            }
+            if !args.json {
+                output.rows[first..].iter().for_each(Row::print);
+            }
+        }
+    }
+    if args.json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&output).context("cannot write JSON")?
+        );
+    }
     Ok(())
 }
 
-/// A straight walk of `frames` frames towards one target, with a neutral pose at each keyframe.
-fn walk(dims: &Dims, frames: usize) -> WorkItem {
-    const SPEED_MPS: f32 = 1.2;
-    let tokens = dims.tokens_for(frames);
-    let key = |frame: usize| {
-        let z = SPEED_MPS * (frame as f32 - (dims.context_frames as f32 - 1.0)) / 30.0;
-        KeyTensors {
-            local_root: Some([0.0, SPEED_MPS, 0.0, 0.9]),
-            global_root: Some([0.0, 0.9, z, 1.0, 0.0]),
-            pose: Some(vec![0.1; dims.pose()].into()),
+fn engines(wanted: &[EngineChoice], runtime: &Runtime) -> Vec<EngineKind> {
+    let mut engines: Vec<EngineKind> = Vec::new();
+    for choice in wanted {
+        let here = EngineKind::ALL
+            .into_iter()
+            .filter(|&engine| runtime.offers(engine));
+        match choice.named() {
+            Some(engine) => engines.push(engine),
+            None => engines.extend(here),
         }
-    };
-    WorkItem {
-        context: (0..dims.context_frames).map(key).collect(),
-        targets: vec![key(frames - 1)],
-        frames: Some(frames),
-        allowed_counts: (dims.min_tokens..=dims.max_tokens)
-            .map(|count| count == tokens)
-            .collect(),
-        seed: 1,
-        temperature: 0.0,
-        pose_steps: 1,
-        root_guide: None,
-        gap_poses: Vec::new(),
     }
+    engines
+}
+
+/// One measurement of one shape.
+struct Run {
+    plans_per_s: f64,
+    /// Of every call on every lane, sorted, milliseconds.
+    calls: Vec<f64>,
+    sum: StageTimes,
+    busy: Duration,
+}
+
+/// Runs batches on all lanes for `time`, after one that does not count.
+fn measure(
+    works: &mut [Work],
+    dims: &Dims,
+    batch: usize,
+    frames: usize,
+    time: Duration,
+) -> anyhow::Result<Run> {
+    let barrier = Barrier::new(works.len());
+    let lane = |work: &mut Work| -> anyhow::Result<(Vec<f64>, StageTimes, Duration)> {
+        work.set_shape(dims, batch, frames);
+        let warm = work.run();
+        // Every lane comes here, whatever became of it.
+        barrier.wait();
+        warm?;
+        let (mut calls, mut sum) = (Vec::new(), StageTimes::default());
+        let started = Instant::now();
+        while started.elapsed() < time {
+            let call = Instant::now();
+            let times = work.run()?;
+            calls.push(1000.0 * call.elapsed().as_secs_f64());
+            sum.root += times.root;
+            sum.pose += times.pose;
+            sum.decoder += times.decoder;
+        }
+        Ok((calls, sum, started.elapsed()))
+    };
+    let lanes = std::thread::scope(|scope| {
+        let threads: Vec<_> = works.iter_mut().map(|work| scope.spawn(|| lane(work))).collect();
+        threads
+            .into_iter()
+            .map(|thread| thread.join().map_err(|_| anyhow::anyhow!("a lane panicked"))?)
+            .collect::<anyhow::Result<Vec<_>>>()
+    })?;
+    let mut run = Run {
+        plans_per_s: 0.0,
+        calls: Vec::new(),
+        sum: StageTimes::default(),
+        busy: Duration::ZERO,
+    };
+    for (calls, sum, took) in lanes {
+        run.plans_per_s += (calls.len() * batch) as f64 / took.as_secs_f64();
+        run.calls.extend(calls);
+        run.sum.root += sum.root;
+        run.sum.pose += sum.pose;
+        run.sum.decoder += sum.decoder;
+        run.busy += took;
+    }
+    run.calls.sort_by(f64::total_cmp);
+    Ok(run)
+}
+
+impl Run {
+    fn row(&self, engine: EngineKind, kind: LoopKind, lanes: Lanes, batch: usize, frames: usize) -> Row {
+        let share = |stage: Duration| stage.as_secs_f64() / self.busy.as_secs_f64();
+        Row {
+            engine,
+            kind,
+            lanes,
+            batch,
+            frames,
+            plans_per_s: self.plans_per_s,
+            frames_per_s: self.plans_per_s * frames as f64,
+            repeats: vec![self.plans_per_s],
+            call_ms_p50: percentile(&self.calls, 0.5),
+            call_ms_p99: percentile(&self.calls, 0.99),
+            root_share: share(self.sum.root),
+            pose_share: share(self.sum.pose),
+            decoder_share: share(self.sum.decoder),
+        }
+    }
+}
+
+impl Row {
+    /// Takes another measurement of the same shape in. The row's other figures are those of its median.
+    fn join(&mut self, run: &Run) {
+        let other = run.row(self.engine, self.kind, self.lanes, self.batch, self.frames);
+        self.repeats.push(run.plans_per_s);
+        let mut sorted = self.repeats.clone();
+        sorted.sort_by(f64::total_cmp);
+        let median = percentile(&sorted, 0.5);
+        if (other.plans_per_s - median).abs() < (self.plans_per_s - median).abs() {
+            *self = Row {
+                repeats: std::mem::take(&mut self.repeats),
+                ..other
+            };
+        }
+    }
+
+    fn print(&self) {
+        println!(
+            "{:<14} {:>5} {:>7} {:>5} {:>6} {:>9.1} {:>9.0} {:>8.2} {:>8.2}   {:>4.0} {:>4.0} {:>7.0}",
+            self.engine.name(),
+            self.lanes.count,
+            self.lanes.threads,
+            self.batch,
+            self.frames,
+            self.plans_per_s,
+            self.frames_per_s,
+            self.call_ms_p50,
+            self.call_ms_p99,
+            100.0 * self.root_share,
+            100.0 * self.pose_share,
+            100.0 * self.decoder_share,
+        );
+    }
+}
+
+/// A quantile of sorted values.
+fn percentile(sorted: &[f64], quantile: f64) -> f64 {
+    let last = sorted.len().saturating_sub(1);
+    let index = (quantile * last as f64).round() as usize;
+    sorted.get(index.min(last)).copied().unwrap_or_default()
 }

@@ -1,19 +1,27 @@
 //! Configuration: flags before environment variables before the configuration file before defaults.
 
+mod cli;
+
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::Parser;
 use confique::Config as _;
 
 use crate::batch::scheduler::Limits;
-use crate::engine::onnx::RuntimeOptions;
+use crate::engine::machine::{Machine, available_cores};
+use crate::engine::onnx::Runtime;
+use crate::engine::{AccuracyCheck, EngineChoice, EngineError, Lanes, Selector};
 use crate::inbetween::RequestLimits;
 use crate::session::{SessionLimits, TTL_RANGE_MS};
 
+pub use cli::{Cli, Command, DoctorArgs};
+
 /// The file that is read where `--config` names none; it need not exist.
 pub const DEFAULT_FILE: &str = "troupe.toml";
+
+/// Shortest time for which InBetween calls stay behind live plans.
+const MIN_AGEING: Duration = Duration::from_secs(2);
 
 // The text on each field is the configuration template's, the flag's help and the documentation in one.
 /// The server's configuration.
@@ -45,13 +53,41 @@ pub struct Config {
     #[config(env = "ORT_DYLIB_PATH", layer_attr(arg(long, value_name = "FILE")))]
     pub onnx_runtime: Option<PathBuf>,
 
-    /// Threads for inference. 0: as many as this process may use, container limits included.
+    /// What runs the networks. auto: OpenVINO in bf16 where the CPU has AVX512-BF16 or AMX, the library offers OpenVINO
+    /// and the pack passes its accuracy check, else ONNX Runtime's own CPU kernels in f32. An engine that is named and
+    /// cannot run is an error. `troupe-server doctor` says what each pack gets, and why.
+    #[config(
+        env = "TROUPE_ENGINE",
+        default = "auto",
+        layer_attr(arg(long, value_name = "ENGINE"))
+    )]
+    pub engine: EngineChoice,
+
+    /// What becomes of an engine whose answers are too far from f32's. enforce: it does not serve; report: it serves, and
+    /// the log says so. The check is for trained packs; one of random weights, for timing, has no reason to pass it.
+    #[config(
+        env = "TROUPE_ACCURACY_CHECK",
+        default = "enforce",
+        layer_attr(arg(long, value_name = "MODE"))
+    )]
+    pub accuracy_check: AccuracyCheck,
+
+    /// Threads for inference, over all lanes of a pack. 0: as many as this process may use, container limits included.
     #[config(
         env = "TROUPE_THREADS",
         default = 0,
         layer_attr(arg(long, value_name = "COUNT"))
     )]
     pub threads: usize,
+
+    /// Batches of a pack that run at the same time, each with threads and networks of its own. 0: one for each thread, up
+    /// to 8.
+    #[config(
+        env = "TROUPE_LANES",
+        default = 0,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub lanes: usize,
 
     /// Whether idle inference threads spin before they sleep: a little faster where the CPU has nothing else to do.
     #[config(
@@ -61,21 +97,58 @@ pub struct Config {
     )]
     pub spin: bool,
 
-    /// Most characters in one inference call.
+    /// Most characters in one inference call. Beyond 32 a character takes no less time, while memory, warm-up and the time
+    /// that others wait grow.
     #[config(
         env = "TROUPE_MAX_BATCH",
-        default = 64,
+        default = 32,
         layer_attr(arg(long, value_name = "COUNT"))
     )]
     pub max_batch: usize,
 
-    /// Most characters that may wait for a pack; requests beyond are refused at once.
+    /// Most characters of InBetween calls that may wait for a pack; calls beyond are refused at once. Live characters have
+    /// room of their own: one place for each session of max_sessions.
     #[config(
         env = "TROUPE_MAX_QUEUED_CHARACTERS",
         default = 1024,
         layer_attr(arg(long, value_name = "COUNT"))
     )]
     pub max_queued_characters: usize,
+
+    /// An InBetween call that would wait longer than this for its turn, by the measured speed of the queue, is refused at
+    /// once, in milliseconds. 0: no such limit.
+    #[config(
+        env = "TROUPE_MAX_QUEUE_MS",
+        default = 1000,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub max_queue_ms: u64,
+
+    /// How long an idle part of the engine waits for preferred_batch characters, in microseconds. 0: a lone caller waits for
+    /// nobody. More makes larger batches, and every caller slower where there are few.
+    #[config(
+        env = "TROUPE_BATCH_DELAY_US",
+        default = 0,
+        layer_attr(arg(long, value_name = "US"))
+    )]
+    pub batch_delay_us: u64,
+
+    /// How many characters are worth batch_delay_us, up to max_batch. 0: none, so nothing waits.
+    #[config(
+        env = "TROUPE_PREFERRED_BATCH",
+        default = 0,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub preferred_batch: usize,
+
+    /// While there are live characters, a batch takes only what the engine can do in this time, by measure, so that no
+    /// character's plan waits long for its turn; in milliseconds. 0: no such limit.
+    #[config(
+        env = "TROUPE_LIVE_BATCH_MS",
+        default = 66,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub live_batch_ms: u64,
 
     /// Most characters in one request.
     #[config(
@@ -206,26 +279,6 @@ pub enum LogFormat {
     Json,
 }
 
-/// The command line.
-#[derive(Debug, Parser)]
-#[command(
-    name = "troupe-server",
-    version,
-    about = "Serves live characters and motion in-betweening over gRPC, HTTP and WebSocket, on one port"
-)]
-pub struct Cli {
-    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is one.
-    #[arg(long, env = "TROUPE_CONFIG", value_name = "FILE")]
-    config: Option<PathBuf>,
-
-    /// Print a configuration file with every option, its meaning and its default, and exit.
-    #[arg(long)]
-    pub print_config: bool,
-
-    #[command(flatten)]
-    flags: <Config as confique::Config>::Layer,
-}
-
 /// A configuration that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -254,13 +307,28 @@ impl Config {
     /// # Errors
     /// [`ConfigError`], which names the option.
     pub fn load(cli: Cli) -> Result<Self, ConfigError> {
-        let file = match cli.config {
+        Self::from_layers(cli.config, cli.flags)
+    }
+
+    fn from_layers(
+        file: Option<PathBuf>,
+        flags: <Self as confique::Config>::Layer,
+    ) -> Result<Self, ConfigError> {
+        let file = match file {
             Some(file) if !file.is_file() => return Err(ConfigError::MissingFile(file)),
             Some(file) => file,
             None => PathBuf::from(DEFAULT_FILE),
         };
-        let config = Self::builder().preloaded(cli.flags).env().file(file).load()?;
+        let config = Self::builder().preloaded(flags).env().file(file).load()?;
         config.checked()
+    }
+
+    /// The configuration that the doctor looks at: the server's, with the doctor's own flags.
+    ///
+    /// # Errors
+    /// [`ConfigError`], which names the option.
+    pub fn load_for_doctor(args: &DoctorArgs) -> Result<Self, ConfigError> {
+        Self::from_layers(args.config.clone(), args.layer())
     }
 
     /// The defaults, with packs from `packs` and any free port of the loopback interface: for tests and embedding.
@@ -310,6 +378,8 @@ impl Config {
         }
         let at_most = [
             ("max_batch", self.max_batch, 4096),
+            ("threads", self.threads, 1024),
+            ("lanes", self.lanes, 64),
             ("max_connections", self.max_connections, 1_000_000),
             ("max_sessions", self.max_sessions, 1_000_000),
             ("max_sessions_per_request", self.max_sessions_per_request, 16_384),
@@ -319,7 +389,29 @@ impl Config {
                 return Err(ConfigError::Value {
                     option,
                     found: value.to_string(),
-                    allowed: format!("1 to {most}"),
+                    allowed: match at_least_one.iter().any(|&(name, _)| name == option) {
+                        true => format!("1 to {most}"),
+                        false => format!("0 to {most}"),
+                    },
+                });
+            }
+        }
+        let at_most = [
+            ("max_queue_ms", self.max_queue_ms, 3_600_000),
+            ("batch_delay_us", self.batch_delay_us, 1_000_000),
+            (
+                "preferred_batch",
+                self.preferred_batch as u64,
+                self.max_batch as u64,
+            ),
+            ("live_batch_ms", self.live_batch_ms, 60_000),
+        ];
+        for (option, value, most) in at_most {
+            if value > most {
+                return Err(ConfigError::Value {
+                    option,
+                    found: value.to_string(),
+                    allowed: format!("0 to {most}"),
                 });
             }
         }
@@ -344,12 +436,29 @@ impl Config {
         Ok(self)
     }
 
-    /// The batcher's limits.
+    /// The batcher's limits, for an engine of one lane.
     pub fn batch_limits(&self) -> Limits {
         Limits {
+            lanes: 1,
             max_batch: self.max_batch,
             max_queued: self.max_queued_characters,
+            max_live: self.max_sessions,
+            max_wait: Duration::from_millis(self.max_queue_ms),
+            ageing: self.ageing(),
+            batch_delay: Duration::from_micros(self.batch_delay_us),
+            preferred_batch: self.preferred_batch,
+            live_slice: Duration::from_millis(self.live_batch_ms),
         }
+    }
+
+    /// What InBetween calls wait for before they go in front of live plans: longer than any admitted one should have to
+    /// wait, so that a flood of calls does not take live characters' turns, and yet calls are not starved by characters.
+    fn ageing(&self) -> Duration {
+        let longest_wait_ms = match self.max_queue_ms {
+            0 => self.request_timeout_ms / 4,
+            limit => limit,
+        };
+        Duration::from_millis(longest_wait_ms * 2).max(MIN_AGEING)
     }
 
     /// The limits of one request.
@@ -371,13 +480,24 @@ impl Config {
         }
     }
 
-    /// The inference runtime's options.
-    pub fn runtime_options(&self) -> RuntimeOptions {
-        RuntimeOptions {
-            library: self.onnx_runtime.clone(),
-            threads: self.threads,
+    /// The lanes of each pack, on the cores that this process may use: container limits count, the host does not.
+    pub fn lanes(&self) -> Lanes {
+        Lanes::plan(self.lanes, self.threads, available_cores())
+    }
+
+    /// What chooses the engine of each pack.
+    ///
+    /// # Errors
+    /// [`EngineError::Library`] where the library does not load.
+    pub fn selector(&self) -> Result<Selector, EngineError> {
+        Ok(Selector {
+            runtime: Runtime::new(self.onnx_runtime.as_deref())?,
+            machine: Machine::detect(),
+            choice: self.engine,
+            accuracy_check: self.accuracy_check,
+            lanes: self.lanes(),
             spin: self.spin,
-        }
+        })
     }
 
     /// [`Config::request_timeout_ms`] as a duration.

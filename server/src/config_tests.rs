@@ -1,3 +1,5 @@
+use clap::{CommandFactory as _, Parser as _};
+
 use super::*;
 
 fn load(args: &[&str]) -> Result<Config, ConfigError> {
@@ -51,6 +53,91 @@ fn the_template_names_every_option_and_loads() {
     load(&["--config", file.0.to_str().unwrap()]).unwrap();
 }
 
+/// The help as a terminal of usual width shows it. Defaults of this machine's environment do not show.
+fn help(command: &mut clap::Command) -> String {
+    command
+        .clone()
+        .term_width(100)
+        .mut_args(|arg| arg.hide_env_values(true))
+        .render_long_help()
+        .to_string()
+}
+
+#[test]
+fn the_help_says_what_there_is() {
+    let mut command = Cli::command();
+    let text = help(&mut command);
+    for option in [
+        "--engine <ENGINE>",
+        "--lanes <COUNT>",
+        "--accuracy-check <MODE>",
+        "doctor",
+    ] {
+        assert!(text.contains(option), "{option} is missing in\n{text}");
+    }
+    insta::assert_snapshot!(
+        "doctor_help",
+        help(command.find_subcommand_mut("doctor").unwrap())
+    );
+}
+
+#[test]
+fn the_doctor_has_flags_of_its_own_and_the_server_keeps_its() {
+    let doctor = |args: &[&str]| {
+        let args = ["troupe-server", "doctor"].iter().chain(args).copied();
+        match Cli::try_parse_from(args).unwrap().command {
+            Some(Command::Doctor(args)) => args,
+            None => panic!("this does not serve"),
+        }
+    };
+    let args = doctor(&[
+        "--json",
+        "--engine",
+        "openvino-bf16",
+        "--lanes",
+        "3",
+        "--packs",
+        "p",
+    ]);
+    let config = Config::load_for_doctor(&args).unwrap();
+    assert!(args.json);
+    assert_eq!((config.engine, config.lanes), (EngineChoice::OpenvinoBf16, 3));
+    assert_eq!(config.packs, Path::new("p"));
+    assert!(Cli::try_parse_from(["troupe-server", "--lanes", "2", "doctor"]).is_err());
+    assert_eq!(
+        load(&["--engine", "cpu", "--lanes", "2", "--threads", "6"])
+            .unwrap()
+            .lanes()
+            .threads,
+        3
+    );
+}
+
+#[test]
+fn calls_stay_behind_live_plans_for_longer_than_they_should_ever_wait() {
+    let limits = |args: &[&str]| load(args).unwrap().batch_limits();
+    let usual = limits(&[]);
+    assert_eq!(
+        (usual.max_wait, usual.ageing),
+        (Duration::from_secs(1), Duration::from_secs(2))
+    );
+    assert_eq!(
+        (usual.batch_delay, usual.preferred_batch, usual.max_live),
+        (Duration::ZERO, 0, 16_384)
+    );
+    assert_eq!(limits(&["--max-queue-ms", "50"]).ageing, Duration::from_secs(2));
+    assert_eq!(
+        limits(&["--max-queue-ms", "5000"]).ageing,
+        Duration::from_secs(10)
+    );
+    // Without that limit, half of the time after which a call is given up.
+    let unlimited = limits(&["--max-queue-ms", "0", "--request-timeout-ms", "20000"]);
+    assert_eq!(
+        (unlimited.max_wait, unlimited.ageing),
+        (Duration::ZERO, Duration::from_secs(10))
+    );
+}
+
 #[test]
 fn mistakes_name_the_option() {
     let error = |args: &[&str]| load(args).unwrap_err().to_string();
@@ -59,6 +146,7 @@ fn mistakes_name_the_option() {
         error(&["--max-batch", "4097"]),
         "max_batch is 4097; allowed: 1 to 4096"
     );
+    assert_eq!(error(&["--lanes", "65"]), "lanes is 65; allowed: 0 to 64");
     assert_eq!(
         error(&["--max-connections", "0"]),
         "max_connections is 0; allowed: 1 or more"
@@ -78,6 +166,22 @@ fn mistakes_name_the_option() {
     assert_eq!(
         error(&["--max-sessions-per-request", "16385"]),
         "max_sessions_per_request is 16385; allowed: 1 to 16384"
+    );
+    assert_eq!(
+        error(&["--max-queue-ms", "3600001"]),
+        "max_queue_ms is 3600001; allowed: 0 to 3600000"
+    );
+    assert_eq!(
+        error(&["--batch-delay-us", "1000001"]),
+        "batch_delay_us is 1000001; allowed: 0 to 1000000"
+    );
+    assert_eq!(
+        error(&["--preferred-batch", "9", "--max-batch", "8"]),
+        "preferred_batch is 9; allowed: 0 to 8"
+    );
+    assert_eq!(
+        error(&["--live-batch-ms", "60001"]),
+        "live_batch_ms is 60001; allowed: 0 to 60000"
     );
     assert!(error(&["--max-queued-characters", "10"]).contains("max_characters_per_request (256) or more"));
     assert!(error(&["--config", "/nowhere/troupe.toml"]).contains("/nowhere/troupe.toml"));

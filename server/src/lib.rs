@@ -9,7 +9,8 @@
 //! Commands change what a character wants ([`primitives`], [`style`]); whenever it needs a plan, its session has one made on
 //! the same way through the batcher, and cross-fades it into the frames that a step or a stream takes ([`session`]).
 //!
-//! [`service`] ties these together, [`server`] runs them on a port, [`telemetry`] counts, [`config`] configures.
+//! [`service`] ties these together, [`server`] runs them on a port, [`telemetry`] counts, [`config`] configures, [`doctor`] says what
+//! a machine offers.
 //!
 //! # Embedding
 //! ```no_run
@@ -29,6 +30,7 @@
 pub mod api;
 pub mod batch;
 pub mod config;
+pub mod doctor;
 pub mod engine;
 pub mod inbetween;
 pub mod pack;

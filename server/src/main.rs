@@ -8,15 +8,16 @@ use anyhow::Context as _;
 use clap::Parser as _;
 use tokio::net::TcpListener;
 use tracing_subscriber::EnvFilter;
-use troupe_server::config::{Cli, Config, LogFormat};
+use troupe_server::config::{Cli, Command, Config, DoctorArgs, LogFormat};
+use troupe_server::doctor::Report;
 use troupe_server::server::{ServerHandle, serve};
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let result = if cli.print_config {
-        say(&Config::template()).map(|()| ExitCode::SUCCESS)
-    } else {
-        run(cli)
+    let result = match &cli.command {
+        Some(Command::Doctor(args)) => doctor(args),
+        None if cli.print_config => say(&Config::template()).map(|()| ExitCode::SUCCESS),
+        None => run(cli),
     };
     result.unwrap_or_else(|error| {
         // Unlike `eprintln`, this does not panic where nobody listens.
@@ -32,6 +33,22 @@ fn say(text: &str) -> anyhow::Result<()> {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         result => result.context("cannot write to standard output"),
     }
+}
+
+/// Says what is found; fails where the server would not serve.
+fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
+    let config = Config::load_for_doctor(args)?;
+    let report = Report::examine(&config);
+    let text = if args.json {
+        serde_json::to_string_pretty(&report).context("cannot write JSON")? + "\n"
+    } else {
+        report.to_string()
+    };
+    say(&text)?;
+    Ok(match report.serves() {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::FAILURE,
+    })
 }
 
 fn run(cli: Cli) -> anyhow::Result<ExitCode> {

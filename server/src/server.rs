@@ -13,10 +13,10 @@ use tonic_health::server::HealthReporter;
 use troupe_proto::v1::{motion_server, sessions_server};
 
 use crate::api;
+use crate::batch::scheduler::Limits;
 use crate::batch::{Batcher, EngineFactory};
 use crate::config::Config;
-use crate::engine::onnx::{OnnxStages, Runtime};
-use crate::engine::{EngineError, Pipeline, Stages};
+use crate::engine::{Decision, EngineError, Pipeline, Stages};
 use crate::pack::{Pack, PackError, PackProblem, find_packs};
 use crate::service::{LoadedPack, PackTable, Service};
 use crate::session::load::PlanLoad;
@@ -26,6 +26,8 @@ use crate::telemetry::Telemetry;
 
 /// The pack that is the default where nothing else is said.
 const USUAL_DEFAULT: &str = "human";
+/// What an engine is called that the caller of [`serve_packs`] brings along.
+const CALLERS_ENGINE: &str = "other";
 /// How often recorded samples are folded into their buckets.
 const UPKEEP_INTERVAL: Duration = Duration::from_secs(5);
 /// Time that streams have to end beyond that for requests.
@@ -33,15 +35,19 @@ const FAREWELL: Duration = Duration::from_millis(500);
 /// How often sessions are looked through for those whose time is up. Expiry itself does not wait for that.
 const SWEEP_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Makes the stages of a pack, on the thread that will own them.
-pub type StagesFactory = Box<dyn FnOnce(&Pack) -> Result<Box<dyn Stages>, EngineError> + Send>;
+/// Makes the stages of a pack for one lane, on the thread that will own them.
+pub type StagesFactory = Box<dyn Fn(&Pack) -> Result<Box<dyn Stages>, EngineError> + Send + Sync>;
 
 /// A pack and what runs it.
 pub struct PackSource {
     /// The pack.
     pub pack: Pack,
-    /// Makes its stages.
+    /// Lanes of its engine: threads with stages of their own, at least one.
+    pub lanes: usize,
+    /// Makes a lane's stages.
     pub stages: StagesFactory,
+    /// What these stages are, and why; nothing where they are the caller's own.
+    pub decision: Option<Decision>,
 }
 
 /// Why a server did not start.
@@ -57,6 +63,9 @@ pub enum StartError {
     /// A style that cannot be used.
     #[error(transparent)]
     Style(#[from] StyleError),
+    /// The library of the engines does not load.
+    #[error(transparent)]
+    Library(EngineError),
     /// An engine that does not start.
     #[error("pack {pack}: {error}")]
     Engine {
@@ -73,24 +82,43 @@ pub enum StartError {
     Internal(String),
 }
 
-/// The packs that `config` names, to run on ONNX Runtime.
+/// The packs that `config` names, checked but without their networks.
 ///
 /// # Errors
 /// [`StartError`] where a pack cannot be used, or two have one name.
-pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
-    let mut sources: Vec<PackSource> = Vec::new();
+pub fn load_packs(config: &Config) -> Result<Vec<Pack>, StartError> {
+    let mut packs: Vec<Pack> = Vec::new();
     for folder in find_packs(&config.packs)? {
         let pack = Pack::load(&folder)?;
-        if sources.iter().any(|source| source.pack.name() == pack.name()) {
+        if packs.iter().any(|other| other.name() == pack.name()) {
             let problem = PackProblem::DuplicateName(pack.name().to_owned());
             return Err(PackError { folder, problem }.into());
         }
-        let options = config.runtime_options();
-        let stages: StagesFactory = Box::new(move |pack| {
-            let runtime = Runtime::new(&options)?;
-            Ok(Box::new(OnnxStages::load(&runtime, pack)?))
+        packs.push(pack);
+    }
+    Ok(packs)
+}
+
+/// The packs that `config` names, and for each the engine that serves it best.
+///
+/// # Errors
+/// [`StartError`] where a pack or the engine that is asked for cannot be used.
+pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
+    let packs = load_packs(config)?;
+    let selector = config.selector().map_err(StartError::Library)?;
+    let mut sources = Vec::with_capacity(packs.len());
+    for pack in packs {
+        let decision = selector.choose(&pack).map_err(|error| StartError::Engine {
+            pack: pack.name().to_owned(),
+            error,
+        })?;
+        let (selector, engine) = (selector.clone(), decision.engine);
+        sources.push(PackSource {
+            pack,
+            lanes: decision.lanes.count,
+            stages: Box::new(move |pack| Ok(Box::new(selector.load(pack, engine)?))),
+            decision: Some(decision),
         });
-        sources.push(PackSource { pack, stages });
     }
     Ok(sources)
 }
@@ -131,7 +159,12 @@ pub async fn serve_packs_at(
     let address = listener.local_addr().map_err(StartError::Listen)?;
     let telemetry = Telemetry::new().map_err(|error| internal(&error))?;
     let sessions = Sessions::new(config.session_limits(), time, telemetry.clone());
-    let service = Arc::new(Service::new(config.request_limits(), sessions, telemetry.clone()));
+    let service = Arc::new(Service::new(
+        config.request_limits(),
+        config.request_timeout(),
+        sessions,
+        telemetry.clone(),
+    ));
     let health = HealthReporter::new();
     api::set_serving(&health, false).await;
     let router = api::router(&service, &health, &config).map_err(|error| internal(&error))?;
@@ -207,7 +240,12 @@ fn default_pack(config: &Config, sources: &[PackSource]) -> Result<String, Start
 }
 
 async fn load(config: &Config, service: &Service, source: PackSource) -> Result<LoadedPack, StartError> {
-    let PackSource { pack, stages } = source;
+    let PackSource {
+        pack,
+        lanes,
+        stages,
+        decision,
+    } = source;
     let metrics = service.telemetry().pack(pack.name(), &pack.manifest.version);
     let sessions = service.telemetry().sessions(pack.name(), &pack.manifest.version);
     let pack = Arc::new(pack);
@@ -217,25 +255,33 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         .map_err(|_| StartError::Internal("the task that loads styles has stopped".to_owned()))??;
     let max_batch = config.max_batch;
     let (for_engine, engine_metrics) = (pack.clone(), metrics.clone());
-    let factory: EngineFactory = Box::new(move || {
+    let factory: EngineFactory = Arc::new(move |lane| {
         let loading = Instant::now();
         let mut pipeline = Pipeline::new(for_engine.dims, stages(&for_engine)?, max_batch);
         let warming = Instant::now();
         pipeline.warm_up()?;
         let (load, warmup) = (warming - loading, warming.elapsed());
         engine_metrics.started(load, warmup);
-        tracing::info!(pack = for_engine.name(), ?load, ?warmup, "pack ready");
+        tracing::info!(pack = for_engine.name(), lane, ?load, ?warmup, "pack ready");
         Ok(pipeline)
     });
-    let batcher = Batcher::start(pack.name(), config.batch_limits(), metrics.clone(), factory)
+    let limits = Limits {
+        lanes,
+        ..config.batch_limits()
+    };
+    let batcher = Batcher::start(pack.name(), limits, metrics.clone(), factory)
         .await
         .map_err(|error| StartError::Engine {
             pack: pack.name().to_owned(),
             error,
         })?;
+    if let Some(decision) = &decision {
+        metrics.engine_chosen(decision);
+    }
     Ok(LoadedPack {
         pack,
         batcher,
+        engine: decision.map_or(CALLERS_ENGINE, |decision| decision.engine.name()),
         styles,
         metrics,
         sessions,

@@ -5,12 +5,12 @@ mod sessions;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use troupe_proto::v1;
 
 use crate::api::ApiError;
-use crate::batch::{Batcher, Served};
+use crate::batch::{Batcher, Order, Served};
 use crate::inbetween::{Plan, RequestLimits, finish, prepare};
 use crate::pack::Pack;
 use crate::session::Sessions;
@@ -22,6 +22,10 @@ use crate::telemetry::{PackMetrics, SessionMetrics, Telemetry};
 /// pool for blocking work, so that they do not hold up other connections.
 const INLINE_CHARACTERS: usize = 4;
 
+/// When the answer to a request should be there, from its arrival on. It is the same for all, so they are served in the
+/// order of their arrival; beside the plans of live characters their class's handicap comes on top.
+const REQUEST_TARGET: Duration = Duration::from_millis(100);
+
 /// A pack and the way to its engine.
 #[derive(Debug)]
 pub struct LoadedPack {
@@ -29,6 +33,8 @@ pub struct LoadedPack {
     pub pack: Arc<Pack>,
     /// The way to its engine.
     pub batcher: Batcher,
+    /// The engine's name.
+    pub engine: &'static str,
     /// Its locomotion styles.
     pub styles: StyleTable,
     /// Its metrics.
@@ -70,7 +76,9 @@ impl PackTable {
     }
 
     fn describe(&self, loaded: &LoadedPack) -> v1::Pack {
-        loaded.pack.describe(loaded.pack.name() == self.default)
+        loaded
+            .pack
+            .describe(loaded.pack.name() == self.default, loaded.engine)
     }
 }
 
@@ -80,17 +88,19 @@ pub struct Service {
     packs: OnceLock<PackTable>,
     draining: AtomicBool,
     limits: RequestLimits,
+    timeout: Duration,
     sessions: Arc<Sessions>,
     telemetry: Telemetry,
 }
 
 impl Service {
-    /// A service that is not ready yet.
-    pub fn new(limits: RequestLimits, sessions: Sessions, telemetry: Telemetry) -> Self {
+    /// A service that is not ready yet. Its callers do not wait for an answer longer than `timeout`.
+    pub fn new(limits: RequestLimits, timeout: Duration, sessions: Sessions, telemetry: Telemetry) -> Self {
         Self {
             packs: OnceLock::new(),
             draining: AtomicBool::new(false),
             limits,
+            timeout,
             sessions: Arc::new(sessions),
             telemetry,
         }
@@ -167,13 +177,19 @@ impl Service {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
         let characters = request.characters.len();
+        // One that is too large is told so, and not to come back.
+        let most = self.limits.max_characters;
+        if let Some(error) = loaded.batcher.would_refuse(characters.min(most)) {
+            return Err(error.into());
+        }
+        let order = Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.timeout);
         let (pack, limits) = (loaded.pack.clone(), self.limits);
         let (items, plans) = offload(characters, INLINE_CHARACTERS, move || {
             prepare(&request, &pack, limits)
         })
         .await??;
 
-        let served = loaded.batcher.submit(items).await?;
+        let served = loaded.batcher.submit(items, order).await?;
 
         let mut timing = timing(&served);
         let copied = served.scatter;

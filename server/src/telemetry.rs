@@ -9,7 +9,9 @@ use std::time::Duration;
 use metrics::{Counter, Gauge, Histogram, Key, Label, Level, Metadata, Recorder as _};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusRecorder};
 
-use crate::engine::StageTimes;
+use crate::batch::Class;
+use crate::batch::scheduler::CutReason;
+use crate::engine::{Decision, StageTimes};
 use crate::pack::Stage;
 
 pub use sessions::{Eviction, SessionMetrics};
@@ -37,15 +39,20 @@ const PENDING_REQUESTS: &str = "troupe_pending_requests";
 const PENDING_CHARACTERS: &str = "troupe_pending_characters";
 const REJECTIONS: &str = "troupe_rejections_total";
 const FRAMES: &str = "troupe_frames_generated_total";
+const LANES: &str = "troupe_engine_lanes";
+const LANE_GAP: &str = "troupe_lane_gap_duration_seconds";
 const LOAD_SECONDS: &str = "troupe_model_load_seconds";
 const WARMUP_SECONDS: &str = "troupe_warmup_seconds";
+const ENGINE_INFO: &str = "troupe_engine_info";
+const ENGINE_DIFFERENCE: &str = "troupe_engine_difference";
 
-const DESCRIPTIONS: [(&str, &str); 15] = [
+const DESCRIPTIONS: [(&str, &str); 19] = [
     (REQUESTS, "Requests answered, by remote procedure and status code"),
     (REQUEST_DURATION, "From a request's arrival to its answer"),
     (
         QUEUE_DURATION,
-        "From a request's arrival at the batcher to the cut of its first batch",
+        "From a request's arrival at the batcher to the cut of its first batch, by class: plans of live characters, or \
+         InBetween calls",
     ),
     (
         ASSEMBLE_DURATION,
@@ -60,17 +67,29 @@ const DESCRIPTIONS: [(&str, &str); 15] = [
     (PADDING_RATIO, "Share of padding rows in a batch"),
     (
         DISPATCHES,
-        "Batches cut, by reason: the engine was idle, a backlog had formed, or the batch was full",
+        "Batches cut, by reason: the lane was idle, a backlog had formed, the batch was full, or the lane had waited \
+         for more work",
     ),
     (PENDING_REQUESTS, "Requests that wait for a batch"),
     (PENDING_CHARACTERS, "Characters that wait for a batch"),
     (
         REJECTIONS,
-        "Requests turned away or dropped before they ran, by reason",
+        "Requests turned away or dropped before they ran, by reason: the queue was full or too slow, the caller had \
+         gone, a newer plan of the character took the place, or it had waited until nobody wanted the answer",
+    ),
+    (LANES, "Lanes of the engine that serve"),
+    (
+        LANE_GAP,
+        "From a batch's end to the start of the next on the same lane, where work waited",
     ),
     (FRAMES, "Frames generated"),
     (LOAD_SECONDS, "Time to load a pack"),
     (WARMUP_SECONDS, "Time to run a pack in every batch size once"),
+    (ENGINE_INFO, "1; the labels say what runs a pack's networks"),
+    (
+        ENGINE_DIFFERENCE,
+        "How far a checked engine is from f32 on the CPU, by figure: units are in the figure's name, shares go up to 1",
+    ),
 ];
 
 static METADATA: Metadata<'static> = Metadata::new(module_path!(), Level::INFO, Some(module_path!()));
@@ -93,6 +112,8 @@ impl Telemetry {
             .set_buckets_for_metric(Matcher::Suffix("_duration_seconds".to_owned()), &LATENCY_BUCKETS)?
             .set_buckets_for_metric(full(sessions::LEAD_TIME), &LATENCY_BUCKETS)?
             .set_buckets_for_metric(full(BATCH_SIZE), &BATCH_BUCKETS)?
+            .set_buckets_for_metric(full(sessions::PLAN_INTERVAL), &sessions::FRAME_BUCKETS)?
+            .set_buckets_for_metric(full(sessions::PLAN_LENGTH), &sessions::FRAME_BUCKETS)?
             .set_buckets_for_metric(full(PADDING_RATIO), &RATIO_BUCKETS)?
             .build_recorder();
         for (name, text) in DESCRIPTIONS.into_iter().chain(sessions::DESCRIPTIONS) {
@@ -100,8 +121,11 @@ impl Telemetry {
                 _ if name.ends_with("_total") => recorder.describe_counter(name.into(), None, text.into()),
                 PENDING_REQUESTS
                 | PENDING_CHARACTERS
+                | LANES
                 | LOAD_SECONDS
                 | WARMUP_SECONDS
+                | ENGINE_INFO
+                | ENGINE_DIFFERENCE
                 | sessions::ACTIVE
                 | sessions::STREAMS => {
                     recorder.describe_gauge(name.into(), None, text.into());
@@ -161,7 +185,9 @@ impl Telemetry {
                 .register_gauge(&Key::from_parts(name, labels(None)), &METADATA)
         };
         PackMetrics {
-            queue: histogram(QUEUE_DURATION, None),
+            queue: Class::ALL.map(|class| histogram(QUEUE_DURATION, Some(("class", class.label())))),
+            lane_gap: histogram(LANE_GAP, None),
+            lanes: gauge(LANES),
             assemble: histogram(ASSEMBLE_DURATION, None),
             inference: Stage::ALL.map(|stage| histogram(INFERENCE_DURATION, Some(("stage", stage.name())))),
             scatter: histogram(SCATTER_DURATION, None),
@@ -172,6 +198,10 @@ impl Telemetry {
             load_seconds: gauge(LOAD_SECONDS),
             warmup_seconds: gauge(WARMUP_SECONDS),
             frames: self.counter(FRAMES, labels(None)),
+            dispatches: CutReason::ALL
+                .map(|reason| self.counter(DISPATCHES, labels(Some(("reason", reason.label()))))),
+            rejections: Rejection::ALL
+                .map(|reason| self.counter(REJECTIONS, labels(Some(("reason", reason.label()))))),
             labels: labels(None),
             telemetry: self.clone(),
         }
@@ -189,10 +219,48 @@ impl std::fmt::Debug for Telemetry {
     }
 }
 
+/// Why a request was turned away, or dropped before it ran.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rejection {
+    /// The queue had no room.
+    QueueFull,
+    /// The queue was so slow that the request would have waited for too long.
+    QueueSlow,
+    /// Its caller had gone.
+    ClientGone,
+    /// A newer plan of the same character took its place.
+    Superseded,
+    /// It had waited until nobody wanted the answer.
+    Expired,
+}
+
+impl Rejection {
+    /// All of them, in the order of their numbers.
+    const ALL: [Self; 5] = [
+        Self::QueueFull,
+        Self::QueueSlow,
+        Self::ClientGone,
+        Self::Superseded,
+        Self::Expired,
+    ];
+
+    fn label(self) -> &'static str {
+        match self {
+            Self::QueueFull => "queue_full",
+            Self::QueueSlow => "queue_slow",
+            Self::ClientGone => "client_gone",
+            Self::Superseded => "superseded",
+            Self::Expired => "expired",
+        }
+    }
+}
+
 /// The metrics of one pack, labelled with its name and version.
 #[derive(Clone, Debug)]
 pub struct PackMetrics {
-    queue: Histogram,
+    queue: [Histogram; Class::ALL.len()],
+    lane_gap: Histogram,
+    lanes: Gauge,
     assemble: Histogram,
     inference: [Histogram; 3],
     scatter: Histogram,
@@ -203,14 +271,26 @@ pub struct PackMetrics {
     load_seconds: Gauge,
     warmup_seconds: Gauge,
     frames: Counter,
+    dispatches: [Counter; CutReason::ALL.len()],
+    rejections: [Counter; Rejection::ALL.len()],
     labels: Vec<Label>,
     telemetry: Telemetry,
 }
 
 impl PackMetrics {
     /// A request waited this long for its first batch.
-    pub fn queued(&self, waited: Duration) {
-        self.queue.record(waited);
+    pub fn queued(&self, class: Class, waited: Duration) {
+        self.queue[class as usize].record(waited);
+    }
+
+    /// A lane stood idle for so long between two batches, though work waited.
+    pub fn lane_gap(&self, gap: Duration) {
+        self.lane_gap.record(gap);
+    }
+
+    /// So many lanes serve.
+    pub fn lanes(&self, lanes: usize) {
+        self.lanes.set(lanes as f64);
     }
 
     /// What waits now.
@@ -220,8 +300,8 @@ impl PackMetrics {
     }
 
     /// A batch went to the engine.
-    pub fn dispatched(&self, reason: &'static str, characters: usize) {
-        self.with_reason(DISPATCHES, reason).increment(1);
+    pub fn dispatched(&self, reason: CutReason, characters: usize) {
+        self.dispatches[reason as usize].increment(1);
         self.batch_size.record(characters as f64);
     }
 
@@ -250,8 +330,8 @@ impl PackMetrics {
     }
 
     /// A request was turned away, or dropped before it ran.
-    pub fn rejected(&self, reason: &'static str) {
-        self.with_reason(REJECTIONS, reason).increment(1);
+    pub fn rejected(&self, reason: Rejection) {
+        self.rejections[reason as usize].increment(1);
     }
 
     /// The pack was loaded and warmed up.
@@ -260,23 +340,49 @@ impl PackMetrics {
         self.warmup_seconds.set(warmup.as_secs_f64());
     }
 
-    fn with_reason(&self, name: &'static str, reason: &'static str) -> Counter {
-        let mut labels = self.labels.clone();
-        labels.push(Label::new("reason", reason));
-        self.telemetry.counter(name, labels)
+    /// The engine of the pack was chosen.
+    pub fn engine_chosen(&self, decision: &Decision) {
+        let gauge = |name: &'static str, extra: Vec<Label>| {
+            let labels = self.labels.iter().cloned().chain(extra).collect::<Vec<_>>();
+            let key = Key::from_parts(name, labels);
+            self.telemetry.recorder.register_gauge(&key, &METADATA)
+        };
+        let Decision {
+            engine, lanes, check, ..
+        } = decision;
+        gauge(
+            ENGINE_INFO,
+            vec![
+                Label::new("engine", engine.name()),
+                Label::new("lanes", lanes.count.to_string()),
+                Label::new("threads", lanes.threads.to_string()),
+            ],
+        )
+        .set(1.0);
+        if let Some(check) = check {
+            for bar in check.accuracy.bars() {
+                let labels = vec![
+                    Label::new("engine", check.engine.name()),
+                    Label::new("figure", bar.figure),
+                ];
+                gauge(ENGINE_DIFFERENCE, labels).set(bar.found);
+            }
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::accuracy::Accuracy;
+    use crate::engine::{Check, EngineKind, Lanes};
 
     #[test]
     fn metrics_carry_names_labels_and_buckets() {
         let telemetry = Telemetry::new().unwrap();
         telemetry.answered("InBetween", "OK", Duration::from_millis(3));
         let pack = telemetry.pack("human", "1.0");
-        pack.dispatched("idle", 6);
+        pack.dispatched(CutReason::Idle, 6);
         let times = StageTimes {
             pose: Duration::from_millis(7),
             scatter: Duration::from_micros(300),
@@ -285,7 +391,10 @@ mod tests {
         };
         pack.ran(&times, 6);
         pack.scattered(Duration::from_micros(100), 64);
-        pack.rejected("queue_full");
+        pack.rejected(Rejection::QueueFull);
+        pack.queued(Class::Live, Duration::from_millis(3));
+        pack.lanes(2);
+        pack.engine_chosen(&decision());
         let text = telemetry.render();
         for line in [
             r#"troupe_requests_total{rpc="InBetween",code="OK"} 1"#,
@@ -298,10 +407,34 @@ mod tests {
             r#"troupe_dispatch_total{model="human",version="1.0",reason="idle"} 1"#,
             r#"troupe_rejections_total{model="human",version="1.0",reason="queue_full"} 1"#,
             r#"troupe_frames_generated_total{model="human",version="1.0"} 64"#,
+            r#"troupe_rejections_total{model="human",version="1.0",reason="superseded"} 0"#,
+            r#"troupe_queue_duration_seconds_bucket{model="human",version="1.0",class="live",le="0.004"} 1"#,
+            r#"troupe_engine_lanes{model="human",version="1.0"} 2"#,
+            r#"troupe_engine_info{model="human",version="1.0",engine="openvino-bf16",lanes="2",threads="1"} 1"#,
+            r#"troupe_engine_difference{model="human",version="1.0",engine="openvino-bf16",figure="joint_mean_m"} 0.0005"#,
             "# TYPE troupe_pending_requests gauge",
             "process_resident_memory_bytes",
         ] {
             assert!(text.contains(line), "{line} is missing in\n{text}");
+        }
+    }
+
+    fn decision() -> Decision {
+        let accuracy = Accuracy {
+            joint_mean_m: 0.0005,
+            ..Accuracy::default()
+        };
+        let check = Check {
+            engine: EngineKind::OpenvinoBf16,
+            accuracy,
+            passed: true,
+            took: Duration::from_secs(1),
+        };
+        Decision {
+            engine: EngineKind::OpenvinoBf16,
+            lanes: Lanes { count: 2, threads: 1 },
+            why: "it is fast".into(),
+            check: Some(check),
         }
     }
 

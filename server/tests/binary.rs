@@ -22,6 +22,8 @@ fn server(args: &[&str]) -> Command {
         .args(args)
         .args(["--listen", "127.0.0.1:0", "--packs"])
         .arg(pack_folder());
+    // What is tested here does not depend on the engine; this one starts at once.
+    command.env("TROUPE_ENGINE", "cpu");
     command.current_dir(std::env::temp_dir());
     command
 }
@@ -87,6 +89,48 @@ fn a_missing_runtime_is_explained() {
 }
 
 #[test]
+fn an_engine_that_cannot_serve_is_explained() {
+    let text = complaint(server(&["--engine", "tensorrt"]).env_remove("TROUPE_ENGINE"));
+    // Where a GPU library is installed it may serve.
+    assert!(
+        text.contains("pack human: the engine tensorrt cannot serve"),
+        "{text}"
+    );
+    let text = complaint(&mut server(&["--lanes", "65"]));
+    assert!(text.contains("lanes is 65; allowed: 0 to 64"), "{text}");
+}
+
+#[test]
+fn the_doctor_says_what_would_serve() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    command.args(["doctor", "--json", "--engine", "cpu", "--lanes", "1", "--packs"]);
+    let output = command.arg(pack_folder()).output().unwrap();
+    assert!(output.status.success());
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let pack = &report["packs"][0];
+    assert_eq!(pack["name"], "human");
+    assert_eq!(pack["decision"]["engine"], "cpu");
+    assert_eq!(report["problems"], serde_json::json!([]));
+    let speeds = pack["trial"]["speeds"].as_array().unwrap();
+    assert!(
+        speeds
+            .iter()
+            .all(|speed| speed["plans_per_s"].as_f64() > Some(0.0))
+            && !speeds.is_empty()
+    );
+
+    // What keeps the server from starting makes it fail, and is said.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    let output = command.args(["doctor", "--packs", "/nowhere"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        text.contains("Problems\n  model pack /nowhere: cannot read"),
+        "{text}"
+    );
+}
+
+#[test]
 fn a_missing_pack_is_named() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
     let text = complaint(command.args(["--listen", "127.0.0.1:0", "--packs", "/nowhere/models"]));
@@ -114,7 +158,7 @@ fn the_configuration_template_is_printed() {
     assert!(
         String::from_utf8(output.stdout)
             .unwrap()
-            .contains("#max_batch = 64")
+            .contains("#max_batch = 32")
     );
 }
 
@@ -144,6 +188,7 @@ fn serving_unheard(stdout: std::io::PipeWriter, stderr: Stdio) -> Child {
     drop(free);
     let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
     command.args(["--listen", &address, "--packs"]).arg(pack_folder());
+    command.env("TROUPE_ENGINE", "cpu");
     command.current_dir(std::env::temp_dir());
     let mut child = command.stdout(stdout).stderr(stderr).spawn().unwrap();
     let ready = wait_for(|| {

@@ -6,8 +6,10 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use troupe_server::config::Config;
-use troupe_server::engine::onnx::{OnnxStages, Runtime};
-use troupe_server::engine::{EngineError, KeyTensors, Pipeline, RawMotion, StageTimes, Stages, WorkItem};
+use troupe_server::engine::onnx::OnnxStages;
+use troupe_server::engine::{
+    EngineError, EngineKind, KeyTensors, Pipeline, RawMotion, Selector, StageTimes, Stages, WorkItem,
+};
 use troupe_server::pack::{MANIFEST_FILE, Pack, Stage};
 
 fn pack_folder() -> PathBuf {
@@ -21,9 +23,13 @@ fn pack_folder() -> PathBuf {
     folder
 }
 
-fn runtime() -> Runtime {
-    let config = Config::local(Path::new("unused")).unwrap();
-    Runtime::new(&config.runtime_options()).unwrap()
+fn selector() -> Selector {
+    Config::local(Path::new("unused")).unwrap().selector().unwrap()
+}
+
+/// The stages of `pack` for one lane, on the CPU in f32.
+fn load(pack: &Pack) -> Result<OnnxStages, EngineError> {
+    selector().load(pack, EngineKind::Cpu)
 }
 
 /// A simple repeatable sequence in -1..1.
@@ -102,32 +108,53 @@ fn run(pipeline: &mut Pipeline, items: &[WorkItem]) -> (Vec<RawMotion>, StageTim
     (answers.into_iter().map(Result::unwrap).collect(), times)
 }
 
+/// The engines that run here.
+fn engines(selector: &Selector) -> impl Iterator<Item = EngineKind> {
+    EngineKind::ALL.into_iter().filter(|&engine| {
+        let missing = selector.missing(engine);
+        if let Some(missing) = &missing {
+            println!("{engine} is not tested here: {missing}");
+        }
+        missing.is_none()
+    })
+}
+
 #[test]
-fn a_character_is_the_same_in_every_batch() {
-    let pack = Pack::load(&pack_folder()).unwrap();
-    let stages = OnnxStages::load(&runtime(), &pack).unwrap();
-    assert!(stages.any_length());
-    let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), 64);
+fn a_character_is_the_same_in_every_batch_and_on_every_lane() {
+    let (pack, selector) = (Pack::load(&pack_folder()).unwrap(), selector());
     let items: Vec<WorkItem> = (0..64).map(|seed| item(&pack, seed)).collect();
-    let (together, times) = run(&mut pipeline, &items);
-    assert_eq!((together.len(), times.bucket), (64, 64));
-    let lengths: HashSet<usize> = together.iter().map(|motion| motion.num_tokens).collect();
-    assert!(
-        lengths.len() > 4,
-        "all segments have one of the lengths {lengths:?}"
-    );
-    for size in [1, 3, 8, 20] {
-        let alone: Vec<RawMotion> = items
-            .chunks(size)
-            .take(24 / size + 1)
-            .flat_map(|chunk| run(&mut pipeline, chunk).0)
-            .collect();
-        for (index, (alone, together)) in alone.iter().zip(&together).enumerate() {
-            let difference = difference(alone, together);
-            assert!(
-                alone == together,
-                "character {index} differs by {difference} in a batch of {size}"
-            );
+    for engine in engines(&selector) {
+        let lane = || {
+            let stages = selector.load(&pack, engine).unwrap();
+            assert!(stages.any_length());
+            Pipeline::new(pack.dims, Box::new(stages), 64)
+        };
+        let mut pipeline = lane();
+        let (together, times) = run(&mut pipeline, &items);
+        assert_eq!((together.len(), times.bucket), (64, 64));
+        let lengths: HashSet<usize> = together.iter().map(|motion| motion.num_tokens).collect();
+        assert!(
+            lengths.len() > 4,
+            "all segments have one of the lengths {lengths:?}"
+        );
+        for (size, pipeline) in [
+            (1, &mut pipeline),
+            (8, &mut lane()),
+            (3, &mut lane()),
+            (20, &mut lane()),
+        ] {
+            let alone: Vec<RawMotion> = items
+                .chunks(size)
+                .take(24 / size + 1)
+                .flat_map(|chunk| run(pipeline, chunk).0)
+                .collect();
+            for (index, (alone, together)) in alone.iter().zip(&together).enumerate() {
+                let difference = difference(alone, together);
+                assert!(
+                    alone == together,
+                    "{engine}: character {index} differs by {difference} in a batch of {size}"
+                );
+            }
         }
     }
 }
@@ -138,7 +165,7 @@ fn a_pack_with_a_fixed_time_axis_serves_the_same() {
     let fixed = with_fixed_time(&pack);
     let items: Vec<WorkItem> = (0..8).map(|seed| item(&pack, seed)).collect();
     let [open, fixed] = [(&pack, true), (&fixed, false)].map(|(pack, any_length)| {
-        let stages = OnnxStages::load(&runtime(), pack).unwrap();
+        let stages = load(pack).unwrap();
         assert_eq!(stages.any_length(), any_length);
         run(&mut Pipeline::new(pack.dims, Box::new(stages), 8), &items).0
     });
@@ -180,7 +207,7 @@ fn fix_axis(graph: &mut [u8], name: &str, value: usize) {
 #[test]
 fn warm_up_meets_every_shape_and_changes_nothing() {
     let pack = Pack::load(&pack_folder()).unwrap();
-    let stages = OnnxStages::load(&runtime(), &pack).unwrap();
+    let stages = load(&pack).unwrap();
     let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), 4);
     let items: Vec<WorkItem> = (0..4).map(|seed| item(&pack, seed)).collect();
     let before = run(&mut pipeline, &items).0;
@@ -192,7 +219,7 @@ fn warm_up_meets_every_shape_and_changes_nothing() {
 fn what_the_pack_promises_the_stages_must_keep() {
     let mut pack = Pack::load(&pack_folder()).unwrap();
     pack.dims.heads += 1;
-    let Err(error) = OnnxStages::load(&runtime(), &pack) else {
+    let Err(error) = load(&pack) else {
         panic!("a wrong pack was loaded")
     };
     let text = error.to_string();
@@ -208,7 +235,7 @@ fn what_the_pack_promises_the_stages_must_keep() {
     );
 
     pack.folder = PathBuf::from("nowhere");
-    let Err(error) = OnnxStages::load(&runtime(), &pack) else {
+    let Err(error) = load(&pack) else {
         panic!("a missing pack was loaded")
     };
     assert!(

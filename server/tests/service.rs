@@ -147,7 +147,7 @@ async fn packs_are_listed_and_described() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn concurrent_callers_share_batches_and_get_their_own_frames() {
-    let server = TestServer::start().await;
+    let server = TestServer::start_with(|config| config.max_batch = 64).await;
     let channel = server.channel().await;
     let call = |x: f32| {
         let mut client = v1::motion_client::MotionClient::new(channel.clone());
@@ -188,7 +188,7 @@ async fn concurrent_callers_share_batches_and_get_their_own_frames() {
         r#"troupe_batch_size_sum{model="toy",version="1.2.3"} 42"#,
         r#"troupe_dispatch_total{model="toy",version="1.2.3",reason="backlog"}"#,
         r#"troupe_frames_generated_total{model="toy",version="1.2.3"} 1680"#,
-        r#"troupe_queue_duration_seconds_count{model="toy",version="1.2.3"} 42"#,
+        r#"troupe_queue_duration_seconds_count{model="toy",version="1.2.3",class="request"} 42"#,
         r#"troupe_inference_duration_seconds_count{model="toy",version="1.2.3",stage="decoder"} 3"#,
         r#"troupe_warmup_seconds{model="toy",version="1.2.3"}"#,
         "process_resident_memory_bytes",

@@ -66,6 +66,7 @@ const CREATE: &[Case<v1::CreateSessionsRequest>] = &[
     Case { name: "interval", change: |r| first(r).replan_interval_frames = Some(2), field: "sessions[0].replan_interval_frames", says: "3 to 30" },
     Case { name: "root ratio", change: |r| first(r).root_ratio = Some(1.3), field: "sessions[0].root_ratio", says: "0 to 1.2" },
     Case { name: "temperature", change: |r| first(r).temperature = -0.1, field: "sessions[0].temperature", says: "0 to 2" },
+    Case { name: "priority", change: |r| first(r).priority = Some(1.5), field: "sessions[0].priority", says: "0 to 1" },
     Case { name: "position", change: |r| first(r).position = vector(10_001.0, 0.0, 0.0), field: "sessions[0].position.x", says: "-10000 to 10000" },
     Case { name: "position in centimetres", change: |r| { first(r).convention = 1; first(r).position = vector(0.0, 2e6, 0.0) }, field: "sessions[0].position.y", says: "-1000000 to 1000000" },
     Case { name: "heading", change: |r| first(r).heading = 1001.0, field: "sessions[0].heading", says: "-1000 to 1000" },
@@ -87,6 +88,7 @@ const CREATE_GRPC: &[Case<v1::CreateSessionsRequest>] = &[
     Case { name: "NaN position", change: |r| first(r).position = vector(0.0, 0.0, f32::NAN), field: "sessions[0].position.z", says: "-10000 to 10000" },
     Case { name: "NaN heading", change: |r| first(r).heading = f32::NAN, field: "sessions[0].heading", says: "-1000 to 1000" },
     Case { name: "NaN temperature", change: |r| first(r).temperature = f32::NAN, field: "sessions[0].temperature", says: "0 to 2" },
+    Case { name: "NaN priority", change: |r| first(r).priority = Some(f32::NAN), field: "sessions[0].priority", says: "0 to 1" },
     Case { name: "infinite ratio", change: |r| first(r).root_ratio = Some(f32::INFINITY), field: "sessions[0].root_ratio", says: "0 to 1.2" },
     Case { name: "infinite root", change: |r| { first(r).context = context(); first(r).context[0].root.as_mut().unwrap().position = vector(0.0, f32::INFINITY, 0.0) }, field: "sessions[0].context[0].root.position.y", says: "a finite number" },
 ];
@@ -131,6 +133,8 @@ const COMMANDS: &[Case<v1::Command>] = &[
     Case { name: "unknown session", change: |c| c.session_id = "ghost".into(), field: "commands[1].session_id", says: "there is no session \"ghost\"" },
     Case { name: "sequence 0", change: |c| c.sequence = 0, field: "commands[1].sequence", says: "1 or more" },
     Case { name: "no intent", change: |c| c.intent = None, field: "commands[1].intent", says: "locomote" },
+    Case { name: "priority", change: |c| c.priority = Some(-0.1), field: "commands[1].priority", says: "0 to 1" },
+    Case { name: "priority alone", change: |c| { c.intent = None; c.priority = Some(2.0) }, field: "commands[1].priority", says: "0 to 1" },
     Case { name: "too far ahead", change: |c| c.at_frame = Some(100_001), field: "commands[1].at_frame", says: "at most 100000" },
     Case { name: "up", change: |c| locomote(c).velocity = vector(0.0, 0.1, 1.0), field: "commands[1].locomote.velocity.y", says: "0" },
     Case { name: "too fast", change: |c| locomote(c).velocity = vector(0.0, 0.0, 1001.0), field: "commands[1].locomote.velocity.z", says: "-1000 to 1000" },
@@ -143,6 +147,7 @@ const COMMANDS: &[Case<v1::Command>] = &[
 #[rustfmt::skip]
 const COMMANDS_GRPC: &[Case<v1::Command>] = &[
     Case { name: "NaN velocity", change: |c| locomote(c).velocity = vector(f32::NAN, 0.0, 0.0), field: "commands[1].locomote.velocity.x", says: "-1000 to 1000" },
+    Case { name: "NaN priority", change: |c| c.priority = Some(f32::NAN), field: "commands[1].priority", says: "0 to 1" },
     Case { name: "NaN facing", change: |c| locomote(c).facing = Some(f32::NAN), field: "commands[1].locomote.facing", says: "-1000 to 1000" },
     Case { name: "infinite height", change: |c| locomote(c).height = Some(f32::INFINITY), field: "commands[1].locomote.height", says: "0 to 100" },
 ];

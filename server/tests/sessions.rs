@@ -278,6 +278,57 @@ async fn sequence_numbers_make_late_and_repeated_commands_harmless() {
 }
 
 #[tokio::test]
+async fn a_priority_is_kept_and_changes_nothing_of_what_a_session_does() {
+    let server = TestServer::start().await;
+    let mut client = server.sessions().await;
+    let sessions = vec![
+        options("a"),
+        v1::SessionOptions {
+            priority: Some(0.0),
+            ..options("b")
+        },
+    ];
+    let opened = client
+        .create_sessions(v1::CreateSessionsRequest { sessions })
+        .await
+        .unwrap()
+        .into_inner()
+        .sessions;
+    assert_eq!((opened[0].priority, opened[1].priority), (0.5, 0.0));
+    // Both walk; only one is told its priority, while another command waits for its frame.
+    let turn = |id: &str| v1::Command {
+        at_frame: Some(40),
+        ..walk(id, 2, (1.0, 0.0))
+    };
+    for (frames, commands) in [
+        (10, vec![walk("a", 1, (0.0, 1.2)), walk("b", 1, (0.0, 1.2))]),
+        (5, vec![turn("a"), turn("b")]),
+    ] {
+        stepped(&mut client, step(&["a", "b"], frames, commands)).await;
+    }
+    let important = |sequence, priority| v1::Command {
+        session_id: "a".into(),
+        sequence,
+        priority: Some(priority),
+        ..v1::Command::default()
+    };
+    let commands = vec![important(3, 1.0), important(3, 0.1), important(2, 0.2)];
+    let request = v1::CommandRequest { commands };
+    let results = client.command(request).await.unwrap().into_inner().results;
+    use v1::CommandStatus::{Accepted, Late, Repeated};
+    let statuses: Vec<_> = results.iter().map(v1::CommandResult::status).collect();
+    assert_eq!(statuses, [Accepted, Repeated, Late]);
+
+    // One plan more would show in the frames.
+    let block = stepped(&mut client, step(&["a", "b"], 60, vec![])).await;
+    assert_eq!(frames_of(&block, 0), frames_of(&block, 1));
+    let of = |id: &str| v1::GetSessionRequest { id: id.into() };
+    let a = client.get_session(of("a")).await.unwrap().into_inner();
+    let b = client.get_session(of("b")).await.unwrap().into_inner();
+    assert_eq!((a.priority, a.last_sequence, b.last_sequence), (1.0, 3, 2));
+}
+
+#[tokio::test]
 async fn all_conventions_show_the_same_motion() {
     let server = TestServer::start().await;
     let mut client = server.sessions().await;
@@ -471,7 +522,7 @@ async fn plans_that_fail_end_a_step_with_their_error_and_the_session_recovers() 
 }
 
 #[tokio::test]
-async fn a_full_queue_delays_a_step_and_changes_nothing() {
+async fn small_batches_delay_a_step_refuse_no_plan_and_change_nothing() {
     let quiet = TestServer::start().await;
     let busy = TestServer::start_with(|config| {
         config.max_characters_per_request = 2;
@@ -479,6 +530,7 @@ async fn a_full_queue_delays_a_step_and_changes_nothing() {
         config.max_batch = 2;
     })
     .await;
+    busy.gate.set_row_time(std::time::Duration::from_micros(500));
     let names = ids("c", 40);
     let mut blocks = Vec::new();
     for server in [&quiet, &busy] {
@@ -487,7 +539,10 @@ async fn a_full_queue_delays_a_step_and_changes_nothing() {
         let commands = names.iter().map(|id| walk(id, 1, (0.3, 0.9))).collect();
         blocks.push(stepped(&mut client, step(&names, 40, commands)).await);
     }
-    let refused = "troupe_rejections_total{model=\"toy\",version=\"1.2.3\",reason=\"queue_full\"}";
-    assert!(busy.handle.service().telemetry().render().contains(refused));
+    // Far more wait than calls would have room for.
+    let refused = "troupe_rejections_total{model=\"toy\",version=\"1.2.3\",reason=\"queue_full\"} 0";
+    let full = "troupe_dispatch_total{model=\"toy\",version=\"1.2.3\",reason=\"full\"} 0";
+    let text = busy.handle.service().telemetry().render();
+    assert!(text.contains(refused) && !text.contains(full), "{text}");
     assert_eq!(blocks[0], blocks[1]);
 }

@@ -1,5 +1,6 @@
 //! Many characters, advanced together.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use futures_util::future::join_all;
@@ -103,7 +104,10 @@ pub struct Crowd {
     client: Client,
     pack: Pack,
     options: CrowdOptions,
-    members: Vec<Member>,
+    /// Those that have not left.
+    members: BTreeMap<MemberId, Member>,
+    /// Characters that were ever in it.
+    count: usize,
     /// One a request of the last step.
     chunks: Vec<Chunk>,
     faults: Vec<Fault>,
@@ -112,8 +116,7 @@ pub struct Crowd {
 
 #[derive(Debug)]
 struct Member {
-    /// None once it has left.
-    session: Option<Session>,
+    session: Session,
     /// Request of the last step and place in its block, where it has frames.
     place: Option<(usize, usize)>,
 }
@@ -132,7 +135,8 @@ impl Crowd {
             client: client.clone(),
             pack: pack.clone(),
             options,
-            members: Vec::new(),
+            members: BTreeMap::new(),
+            count: 0,
             chunks: Vec::new(),
             faults: Vec::new(),
             waited: Duration::ZERO,
@@ -150,45 +154,50 @@ impl Crowd {
 
     /// Takes in a character whose session is open already; it must be of the crowd's pack.
     pub fn adopt(&mut self, session: Session) -> MemberId {
-        self.members.push(Member {
-            session: Some(session),
-            place: None,
-        });
-        MemberId(self.members.len() - 1)
+        let member = MemberId(self.count);
+        self.count += 1;
+        self.members.insert(member, Member { session, place: None });
+        member
     }
 
     /// Lets a character go, with its session.
     pub fn remove(&mut self, member: MemberId) -> Option<Session> {
-        let member = self.members.get_mut(member.0)?;
-        member.place = None;
-        member.session.take()
+        self.members.remove(&member).map(|member| member.session)
     }
 
     /// Characters that have not left.
     pub fn len(&self) -> usize {
-        self.members().count()
+        self.members.len()
     }
 
     /// Whether all have left.
     pub fn is_empty(&self) -> bool {
-        self.members().next().is_none()
+        self.members.is_empty()
     }
 
     /// The characters that have not left.
     pub fn members(&self) -> impl Iterator<Item = MemberId> {
-        let here = self.members.iter().enumerate();
-        here.filter_map(|(i, m)| m.session.is_some().then_some(MemberId(i)))
+        self.members.keys().copied()
     }
 
     /// A character's session.
     pub fn session(&self, member: MemberId) -> Option<&Session> {
-        self.members.get(member.0)?.session.as_ref()
+        self.members.get(&member).map(|m| &m.session)
     }
 
     /// What a character should do, to be changed. None once it has left.
     pub fn intent_mut(&mut self, member: MemberId) -> Option<&mut Locomotion> {
-        let session = self.members.get_mut(member.0)?.session.as_mut()?;
-        Some(session.intent_mut().wanted_mut())
+        let member = self.members.get_mut(&member)?;
+        Some(member.session.intent_mut().wanted_mut())
+    }
+
+    /// How much it matters that a character is planned for often, 0 to 1: such as by its distance from the camera, in steps of
+    /// a tenth or so, for every change is a command. It goes to the server with the next step. Nothing happens once the
+    /// character has left.
+    pub fn set_priority(&mut self, member: MemberId, priority: f32) {
+        if let Some(member) = self.members.get_mut(&member) {
+            member.session.priority(priority);
+        }
     }
 
     /// Advances everybody by some frames, 1 to 120, and tells the server what changed.
@@ -198,7 +207,7 @@ impl Crowd {
     /// requests of the same step may then have moved on; the first frame's number tells.
     pub async fn step(&mut self, frames: u32) -> Result<CrowdStep<'_>, ClientError> {
         self.faults.clear();
-        self.members.iter_mut().for_each(|m| m.place = None);
+        self.members.values_mut().for_each(|m| m.place = None);
         self.divide();
         let requests = (0..self.chunks.len())
             .map(|chunk| self.request(chunk, frames))
@@ -230,10 +239,7 @@ impl Crowd {
     /// Puts everybody into requests.
     fn divide(&mut self) {
         let per_request = self.options.per_request.max(1);
-        let here = self.members.iter().enumerate();
-        let mut here = here
-            .filter_map(|(i, m)| m.session.is_some().then_some(MemberId(i)))
-            .peekable();
+        let mut here = self.members.keys().copied().peekable();
         let mut used = 0;
         while here.peek().is_some() {
             if used == self.chunks.len() {
@@ -253,7 +259,7 @@ impl Crowd {
         let mut session_ids = Vec::with_capacity(members.len());
         let mut commands = Vec::new();
         for member in members {
-            let Some(session) = &mut self.members[member.0].session else {
+            let Some(Member { session, .. }) = self.members.get_mut(member) else {
                 continue;
             };
             let id = session.id().to_owned();
@@ -277,15 +283,17 @@ impl Crowd {
         if let Some(block) = answer.blocks.into_iter().next() {
             let units = |slot: u32| {
                 let member = of.members.get(slot as usize);
-                let session = member.and_then(|m| self.members[m.0].session.as_ref());
-                session.map_or(1.0, |s| s.convention().units_per_metre())
+                let member = member.and_then(|member| self.members.get(member));
+                member.map_or(1.0, |m| m.session.convention().units_per_metre())
             };
             of.block.read(block, self.pack.skeleton().joint_count(), units)?;
         }
         for (place, &slot) in of.block.slots().iter().enumerate() {
             let member = of.members.get(slot as usize);
             let member = member.ok_or(AnswerError::Missing("the character of a slot"))?;
-            self.members[member.0].place = Some((chunk, place));
+            if let Some(member) = self.members.get_mut(member) {
+                member.place = Some((chunk, place));
+            }
         }
         for problem in answer.problems {
             let slot = problem.slot as usize;
@@ -336,30 +344,24 @@ impl Crowd {
 
     /// Reports a character, which leaves where its session is gone.
     fn fault(&mut self, member: MemberId, problem: Problem) {
-        let of = &mut self.members[member.0];
         let left = problem.kind.is_gone();
+        let session = self.session(member).map(|s| s.id().to_owned());
         self.faults.push(Fault {
             member,
-            session: of
-                .session
-                .as_ref()
-                .map_or_else(String::new, |s| s.id().to_owned()),
+            session: session.unwrap_or_default(),
             problem,
             left,
         });
         if left {
-            *of = Member {
-                session: None,
-                place: None,
-            };
+            self.members.remove(&member);
         }
     }
 
     /// The commands of a request may not have arrived.
     fn doubt(&mut self, chunk: usize) {
         for member in &self.chunks[chunk].members {
-            if let Some(session) = &mut self.members[member.0].session {
-                session.intent_mut().doubt();
+            if let Some(member) = self.members.get_mut(member) {
+                member.session.intent_mut().doubt();
             }
         }
     }
@@ -384,7 +386,7 @@ impl Crowd {
     /// # Errors
     /// See [`ClientError`].
     pub async fn close(self) -> Result<(), ClientError> {
-        let sessions = self.members.into_iter().filter_map(|m| m.session);
+        let sessions = self.members.into_values().map(|m| m.session);
         let ids = sessions.map(|s| s.id().to_owned());
         self.client.close_sessions(ids).await.map(|_| ())
     }
@@ -419,7 +421,7 @@ impl<'a> CrowdStep<'a> {
 
     /// One character's frames. None where it did not move.
     pub fn get(&self, member: MemberId) -> Option<Frames<'a>> {
-        let (chunk, place) = self.crowd.members.get(member.0)?.place?;
+        let (chunk, place) = self.crowd.members.get(&member)?.place?;
         Some(self.crowd.chunks[chunk].block.frames(place))
     }
 

@@ -73,6 +73,34 @@ async fn only_changed_intents_are_sent() {
 }
 
 #[tokio::test]
+async fn who_left_takes_no_room_and_nobody_has_their_name() {
+    let (client, pack, _) = scripted().await;
+    let (mut crowd, members) = crowd(&client, &pack, 3).await;
+    assert!(crowd.remove(members[0]).is_some() && crowd.remove(members[0]).is_none());
+    for round in 0..20 {
+        let new = crowd.add(&[SessionOptions::new()]).await.unwrap();
+        assert_eq!(new[0].index(), 3 + round);
+        crowd.remove(new[0]).unwrap();
+    }
+    assert_eq!((crowd.len(), crowd.members.len()), (2, 2));
+}
+
+#[tokio::test]
+async fn priorities_go_with_the_next_step() {
+    let (client, pack, script) = scripted().await;
+    let (mut crowd, members) = crowd(&client, &pack, 2).await;
+    crowd.set_priority(members[1], 0.9);
+    crowd.step(1).await.unwrap();
+    crowd.set_priority(members[1], 0.9);
+    crowd.step(1).await.unwrap();
+    let script = script.lock().unwrap();
+    let commands = &script.steps[0].commands;
+    assert_eq!((commands.len(), commands[0].priority), (1, Some(0.9)));
+    assert_eq!(commands[0].intent, None);
+    assert!(script.steps[1].commands.is_empty());
+}
+
+#[tokio::test]
 async fn who_is_gone_leaves_and_the_others_go_on() {
     let (client, pack, script) = scripted().await;
     let (mut crowd, members) = crowd(&client, &pack, 4).await;

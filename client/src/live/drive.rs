@@ -233,6 +233,14 @@ impl Drive {
         Some(session.intent_mut().wanted_mut())
     }
 
+    /// How much it matters that a session is planned for often, 0 to 1: such as by its distance from the camera, in steps of a
+    /// tenth or so, for every change is a command. [`Self::next`] and [`Self::flush`] send it. Nothing happens where the session is not on the stream.
+    pub fn set_priority(&mut self, id: &str, priority: f32) {
+        if let Some(session) = self.sessions.get_mut(id) {
+            session.priority(priority);
+        }
+    }
+
     /// Sends what changed of what the sessions should do. Where the connection is busy it stays for the next time, so that
     /// the newest goes.
     pub fn flush(&mut self) {

@@ -90,6 +90,9 @@ pub(crate) struct Intent {
     sequence: u64,
     /// Whether `wanted` was ever looked at to be changed: a session that is taken up goes on until it is.
     touched: bool,
+    /// None: whatever the server has.
+    priority: Option<f32>,
+    told_priority: Option<f32>,
 }
 
 impl Intent {
@@ -108,6 +111,10 @@ impl Intent {
     pub(crate) fn wanted_mut(&mut self) -> &mut Locomotion {
         self.touched = true;
         &mut self.wanted
+    }
+
+    pub(crate) fn set_priority(&mut self, priority: f32) {
+        self.priority = Some(priority);
     }
 
     /// The server has seen sequence numbers up to here, whoever gave them.
@@ -129,26 +136,51 @@ impl Intent {
             // One that nobody has commanded stands in its own style.
             None => !self.touched || (self.sequence == 0 && self.wanted == Locomotion::default()),
         };
-        (!same).then(|| self.command(session, None))
+        if !same {
+            return Some(self.command(session, None));
+        }
+        let priority = self.changed_priority()?;
+        Some(v1::Command {
+            session_id: session.to_owned(),
+            sequence: self.next(),
+            at_frame: None,
+            intent: None,
+            priority: Some(priority),
+        })
+    }
+
+    /// The priority that the server does not know yet. It counts as told from now on.
+    fn changed_priority(&mut self) -> Option<f32> {
+        let changed = self
+            .priority
+            .filter(|priority| self.told_priority.map(f32::to_bits) != Some(priority.to_bits()));
+        self.told_priority = self.priority;
+        changed
+    }
+
+    fn next(&mut self) -> u64 {
+        self.sequence = self.sequence.saturating_add(1);
+        self.sequence
     }
 
     /// A command with the next sequence number, to hold from `at_frame` on.
     pub(crate) fn command(&mut self, session: &str, at_frame: Option<u64>) -> v1::Command {
-        self.sequence = self.sequence.saturating_add(1);
         let before = self.told.take().and_then(|told| told.style);
         let mut told = self.wanted.clone();
         told.style = told.style.or(before);
         self.told = Some(told);
         v1::Command {
             session_id: session.to_owned(),
-            sequence: self.sequence,
+            sequence: self.next(),
             at_frame,
             intent: Some(v1::command::Intent::Locomote(self.wanted.to_message())),
+            priority: self.changed_priority(),
         }
     }
 
     /// The last command may not have arrived: what is wanted is to be told again.
     pub(crate) fn doubt(&mut self) {
+        self.told_priority = None;
         // A style that was told before may hold or not; it is told again where it is wanted.
         if let Some(told) = self.told.take() {
             self.wanted.style = self.wanted.style.take().or(told.style);
@@ -223,6 +255,35 @@ mod tests {
         intent.seen(40);
         intent.wanted_mut().height = Some(0.8);
         assert_eq!(intent.changed("a").unwrap().sequence, 41);
+    }
+
+    #[test]
+    fn a_priority_goes_with_the_next_command_or_alone() {
+        let mut intent = Intent::default();
+        intent.set_priority(0.2);
+        let alone = intent.changed("a").unwrap();
+        assert_eq!(
+            (alone.sequence, alone.priority, &alone.intent),
+            (1, Some(0.2), &None)
+        );
+        assert_eq!(intent.changed("a"), None);
+        *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
+        assert_eq!(intent.changed("a").unwrap().priority, None, "it is as it was");
+        intent.set_priority(0.9);
+        *intent.wanted_mut() = Locomotion::stand();
+        let both = intent.changed("a").unwrap();
+        assert_eq!((both.sequence, both.priority), (3, Some(0.9)));
+        assert!(both.intent.is_some());
+        intent.doubt();
+        assert_eq!(intent.changed("a").unwrap().priority, Some(0.9));
+    }
+
+    #[test]
+    fn a_priority_that_cannot_be_is_told_once() {
+        let mut intent = Intent::default();
+        intent.set_priority(f32::NAN);
+        assert!(intent.changed("a").unwrap().priority.unwrap().is_nan());
+        assert_eq!(intent.changed("a"), None);
     }
 
     #[test]

@@ -109,6 +109,14 @@ impl SessionOptions {
         self
     }
 
+    /// How much it matters that this character is planned for often, where there are more than the server can serve: 0 is
+    /// far from the camera, 1 the hero, 0.5 the default.
+    #[must_use]
+    pub fn priority(mut self, priority: f32) -> Self {
+        self.message.priority = Some(priority);
+        self
+    }
+
     /// The options on the wire, for a pack.
     pub(crate) fn to_message(&self, pack: &str) -> v1::SessionOptions {
         v1::SessionOptions {

@@ -128,6 +128,13 @@ impl Session {
         self
     }
 
+    /// How much it matters that it is planned for often, where there are more characters than the server can serve: 0 is far
+    /// from the camera, 1 the hero. Changes nothing of what it does.
+    pub fn priority(&mut self, priority: f32) -> &mut Self {
+        self.intent.set_priority(priority);
+        self
+    }
+
     /// What it should do.
     pub fn intent(&self) -> &Locomotion {
         self.intent.wanted()

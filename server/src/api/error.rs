@@ -144,6 +144,15 @@ pub enum ApiError {
         /// When it is worth to try again.
         retry_after: Duration,
     },
+    /// A newer plan of the same character took the place of this one.
+    #[error("a newer plan of the same character took the place of this one")]
+    Superseded,
+    /// The request waited for so long that nobody wants its answer any more.
+    #[error("the request was given up after {} ms in the queue", waited.as_millis())]
+    WaitedTooLong {
+        /// How long it waited.
+        waited: Duration,
+    },
     /// The server is not ready yet, or no longer.
     #[error("the server is {0}")]
     Unavailable(&'static str),
@@ -168,6 +177,8 @@ impl From<SubmitError> for ApiError {
                 pending_characters,
                 retry_after,
             },
+            SubmitError::Superseded => Self::Superseded,
+            SubmitError::DeadlinePassed { waited } => Self::WaitedTooLong { waited },
             SubmitError::Engine(EngineError::Stopped) => Self::Unavailable("broken: an engine has stopped"),
             SubmitError::Engine(error) => Self::Internal(error.to_string()),
         }
@@ -235,7 +246,8 @@ impl ApiError {
                 "METHOD_NOT_ALLOWED",
             ),
             Self::Unavailable(_) => (Code::Unavailable, StatusCode::SERVICE_UNAVAILABLE, "UNAVAILABLE"),
-            Self::DeadlineExceeded(_) => (
+            Self::Superseded => (Code::Aborted, StatusCode::CONFLICT, "ABORTED"),
+            Self::DeadlineExceeded(_) | Self::WaitedTooLong { .. } => (
                 Code::DeadlineExceeded,
                 StatusCode::GATEWAY_TIMEOUT,
                 "DEADLINE_EXCEEDED",
@@ -264,7 +276,8 @@ impl ApiError {
             Self::WrongMethod(_) => "WRONG_METHOD",
             Self::QueueFull { .. } => "QUEUE_FULL",
             Self::Unavailable(_) => "NOT_READY",
-            Self::DeadlineExceeded(_) => "DEADLINE_EXCEEDED",
+            Self::Superseded => "SUPERSEDED",
+            Self::DeadlineExceeded(_) | Self::WaitedTooLong { .. } => "DEADLINE_EXCEEDED",
             Self::Unimplemented(_) => "UNIMPLEMENTED",
             Self::Internal(_) => "INTERNAL",
         }
@@ -455,6 +468,35 @@ mod tests {
         assert_eq!(stopped.into_response().status(), StatusCode::SERVICE_UNAVAILABLE);
         let failed = ApiError::from(SubmitError::Engine(EngineError::Panicked("oh".into())));
         assert_eq!(failed.status().code(), Code::Internal);
+    }
+
+    #[test]
+    fn what_the_queue_drops_says_why() {
+        let shown = |error: SubmitError| {
+            let error = ApiError::from(error);
+            let (code, status, label) = error.codes();
+            (code, status.as_u16(), label, error.reason())
+        };
+        assert_eq!(
+            shown(SubmitError::Superseded),
+            (Code::Aborted, 409, "ABORTED", "SUPERSEDED")
+        );
+        let late = SubmitError::DeadlinePassed {
+            waited: Duration::from_millis(1500),
+        };
+        assert_eq!(
+            ApiError::from(late.clone()).to_string(),
+            "the request was given up after 1500 ms in the queue"
+        );
+        assert_eq!(
+            shown(late),
+            (
+                Code::DeadlineExceeded,
+                504,
+                "DEADLINE_EXCEEDED",
+                "DEADLINE_EXCEEDED"
+            )
+        );
     }
 
     #[test]

@@ -76,7 +76,7 @@ pub(super) fn router(service: &Arc<Service>, config: &Config) -> Router {
         (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
         (status = 404, description = "No such pack", body = ErrorBody),
         (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 429, description = "The queue is full; see the Retry-After header", body = ErrorBody),
+        (status = 429, description = "The queue is full, or too slow; see the Retry-After header", body = ErrorBody),
         (status = 500, description = "Inference failed", body = ErrorBody),
         (status = 503, description = "Not ready yet", body = ErrorBody),
         (status = 504, description = "Not served in time", body = ErrorBody),

@@ -1,38 +1,45 @@
-//! The scheduler's driver: keeps the waiting work, feeds events, carries out actions.
+//! The way to a pack's engine: callers put requests in, lanes take batches out.
 
-use std::any::Any;
-use std::collections::HashMap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc as blocking;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, ready};
 use std::time::{Duration, Instant};
 
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::oneshot;
 
-use super::scheduler::{Action, Cut, Event, Limits, Part, RequestId, Scheduler};
-use crate::engine::{EngineError, Pipeline, RawMotion, RowAnswer, StageTimes, WorkItem};
+use super::core::{Batch, Core, Outbox, Pieces, Ran};
+use super::gauge::EngineGauge;
+use super::lane;
+use super::order::Order;
+use super::scheduler::{Limits, Part, RequestId};
+use crate::engine::{EngineError, Pipeline, RawMotion, WorkItem};
 use crate::telemetry::PackMetrics;
 
-/// Makes an engine, on the thread that will own it.
-pub type EngineFactory = Box<dyn FnOnce() -> Result<Pipeline, EngineError> + Send>;
-
-/// Requests that may be on their way to the driver; its own queue is bounded in characters.
-const INBOX: usize = 1024;
-/// When it is worth to try again where the inbox is full: the driver empties it in one go.
-const FULL_INBOX_RETRY: Duration = Duration::from_millis(10);
+/// Makes the engine of a lane, of which it gets the number from 0 on. Called once for each lane, on the thread that will
+/// own it; all lanes at the same time.
+pub type EngineFactory = Arc<dyn Fn(usize) -> Result<Pipeline, EngineError> + Send + Sync>;
 
 /// Why a request was not served.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum SubmitError {
-    /// The queue has no room for the request.
+    /// The queue has no room for the request, or is so slow that it would wait for too long.
     #[error("{pending_characters} characters are waiting")]
     QueueFull {
         /// Characters already waiting.
         pending_characters: usize,
         /// When it is worth to try again.
         retry_after: Duration,
+    },
+    /// A newer plan of the same owner took its place.
+    #[error("a newer plan of the same character took its place")]
+    Superseded,
+    /// It was not cut before the moment from which on nobody would want the answer.
+    #[error("it waited {} ms, too long for its answer to be of use", waited.as_millis())]
+    DeadlinePassed {
+        /// How long it waited.
+        waited: Duration,
     },
     /// Inference failed.
     #[error(transparent)]
@@ -46,7 +53,12 @@ pub struct Served {
     pub motions: Vec<RawMotion>,
     /// From the arrival at the batcher to the cut of the first batch.
     pub queued: Duration,
-    /// Filling inputs, over all batches that carried the request.
+    /// From the arrival to the start of the first batch on its lane.
+    pub started: Duration,
+    /// From the arrival to the end of the last batch.
+    pub finished: Duration,
+    /// Filling inputs, over all batches that carried the request. Lanes work side by side, so these sums may be longer
+    /// than the time from start to finish.
     pub assemble: Duration,
     /// The three stages, over all batches that carried the request.
     pub inference: Duration,
@@ -58,49 +70,83 @@ pub struct Served {
 
 /// The way to a pack's engine. Clones share it; the engine ends when the last one is gone.
 #[derive(Debug, Clone)]
-pub struct Batcher {
-    inbox: mpsc::Sender<Submission>,
-    running: Arc<AtomicBool>,
-}
+pub struct Batcher(Arc<Owner>);
 
+/// Ends the lanes when it is dropped, once they have done what waits.
 #[derive(Debug)]
-struct Submission {
-    items: Vec<WorkItem>,
-    arrived: Instant,
-    reply: oneshot::Sender<Result<Served, SubmitError>>,
+struct Owner(Arc<Shared>);
+
+impl Drop for Owner {
+    fn drop(&mut self) {
+        self.0.core().closed = true;
+        for bell in &self.0.bells {
+            bell.notify_one();
+        }
+    }
 }
 
 impl Batcher {
-    /// Starts the engine's thread, and answers when `factory` has made (and warmed up) the engine.
+    /// Starts the engine's lanes, and answers when `factory` has made (and warmed up) all of them.
     ///
     /// # Errors
-    /// What `factory` fails with, or [`EngineError::Stopped`] where its thread ends without a word.
+    /// What `factory` fails with, or [`EngineError::Stopped`] where a thread ends without a word.
     pub async fn start(
         name: &str,
         limits: Limits,
         metrics: PackMetrics,
         factory: EngineFactory,
     ) -> Result<Self, EngineError> {
-        // One batch at a time is with the engine, so one place each way is all there can be.
-        let (batches, engine_inbox) = blocking::sync_channel(1);
-        let (engine_outbox, done) = mpsc::channel(1);
-        let (started, starting) = oneshot::channel();
-        std::thread::Builder::new()
-            .name(format!("engine-{name}"))
-            .spawn(move || own_engine(factory, started, &engine_inbox, &engine_outbox))
-            .map_err(|error| EngineError::Library(format!("cannot start the engine's thread: {error}")))?;
-        starting.await.map_err(|_| EngineError::Stopped)??;
-
-        let (inbox, submissions) = mpsc::channel(INBOX);
-        let running = Arc::new(AtomicBool::new(true));
-        let driver = Driver::new(limits, metrics, batches, running.clone());
-        tokio::spawn(driver.run(submissions, done));
-        Ok(Self { inbox, running })
+        let limits = Limits {
+            lanes: limits.lanes.max(1),
+            max_batch: limits.max_batch.max(1),
+            ..limits
+        };
+        metrics.lanes(limits.lanes);
+        let shared = Arc::new(Shared {
+            core: Mutex::new(Core::new(limits, metrics.clone())),
+            bells: (0..limits.lanes).map(|_| Condvar::new()).collect(),
+            gauge: EngineGauge::new(limits.lanes, Instant::now()),
+            running: AtomicBool::new(true),
+            metrics,
+        });
+        // Dropped on the way out where a lane does not start, so that the others end.
+        let batcher = Self(Arc::new(Owner(shared.clone())));
+        let mut starting = Vec::with_capacity(limits.lanes);
+        for lane in 0..limits.lanes {
+            let (started, has_started) = oneshot::channel();
+            let (shared, factory) = (shared.clone(), factory.clone());
+            std::thread::Builder::new()
+                .name(format!("lane-{lane}-{name}"))
+                .spawn(move || lane::run(shared, lane, &factory, started))
+                .map_err(|error| EngineError::Library(format!("cannot start a lane's thread: {error}")))?;
+            starting.push(has_started);
+        }
+        for started in starting {
+            started.await.map_err(|_| EngineError::Stopped)??;
+        }
+        Ok(batcher)
     }
 
-    /// Whether the engine's thread is alive.
+    fn shared(&self) -> &Arc<Shared> {
+        &self.0.0
+    }
+
+    /// Whether a lane is alive. One that is lost costs speed; the rest serve everything.
     pub fn is_running(&self) -> bool {
-        self.running.load(Ordering::Relaxed)
+        self.shared().running.load(Ordering::Relaxed)
+    }
+
+    /// How busy the engine is.
+    pub fn gauge(&self) -> &EngineGauge {
+        &self.shared().gauge
+    }
+
+    /// Why an InBetween call of so many characters would be refused if it came now, where it would: to be asked before
+    /// any work is put into it. It counts as refused then.
+    pub fn would_refuse(&self, characters: usize) -> Option<SubmitError> {
+        let refusal = self.shared().core().scheduler().would_refuse(characters)?;
+        self.shared().metrics.rejected(refusal.into());
+        Some(refusal.into())
     }
 
     /// Has `items` served, alone or together with what other callers ask for. A caller that drops the future gives up
@@ -108,317 +154,198 @@ impl Batcher {
     ///
     /// # Errors
     /// [`SubmitError`], for the whole request.
-    pub async fn submit(&self, items: Vec<WorkItem>) -> Result<Served, SubmitError> {
-        let (submission, answer) = Submission::new(items);
-        self.inbox
-            .send(submission)
-            .await
-            .map_err(|_| EngineError::Stopped)?;
-        answer.await.map_err(|_| EngineError::Stopped)?
+    pub async fn submit(&self, items: Vec<WorkItem>, order: Order) -> Result<Served, SubmitError> {
+        self.enqueue(items, order)?.await
     }
 
-    /// [`Batcher::submit`] for a caller who must not wait: `items` have a place, or not, when this returns. The future
+    /// [`Batcher::submit`] for a caller who must not wait: `items` have a place when this returns, or do not. The future
     /// that it gives is the answer; dropping it gives up the place.
     ///
     /// # Errors
-    /// [`SubmitError::QueueFull`] where there is no room on the way to the queue. The queue itself may still refuse.
-    pub fn enqueue(
+    /// [`SubmitError::QueueFull`] where there is no place, [`EngineError::Stopped`] where there is no engine.
+    pub fn enqueue(&self, items: Vec<WorkItem>, order: Order) -> Result<Answer, SubmitError> {
+        let (reply, answer) = oneshot::channel();
+        if items.is_empty() {
+            // Nothing to do, and nothing that a lane would ever finish.
+            let _ = reply.send(Ok(Served::default()));
+            return Ok(Answer { answer, place: None });
+        }
+        let request = self.shared().admit(items, order, reply)?;
+        let place = Some((self.shared().clone(), request));
+        Ok(Answer { answer, place })
+    }
+}
+
+/// The answer to a request, to be awaited. Dropping it gives up the request's place in the queue.
+#[derive(Debug)]
+#[must_use = "dropping it gives up the request"]
+pub struct Answer {
+    answer: oneshot::Receiver<Result<Served, SubmitError>>,
+    place: Option<(Arc<Shared>, RequestId)>,
+}
+
+impl Future for Answer {
+    type Output = Result<Served, SubmitError>;
+
+    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        let answer = ready!(Pin::new(&mut self.answer).poll(context));
+        self.place = None;
+        Poll::Ready(answer.unwrap_or_else(|_| Err(EngineError::Stopped.into())))
+    }
+}
+
+impl Drop for Answer {
+    fn drop(&mut self) {
+        if let Some((shared, request)) = self.place.take() {
+            shared.core().forget(Instant::now(), request);
+        }
+    }
+}
+
+/// What callers and lanes share.
+#[derive(Debug)]
+pub(super) struct Shared {
+    core: Mutex<Core>,
+    /// One for each lane, rung where there is work for it while it sleeps.
+    bells: Box<[Condvar]>,
+    pub(super) gauge: EngineGauge,
+    pub(super) metrics: PackMetrics,
+    running: AtomicBool,
+}
+
+impl Shared {
+    fn core(&self) -> MutexGuard<'_, Core> {
+        // Whoever panicked under the lock has lost its own request at most.
+        self.core.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts a request in, and wakes a lane where one is idle.
+    fn admit(
         &self,
         items: Vec<WorkItem>,
-    ) -> Result<impl Future<Output = Result<Served, SubmitError>> + Send + use<>, SubmitError> {
-        let (submission, answer) = Submission::new(items);
-        self.inbox.try_send(submission).map_err(|error| match error {
-            mpsc::error::TrySendError::Full(_) => SubmitError::QueueFull {
-                pending_characters: INBOX,
-                retry_after: FULL_INBOX_RETRY,
-            },
-            mpsc::error::TrySendError::Closed(_) => EngineError::Stopped.into(),
-        })?;
-        Ok(async { answer.await.map_err(|_| EngineError::Stopped)? })
-    }
-}
-
-impl Submission {
-    fn new(items: Vec<WorkItem>) -> (Self, oneshot::Receiver<Result<Served, SubmitError>>) {
-        let (reply, answer) = oneshot::channel();
-        let submission = Self {
-            items,
-            arrived: Instant::now(),
-            reply,
-        };
-        (submission, answer)
-    }
-}
-
-type Finished = Result<(Vec<RowAnswer>, StageTimes), EngineError>;
-
-fn own_engine(
-    factory: EngineFactory,
-    started: oneshot::Sender<Result<(), EngineError>>,
-    batches: &blocking::Receiver<Vec<WorkItem>>,
-    done: &mpsc::Sender<Finished>,
-) {
-    let mut pipeline = match factory() {
-        Ok(pipeline) => pipeline,
-        Err(error) => {
-            // Nobody to tell: the start was given up.
-            let _ = started.send(Err(error));
-            return;
+        order: Order,
+        reply: super::core::Reply,
+    ) -> Result<RequestId, SubmitError> {
+        let now = Instant::now();
+        let mut outbox = Outbox::default();
+        let mut core = self.core();
+        let admitted = core.admit(now, items, order, reply, &mut outbox);
+        let asleep = core.scheduler().idle_lane().filter(|_| !core.woken);
+        core.woken |= asleep.is_some();
+        self.show(&core);
+        drop(core);
+        if let Some(lane) = asleep {
+            self.bells[lane].notify_one();
         }
-    };
-    if started.send(Ok(())).is_err() {
-        return;
-    }
-    while let Ok(items) = batches.recv() {
-        // A pipeline fills what it reads anew for every batch, so a panic leaves nothing behind in it.
-        let finished = catch_unwind(AssertUnwindSafe(|| pipeline.run(&items)))
-            .unwrap_or_else(|payload| Err(EngineError::Panicked(panic_message(&*payload))));
-        if done.blocking_send(finished).is_err() {
-            return;
-        }
-    }
-}
-
-fn panic_message(payload: &(dyn Any + Send)) -> String {
-    let text = payload.downcast_ref::<&str>().copied();
-    text.or_else(|| payload.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("it gave no reason")
-        .to_owned()
-}
-
-/// A request that the scheduler knows.
-struct Job {
-    /// What is not yet cut; taken from the front, in step with the scheduler's parts.
-    items: std::vec::IntoIter<WorkItem>,
-    characters: usize,
-    served: Served,
-    first_cut: bool,
-    reply: oneshot::Sender<Result<Served, SubmitError>>,
-}
-
-struct Driver {
-    scheduler: Scheduler,
-    jobs: HashMap<RequestId, Job>,
-    next_id: u64,
-    /// The parts of the batch that the engine has.
-    in_flight: Vec<Part>,
-    /// How long a full batch takes, smoothed; the base of retry hints.
-    batch_time: Duration,
-    max_batch: usize,
-    batches: blocking::SyncSender<Vec<WorkItem>>,
-    running: Arc<AtomicBool>,
-    metrics: PackMetrics,
-}
-
-impl Driver {
-    fn new(
-        limits: Limits,
-        metrics: PackMetrics,
-        batches: blocking::SyncSender<Vec<WorkItem>>,
-        running: Arc<AtomicBool>,
-    ) -> Self {
-        Self {
-            scheduler: Scheduler::new(limits),
-            jobs: HashMap::new(),
-            next_id: 0,
-            in_flight: Vec::new(),
-            batch_time: Duration::from_millis(50),
-            max_batch: limits.max_batch,
-            batches,
-            running,
-            metrics,
-        }
+        outbox.send();
+        admitted
     }
 
-    async fn run(mut self, mut submissions: mpsc::Receiver<Submission>, mut done: mpsc::Receiver<Finished>) {
-        let mut arrivals = Vec::with_capacity(INBOX);
-        let mut open = true;
-        self.step(Event::EngineFree);
-        self.step(Event::Settled);
-        while open || !self.jobs.is_empty() {
-            tokio::select! {
-                biased;
-                finished = done.recv() => match finished {
-                    Some(finished) => {
-                        self.finish(finished);
-                        self.step(Event::EngineFree);
-                    }
-                    None => break,
-                },
-                count = submissions.recv_many(&mut arrivals, INBOX), if open => open = count > 0,
+    /// A lane is ready for its first batch.
+    pub(super) fn lane_starts(&self, lane: usize) {
+        self.core().free(Instant::now(), lane);
+    }
+
+    /// Waits for a batch. Gives none when there will be no more.
+    pub(super) fn next_batch(&self, lane: usize) -> Option<Batch> {
+        let mut outbox = Outbox::default();
+        let mut core = self.core();
+        loop {
+            if let Some(batch) = core.take(lane) {
+                return Some(batch);
             }
-            // Work that came in meanwhile joins the batch that is about to be cut.
-            while arrivals.len() < INBOX
-                && let Ok(submission) = submissions.try_recv()
-            {
-                arrivals.push(submission);
+            if core.is_over() {
+                return None;
             }
-            self.drop_abandoned();
-            for submission in arrivals.drain(..) {
-                self.admit(submission);
+            let now = Instant::now();
+            core.settle(now, &mut outbox);
+            let batch = core.take(lane);
+            self.ring(&core, batch.is_some());
+            if batch.is_some() {
+                drop(core);
+                outbox.send();
+                return batch;
             }
-            self.step(Event::Settled);
-            self.metrics.pending(
-                self.scheduler.pending_requests(),
-                self.scheduler.pending_characters(),
-            );
-        }
-        self.running.store(false, Ordering::Relaxed);
-    }
-
-    fn step(&mut self, event: Event) {
-        self.step_at(Instant::now(), event);
-    }
-
-    fn step_at(&mut self, now: Instant, event: Event) {
-        match self.scheduler.step(now, event) {
-            Some(Action::Cut(cut)) => self.send(cut),
-            Some(Action::Refuse {
-                request,
-                pending_characters,
-            }) => {
-                let retry_after = self.retry_after(pending_characters);
-                self.metrics.rejected("queue_full");
-                self.answer(
-                    request,
-                    Err(SubmitError::QueueFull {
-                        pending_characters,
-                        retry_after,
-                    }),
-                );
-            }
-            Some(Action::Drop { request, .. }) => {
-                self.metrics.rejected("client_gone");
-                self.jobs.remove(&request);
-            }
-            Some(Action::Admit { .. }) | None => {}
-        }
-    }
-
-    fn admit(&mut self, submission: Submission) {
-        let request = RequestId(self.next_id);
-        self.next_id += 1;
-        let Submission {
-            items,
-            arrived,
-            reply,
-        } = submission;
-        let characters = items.len();
-        let served = Served {
-            motions: Vec::with_capacity(characters),
-            ..Served::default()
-        };
-        let job = Job {
-            items: items.into_iter(),
-            characters,
-            served,
-            first_cut: true,
-            reply,
-        };
-        self.jobs.insert(request, job);
-        // The scheduler's clock starts at the arrival, not when this task gets round to it.
-        self.step_at(arrived, Event::Arrived { request, characters });
-    }
-
-    /// Forgets requests whose caller has gone.
-    fn drop_abandoned(&mut self) {
-        let gone: Vec<RequestId> = self
-            .scheduler
-            .waiting()
-            .filter(|request| self.jobs.get(request).is_none_or(|job| job.reply.is_closed()))
-            .collect();
-        for request in gone {
-            self.step(Event::Gone { request });
-        }
-    }
-
-    /// Hands a batch to the engine.
-    fn send(&mut self, cut: Cut) {
-        let mut items = Vec::with_capacity(cut.characters());
-        let size = cut.characters();
-        for part in &cut.parts {
-            let Some(job) = self.jobs.get_mut(&part.request) else {
+            if !outbox.is_empty() {
+                drop(core);
+                outbox.send();
+                core = self.core();
                 continue;
+            }
+            let bell = &self.bells[lane];
+            core = match core.wake_at {
+                Some(at) => {
+                    let time = at.saturating_duration_since(now);
+                    let woken = bell.wait_timeout(core, time);
+                    woken.unwrap_or_else(PoisonError::into_inner).0
+                }
+                None => bell.wait(core).unwrap_or_else(PoisonError::into_inner),
             };
-            if std::mem::take(&mut job.first_cut) {
-                job.served.queued = part.waited;
-                self.metrics.queued(part.waited);
-            }
-            job.served.batch_size = job.served.batch_size.max(size);
-            items.extend(job.items.by_ref().take(part.characters));
-        }
-        self.metrics.dispatched(cut.reason.label(), size);
-        self.in_flight = cut.parts;
-        if self.batches.send(items).is_err() {
-            self.finish(Err(EngineError::Stopped));
         }
     }
 
-    /// Hands a finished batch to its requests.
-    fn finish(&mut self, finished: Finished) {
-        let parts = std::mem::take(&mut self.in_flight);
-        match finished {
-            Ok((answers, times)) => {
-                self.metrics.ran(&times, answers.len());
-                self.batch_time = (self.batch_time * 3 + times.inference() + times.assemble) / 4;
-                let mut answers = answers.into_iter();
-                for part in parts {
-                    let answers: Vec<RowAnswer> = answers.by_ref().take(part.characters).collect();
-                    match answers.into_iter().collect() {
-                        Ok(motions) => self.serve(part.request, motions, &times),
-                        Err(error) => {
-                            tracing::error!(%error, "a character failed");
-                            self.fail(part.request, error);
-                        }
-                    }
-                }
-            }
-            Err(error) => {
-                tracing::error!(%error, "a batch failed");
-                for part in parts {
-                    self.fail(part.request, error.clone());
-                }
-            }
-        }
+    /// Takes what a lane has made, and gives it the next batch where there is one.
+    pub(super) fn finish(
+        &self,
+        lane: usize,
+        ran: &Ran,
+        size: usize,
+        pieces: Pieces,
+        outbox: &mut Outbox,
+    ) -> Option<Batch> {
+        let mut core = self.core();
+        core.deliver(ran, size, pieces, outbox);
+        core.free(ran.ended, lane);
+        core.settle(Instant::now(), outbox);
+        let batch = core.take(lane);
+        self.ring(&core, batch.is_some());
+        batch
     }
 
-    /// Notes what a batch made of a request, and answers it where that was the last of it.
-    fn serve(&mut self, request: RequestId, motions: Vec<RawMotion>, times: &StageTimes) {
-        let Some(job) = self.jobs.get_mut(&request) else {
-            return;
-        };
-        job.served.motions.extend(motions);
-        job.served.assemble += times.assemble;
-        job.served.inference += times.inference();
-        job.served.scatter += times.scatter;
-        if job.served.motions.len() == job.characters
-            && let Some(job) = self.jobs.remove(&request)
+    /// A lane's thread ends in a panic, with `parts` unserved.
+    pub(super) fn lane_lost(&self, lane: usize, parts: Vec<Part>) {
+        let mut outbox = Outbox::default();
+        let mut core = self.core();
+        core.lose(Instant::now(), lane, parts, &mut outbox);
+        let left = core.scheduler().lanes();
+        self.running.store(left > 0, Ordering::Relaxed);
+        self.gauge.lost_lane(lane, Instant::now());
+        self.metrics.lanes(left);
+        if let Some(other) = core.scheduler().idle_lane() {
+            self.bells[other].notify_one();
+        }
+        self.show(&core);
+        drop(core);
+        tracing::error!(lane, left, "a lane of the engine is lost");
+        outbox.send();
+    }
+
+    /// Wakes the lanes that have something to do: those with a batch, and one to keep the time where the caller is about
+    /// to run a batch itself and some work is held back.
+    fn ring(&self, core: &Core, runs: bool) {
+        for lane in core.called() {
+            self.bells[lane].notify_one();
+        }
+        if runs
+            && core.wake_at.is_some()
+            && let Some(lane) = core.scheduler().idle_lane()
         {
-            // The caller may have gone meanwhile.
-            let _ = job.reply.send(Ok(job.served));
+            self.bells[lane].notify_one();
         }
+        self.show(core);
     }
 
-    /// Fails a request, and forgets what of it still waits.
-    fn fail(&mut self, request: RequestId, error: EngineError) {
-        self.scheduler.step(Instant::now(), Event::Gone { request });
-        self.answer(request, Err(error.into()));
-    }
-
-    fn answer(&mut self, request: RequestId, answer: Result<Served, SubmitError>) {
-        if let Some(job) = self.jobs.remove(&request) {
-            // The caller may have gone meanwhile.
-            let _ = job.reply.send(answer);
-        }
-    }
-
-    /// When what waits now should have been served.
-    fn retry_after(&self, pending_characters: usize) -> Duration {
-        let batches = pending_characters.div_ceil(self.max_batch).max(1) as u32;
-        (self.batch_time * batches).max(Duration::from_millis(10))
+    fn show(&self, core: &Core) {
+        let scheduler = core.scheduler();
+        let characters = scheduler.pending_characters();
+        self.gauge.wait(characters);
+        self.metrics.pending(scheduler.pending_requests(), characters);
     }
 }
 
+#[cfg(test)]
+#[path = "lane_tests.rs"]
+mod lane_tests;
 #[cfg(test)]
 #[path = "driver_tests.rs"]
 mod tests;

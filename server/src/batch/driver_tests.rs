@@ -1,4 +1,4 @@
-use std::sync::Mutex;
+use std::sync::mpsc as blocking;
 
 use super::*;
 use crate::engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
@@ -6,7 +6,7 @@ use crate::pack::Dims;
 use crate::pack::Stage;
 use crate::telemetry::Telemetry;
 
-const DIMS: Dims = Dims {
+pub(super) const DIMS: Dims = Dims {
     joints: 1,
     contacts: 1,
     heads: 1,
@@ -19,14 +19,14 @@ const DIMS: Dims = Dims {
 };
 
 /// An engine that waits for a permit before each batch, notes batch sizes, and marks rows by their seed.
-struct Gate {
-    permits: blocking::Receiver<()>,
-    sizes: Arc<Mutex<Vec<usize>>>,
-    trouble: Trouble,
+pub(super) struct Gate {
+    pub(super) permits: blocking::Receiver<()>,
+    pub(super) sizes: Arc<Mutex<Vec<usize>>>,
+    pub(super) trouble: Trouble,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Trouble {
+pub(super) enum Trouble {
     None,
     /// The decoder fails.
     Fail,
@@ -89,7 +89,7 @@ impl Stages for Gate {
     }
 }
 
-struct Setup {
+pub(super) struct Setup {
     batcher: Batcher,
     permits: blocking::Sender<()>,
     sizes: Arc<Mutex<Vec<usize>>>,
@@ -105,10 +105,15 @@ async fn setup(max_batch: usize, max_queued: usize, trouble: Trouble) -> Setup {
         sizes: sizes.clone(),
         trouble,
     };
-    let factory: EngineFactory = Box::new(move || Ok(Pipeline::new(DIMS, Box::new(stages), max_batch)));
+    let stages = Mutex::new(Some(stages));
+    let factory: EngineFactory = Arc::new(move |_| {
+        let stages = stages.lock().unwrap().take().unwrap();
+        Ok(Pipeline::new(DIMS, Box::new(stages), max_batch))
+    });
     let limits = Limits {
         max_batch,
         max_queued,
+        ..Limits::default()
     };
     let batcher = Batcher::start("test", limits, telemetry.pack("test", "1"), factory)
         .await
@@ -121,7 +126,7 @@ async fn setup(max_batch: usize, max_queued: usize, trouble: Trouble) -> Setup {
     }
 }
 
-fn items(marks: std::ops::Range<usize>) -> Vec<WorkItem> {
+pub(super) fn items(marks: std::ops::Range<usize>) -> Vec<WorkItem> {
     let key = |mark: usize| crate::engine::KeyTensors {
         global_root: Some([mark as f32; 5]),
         ..Default::default()
@@ -141,23 +146,24 @@ fn items(marks: std::ops::Range<usize>) -> Vec<WorkItem> {
         .collect()
 }
 
-fn marks(served: &Served) -> Vec<f32> {
+pub(super) fn soon() -> Order {
+    Order::request(Instant::now())
+}
+
+pub(super) fn marks(served: &Served) -> Vec<f32> {
     served.motions.iter().map(|motion| motion.root_r_g3[0]).collect()
 }
 
 /// Waits until the batcher shows `requests` waiting.
-async fn pending(setup: &Setup, requests: usize) {
+pub(super) async fn pending(telemetry: &Telemetry, requests: usize) {
     let line = format!("troupe_pending_requests{{model=\"test\",version=\"1\"}} {requests}\n");
     for _ in 0..2000 {
-        if setup.telemetry.render().contains(&line) {
+        if telemetry.render().contains(&line) {
             return;
         }
         tokio::time::sleep(Duration::from_millis(1)).await;
     }
-    panic!(
-        "never saw {requests} requests waiting:\n{}",
-        setup.telemetry.render()
-    );
+    panic!("never saw {requests} requests waiting:\n{}", telemetry.render());
 }
 
 fn submit(
@@ -165,30 +171,30 @@ fn submit(
     marks: std::ops::Range<usize>,
 ) -> tokio::task::JoinHandle<Result<Served, SubmitError>> {
     let batcher = setup.batcher.clone();
-    tokio::spawn(async move { batcher.submit(items(marks)).await })
+    tokio::spawn(async move { batcher.submit(items(marks), soon()).await })
 }
 
 /// Waits until the engine has taken `batches` batches (it may not have finished the last).
-async fn dispatched(setup: &Setup, batches: usize) {
+pub(super) async fn dispatched(telemetry: &Telemetry, batches: usize) {
     let line = format!("troupe_batch_size_count{{model=\"test\",version=\"1\"}} {batches}\n");
     for _ in 0..2000 {
-        if setup.telemetry.render().contains(&line) {
+        if telemetry.render().contains(&line) {
             return;
         }
         tokio::time::sleep(Duration::from_millis(1)).await;
     }
-    panic!("never saw {batches} batches:\n{}", setup.telemetry.render());
+    panic!("never saw {batches} batches:\n{}", telemetry.render());
 }
 
 #[tokio::test]
 async fn waiting_requests_share_a_batch_and_large_ones_are_joined() {
     let setup = setup(4, 100, Trouble::None).await;
     let first = submit(&setup, 0..1);
-    dispatched(&setup, 1).await;
+    dispatched(&setup.telemetry, 1).await;
     let large = submit(&setup, 10..16);
-    pending(&setup, 1).await;
+    pending(&setup.telemetry, 1).await;
     let small = submit(&setup, 20..21);
-    pending(&setup, 2).await;
+    pending(&setup.telemetry, 2).await;
     for _ in 0..3 {
         setup.permits.send(()).unwrap();
     }
@@ -205,10 +211,10 @@ async fn waiting_requests_share_a_batch_and_large_ones_are_joined() {
 async fn a_full_queue_refuses_at_once_with_a_hint() {
     let setup = setup(4, 5, Trouble::None).await;
     let first = submit(&setup, 0..1);
-    dispatched(&setup, 1).await;
+    dispatched(&setup.telemetry, 1).await;
     let second = submit(&setup, 1..5);
-    pending(&setup, 1).await;
-    let refused = setup.batcher.submit(items(5..7)).await.unwrap_err();
+    pending(&setup.telemetry, 1).await;
+    let refused = setup.batcher.submit(items(5..7), soon()).await.unwrap_err();
     let SubmitError::QueueFull {
         pending_characters: 4,
         retry_after,
@@ -227,15 +233,15 @@ async fn a_full_queue_refuses_at_once_with_a_hint() {
 async fn what_is_enqueued_waits_in_the_order_of_the_calls_and_shares_batches() {
     let setup = setup(4, 5, Trouble::None).await;
     let first = submit(&setup, 0..1);
-    dispatched(&setup, 1).await;
+    dispatched(&setup.telemetry, 1).await;
     let answers: Vec<_> = (1..4)
-        .map(|mark| setup.batcher.enqueue(items(mark..mark + 1)).unwrap())
+        .map(|mark| setup.batcher.enqueue(items(mark..mark + 1), soon()).unwrap())
         .collect();
-    pending(&setup, 3).await;
+    pending(&setup.telemetry, 3).await;
     // One that is dropped gives up its place, one that does not fit is refused.
     let mut answers = answers.into_iter();
     drop(answers.next());
-    let refused = setup.batcher.enqueue(items(10..14)).unwrap().await.unwrap_err();
+    let refused = setup.batcher.enqueue(items(10..14), soon()).unwrap_err();
     assert!(
         matches!(
             refused,
@@ -256,28 +262,17 @@ async fn what_is_enqueued_waits_in_the_order_of_the_calls_and_shares_batches() {
 }
 
 #[tokio::test]
-async fn the_way_to_the_queue_has_an_end() {
-    let setup = setup(4, 5, Trouble::None).await;
-    // Nothing else runs on this thread meanwhile, so nobody empties the inbox.
-    let places: Vec<_> = (0..=INBOX)
-        .map(|mark| setup.batcher.enqueue(items(mark..mark + 1)))
-        .collect();
-    assert!(places[..INBOX].iter().all(Result::is_ok));
-    assert!(matches!(places[INBOX], Err(SubmitError::QueueFull { .. })));
-}
-
-#[tokio::test]
 async fn work_of_a_caller_that_left_is_not_run() {
     let setup = setup(4, 100, Trouble::None).await;
     let first = submit(&setup, 0..1);
-    dispatched(&setup, 1).await;
+    dispatched(&setup.telemetry, 1).await;
     let leaver = submit(&setup, 1..4);
-    pending(&setup, 1).await;
+    pending(&setup.telemetry, 1).await;
     leaver.abort();
     assert!(leaver.await.unwrap_err().is_cancelled());
     let last = submit(&setup, 7..8);
     // The leaver was dropped when the last one arrived, so still one waits.
-    pending(&setup, 1).await;
+    pending(&setup.telemetry, 1).await;
     setup.permits.send(()).unwrap();
     setup.permits.send(()).unwrap();
     first.await.unwrap().unwrap();
@@ -292,12 +287,12 @@ async fn a_failing_batch_fails_its_requests_whole_and_the_next_one_runs() {
     for _ in 0..8 {
         setup.permits.send(()).unwrap();
     }
-    let failed = setup.batcher.submit(items(0..3)).await.unwrap_err();
+    let failed = setup.batcher.submit(items(0..3), soon()).await.unwrap_err();
     assert!(
         failed.to_string().contains("decoder stage failed: told to"),
         "{failed}"
     );
-    let again = setup.batcher.submit(items(0..1)).await.unwrap_err();
+    let again = setup.batcher.submit(items(0..1), soon()).await.unwrap_err();
     assert!(again.to_string().contains("told to"));
     assert!(setup.batcher.is_running());
 }
@@ -306,12 +301,12 @@ async fn a_failing_batch_fails_its_requests_whole_and_the_next_one_runs() {
 async fn a_bad_row_fails_its_own_request_only() {
     let setup = setup(4, 100, Trouble::BadRow).await;
     let first = submit(&setup, 0..1);
-    dispatched(&setup, 1).await;
+    dispatched(&setup.telemetry, 1).await;
     // Both share the second batch; what is left of the bad request after it is not run.
     let good = submit(&setup, 20..22);
-    pending(&setup, 1).await;
+    pending(&setup.telemetry, 1).await;
     let bad = submit(&setup, 13..19);
-    pending(&setup, 2).await;
+    pending(&setup.telemetry, 2).await;
     for _ in 0..3 {
         setup.permits.send(()).unwrap();
     }
@@ -319,7 +314,10 @@ async fn a_bad_row_fails_its_own_request_only() {
     assert_eq!(marks(&good.await.unwrap().unwrap()), [20.0, 21.0]);
     let error = bad.await.unwrap().unwrap_err().to_string();
     assert!(error.contains("trajectory that is not finite"), "{error}");
-    assert_eq!(marks(&setup.batcher.submit(items(5..6)).await.unwrap()), [5.0]);
+    assert_eq!(
+        marks(&setup.batcher.submit(items(5..6), soon()).await.unwrap()),
+        [5.0]
+    );
     assert_eq!(*setup.sizes.lock().unwrap(), [1, 4, 1]);
 }
 
@@ -328,9 +326,12 @@ async fn a_panic_fails_its_batch_and_service_goes_on() {
     let setup = setup(2, 100, Trouble::PanicOnce).await;
     setup.permits.send(()).unwrap();
     setup.permits.send(()).unwrap();
-    let error = setup.batcher.submit(items(0..1)).await.unwrap_err();
+    let error = setup.batcher.submit(items(0..1), soon()).await.unwrap_err();
     assert_eq!(error.to_string(), "the engine panicked: told to");
-    assert_eq!(marks(&setup.batcher.submit(items(3..4)).await.unwrap()), [3.0]);
+    assert_eq!(
+        marks(&setup.batcher.submit(items(3..4), soon()).await.unwrap()),
+        [3.0]
+    );
     assert!(setup.batcher.is_running());
 }
 
@@ -338,12 +339,12 @@ async fn a_panic_fails_its_batch_and_service_goes_on() {
 async fn a_dead_engine_is_reported_not_waited_for() {
     let setup = setup(2, 100, Trouble::Die).await;
     setup.permits.send(()).unwrap();
-    let error = setup.batcher.submit(items(0..1)).await.unwrap_err();
+    let error = setup.batcher.submit(items(0..1), soon()).await.unwrap_err();
     assert!(
         matches!(error, SubmitError::Engine(EngineError::Stopped)),
         "{error:?}"
     );
-    let error = setup.batcher.submit(items(0..1)).await.unwrap_err();
+    let error = setup.batcher.submit(items(0..1), soon()).await.unwrap_err();
     assert!(
         matches!(error, SubmitError::Engine(EngineError::Stopped)),
         "{error:?}"
@@ -354,11 +355,8 @@ async fn a_dead_engine_is_reported_not_waited_for() {
 #[tokio::test]
 async fn an_engine_that_does_not_start_says_why() {
     let telemetry = Telemetry::new().unwrap();
-    let factory: EngineFactory = Box::new(|| Err(EngineError::Library("not here".into())));
-    let limits = Limits {
-        max_batch: 1,
-        max_queued: 1,
-    };
+    let factory: EngineFactory = Arc::new(|_| Err(EngineError::Library("not here".into())));
+    let limits = Limits::default();
     let error = Batcher::start("test", limits, telemetry.pack("t", "1"), factory)
         .await
         .unwrap_err();

@@ -1,38 +1,79 @@
 //! The batch scheduler as a pure state machine: [`Scheduler::step`] takes what happened and answers what to do.
 //! It reads no clock, holds no work and does no I/O, so every rule below is tested without threads or time.
 //!
-//! - The queue is bounded in characters: a request that does not fit is refused whole, at once. A batch that a free
-//!   engine is about to take does not count.
-//! - While the engine is busy, requests wait. When it is free, everything that waits is cut together, up to the
-//!   batch limit; a lone request is cut at once, with no artificial delay.
-//! - First come, first served. A request larger than what is left of a batch is split over several.
-//! - Work whose caller has gone is dropped before it is cut.
+//! # Order
+//! Each request has a virtual deadline: its [`Order::deadline`], or its arrival where that is later, plus the
+//! [handicap](Limits::handicap) of its class. The earliest goes first, and of equal ones the one that came first. So a
+//! class keeps its deadlines' order, and plans of live characters go before InBetween calls until those have waited for
+//! the handicap. **Nothing starves**: what comes after a request's virtual deadline has a later one, so from that moment
+//! on only what already waits can go before it, and that is bounded by [`Limits::max_queued`] and [`Limits::max_live`].
+//!
+//! # Batches
+//! - While all lanes are busy, requests wait. Free lanes share what waits: with `k` of them and `n` characters, a cut
+//!   takes ⌈n / k⌉, at most a batch. A request may be split, over lanes as well. A lone request is cut at once.
+//! - With [`Limits::batch_delay`], free lanes wait up to so long for [`Limits::preferred_batch`] characters.
+//! - While there are live characters, a batch takes no more than it can do in [`Limits::live_slice`], by measure: a plan
+//!   that comes just after the cut waits no longer than that for a lane.
+//!
+//! # Owners
+//! At most one plan of an owner is with the engine. One more may wait; a newer one takes its place, and inherits its
+//! virtual deadline where that is earlier, so that a stream of plans does not push itself back.
+//!
+//! # Limits
+//! A request that does not fit is refused whole, at once; so is an InBetween call that would wait for longer than
+//! [`Limits::max_wait`], by the rate at which such calls left the queue lately. What free lanes are about to take does not
+//! count as waiting. Each class has room of its own. Work that was given up, was replaced or has expired is dropped
+//! before it is cut.
 
-use std::collections::VecDeque;
+mod limits;
+mod meter;
+mod queue;
+
 use std::time::{Duration, Instant};
 
-/// Names a request for as long as it is known to the scheduler; never reused.
+use self::meter::Meter;
+use self::queue::{Queue, Take};
+use super::order::{Class, Order};
+
+pub use limits::{Limits, Refusal};
+
+/// How long the last plan of a live character is remembered.
+const LIVE_MEMORY: Duration = Duration::from_secs(2);
+/// A batch is not made smaller than this for the sake of live characters: it would cost more than it gives.
+const MIN_SLICE: usize = 4;
+
+/// Names a request for as long as it is known to the scheduler. Never reused, and rising with the arrivals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct RequestId(pub u64);
 
 /// What happened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
-    /// A request asks for a place in the queue.
+    /// A request asks for a place in the queue. Unless an [`Action::Refuse`] follows, it has one.
     Arrived {
         /// The new request.
         request: RequestId,
         /// How many characters it carries; at least one.
         characters: usize,
+        /// Its claim on a place.
+        order: Order,
     },
     /// Nobody waits for the request's answer any more.
     Gone {
         /// The abandoned request.
         request: RequestId,
     },
-    /// The engine is ready for a batch: it has started, or finished the previous one.
-    EngineFree,
-    /// Everything that has happened so far was told, so a batch may be cut now. (Without this, the first of many
+    /// A lane is ready for a batch: it has started, or finished the previous one.
+    LaneFree {
+        /// Its number.
+        lane: usize,
+    },
+    /// A lane will run no batch any more.
+    LaneLost {
+        /// Its number.
+        lane: usize,
+    },
+    /// Everything that has happened so far was told, so batches may be cut now. (Without this, the first of many
     /// requests that arrive together would always travel alone.)
     Settled,
 }
@@ -40,17 +81,24 @@ pub enum Event {
 /// What to do about it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Action {
-    /// The request has its place in the queue.
-    Admit {
-        /// The admitted request.
-        request: RequestId,
-    },
-    /// The queue has no room for the request; it is forgotten.
+    /// The request has no place in the queue; it is forgotten.
     Refuse {
         /// The refused request.
         request: RequestId,
-        /// Characters already waiting.
-        pending_characters: usize,
+        /// Why.
+        refusal: Refusal,
+    },
+    /// A newer plan of the same owner has the place of this one, which is forgotten.
+    Supersede {
+        /// The older request.
+        request: RequestId,
+    },
+    /// What is left of the request has expired, and is forgotten.
+    Expire {
+        /// The expired request.
+        request: RequestId,
+        /// How long it waited.
+        waited: Duration,
     },
     /// The rest of an abandoned request has left the queue unserved.
     Drop {
@@ -59,35 +107,45 @@ pub enum Action {
         /// Characters that will not be served.
         characters: usize,
     },
-    /// Run this batch; the engine counts as busy until the next [`Event::EngineFree`].
+    /// Run this batch; its lane counts as busy until the next [`Event::LaneFree`].
     Cut(Cut),
+    /// Tell [`Event::Settled`] again at this time, unless it is told earlier.
+    WakeAt(Instant),
 }
 
 /// Why a batch was cut when it was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum CutReason {
-    /// The engine was idle when the work arrived.
+    /// The lane was idle when the work arrived.
     Idle,
-    /// The engine became free and took all that waited.
+    /// The lane became free and took its share of what waited.
     Backlog,
-    /// More waits than fits into one batch.
+    /// More waits than fits into the batch.
     Full,
+    /// The lane was idle, and waited for more work.
+    Delayed,
 }
 
 impl CutReason {
+    /// All reasons, in the order of their numbers.
+    pub const ALL: [Self; 4] = [Self::Idle, Self::Backlog, Self::Full, Self::Delayed];
+
     /// The reason as a metric label.
     pub fn label(self) -> &'static str {
         match self {
             Self::Idle => "idle",
             Self::Backlog => "backlog",
             Self::Full => "full",
+            Self::Delayed => "delayed",
         }
     }
 }
 
-/// One batch: parts of requests, in the order of their arrival.
+/// One batch: parts of requests, the most urgent first.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cut {
+    /// The lane that is to run it.
+    pub lane: usize,
     /// What the batch carries; never empty.
     pub parts: Vec<Part>,
     /// Why it was cut now.
@@ -106,6 +164,8 @@ impl Cut {
 pub struct Part {
     /// The request they belong to.
     pub request: RequestId,
+    /// Its class.
+    pub class: Class,
     /// Index of the first character within the request.
     pub first: usize,
     /// How many characters, at least one.
@@ -114,54 +174,56 @@ pub struct Part {
     pub waited: Duration,
 }
 
-/// The limits that a scheduler keeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Limits {
-    /// Most characters in one batch.
-    pub max_batch: usize,
-    /// Most characters that may wait.
-    pub max_queued: usize,
+enum Lane {
+    /// Not free: it has not reported yet, or runs a batch.
+    Busy,
+    /// Free since the last event, so whatever waits has piled up meanwhile.
+    JustFreed,
+    Idle,
+    Lost,
 }
 
-#[derive(Debug)]
-struct Waiting {
-    request: RequestId,
-    next: usize,
-    left: usize,
-    arrived: Instant,
+impl Lane {
+    fn is_free(self) -> bool {
+        matches!(self, Self::JustFreed | Self::Idle)
+    }
 }
 
 /// The state machine. See the module's text for its rules.
 #[derive(Debug)]
 pub struct Scheduler {
     limits: Limits,
-    queue: VecDeque<Waiting>,
-    pending_characters: usize,
-    engine: Engine,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Engine {
-    Busy,
-    /// Free since the last event, so whatever waits has piled up meanwhile.
-    JustFreed,
-    Idle,
+    queue: Queue,
+    lanes: Vec<Lane>,
+    meter: Meter,
+    /// Batch sizes that the engine pads to, rising.
+    buckets: Vec<usize>,
+    /// When free lanes cease to wait for more work, where they do.
+    held_until: Option<Instant>,
+    last_live: Option<Instant>,
 }
 
 impl Scheduler {
-    /// An empty scheduler whose engine has not reported yet.
+    /// An empty scheduler whose lanes have not reported yet.
     pub fn new(limits: Limits) -> Self {
         Self {
+            queue: Queue::new(limits.lanes),
+            lanes: vec![Lane::Busy; limits.lanes],
+            meter: Meter::new(limits.lanes),
+            buckets: crate::engine::buckets(limits.max_batch),
             limits,
-            queue: VecDeque::new(),
-            pending_characters: 0,
-            engine: Engine::Busy,
+            held_until: None,
+            last_live: None,
         }
     }
 
     /// Characters that wait for a batch.
     pub fn pending_characters(&self) -> usize {
-        self.pending_characters
+        Class::ALL
+            .into_iter()
+            .map(|class| self.queue.pending(class))
+            .sum()
     }
 
     /// Requests that wait with at least one character.
@@ -169,94 +231,205 @@ impl Scheduler {
         self.queue.len()
     }
 
-    /// Requests that wait, oldest first.
-    pub fn waiting(&self) -> impl Iterator<Item = RequestId> {
-        self.queue.iter().map(|waiting| waiting.request)
+    /// A lane that is free and waits for work.
+    pub fn idle_lane(&self) -> Option<usize> {
+        self.lanes.iter().position(|lane| lane.is_free())
     }
 
-    /// Takes one event and answers what to do, at most one action an event.
-    pub fn step(&mut self, now: Instant, event: Event) -> Option<Action> {
+    /// Lanes that are not lost.
+    pub fn lanes(&self) -> usize {
+        self.lanes.iter().filter(|&&lane| lane != Lane::Lost).count()
+    }
+
+    /// Why an InBetween call of so many characters would be refused if it came now, where it would.
+    pub fn would_refuse(&self, characters: usize) -> Option<Refusal> {
+        self.refusal(Class::Request, characters, 0)
+    }
+
+    /// Takes one event, and adds what to do about it to `actions`.
+    pub fn step(&mut self, now: Instant, event: Event, actions: &mut Vec<Action>) {
         match event {
-            Event::Arrived { request, characters } => Some(self.arrive(now, request, characters)),
-            Event::Gone { request } => self.forget(request),
-            Event::EngineFree => {
-                self.engine = Engine::JustFreed;
-                None
-            }
-            Event::Settled => self.cut(now),
-        }
-    }
-
-    fn arrive(&mut self, now: Instant, request: RequestId, characters: usize) -> Action {
-        let pending_characters = self.pending_characters;
-        // What a free engine is about to take does not count as waiting.
-        let leaving = if self.engine == Engine::Busy {
-            0
-        } else {
-            self.limits.max_batch
-        };
-        if characters > (self.limits.max_queued + leaving).saturating_sub(pending_characters) {
-            return Action::Refuse {
+            Event::Arrived {
                 request,
-                pending_characters,
-            };
+                characters,
+                order,
+            } => self.arrive(now, request, characters, order, actions),
+            Event::Gone { request } => {
+                let left = self.queue.forget(request);
+                actions.extend(left.map(|characters| Action::Drop { request, characters }));
+            }
+            Event::LaneFree { lane } => self.lane(now, lane, Lane::JustFreed),
+            Event::LaneLost { lane } => self.lane(now, lane, Lane::Lost),
+            Event::Settled => self.settle(now, actions),
         }
-        self.pending_characters += characters;
-        self.queue.push_back(Waiting {
-            request,
-            next: 0,
-            left: characters,
-            arrived: now,
-        });
-        Action::Admit { request }
     }
 
-    fn forget(&mut self, request: RequestId) -> Option<Action> {
-        let place = self.queue.iter().position(|waiting| waiting.request == request)?;
-        let characters = self.queue.remove(place)?.left;
-        self.pending_characters -= characters;
-        Some(Action::Drop { request, characters })
+    fn arrive(
+        &mut self,
+        now: Instant,
+        request: RequestId,
+        characters: usize,
+        order: Order,
+        actions: &mut Vec<Action>,
+    ) {
+        let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
+        let leaving = older.map_or(0, |older| older.pending(order.class));
+        if let Some(refusal) = self.refusal(order.class, characters, leaving) {
+            return actions.push(Action::Refuse { request, refusal });
+        }
+        let due = order.deadline.max(now) + self.limits.handicap(order.class);
+        let older = self.queue.add(now, request, characters, order, due);
+        actions.extend(older.map(|request| Action::Supersede { request }));
+        if order.class == Class::Live {
+            self.last_live = Some(now);
+        }
     }
 
-    fn cut(&mut self, now: Instant) -> Option<Action> {
-        if self.engine == Engine::Busy {
-            return None;
-        }
-        let reason = match self.engine {
-            _ if self.pending_characters > self.limits.max_batch => CutReason::Full,
-            Engine::JustFreed => CutReason::Backlog,
-            _ => CutReason::Idle,
+    /// Why so many characters would have no place, where `leaving` of those that wait make room for them.
+    fn refusal(&self, class: Class, characters: usize, leaving: usize) -> Option<Refusal> {
+        let pending = self.queue.pending(class) - leaving;
+        let free = self.lanes.iter().filter(|lane| lane.is_free()).count();
+        let room = self.limits.room(class) + free * self.limits.max_batch;
+        let wait = self.meter.wait(pending);
+        let full = characters > room.saturating_sub(pending);
+        let slow = class == Class::Request
+            && free == 0
+            && !self.limits.max_wait.is_zero()
+            && wait > self.limits.max_wait;
+        (full || slow).then(|| Refusal {
+            pending_characters: self.pending_characters(),
+            expected_wait: wait,
+            full,
+        })
+    }
+
+    fn lane(&mut self, now: Instant, lane: usize, state: Lane) {
+        let Some(known) = self.lanes.get_mut(lane) else {
+            return;
         };
-        let mut room = self.limits.max_batch;
-        let mut parts = Vec::new();
-        while let Some(waiting) = self.queue.front_mut() {
-            let characters = waiting.left.min(room);
-            if characters == 0 {
+        if *known == Lane::Lost {
+            return;
+        }
+        *known = state;
+        self.meter.done(lane, now);
+        if state == Lane::Lost {
+            self.meter.lost();
+        }
+        self.queue.done(lane);
+    }
+
+    fn settle(&mut self, now: Instant, actions: &mut Vec<Action>) {
+        let most = self.most(now);
+        let mut free = self.lanes.iter().filter(|lane| lane.is_free()).count();
+        let mut calls = 0;
+        for lane in 0..self.lanes.len() {
+            if !self.lanes[lane].is_free() {
+                continue;
+            }
+            if self.hold(now, most, actions) {
                 break;
             }
-            parts.push(Part {
-                request: waiting.request,
-                first: waiting.next,
-                characters,
-                waited: now.saturating_duration_since(waiting.arrived),
-            });
-            waiting.next += characters;
-            waiting.left -= characters;
-            room -= characters;
-            self.pending_characters -= characters;
-            if waiting.left == 0 {
-                self.queue.pop_front();
+            let share = self.queue.ready().div_ceil(free);
+            let wanted = match self.limits.batch_delay.is_zero() {
+                true => share,
+                false => share.max(self.limits.preferred_batch),
+            };
+            let (parts, of_calls) = self.take(now, lane, wanted.min(most), actions);
+            calls += of_calls;
+            free -= 1;
+            if parts.is_empty() {
+                continue;
+            }
+            let reason = match (self.lanes[lane], self.held_until) {
+                _ if wanted >= most && self.queue.ready() > 0 && free == 0 => CutReason::Full,
+                (_, Some(_)) => CutReason::Delayed,
+                (Lane::JustFreed, _) => CutReason::Backlog,
+                _ => CutReason::Idle,
+            };
+            self.lanes[lane] = Lane::Busy;
+            actions.push(Action::Cut(Cut { lane, parts, reason }));
+        }
+        if self.queue.ready() == 0 || free == 0 {
+            self.held_until = None;
+        }
+        for lane in &mut self.lanes {
+            if *lane == Lane::JustFreed {
+                *lane = Lane::Idle;
             }
         }
-        self.engine = if parts.is_empty() {
-            Engine::Idle
-        } else {
-            Engine::Busy
-        };
-        (!parts.is_empty()).then_some(Action::Cut(Cut { parts, reason }))
+        self.meter
+            .left(now, calls, self.queue.pending(Class::Request) > 0);
+    }
+
+    /// Most characters of a batch that is cut now.
+    fn most(&self, now: Instant) -> usize {
+        let live = self
+            .last_live
+            .is_some_and(|last| now.saturating_duration_since(last) < LIVE_MEMORY);
+        let slice = self.limits.live_slice;
+        if !live || slice.is_zero() {
+            return self.limits.max_batch;
+        }
+        let most = self.meter.batch_within(slice).max(MIN_SLICE);
+        // A size that the engine need not pad.
+        let fitting = self.buckets.iter().rev().find(|&&bucket| bucket <= most);
+        fitting.copied().unwrap_or(self.limits.max_batch)
+    }
+
+    /// Whether free lanes are to wait for more work.
+    fn hold(&mut self, now: Instant, most: usize, actions: &mut Vec<Action>) -> bool {
+        let Limits {
+            batch_delay: delay,
+            preferred_batch: preferred,
+            ..
+        } = self.limits;
+        let ready = self.queue.ready();
+        if delay.is_zero() || ready == 0 || ready >= preferred.min(most) {
+            return false;
+        }
+        let until = self.queue.first_arrival().unwrap_or(now) + delay;
+        let until = self.held_until.map_or(until, |held| held.min(until));
+        self.held_until = Some(until);
+        if until <= now {
+            return false;
+        }
+        actions.push(Action::WakeAt(until));
+        true
+    }
+
+    /// Takes up to `wanted` characters for a lane: what it takes, and how much of it is of InBetween calls.
+    fn take(
+        &mut self,
+        now: Instant,
+        lane: usize,
+        wanted: usize,
+        actions: &mut Vec<Action>,
+    ) -> (Vec<Part>, usize) {
+        let (mut room, mut calls) = (wanted, 0);
+        let mut parts = Vec::new();
+        while room > 0 {
+            match self.queue.take(now, lane, room) {
+                Some(Take::Part(part)) => {
+                    room -= part.characters;
+                    if part.class == Class::Request {
+                        calls += part.characters;
+                    }
+                    parts.push(part);
+                }
+                Some(Take::Expired { request, waited }) => actions.push(Action::Expire { request, waited }),
+                None => break,
+            }
+        }
+        if !parts.is_empty() {
+            self.meter.began(lane, now, wanted - room);
+        }
+        (parts, calls)
     }
 }
 
+#[cfg(test)]
+#[path = "scheduler_model_tests.rs"]
+mod model_tests;
 #[cfg(test)]
 #[path = "scheduler_tests.rs"]
 mod tests;

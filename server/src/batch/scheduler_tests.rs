@@ -1,277 +1,419 @@
-use std::collections::HashMap;
-
-use proptest::prelude::*;
-
 use super::*;
+use crate::batch::order::OwnerId;
 
-const LIMITS: Limits = Limits {
-    max_batch: 8,
-    max_queued: 20,
-};
-
-fn arrived(request: u64, characters: usize) -> Event {
-    Event::Arrived {
-        request: RequestId(request),
-        characters,
+fn limits() -> Limits {
+    Limits {
+        max_batch: 8,
+        max_queued: 20,
+        max_live: 20,
+        live_slice: Duration::ZERO,
+        ..Limits::default()
     }
 }
 
-fn cut(scheduler: &mut Scheduler, now: Instant) -> Option<Cut> {
-    match scheduler.step(now, Event::Settled) {
-        Some(Action::Cut(cut)) => Some(cut),
-        None => None,
-        other => panic!("unexpected {other:?}"),
-    }
+/// A batch: its lane, why it was cut, and its parts as (request, first character, characters).
+type Seen = (usize, CutReason, Vec<(u64, usize, usize)>);
+
+/// A scheduler with a clock.
+struct Setup {
+    scheduler: Scheduler,
+    now: Instant,
+    next: u64,
 }
 
-fn shape(cut: &Cut) -> Vec<(u64, usize, usize)> {
-    cut.parts
-        .iter()
-        .map(|part| (part.request.0, part.first, part.characters))
-        .collect()
+impl Setup {
+    /// All lanes are free.
+    fn new(limits: Limits) -> Self {
+        let mut setup = Self::busy(limits);
+        for lane in 0..limits.lanes {
+            setup.free(lane);
+        }
+        setup
+    }
+
+    /// No lane has reported yet.
+    fn busy(limits: Limits) -> Self {
+        Self {
+            scheduler: Scheduler::new(limits),
+            now: Instant::now(),
+            next: 0,
+        }
+    }
+
+    fn pass(&mut self, ms: u64) {
+        self.now += Duration::from_millis(ms);
+    }
+
+    fn after(&self, ms: u64) -> Instant {
+        self.now + Duration::from_millis(ms)
+    }
+
+    fn step(&mut self, event: Event) -> Vec<Action> {
+        let mut actions = Vec::new();
+        self.scheduler.step(self.now, event, &mut actions);
+        actions
+    }
+
+    fn arrive(&mut self, characters: usize, order: Order) -> (u64, Vec<Action>) {
+        self.next += 1;
+        let arrived = Event::Arrived {
+            request: RequestId(self.next),
+            characters,
+            order,
+        };
+        (self.next, self.step(arrived))
+    }
+
+    /// A call that is admitted, due now.
+    fn call(&mut self, characters: usize) -> u64 {
+        let (request, actions) = self.arrive(characters, Order::request(self.now));
+        assert_eq!(actions, []);
+        request
+    }
+
+    /// A plan, due in `ms`.
+    fn plan(&mut self, owner: u64, ms: u64) -> (u64, Vec<Action>) {
+        self.arrive(1, Order::live(OwnerId(owner), self.after(ms)))
+    }
+
+    fn free(&mut self, lane: usize) {
+        assert_eq!(self.step(Event::LaneFree { lane }), []);
+    }
+
+    fn refused(&mut self, characters: usize) -> Option<Refusal> {
+        let before = self.scheduler.would_refuse(characters);
+        let (request, actions) = self.arrive(characters, Order::request(self.now));
+        match actions[..] {
+            [] => {
+                self.step(Event::Gone {
+                    request: RequestId(request),
+                });
+                assert_eq!(before, None);
+                None
+            }
+            [Action::Refuse { refusal, .. }] => {
+                assert_eq!(before, Some(refusal));
+                Some(refusal)
+            }
+            _ => panic!("{actions:?}"),
+        }
+    }
+
+    /// Settles, and gives what is cut.
+    fn cuts(&mut self) -> Vec<Seen> {
+        let cut = |action| match action {
+            Action::Cut(Cut { lane, parts, reason }) => {
+                let parts = parts
+                    .iter()
+                    .map(|part| (part.request.0, part.first, part.characters));
+                (lane, reason, parts.collect())
+            }
+            other => panic!("unexpected {other:?}"),
+        };
+        self.step(Event::Settled).into_iter().map(cut).collect()
+    }
+
+    /// The requests of the one batch that is cut for the one lane, which is free at once.
+    fn batch(&mut self) -> Vec<u64> {
+        let cuts = self.cuts();
+        assert!(cuts.len() <= 1);
+        self.free(0);
+        cuts.into_iter()
+            .flat_map(|cut| cut.2)
+            .map(|part| part.0)
+            .collect()
+    }
 }
 
 #[test]
 fn a_lone_request_is_cut_at_once() {
-    let now = Instant::now();
-    let mut scheduler = Scheduler::new(LIMITS);
-    scheduler.step(now, Event::EngineFree);
-    assert_eq!(cut(&mut scheduler, now), None);
-    scheduler.step(now, arrived(1, 1));
-    let batch = cut(&mut scheduler, now).unwrap();
-    assert_eq!(shape(&batch), [(1, 0, 1)]);
-    assert_eq!(batch.reason, CutReason::Idle);
+    let mut setup = Setup::new(limits());
+    assert_eq!(setup.cuts(), []);
+    setup.call(1);
+    assert_eq!(setup.cuts(), [(0, CutReason::Idle, vec![(1, 0, 1)])]);
 }
 
 #[test]
-fn what_waits_while_the_engine_is_busy_is_cut_together() {
-    let start = Instant::now();
-    let mut scheduler = Scheduler::new(LIMITS);
-    scheduler.step(start, Event::EngineFree);
-    for request in 1..=3 {
-        scheduler.step(start, arrived(request, 1));
-        assert_eq!(cut(&mut scheduler, start).is_some(), request == 1);
-    }
-    let later = start + Duration::from_millis(5);
-    scheduler.step(later, Event::EngineFree);
-    let batch = cut(&mut scheduler, later).unwrap();
-    assert_eq!(shape(&batch), [(2, 0, 1), (3, 0, 1)]);
-    assert_eq!(batch.reason, CutReason::Backlog);
-    assert!(
-        batch
-            .parts
-            .iter()
-            .all(|part| part.waited == Duration::from_millis(5))
+fn what_waits_while_the_lane_is_busy_is_cut_together() {
+    let mut setup = Setup::new(limits());
+    setup.call(1);
+    assert_eq!(setup.cuts().len(), 1);
+    setup.call(1);
+    setup.call(1);
+    assert_eq!(setup.cuts(), []);
+    setup.pass(5);
+    setup.free(0);
+    let actions = setup.step(Event::Settled);
+    let [Action::Cut(cut)] = &actions[..] else {
+        panic!("{actions:?}")
+    };
+    assert_eq!(cut.reason, CutReason::Backlog);
+    let parts: Vec<_> = cut
+        .parts
+        .iter()
+        .map(|part| (part.request.0, part.waited))
+        .collect();
+    assert_eq!(
+        parts,
+        [(2, Duration::from_millis(5)), (3, Duration::from_millis(5))]
     );
 }
 
 #[test]
 fn a_large_request_is_split_and_shares_its_last_batch() {
-    let now = Instant::now();
-    let mut scheduler = Scheduler::new(LIMITS);
-    scheduler.step(now, arrived(1, 11));
-    scheduler.step(now, arrived(2, 2));
-    scheduler.step(now, Event::EngineFree);
-    let first = cut(&mut scheduler, now).unwrap();
-    assert_eq!((shape(&first), first.reason), (vec![(1, 0, 8)], CutReason::Full));
-    scheduler.step(now, Event::EngineFree);
-    assert_eq!(shape(&cut(&mut scheduler, now).unwrap()), [(1, 8, 3), (2, 0, 2)]);
+    let mut setup = Setup::new(limits());
+    setup.call(11);
+    setup.call(2);
+    assert_eq!(setup.cuts(), [(0, CutReason::Full, vec![(1, 0, 8)])]);
+    setup.free(0);
+    assert_eq!(
+        setup.cuts(),
+        [(0, CutReason::Backlog, vec![(1, 8, 3), (2, 0, 2)])]
+    );
+}
+
+#[test]
+fn free_lanes_share_what_waits() {
+    let lanes = Limits { lanes: 3, ..limits() };
+    let mut setup = Setup::new(lanes);
+    setup.call(4);
+    setup.call(3);
+    let parts = |cuts: &[Seen]| cuts.iter().map(|cut| cut.2.clone()).collect::<Vec<_>>();
+    let cuts = setup.cuts();
+    assert!(cuts.iter().all(|cut| cut.1 == CutReason::Backlog));
+    assert_eq!(
+        parts(&cuts),
+        [vec![(1, 0, 3)], vec![(1, 3, 1), (2, 0, 1)], vec![(2, 1, 2)]]
+    );
+    // One is free, and takes all; then two lanes find more than they can take.
+    setup.call(5);
+    setup.free(1);
+    assert_eq!(setup.cuts(), [(1, CutReason::Backlog, vec![(3, 0, 5)])]);
+    setup.call(20);
+    setup.free(0);
+    setup.free(2);
+    let cuts = setup.cuts();
+    assert_eq!(parts(&cuts), [vec![(4, 0, 8)], vec![(4, 8, 8)]]);
+    assert_eq!(cuts[1].1, CutReason::Full);
+    // A lost lane is not counted on.
+    setup.step(Event::LaneLost { lane: 1 });
+    setup.free(1);
+    assert_eq!((setup.cuts(), setup.scheduler.lanes()), (vec![], 2));
+}
+
+#[test]
+fn the_earliest_deadline_goes_first_and_classes_keep_their_distance_until_they_age() {
+    let mut setup = Setup::busy(Limits {
+        max_batch: 1,
+        ..limits()
+    });
+    setup.call(1);
+    setup.pass(1500);
+    setup.plan(1, 400);
+    setup.plan(2, 300);
+    setup.plan(3, 600);
+    setup.call(1);
+    setup.free(0);
+    // The first call is due 2 s after its arrival, 500 ms from now.
+    let order: Vec<u64> = (0..5).flat_map(|_| setup.batch()).collect();
+    assert_eq!(order, [3, 2, 1, 4, 5]);
+}
+
+#[test]
+fn a_deadline_long_past_does_not_jump_the_queue_of_those_that_came_before() {
+    let mut setup = Setup::busy(Limits {
+        max_batch: 1,
+        ..limits()
+    });
+    setup.plan(1, 0);
+    setup.pass(10);
+    let past = setup.now - Duration::from_millis(500);
+    setup.arrive(1, Order::live(OwnerId(2), past));
+    setup.free(0);
+    assert_eq!((setup.batch(), setup.batch()), (vec![1], vec![2]));
+}
+
+#[test]
+fn a_newer_plan_takes_the_place_of_the_one_that_waits() {
+    let mut setup = Setup::busy(Limits {
+        max_batch: 1,
+        ..limits()
+    });
+    setup.plan(1, 100);
+    setup.plan(2, 200);
+    let (third, actions) = setup.plan(1, 300);
+    let older = RequestId(1);
+    assert_eq!(actions, [Action::Supersede { request: older }]);
+    assert_eq!(setup.scheduler.pending_characters(), 2);
+    setup.free(0);
+    assert_eq!((setup.batch(), setup.batch()), (vec![third], vec![2]));
+    // Nothing is left of the older one.
+    assert_eq!(setup.step(Event::Gone { request: older }), []);
+    assert_eq!(setup.scheduler.pending_requests(), 0);
+}
+
+#[test]
+fn an_owner_has_one_plan_with_the_engine_and_one_that_waits() {
+    let mut setup = Setup::new(Limits { lanes: 2, ..limits() });
+    setup.plan(1, 100);
+    assert_eq!(setup.cuts().len(), 1);
+    // Lane 1 is free, but this owner's turn has not come.
+    setup.plan(1, 100);
+    assert_eq!(setup.cuts(), []);
+    let (third, actions) = setup.plan(1, 100);
+    assert_eq!(actions.len(), 1);
+    assert_eq!((setup.cuts(), setup.scheduler.pending_characters()), (vec![], 1));
+    setup.free(0);
+    let cuts = setup.cuts();
+    assert_eq!((cuts.len(), &cuts[0].2), (1, &vec![(third, 0, 1)]));
+    // One that waits behind an active one can be given up.
+    let (fourth, _) = setup.plan(1, 100);
+    let request = RequestId(fourth);
+    assert_eq!(
+        setup.step(Event::Gone { request }),
+        [Action::Drop {
+            request,
+            characters: 1
+        }]
+    );
+    setup.free(0);
+    assert_eq!((setup.cuts(), setup.scheduler.pending_requests()), (vec![], 0));
 }
 
 #[test]
 fn a_full_queue_refuses_and_a_leaver_makes_room() {
-    let now = Instant::now();
-    let mut scheduler = Scheduler::new(LIMITS);
-    scheduler.step(now, arrived(1, 15));
-    let refused = Action::Refuse {
-        request: RequestId(2),
-        pending_characters: 15,
-    };
-    assert_eq!(scheduler.step(now, arrived(2, 6)), Some(refused));
-    assert_eq!(
-        scheduler.step(now, arrived(3, 5)),
-        Some(Action::Admit {
-            request: RequestId(3)
-        })
-    );
+    let mut setup = Setup::busy(limits());
+    let first = RequestId(setup.call(15));
+    let refusal = setup.refused(6).unwrap();
+    assert_eq!((refusal.pending_characters, refusal.full), (15, true));
+    assert!(refusal.retry_after() >= Duration::from_millis(10));
+    assert_eq!(setup.refused(5), None);
     let dropped = Action::Drop {
-        request: RequestId(1),
+        request: first,
         characters: 15,
     };
-    assert_eq!(
-        scheduler.step(
-            now,
-            Event::Gone {
-                request: RequestId(1)
-            }
-        ),
-        Some(dropped)
-    );
-    assert_eq!(
-        scheduler.step(
-            now,
-            Event::Gone {
-                request: RequestId(1)
-            }
-        ),
-        None
-    );
-    assert_eq!(
-        scheduler.step(now, arrived(4, 15)),
-        Some(Action::Admit {
-            request: RequestId(4)
-        })
-    );
+    assert_eq!(setup.step(Event::Gone { request: first }), [dropped]);
+    assert_eq!(setup.step(Event::Gone { request: first }), []);
+    assert_eq!(setup.refused(20), None);
 }
 
 #[test]
-fn what_a_free_engine_takes_does_not_count_as_waiting() {
-    let now = Instant::now();
-    let mut scheduler = Scheduler::new(LIMITS);
-    scheduler.step(now, Event::EngineFree);
-    scheduler.step(now, arrived(1, 20));
-    let admitted = Action::Admit {
-        request: RequestId(2),
+fn calls_do_not_take_the_room_of_live_characters() {
+    let mut setup = Setup::busy(limits());
+    setup.call(20);
+    assert!(setup.refused(1).is_some());
+    for owner in 0..20 {
+        assert_eq!(setup.plan(owner, 100).1, []);
+    }
+    assert!(matches!(setup.plan(20, 100).1[..], [Action::Refuse { .. }]));
+    // A newer plan needs no room.
+    assert!(matches!(setup.plan(19, 100).1[..], [Action::Supersede { .. }]));
+}
+
+#[test]
+fn what_free_lanes_take_does_not_count_as_waiting() {
+    let mut setup = Setup::new(Limits { lanes: 2, ..limits() });
+    setup.call(20);
+    setup.call(16);
+    assert!(setup.refused(1).is_some());
+    assert_eq!(setup.cuts().len(), 2);
+    assert_eq!(setup.scheduler.pending_characters(), 20);
+}
+
+#[test]
+fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
+    let mut setup = Setup::new(Limits {
+        max_queued: 1000,
+        ..limits()
+    });
+    setup.call(1);
+    assert_eq!(setup.cuts().len(), 1);
+    // The guess is 5 ms a character.
+    setup.call(190);
+    assert_eq!(setup.refused(100), None);
+    setup.call(100);
+    let refusal = setup.refused(1).unwrap();
+    assert!(!refusal.full && refusal.retry_after() > Duration::from_secs(1));
+    assert_eq!(setup.plan(1, 100).1, []);
+    // The lane turns out to do 8 in a millisecond.
+    for _ in 0..10 {
+        setup.pass(1);
+        setup.free(0);
+        setup.cuts();
+    }
+    assert_eq!(setup.refused(700), None);
+}
+
+#[test]
+fn what_expires_is_not_run() {
+    let mut setup = Setup::busy(limits());
+    let order = Order::request(setup.now).expiring(setup.after(50));
+    let (first, _) = setup.arrive(3, order);
+    setup.call(1);
+    setup.pass(50);
+    setup.free(0);
+    let actions = setup.step(Event::Settled);
+    let [Action::Expire { request, waited }, Action::Cut(cut)] = &actions[..] else {
+        panic!("{actions:?}")
     };
-    assert_eq!(scheduler.step(now, arrived(2, 8)), Some(admitted));
-    assert!(matches!(
-        scheduler.step(now, arrived(3, 1)),
-        Some(Action::Refuse { .. })
-    ));
-    cut(&mut scheduler, now).unwrap();
-    assert_eq!(scheduler.pending_characters(), LIMITS.max_queued);
+    assert_eq!((request.0, *waited), (first, Duration::from_millis(50)));
+    assert_eq!(cut.parts[0].request, RequestId(2));
+    assert_eq!(setup.scheduler.pending_characters(), 0);
 }
 
-#[derive(Debug, Clone)]
-enum Step {
-    Arrive(usize),
-    /// The n-th request that ever arrived (modulo their number) goes away.
-    Leave(usize),
-    FinishBatch,
-    Settle,
+#[test]
+fn an_idle_lane_waits_for_the_preferred_batch_but_not_for_long() {
+    let mut setup = Setup::new(Limits {
+        lanes: 2,
+        batch_delay: Duration::from_millis(2),
+        preferred_batch: 4,
+        ..limits()
+    });
+    assert_eq!(setup.cuts(), []);
+    setup.call(1);
+    let until = setup.after(2);
+    assert_eq!(setup.step(Event::Settled), [Action::WakeAt(until)]);
+    setup.pass(1);
+    setup.call(1);
+    assert_eq!(setup.step(Event::Settled), [Action::WakeAt(until)]);
+    setup.pass(1);
+    // Time is up, and one lane takes them: two batches of one would not be what is preferred.
+    assert_eq!(
+        setup.cuts(),
+        [(0, CutReason::Delayed, vec![(1, 0, 1), (2, 0, 1)])]
+    );
+    // Enough at once need not wait, and what has waited for a lane that long does not wait for company.
+    setup.call(4);
+    assert_eq!(setup.cuts(), [(1, CutReason::Idle, vec![(3, 0, 4)])]);
+    setup.call(1);
+    setup.pass(3);
+    setup.free(1);
+    assert_eq!(setup.cuts().len(), 1);
 }
 
-fn steps() -> impl Strategy<Value = Vec<Step>> {
-    let step = prop_oneof![
-        4 => (1usize..24).prop_map(Step::Arrive),
-        1 => (0usize..64).prop_map(Step::Leave),
-        2 => Just(Step::FinishBatch),
-        4 => Just(Step::Settle),
-    ];
-    prop::collection::vec(step, 0..200)
-}
-
-/// What a correct scheduler may do, kept in the plainest way.
-#[derive(Default)]
-struct Model {
-    /// Size, characters served so far, and whether the request has left the queue for good.
-    requests: HashMap<RequestId, (usize, usize, bool)>,
-    served_order: Vec<RequestId>,
-    busy: bool,
-}
-
-impl Model {
-    fn pending(&self) -> usize {
-        self.requests
-            .values()
-            .filter(|request| !request.2)
-            .map(|request| request.0 - request.1)
-            .sum()
-    }
-
-    fn check(&mut self, limits: Limits, action: Option<Action>, arriving: Option<(RequestId, usize)>) {
-        let room = limits.max_queued + if self.busy { 0 } else { limits.max_batch };
-        match action {
-            None => assert!(arriving.is_none(), "an arrival must be answered"),
-            Some(Action::Admit { request }) => {
-                assert!(self.pending() + arriving.unwrap().1 <= room);
-                self.requests.insert(request, (arriving.unwrap().1, 0, false));
-            }
-            Some(Action::Refuse {
-                pending_characters, ..
-            }) => {
-                assert_eq!(pending_characters, self.pending());
-                assert!(
-                    pending_characters + arriving.unwrap().1 > room,
-                    "refused with room left"
-                );
-            }
-            Some(Action::Drop { request, characters }) => {
-                let known = self.requests.get_mut(&request).unwrap();
-                assert!(!known.2 && known.0 - known.1 == characters);
-                known.2 = true;
-            }
-            Some(Action::Cut(cut)) => {
-                assert!(!self.busy, "cut while the engine was busy");
-                assert!((1..=limits.max_batch).contains(&cut.characters()));
-                self.busy = true;
-                for part in &cut.parts {
-                    let known = self.requests.get_mut(&part.request).unwrap();
-                    assert!(!known.2, "served after it left");
-                    assert_eq!(
-                        part.first, known.1,
-                        "characters out of order, lost or served twice"
-                    );
-                    assert!(part.characters > 0);
-                    known.1 += part.characters;
-                    assert!(known.1 <= known.0);
-                    known.2 = known.1 == known.0;
-                    self.served_order.push(part.request);
-                }
-                assert!(self.pending() <= limits.max_queued, "more left than may wait");
-                assert!(
-                    cut.characters() == limits.max_batch || self.pending() == 0,
-                    "left work behind"
-                );
-            }
-        }
-    }
-}
-
-proptest! {
-    #[test]
-    fn nothing_is_lost_or_served_twice(
-        steps in steps(),
-        max_batch in 1usize..10,
-        spare in 0usize..40,
-    ) {
-        let limits = Limits { max_batch, max_queued: max_batch + spare };
-        let now = Instant::now();
-        let mut scheduler = Scheduler::new(limits);
-        let mut model = Model::default();
-        scheduler.step(now, Event::EngineFree);
-        let mut arrivals = 0;
-        for step in steps {
-            let (event, arriving) = match step {
-                Step::Arrive(characters) => {
-                    arrivals += 1;
-                    (arrived(arrivals, characters), Some((RequestId(arrivals), characters)))
-                }
-                Step::Leave(nth) => {
-                    (Event::Gone { request: RequestId(1 + nth as u64 % arrivals.max(1)) }, None)
-                }
-                Step::FinishBatch => {
-                    if !model.busy {
-                        continue;
-                    }
-                    model.busy = false;
-                    (Event::EngineFree, None)
-                }
-                Step::Settle => (Event::Settled, None),
-            };
-            let action = scheduler.step(now, event);
-            model.check(limits, action, arriving);
-            prop_assert_eq!(scheduler.pending_characters(), model.pending());
-        }
-        while scheduler.pending_requests() > 0 {
-            if std::mem::take(&mut model.busy) {
-                scheduler.step(now, Event::EngineFree);
-            }
-            let action = scheduler.step(now, Event::Settled);
-            prop_assert!(action.is_some(), "stuck with work in the queue");
-            model.check(limits, action, None);
-        }
-        prop_assert!(model.requests.values().all(|request| request.2), "a request was lost");
-        prop_assert!(model.served_order.is_sorted(), "not first come, first served");
-    }
+#[test]
+fn beside_live_characters_batches_end_soon() {
+    let mut setup = Setup::new(Limits {
+        max_batch: 64,
+        max_queued: 1000,
+        live_slice: Duration::from_millis(60),
+        ..limits()
+    });
+    setup.call(100);
+    assert_eq!(setup.cuts()[0].2[0].2, 64);
+    // The lane takes 4 ms a character.
+    setup.pass(256);
+    setup.free(0);
+    setup.plan(1, 100);
+    // 15 would end in time, and 12 is a size that the engine need not pad.
+    let cuts = setup.cuts();
+    assert_eq!(cuts[0].2, [(2, 0, 1), (1, 64, 11)]);
+    setup.pass(48);
+    setup.free(0);
+    setup.call(100);
+    assert_eq!(setup.cuts()[0].2, [(1, 75, 12)]);
+    // They are gone for a while.
+    setup.pass(2000);
+    setup.free(0);
+    assert_eq!(setup.cuts()[0].2.iter().map(|part| part.2).sum::<usize>(), 64);
 }

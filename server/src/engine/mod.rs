@@ -3,24 +3,38 @@
 //!
 //! [`onnx::OnnxStages`] runs the stages on ONNX Runtime. Other engines (and tests) implement [`Stages`].
 
+pub mod accuracy;
+mod choice;
+pub mod machine;
 pub mod onnx;
 mod pipeline;
+mod raw;
 mod sampling;
+mod select;
 mod tensors;
 mod work;
 
 use crate::pack::Stage;
 
+pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Lanes};
 pub use pipeline::{Pipeline, RowAnswer, StageTimes, buckets, lengths};
+pub use raw::{RawLoop, straight_walk};
+pub use select::{Check, Decision, Selector};
 pub use tensors::{DecoderOutput, PoseOutput, RootInput, RootOutput, Rows, TokenInput};
 pub use work::{GapPose, KeyTensors, RawMotion, RootGuide, WorkItem};
 
 /// Runs the networks of one pack.
 ///
-/// `rows` is the batch size of the call, one of [`buckets`], and the token axis of the pose stage and the decoder is
-/// [`TokenInput::length`], one of [`lengths`]: an engine sees few different shapes, all of them during warm-up. Only the
-/// first `rows` rows of inputs and outputs count. A row's result must not depend on the other rows.
+/// `rows` is the batch size of the call, and the token axis of the pose stage and the decoder is [`TokenInput::length`],
+/// one of [`lengths`]. Unless it takes [any batch](Stages::any_batch), `rows` is one of [`buckets`]: an engine sees few
+/// different shapes, all of them during warm-up. Only the first `rows` rows of inputs and outputs count. A row's result must
+/// not depend on the other rows.
 pub trait Stages: Send {
+    /// Whether the first call of a shape is as fast as later ones. Then batches are not padded, and warm-up is short.
+    fn any_batch(&self) -> bool {
+        false
+    }
+
     /// Whether the pose stage and the decoder take calls that are shorter than the pack's longest segment.
     fn any_length(&self) -> bool {
         true
@@ -57,6 +71,14 @@ pub enum EngineError {
     /// The ONNX Runtime library is missing or unusable.
     #[error("ONNX Runtime: {0}. Run `make runtime` to fetch it, or set ORT_DYLIB_PATH to libonnxruntime")]
     Library(String),
+    /// An engine that was asked for by name and does not serve.
+    #[error("the engine {engine} cannot serve: {reason}")]
+    Unusable {
+        /// The engine.
+        engine: EngineKind,
+        /// Why not.
+        reason: String,
+    },
     /// A stage that does not load.
     #[error("cannot load {file}: {reason}")]
     Load {

@@ -1,6 +1,7 @@
 //! Takes a batch of characters through root, pose and decoder.
 //!
-//! Batches are padded to a size [bucket](buckets) with neutral rows, so that the engine sees few shapes. Behind the root
+//! Where the engine is slow in shapes that it has not met, batches are padded to a size [bucket](buckets) with neutral
+//! rows, so that it sees few shapes. Behind the root
 //! stage, which chooses token counts, rows part into groups of one [length](lengths) each, so that a short segment does
 //! not pay for a long one beside it. A row's own token count decides its length: the same request has the same frames,
 //! bit for bit, whatever it travels with. In a group, rows are ordered by their number of pose passes: the pose stage
@@ -15,12 +16,12 @@ use super::{
 };
 use crate::pack::{Dims, GLOBAL_ROOT, SIX_D, Stage};
 
-/// Batch sizes that an engine is asked for: powers of two and the numbers half-way between them up to `max_batch`, and
-/// `max_batch` itself. Less than a third of a batch is padding.
+/// Batch sizes that an engine is asked for which does not take any: powers of two, from 4 on the numbers half-way between
+/// them, up to `max_batch`, and `max_batch` itself. Less than a third of a batch is padding.
 pub fn buckets(max_batch: usize) -> Vec<usize> {
     let powers = std::iter::successors(Some(1_usize), |size| size.checked_mul(2));
     let mut sizes: Vec<usize> = powers
-        .flat_map(|power| [Some(power), (power > 1).then_some(power + power / 2)])
+        .flat_map(|power| [Some(power), (power > 2).then_some(power + power / 2)])
         .flatten()
         .take_while(|&size| size < max_batch)
         .collect();
@@ -84,7 +85,10 @@ pub struct Pipeline {
 impl Pipeline {
     /// A pipeline for batches of up to `max_batch` characters, all buffers allocated.
     pub fn new(dims: Dims, stages: Box<dyn Stages>, max_batch: usize) -> Self {
-        let buckets = buckets(max_batch);
+        let buckets = match stages.any_batch() {
+            true => (1..=max_batch.max(1)).collect(),
+            false => buckets(max_batch),
+        };
         let rows = max_batch.max(1);
         Self {
             root_input: RootInput::new(&dims, rows),
@@ -99,13 +103,23 @@ impl Pipeline {
         }
     }
 
+    /// The stages, for other use.
+    pub fn into_stages(self) -> Box<dyn Stages> {
+        self.stages
+    }
+
     /// Runs every stage once in every shape: the first run of a shape is slow, so it must not meet a caller. The largest
-    /// comes first, for the engine's memory grows by less then.
+    /// comes first, for the engine's memory grows by less then. An engine that takes any batch runs the largest and the
+    /// smallest alone.
     ///
     /// # Errors
     /// [`EngineError`] where a stage fails.
     pub fn warm_up(&mut self) -> Result<(), EngineError> {
-        for bucket in self.buckets.clone().into_iter().rev() {
+        let mut sizes = self.buckets.clone();
+        if self.stages.any_batch() {
+            sizes.retain(|&size| size == 1 || Some(&size) == self.buckets.last());
+        }
+        for bucket in sizes.into_iter().rev() {
             self.clear_padding(0, bucket);
             self.stages
                 .root(bucket, &self.root_input, &mut self.root_output)?;

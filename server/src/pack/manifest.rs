@@ -7,6 +7,8 @@ use super::{Dims, PackProblem};
 
 /// The manifest format that this server reads.
 const FORMAT: u32 = 1;
+/// Frames a second of every pack: a session's timeline, its commands' frames and the rates of 30, 50 and 60 Hz rest on it.
+const FPS: f32 = 30.0;
 
 /// The parsed `pack.toml`. Tables that it does not know, such as an exporter's own checks, are left alone.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -22,7 +24,7 @@ pub struct Manifest {
     /// Whose work the pack is built on.
     #[serde(default)]
     pub credits: Vec<String>,
-    /// Frames per second.
+    /// Frames per second: 30.
     pub fps: f32,
     /// Frames of one token.
     pub frames_per_token: usize,
@@ -82,8 +84,9 @@ impl Manifest {
         if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(name_ok) {
             return Err(field("name", &self.name, "1 to 64 of a-z, 0-9, - and _"));
         }
-        if !(self.fps.is_finite() && (1.0..=1000.0).contains(&self.fps)) {
-            return Err(field("fps", self.fps, "1 to 1000"));
+        if self.fps != FPS {
+            let why = "30: timelines of sessions and the rates at which frames are taken count in 30 frames a second";
+            return Err(field("fps", self.fps, why));
         }
         let ranges = [
             ("frames_per_token", self.frames_per_token, 1, 64),

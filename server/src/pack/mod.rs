@@ -116,8 +116,8 @@ impl Pack {
         self.folder.join(stage.file_name())
     }
 
-    /// The public description of the pack.
-    pub fn describe(&self, is_default: bool) -> v1::Pack {
+    /// The public description of the pack, which `engine` runs.
+    pub fn describe(&self, is_default: bool, engine: &str) -> v1::Pack {
         let manifest = &self.manifest;
         let joints = &self.skeleton.joints;
         let contacts = self.skeleton.contacts.as_ref();
@@ -159,6 +159,7 @@ impl Pack {
             is_default,
             parameters: manifest.parameters,
             figures_json: manifest.figures_json(),
+            engine: engine.to_owned(),
         }
     }
 }

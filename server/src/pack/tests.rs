@@ -89,7 +89,7 @@ fn a_good_pack_loads_and_describes_itself() {
         (pack.dims.min_frames(), pack.dims.max_frames(), pack.dims.counts()),
         (12, 64, 14)
     );
-    let public = pack.describe(true);
+    let public = pack.describe(true, "cpu");
     assert_eq!(
         (public.name.as_str(), public.max_frames, public.is_default),
         ("toy", 64, true)
@@ -116,6 +116,7 @@ fn every_mistake_is_named() {
             "name is Toy Pack; allowed: 1 to 64 of a-z",
         ),
         ("fps = 30.0", "fps = nan", "fps is NaN"),
+        ("fps = 30.0", "fps = 60.0", "fps is 60; allowed: 30"),
         (
             "max_tokens = 16",
             "max_tokens = 2",

@@ -71,6 +71,7 @@ impl HeadingSpring {
             heading,
             omega,
             target: self.target - too_far,
+            unfinished: too_far != 0.0,
         }
     }
 }
@@ -81,9 +82,15 @@ pub(crate) struct Turn {
     heading: f32,
     omega: f32,
     target: f32,
+    unfinished: bool,
 }
 
 impl Turn {
+    /// More is to be turned than one plan does.
+    pub(crate) fn unfinished(&self) -> bool {
+        self.unfinished
+    }
+
     /// Heading and angular velocity after `t` seconds. The heading is not wrapped.
     pub(crate) fn at(&self, t: f32) -> (f32, f32) {
         critically_damped(self.heading, self.omega, self.target, GAMMA, t)

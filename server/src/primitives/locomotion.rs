@@ -19,8 +19,8 @@ use super::heading::{HeadingSpring, Turn};
 use super::matching::Matcher;
 use super::reach::{self, Feasible};
 use super::recipe::{
-    ANCHOR_AFTER_S, FORWARD_GAP_POSES, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO, HORIZON_S,
-    SIDE_ANGLE, SIDE_GAP_POSES, STANDING_MPS, STEP_FRAMES, STEP_MARGIN_FRAMES, STEP_TURN, TARGET_KEYS,
+    ANCHOR_AFTER_S, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO, HORIZON_S,
+    SIDE_ANGLE, SIDE_PARTS, STANDING_MPS, STEP_FRAMES, STEP_MARGIN_FRAMES, STEP_TURN, TARGET_KEYS,
 };
 use super::{CONTEXT_FRAMES, GapPose, Guide, LocomotionCommand, PlanContext, PlanTargets, TargetKey};
 use crate::style::cycles::Moment;
@@ -250,8 +250,9 @@ fn only_gait(command: &LocomotionCommand) -> Option<usize> {
 /// Frames of the segment (the most, where the root stage chooses) and seconds to its target.
 fn length(style: &Style, context: &PlanContext<'_>) -> (usize, f32) {
     let longest = style.allowed_token_counts.iter().max();
+    let usual = || CONTEXT_FRAMES + (HORIZON_S * context.fps).round() as usize;
     let frames = match longest {
-        None => CONTEXT_FRAMES + (HORIZON_S * context.fps).round() as usize,
+        None => context.plan_frames.unwrap_or_else(usual),
         Some(&tokens) => tokens as usize * context.frames_per_token,
     };
     let horizon_s = if style.allowed_token_counts.len() > 1 {
@@ -361,13 +362,16 @@ impl Plan<'_> {
             return Vec::new();
         }
         let local = yaw(-self.feasible.facing) * self.feasible.velocity;
-        let places = if local.x.atan2(local.z).abs() < SIDE_ANGLE {
-            FORWARD_GAP_POSES
+        let parts = if local.x.atan2(local.z).abs() < SIDE_ANGLE {
+            FORWARD_PARTS
         } else {
-            SIDE_GAP_POSES
+            SIDE_PARTS
         };
-        let pose = |place: &f32| {
-            let frame = NOW + (place * self.horizon_s * self.context.fps).round() as usize;
+        // A gap of more than the usual length has more of them, about as far apart.
+        let parts = (parts * self.horizon_s / HORIZON_S).round().max(parts);
+        let pose = |nth: usize| {
+            let place = nth as f32 / parts * self.horizon_s;
+            let frame = NOW + (place * self.context.fps).round() as usize;
             let (rotations, moment) = self.pose(frame);
             GapPose {
                 frame,
@@ -375,7 +379,7 @@ impl Plan<'_> {
                 height_m: moment.height_m,
             }
         };
-        places.iter().map(pose).collect()
+        (1..parts as usize).map(pose).collect()
     }
 
     fn targets(&self, steps: Vec<GapPose>) -> PlanTargets {
@@ -403,6 +407,7 @@ impl Plan<'_> {
             }),
             r_g1: self.r_g1,
             r_g2: (0..self.frames).map(|frame| self.r_g2(frame)).collect(),
+            unfinished: self.turn.unfinished(),
             gaits: self.blend.named(),
         }
     }

@@ -73,6 +73,7 @@ impl Scene {
             skeleton: &self.skeleton,
             fps: FPS,
             frames_per_token: 4,
+            plan_frames: None,
         }
     }
 }
@@ -124,6 +125,56 @@ fn a_plan_is_a_second_long_with_one_target_at_its_end() {
         "pose and root face one way"
     );
     assert!(wrap_angle(guide.path[LAST].heading - root.heading).abs() < 1e-5);
+}
+
+#[test]
+fn a_longer_plan_has_its_target_further_ahead_and_poses_as_far_apart() {
+    let style = style();
+    let scene = Scene::new(&style, Vec3::ZERO, 0.0, 1.2, 0.1);
+    let plan = |frames: Option<usize>, x: f32| {
+        let mut context = scene.at(40);
+        context.plan_frames = frames;
+        Locomotion::new(0, 0.0, FPS, command(&style, x, 1.2, Some(0.0))).plan(&context)
+    };
+    let (usual, same, long) = (plan(None, 0.0), plan(Some(34), 0.0), plan(Some(64), 0.0));
+    assert_eq!(usual, same);
+    assert_eq!(
+        (
+            long.frames,
+            long.r_g2.len(),
+            long.guide.as_ref().unwrap().path.len()
+        ),
+        (Some(64), 64, 64)
+    );
+    let frames = |plan: &PlanTargets| plan.gap_poses.iter().map(|pose| pose.frame).collect::<Vec<_>>();
+    assert_eq!((frames(&usual), frames(&long)), (vec![18], vec![18, 33, 48]));
+    assert_eq!(
+        (frames(&plan(Some(34), 1.2)), frames(&plan(Some(40), 1.2))),
+        (vec![13, 23], vec![12, 21, 30])
+    );
+    assert_eq!(frames(&plan(Some(64), 1.2)), [13, 23, 33, 43, 53]);
+    // The first second asks for the same: the pose in the middle and the way.
+    assert_eq!(usual.gap_poses[0], long.gap_poses[0]);
+    let path = |plan: &PlanTargets| plan.guide.as_ref().unwrap().path.clone();
+    for (a, b) in path(&usual).iter().zip(path(&long)) {
+        assert!(a.position.distance(b.position) < 0.01, "{a:?} {b:?}");
+    }
+    // The target is two seconds ahead, at the phase that the gait then has.
+    let (root, velocity, pose) = target(&long);
+    assert!((root.position.z - 2.4).abs() < 0.02, "{root:?}");
+    assert!((velocity.vz - 1.2).abs() < 0.1);
+    let phases = (plan(Some(63), 0.0), plan(Some(34), 0.0));
+    let apart = |other: &PlanTargets| {
+        let (_, _, other) = target(other);
+        pose.iter()
+            .zip(other)
+            .map(|(a, b)| angle_between(*a, *b))
+            .fold(0.0, f32::max)
+    };
+    assert!(
+        apart(&phases.0) < apart(&phases.1),
+        "a frame later is nearer than a second"
+    );
 }
 
 #[test]

@@ -51,6 +51,8 @@ pub struct PlanContext<'a> {
     pub fps: f32,
     /// The pack's frames of a token.
     pub frames_per_token: usize,
+    /// Frames that the plan should have, context included. `None`: as many as usual.
+    pub plan_frames: Option<usize>,
 }
 
 /// A target keyframe in the world, with any subset of its parts.
@@ -108,6 +110,8 @@ pub struct PlanTargets {
     pub r_g1: GlobalRoot,
     /// r_g2: the spring's path, one root for each frame of the segment.
     pub r_g2: Vec<GlobalRoot>,
+    /// The turn goes on beyond the plan, which leaves off at [`recipe::MAX_TURN`].
+    pub unfinished: bool,
     /// How much of each gait went into the target pose.
     pub gaits: Vec<(String, f32)>,
 }

@@ -68,13 +68,13 @@ pub const RATE_RANGE: (f32, f32) = (0.25, 1.6);
 /// A gait runs backwards where the cosine of the angle between its direction and the commanded one is below this.
 pub const REVERSE_COSINE: f32 = -0.5;
 
-/// From this angle between velocity and facing on, a gap has [`SIDE_GAP_POSES`], radians.
+/// From this angle between velocity and facing on, a gap has [`SIDE_PARTS`], radians.
 pub const SIDE_ANGLE: f32 = 12.0 * DEGREE;
-/// Places of poses in the gap, as shares of the horizon: one for gaits that go forwards. The target alone is about one
-/// period ahead, so nearly the pose of the context, and some styles would drift into another.
-pub const FORWARD_GAP_POSES: &[f32] = &[1.0 / 2.0];
+/// Equal parts of a gap of [`HORIZON_S`], with a pose between two: one pose for gaits that go forwards. The target alone is
+/// about one period ahead, so nearly the pose of the context, and some styles would drift into another.
+pub const FORWARD_PARTS: f32 = 2.0;
 /// For gaits that go aside or backwards: without, they collapse into sliding.
-pub const SIDE_GAP_POSES: &[f32] = &[1.0 / 3.0, 2.0 / 3.0];
+pub const SIDE_PARTS: f32 = 3.0;
 
 /// A turn on the spot of more than this gets steps, radians, where the style has no gait that turns on the spot.
 pub const STEP_TURN: f32 = 25.0 * DEGREE;

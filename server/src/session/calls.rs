@@ -135,7 +135,7 @@ impl Sessions {
     ) -> Result<v1::CreateSessionsResponse, ApiError> {
         let count = request.sessions.len();
         units::length(&Path::root().field("sessions"), count, 1, self.limits.per_request)?;
-        self.registry.room_for(count)?;
+        self.registry.room_for(count, self.time.now())?;
         let (this, packs) = (self.clone(), packs.clone());
         crate::service::offload(count, INLINE_SESSIONS, move || this.create_now(&packs, &request)).await?
     }
@@ -151,9 +151,9 @@ impl Sessions {
             let parts = options::parts(&root.element("sessions", index), wanted, packs, &self.limits)?;
             cells.push(Arc::new(SessionCell::new(parts, self.time.clone())));
         }
-        self.registry
-            .insert(&cells, |index| format!("sessions[{index}].id"))?;
         let now = self.time.now();
+        self.registry
+            .insert(&cells, now, |index| format!("sessions[{index}].id"))?;
         Ok(v1::CreateSessionsResponse {
             sessions: cells.iter().map(|cell| describe::session(cell, now)).collect(),
         })

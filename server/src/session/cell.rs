@@ -11,7 +11,7 @@ use troupe_proto::v1;
 use super::time::TimeSource;
 use super::{Character, PlanRequest, Stats};
 use crate::api::ApiError;
-use crate::batch::SubmitError;
+use crate::batch::{OwnerId, SubmitError};
 use crate::service::LoadedPack;
 use crate::style::Style;
 
@@ -57,6 +57,9 @@ pub enum End {
     Expired = 2,
 }
 
+/// The next session's name to the batchers.
+static NEXT_OWNER: AtomicU64 = AtomicU64::new(0);
+
 /// The value of [`SessionCell::owner`] that no owner can take: the session is about to expire.
 const EXPIRING: u8 = 3;
 
@@ -67,6 +70,8 @@ pub struct Live {
     pub character: Character,
     /// The style of the newest command.
     pub style: Arc<Style>,
+    /// How much it matters that the character is planned for often, 0 to 1.
+    pub priority: f32,
     /// Why plans failed since the last that did not, and how many.
     pub trouble: Option<(u32, SubmitError)>,
     /// What the metrics know of the character.
@@ -77,6 +82,7 @@ pub struct Live {
 #[derive(Debug)]
 pub struct SessionCell {
     id: Arc<str>,
+    owner_id: OwnerId,
     pack: Arc<LoadedPack>,
     convention: Convention,
     seed: u64,
@@ -108,6 +114,8 @@ pub struct Parts {
     pub character: Character,
     /// The style that it starts in.
     pub style: Arc<Style>,
+    /// Its priority at first, 0 to 1.
+    pub priority: f32,
 }
 
 impl SessionCell {
@@ -116,6 +124,7 @@ impl SessionCell {
         let born = time.now();
         Self {
             id: parts.id,
+            owner_id: OwnerId(NEXT_OWNER.fetch_add(1, Ordering::Relaxed)),
             pack: parts.pack,
             convention: parts.convention,
             seed: parts.seed,
@@ -128,6 +137,7 @@ impl SessionCell {
             live: Mutex::new(Live {
                 character: parts.character,
                 style: parts.style,
+                priority: parts.priority,
                 trouble: None,
                 counted: Stats::default(),
             }),
@@ -138,6 +148,11 @@ impl SessionCell {
     /// Its id.
     pub fn id(&self) -> &Arc<str> {
         &self.id
+    }
+
+    /// Its name to the pack's batcher. Unlike its id, no later session has it again.
+    pub fn owner_id(&self) -> OwnerId {
+        self.owner_id
     }
 
     /// Its pack.
@@ -300,6 +315,9 @@ impl SessionCell {
         }
         let request = live.character.take_request()?;
         self.pack.sessions.asked(request.cause);
+        self.pack
+            .sessions
+            .paced(live.priority, request.spacing_frames, request.item.frames);
         Some(request)
     }
 }

@@ -6,13 +6,15 @@ use std::sync::Arc;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Vec3};
 
+use super::budget::Pace;
 use super::buffer::{Frames, MotionBuffer};
 use super::inbox::Inbox;
+use super::policy::Policy;
 use super::request::{self, Context};
-use super::timeline::{Policy, Stop, Ticket, Timeline};
+use super::timeline::{Stop, Ticket, Timeline};
 use super::{
     Advance, Arrival, CONTEXT_FRAMES, CharacterOptions, Clock, CommandOutcome, FrameOut, LivePlan, LiveShape,
-    Peek, PlanFailed, PlanRecord, PlanRequest, SUB_FRAMES, Start, Stats, View, WaitingCommand,
+    Peek, PlanFailed, PlanRecord, PlanRequest, SUB_FRAMES, Start, Stats, Strain, View, WaitingCommand,
 };
 use crate::pack::Pack;
 use crate::primitives::recipe::VELOCITY_FRAMES;
@@ -28,6 +30,10 @@ pub struct Character {
     pack: Arc<Pack>,
     options: CharacterOptions,
     timeline: Timeline,
+    /// How much of the crowd's pressure falls on it.
+    stretch: f32,
+    /// The newest plan leaves off in the middle of a turn.
+    unfinished: bool,
     inbox: Inbox,
     locomotion: Locomotion,
     /// Sequence number of the current command, and the frame from which it held.
@@ -60,6 +66,8 @@ impl Character {
         let facing = context.global_roots(pack.skeleton.left_axis)[CONTEXT_FRAMES - 1].heading;
         let mut character = Self {
             timeline: Timeline::new(buffer, options.look_ahead_frames, options.seed),
+            stretch: 0.0,
+            unfinished: false,
             inbox: Inbox::default(),
             locomotion: Locomotion::new(0, facing, pack.manifest.fps, command),
             current: (0, 0),
@@ -71,7 +79,7 @@ impl Character {
         };
         if moving {
             let ticket = character.timeline.ask_first();
-            character.ask(ticket);
+            character.ask(ticket, None);
         }
         character
     }
@@ -89,10 +97,15 @@ impl Character {
             .offer(sequence, at_frame.unwrap_or(now).max(now), command)
     }
 
-    /// Plans asked for from now on are expected to take `frames` frames: 0 where the clock waits for them. A plan that would
-    /// be late is asked for further ahead, and those for the interval alone are left out.
-    pub fn expect_latency(&mut self, frames: u32) {
-        self.timeline.expect(frames);
+    /// Takes the number of a command that asks for no motion: the character goes on with what it does.
+    pub fn note_command(&mut self, sequence: u64) -> CommandOutcome {
+        self.inbox.note(sequence)
+    }
+
+    /// How it is with the networks from now on.
+    pub fn under_load(&mut self, strain: Strain) {
+        self.timeline.expect(strain.expected_frames, strain.lead_frames);
+        self.stretch = strain.stretch;
     }
 
     /// Moves the cursor by `sub_frames` of the [`SUB_FRAMES`] that a frame has.
@@ -100,7 +113,7 @@ impl Character {
         self.timeline.push(sub_frames);
         loop {
             match self.timeline.run(clock) {
-                Stop::AtFrame(frame) => self.settle(frame),
+                Stop::AtFrame(frame) => self.settle(frame, clock),
                 Stop::NeedsPlan => return Advance::NeedsPlan,
                 Stop::Done => return Advance::Moved,
             }
@@ -119,7 +132,7 @@ impl Character {
         };
         let arrival = self.timeline.land(number, &plan);
         if matches!(arrival, Arrival::InTime { .. } | Arrival::Late)
-            && let Some((ticket, shape)) = self.asked.take()
+            && let Some((ticket, shape)) = self.asked.take_if(|(ticket, _)| ticket.number == number)
         {
             self.newest = Some(Arc::new(PlanRecord {
                 number: ticket.number,
@@ -198,7 +211,7 @@ impl Character {
     }
 
     /// Decides about the frame that the cursor is at: which command holds, and whether to ask for a plan.
-    fn settle(&mut self, frame: i64) {
+    fn settle(&mut self, frame: i64, clock: Clock) {
         if let Some(due) = self.inbox.take_due(frame as u64)
             && !same(self.locomotion.command(), &due.command)
         {
@@ -211,15 +224,23 @@ impl Character {
             .options
             .replan_interval_frames
             .unwrap_or(style.replan_interval_frames);
+        let interval_frames = (!style.is_static).then_some(interval);
         let policy = Policy {
-            interval_frames: (!style.is_static).then_some(interval),
+            interval_frames,
+            pace: self.pace(interval_frames),
+            unfinished: self.unfinished,
         };
-        if let Some(ticket) = self.timeline.settle(policy) {
-            self.ask(ticket);
+        if let Some(ticket) = self.timeline.settle(clock, policy) {
+            self.ask(ticket, policy.pace);
         }
     }
 
-    fn ask(&mut self, ticket: Ticket) {
+    fn pace(&self, interval_frames: Option<u32>) -> Option<Pace> {
+        let (dims, fps) = (&self.pack.dims, self.pack.manifest.fps);
+        Pace::new(self.stretch, interval_frames, self.options.seed, dims, fps)
+    }
+
+    fn ask(&mut self, ticket: Ticket, pace: Option<Pace>) {
         let context = self.context(ticket.splice);
         let skeleton = &self.pack.skeleton;
         let targets = self.locomotion.plan(&PlanContext {
@@ -230,7 +251,9 @@ impl Character {
             skeleton,
             fps: self.pack.manifest.fps,
             frames_per_token: self.pack.dims.frames_per_token,
+            plan_frames: pace.map(|pace| pace.plan_frames as usize),
         });
+        self.unfinished = targets.unfinished;
         let (item, shape) = request::build(&self.pack, &self.options, ticket.number, context, targets);
         let shape = Arc::new(shape);
         self.asked = Some((ticket, Arc::clone(&shape)));
@@ -240,7 +263,8 @@ impl Character {
             item,
             shape,
             splice_in_frames: (ticket.splice - ticket.asked_at) as u32,
-            deadline_frames: self.timeline.frames_left() as u32,
+            due_in_frames: (ticket.due - ticket.asked_at) as u32,
+            spacing_frames: ticket.spacing.map(|frames| frames.max(0) as u32),
         });
     }
 

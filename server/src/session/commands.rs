@@ -65,20 +65,32 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
     if command.sequence == 0 {
         return Err(path.field("sequence").error("is 0", "1 or more").into());
     }
-    let Some(Intent::Locomote(locomote)) = &command.intent else {
-        return Err(path.field("intent").error("is missing", "locomote").into());
-    };
+    let priority = |value| units::priority(&path.field("priority"), value);
+    let priority = command.priority.map(priority).transpose()?;
     let mut live = cell.live();
-    let locomotion = locomotion(&path.field("locomote"), locomote, cell, &live)?;
     if let Some(at) = command.at_frame {
         check_at(path, at, live.character.frame())?;
     }
-    let style = locomotion.style.clone();
-    let outcome = live
-        .character
-        .command(command.sequence, command.at_frame, locomotion);
-    if outcome == CommandOutcome::Accepted {
-        live.style = style;
+    let outcome = match &command.intent {
+        Some(Intent::Locomote(locomote)) => {
+            let locomotion = locomotion(&path.field("locomote"), locomote, cell, &live)?;
+            let style = locomotion.style.clone();
+            let outcome = live
+                .character
+                .command(command.sequence, command.at_frame, locomotion);
+            if outcome == CommandOutcome::Accepted {
+                live.style = style;
+            }
+            outcome
+        }
+        None if priority.is_some() => live.character.note_command(command.sequence),
+        None => {
+            let wanted = "locomote, or a priority without an intent";
+            return Err(path.field("intent").error("is missing", wanted).into());
+        }
+    };
+    if let (CommandOutcome::Accepted, Some(priority)) = (outcome, priority) {
+        live.priority = priority;
     }
     drop(live);
     cell.touch();

@@ -43,6 +43,7 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
         expires_in_ms: cell.left(now).as_millis() as u32,
         buffered_frames,
         stats: Some(stats_of(&stats)),
+        priority: live.priority,
     }
 }
 

@@ -1,5 +1,7 @@
 //! Commands by their sequence numbers, and the one that waits for its frame.
 
+use std::cmp::Ordering;
+
 use super::{CommandOutcome, WaitingCommand};
 use crate::primitives::LocomotionCommand;
 
@@ -23,19 +25,27 @@ impl Inbox {
 
     /// Takes a command that is to hold from `frame` on. It replaces one that still waits.
     pub(super) fn offer(&mut self, sequence: u64, frame: u64, command: LocomotionCommand) -> CommandOutcome {
-        if sequence == self.last_sequence {
-            return CommandOutcome::Repeated;
+        let outcome = self.note(sequence);
+        if outcome == CommandOutcome::Accepted {
+            self.waiting = Some(WaitingCommand {
+                sequence,
+                frame,
+                command,
+            });
         }
-        if sequence < self.last_sequence {
-            return CommandOutcome::Late;
+        outcome
+    }
+
+    /// Takes the number of a command that asks for no motion. One that waits goes on waiting.
+    pub(super) fn note(&mut self, sequence: u64) -> CommandOutcome {
+        match sequence.cmp(&self.last_sequence) {
+            Ordering::Equal => CommandOutcome::Repeated,
+            Ordering::Less => CommandOutcome::Late,
+            Ordering::Greater => {
+                self.last_sequence = sequence;
+                CommandOutcome::Accepted
+            }
         }
-        self.last_sequence = sequence;
-        self.waiting = Some(WaitingCommand {
-            sequence,
-            frame,
-            command,
-        });
-        CommandOutcome::Accepted
     }
 
     /// Hands over the command that waits, if its frame is not after `frame`.

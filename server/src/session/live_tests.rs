@@ -46,6 +46,7 @@ fn shape(frames: Option<usize>) -> LiveShape {
             guide: None,
             r_g1: GlobalRoot::new(Vec3::ZERO, 0.0),
             r_g2: Vec::new(),
+            unfinished: false,
             gaits: Vec::new(),
         },
     }

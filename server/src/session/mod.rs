@@ -3,6 +3,7 @@
 //! A [`Character`] is pure: it knows no clock, no thread and no engine. A [`cell`] holds one behind a lock, the
 //! [`Registry`] holds all cells, and [`Sessions`] has the calls. Plans go through the pack's batcher ([`planner`]).
 
+pub mod budget;
 mod buffer;
 mod calls;
 pub mod cell;
@@ -17,6 +18,7 @@ pub mod load;
 mod options;
 mod peek;
 mod planner;
+mod policy;
 mod registry;
 mod request;
 mod step;
@@ -30,12 +32,13 @@ pub use buffer::CROSSFADE_FRAMES;
 pub use calls::{SessionLimits, Sessions};
 pub use character::Character;
 pub use commands::MAX_COMMANDS;
+pub use encode::{BlockWriter, Form};
 pub use live::finish_live;
 pub use options::{MAX_ID_CHARS, TTL_RANGE_MS};
 pub use registry::Registry;
 pub use time::TimeSource;
 pub use types::{
     Advance, Arrival, CONTEXT_FRAMES, CharacterOptions, Clock, CommandOutcome, FrameOut, LivePlan, LiveShape,
-    Peek, PlanCause, PlanFailed, PlanRecord, PlanRequest, PlanTrace, SUB_FRAMES, Start, Stats, View,
+    Peek, PlanCause, PlanFailed, PlanRecord, PlanRequest, PlanTrace, SUB_FRAMES, Start, Stats, Strain, View,
     WaitingCommand,
 };

@@ -27,6 +27,8 @@ pub const TTL_RANGE_MS: RangeInclusive<u32> = 1000..=86_400_000;
 const LOOK_AHEAD: (u32, u32, u32) = (2, 12, 4);
 /// Frames between plans.
 const INTERVAL: (u32, u32) = (3, 30);
+/// Priority of a session that names none.
+const DEFAULT_PRIORITY: f32 = 0.5;
 /// Highest root interpolation ratio.
 const MAX_ROOT_RATIO: f32 = 1.2;
 
@@ -43,6 +45,8 @@ pub(super) fn parts(
     let convention = units::convention(&path.field("convention"), options.convention)?;
     let start = start(path, options, convention, &pack.pack)?;
     let ttl = ttl(path, options, limits)?;
+    let priority = options.priority.unwrap_or(DEFAULT_PRIORITY);
+    let priority = units::priority(&path.field("priority"), priority)?;
     let character = character_options(path, options)?;
     let command = LocomotionCommand {
         velocity: Vec3::ZERO,
@@ -58,6 +62,7 @@ pub(super) fn parts(
         ttl,
         character: Character::new(pack.pack.clone(), character, start, command),
         style,
+        priority,
         pack,
     })
 }

@@ -172,6 +172,7 @@ fn command(cell: &SessionCell, waiting: &WaitingCommand) -> v1::Command {
         session_id: cell.id().to_string(),
         sequence: waiting.sequence,
         at_frame: Some(waiting.frame),
+        priority: None,
         intent: Some(Intent::Locomote(v1::Locomote {
             velocity: Some(units::position(*velocity, convention)),
             facing: facing.map(|facing| convention.heading_from_native(facing)),

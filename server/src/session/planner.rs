@@ -2,14 +2,14 @@
 //!
 //! Every plan travels on its own, so that it shares batches with everybody else's. A character has at most one under way:
 //! it asks for the next only after [`Character::plan_arrived`](super::Character::plan_arrived), which every request
-//! leads to, whatever becomes of it.
+//! leads to, whatever becomes of it, a panic on the way included.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::cell::SessionCell;
 use super::{Arrival, LivePlan, PlanFailed, PlanRequest, finish_live};
-use crate::batch::SubmitError;
+use crate::batch::{Order, SubmitError};
 use crate::engine::{EngineError, RawMotion};
 use crate::service::LoadedPack;
 
@@ -27,12 +27,14 @@ pub enum Patience {
 
 /// Has a plan made, and tells the character and whoever waits for it. Returns at once.
 pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
+    let asked = Instant::now();
+    let awaited = Awaited::new(cell.clone(), request.number);
     let cell = cell.clone();
-    cell.pack().load.asked();
     // It enters the queue now, in the order of the calls, and not when its task first runs.
     let spare = (patience == Patience::Waits).then(|| request.item.clone());
-    let place = cell.pack().batcher.enqueue(vec![request.item]);
-    let (number, shape) = (request.number, request.shape);
+    let order = Order::live(cell.owner_id(), deadline(&cell, &request));
+    let place = cell.pack().batcher.enqueue(vec![request.item], order);
+    let shape = request.shape;
     tokio::spawn(async move {
         let mut result = match place {
             Ok(answer) => answer.await,
@@ -43,10 +45,10 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
                 break;
             }
             tokio::time::sleep((*retry_after).max(MIN_RETRY)).await;
-            result = cell.pack().batcher.submit(vec![item.clone()]).await;
+            result = cell.pack().batcher.submit(vec![item.clone()], order).await;
         }
         if let Ok(served) = &result {
-            cell.pack().load.measured(served);
+            cell.pack().load.measured(asked.elapsed(), served);
         }
         let plan = result
             .and_then(|served| {
@@ -57,9 +59,55 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
                     .ok_or(EngineError::Stopped.into())
             })
             .and_then(|raw| finish(&raw, &shape, cell.pack()));
-        cell.pack().load.answered();
-        arrived(&cell, number, plan);
+        awaited.arrived(plan);
     });
+}
+
+/// A plan that somebody waits for. Where it is dropped without an answer, for a panic or the end of the runtime, it has
+/// failed: the character asks for another, and nobody counts on it any more.
+struct Awaited {
+    cell: Arc<SessionCell>,
+    number: u64,
+    answered: bool,
+}
+
+impl Awaited {
+    fn new(cell: Arc<SessionCell>, number: u64) -> Self {
+        cell.pack().load.asked();
+        Self {
+            cell,
+            number,
+            answered: false,
+        }
+    }
+
+    fn arrived(mut self, plan: Result<LivePlan, SubmitError>) {
+        self.answer(plan);
+    }
+
+    fn answer(&mut self, plan: Result<LivePlan, SubmitError>) {
+        self.answered = true;
+        self.cell.pack().load.answered();
+        arrived(&self.cell, self.number, plan);
+    }
+}
+
+impl Drop for Awaited {
+    fn drop(&mut self) {
+        if !self.answered {
+            let lost = match std::thread::panicking() {
+                true => EngineError::Panicked("its plan was not finished".to_owned()),
+                false => EngineError::Stopped,
+            };
+            self.answer(Err(lost.into()));
+        }
+    }
+}
+
+/// The moment from which on a plan that is asked for now is missed.
+fn deadline(cell: &SessionCell, request: &PlanRequest) -> Instant {
+    let frames = request.due_in_frames as f32;
+    Instant::now() + Duration::from_secs_f32(frames / cell.pack().pack.manifest.fps)
 }
 
 fn finish(raw: &RawMotion, shape: &super::LiveShape, pack: &LoadedPack) -> Result<LivePlan, SubmitError> {
@@ -82,6 +130,8 @@ fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitEr
             live.trouble = None;
             Ok(plan)
         }
+        // The character goes on with the newer one.
+        Err(SubmitError::Superseded) => Err(PlanFailed),
         Err(error) => {
             if !matches!(error, SubmitError::QueueFull { .. }) {
                 tracing::warn!(session = %cell.id(), %error, "a plan failed");
@@ -96,4 +146,50 @@ fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitEr
     }
     drop(live);
     cell.wake();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::registry::tests::Setup;
+    use super::super::{Clock, SUB_FRAMES};
+    use super::*;
+
+    #[tokio::test]
+    async fn a_plan_that_is_lost_to_a_panic_has_failed() {
+        let setup = Setup::new(1).await;
+        let cell = setup.cell("a");
+        let asks = || {
+            let mut live = cell.live();
+            live.character.advance(SUB_FRAMES, Clock::Runs);
+            cell.settle(&mut live).map(|request| request.number)
+        };
+        let number = asks().unwrap();
+        let awaited = Awaited::new(cell.clone(), number);
+        assert_eq!(cell.pack().load.waiting(), 1);
+        let task = tokio::spawn(async move {
+            let _awaited = awaited;
+            panic!("on the way");
+        });
+        assert!(task.await.unwrap_err().is_panic());
+        assert_eq!(cell.pack().load.waiting(), 0);
+        assert_eq!(cell.live().character.stats().failed_plans, 1);
+        let trouble = cell.live().trouble.clone().unwrap().1;
+        assert!(
+            matches!(trouble, SubmitError::Engine(EngineError::Panicked(_))),
+            "{trouble}"
+        );
+        // Whoever waits is told, and the character asks for another.
+        cell.changed().await;
+        assert_eq!(asks(), Some(number + 1));
+    }
+
+    #[tokio::test]
+    async fn that_a_newer_plan_took_its_place_is_no_failure() {
+        let setup = Setup::new(1).await;
+        let cell = setup.cell("a");
+        let awaited = Awaited::new(cell.clone(), 7);
+        awaited.arrived(Err(SubmitError::Superseded));
+        assert!(cell.live().trouble.is_none());
+        assert_eq!(cell.live().character.stats().failed_plans, 0);
+    }
 }

@@ -51,11 +51,16 @@ impl Registry {
         self.len() == 0
     }
 
-    /// Whether `more` sessions may be opened: a look ahead of the work of making them.
+    /// Whether `more` sessions may be opened: a look ahead of the work of making them. Those whose time is up at `now` make
+    /// room.
     ///
     /// # Errors
     /// [`ApiError::TooManySessions`].
-    pub fn room_for(&self, more: usize) -> Result<(), ApiError> {
+    pub fn room_for(&self, more: usize, now: Instant) -> Result<(), ApiError> {
+        if self.check_room(self.len(), more).is_ok() {
+            return Ok(());
+        }
+        self.sweep(now);
         self.check_room(self.len(), more)
     }
 
@@ -70,15 +75,18 @@ impl Registry {
         }
     }
 
-    /// Opens sessions, all or none. `field` names the id of one by its place.
+    /// Opens sessions, all or none. `field` names the id of one by its place. An id whose session's time is up at `now` is
+    /// free.
     ///
     /// # Errors
     /// [`ApiError::SessionExists`] or [`ApiError::TooManySessions`].
     pub fn insert(
         &self,
         cells: &[Arc<SessionCell>],
+        now: Instant,
         field: impl Fn(usize) -> String,
     ) -> Result<(), ApiError> {
+        self.expire_named(cells, now);
         let mut open = self.write();
         self.check_room(open.len(), cells.len())?;
         let mut new = HashSet::with_capacity(cells.len());
@@ -97,6 +105,22 @@ impl Registry {
             cell.pack().sessions.opened(1);
         }
         Ok(())
+    }
+
+    /// Ends the sessions that have an id of `cells` and whose time is up.
+    fn expire_named(&self, cells: &[Arc<SessionCell>], now: Instant) {
+        let named: Vec<Arc<SessionCell>> = {
+            let open = self.read();
+            cells
+                .iter()
+                .filter_map(|cell| open.get(cell.id()).cloned())
+                .collect()
+        };
+        for cell in named {
+            if cell.expire(now) {
+                self.bury(&cell);
+            }
+        }
     }
 
     fn tombstones(&self) -> MutexGuard<'_, Tombstones> {
@@ -235,4 +259,4 @@ impl Tombstones {
 
 #[cfg(test)]
 #[path = "registry_tests.rs"]
-mod tests;
+pub(super) mod tests;

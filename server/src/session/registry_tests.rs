@@ -10,7 +10,7 @@ use super::super::cell::{Held, Owner, Parts};
 use super::super::load::PlanLoad;
 use super::super::{Character, CharacterOptions, Start, TimeSource};
 use super::*;
-use crate::batch::Batcher;
+use crate::batch::{Batcher, EngineFactory};
 use crate::config::Config;
 use crate::engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, TokenInput};
 use crate::engine::{EngineError, Pipeline, Stages};
@@ -40,7 +40,7 @@ impl Stages for Idle {
 }
 
 /// A registry with a clock that is moved by hand.
-struct Setup {
+pub(in super::super) struct Setup {
     registry: Registry,
     pack: Arc<LoadedPack>,
     start: Instant,
@@ -49,17 +49,18 @@ struct Setup {
 }
 
 impl Setup {
-    async fn new(limit: usize) -> Self {
+    pub(in super::super) async fn new(limit: usize) -> Self {
         let (pack, telemetry) = (walker_pack(), Telemetry::new().unwrap());
         let config = Config::local(Path::new("unused")).unwrap();
         let metrics = telemetry.pack(pack.name(), "1");
         let dims = pack.dims;
-        let factory = Box::new(move || Ok(Pipeline::new(dims, Box::new(Idle), 1)));
+        let factory: EngineFactory = Arc::new(move |_| Ok(Pipeline::new(dims, Box::new(Idle), 1)));
         let batcher = Batcher::start("test", config.batch_limits(), metrics.clone(), factory);
         let loaded = LoadedPack {
             styles: StyleTable::load(&pack, None).unwrap(),
             sessions: telemetry.sessions(pack.name(), "1"),
             batcher: batcher.await.unwrap(),
+            engine: "idle",
             pack: Arc::new(pack),
             load: PlanLoad::default(),
             metrics,
@@ -82,7 +83,7 @@ impl Setup {
             .fetch_add(time.as_millis() as u64, Ordering::Relaxed);
     }
 
-    fn cell(&self, id: &str) -> Arc<SessionCell> {
+    pub(in super::super) fn cell(&self, id: &str) -> Arc<SessionCell> {
         let style = Arc::new(walker_style());
         let options = CharacterOptions {
             seed: 0,
@@ -109,12 +110,14 @@ impl Setup {
             ttl: TTL,
             character: Character::new(self.pack.pack.clone(), options, start, command),
             style,
+            priority: 0.5,
         };
         Arc::new(SessionCell::new(parts, time))
     }
 
     fn open(&self, id: &str) -> Result<(), ApiError> {
-        self.registry.insert(&[self.cell(id)], |_| "id".to_owned())
+        self.registry
+            .insert(&[self.cell(id)], self.now(), |_| "id".to_owned())
     }
 
     fn get(&self, id: &str) -> Result<Arc<SessionCell>, &'static str> {
@@ -159,6 +162,28 @@ async fn who_holds_a_session_that_is_closed_hears_of_it() {
     );
     assert!(!setup.registry.close("a", setup.now()));
     assert_eq!(setup.get("a").unwrap_err(), "UNKNOWN_SESSION");
+}
+
+#[tokio::test]
+async fn an_expired_session_is_in_nobodys_way_before_the_sweep() {
+    let setup = Setup::new(2).await;
+    setup.open("a").unwrap();
+    setup.open("b").unwrap();
+    setup.pass(TTL / 2);
+    setup.get("b").unwrap().touch();
+    setup.pass(TTL / 2);
+    assert_eq!(setup.open("b").unwrap_err().reason(), "TOO_MANY_SESSIONS");
+    setup.registry.room_for(1, setup.now()).unwrap();
+    assert_eq!(setup.get("a").unwrap_err(), "SESSION_EXPIRED");
+    assert_eq!(setup.open("b").unwrap_err().reason(), "SESSION_EXISTS");
+    setup.pass(TTL / 2);
+    // Its time is up and no sweep has come round.
+    setup.open("b").unwrap();
+    assert_eq!((setup.registry.len(), setup.get("b").is_ok()), (1, true));
+    assert_eq!(
+        setup.registry.room_for(2, setup.now()).unwrap_err().reason(),
+        "TOO_MANY_SESSIONS"
+    );
 }
 
 /// What may happen to a few sessions.

@@ -12,7 +12,7 @@ use troupe_proto::v1;
 use super::cell::{Held, Owner};
 use super::encode::{BlockWriter, Form};
 use super::planner::{self, Patience};
-use super::{Advance, Clock, FrameOut, Registry, SUB_FRAMES, SessionLimits, TimeSource, units};
+use super::{Advance, Clock, FrameOut, Registry, SUB_FRAMES, SessionLimits, Strain, TimeSource, units};
 use crate::api::ApiError;
 use crate::batch::SubmitError;
 use crate::engine::EngineError;
@@ -163,7 +163,7 @@ fn gather(
             let mut live = held.cell().live();
             // What failed for an earlier caller need not fail for this one, and this one waits for its plans.
             live.trouble = None;
-            live.character.expect_latency(0);
+            live.character.under_load(Strain::default());
         }
         let pack = held.cell().pack();
         let known = blocks.iter().position(|(known, _)| Arc::ptr_eq(known, pack));

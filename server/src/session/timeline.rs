@@ -6,32 +6,20 @@
 //! there, however early it comes. So frames do not depend on how long plans take, as long as none is late.
 
 use super::buffer::{CROSSFADE_FRAMES, Frames, MotionBuffer};
+use super::policy::{INTERVAL_GRACE, MARGIN_FRAMES, Policy};
 use super::{Arrival, CONTEXT_FRAMES, Clock, LivePlan, PlanCause, SUB_FRAMES, Stats};
 use crate::primitives::recipe::VELOCITY_FRAMES;
 
 /// Sub-frames of a frame, as the cursor counts.
 const SUB: i64 = SUB_FRAMES as i64;
-/// Frames that must remain at the splice frame of a plan. With fewer and no plan, the character slows down.
-const MARGIN_FRAMES: i64 = CROSSFADE_FRAMES as i64;
 /// Pace of a character that is not slowed down: as many parts of it as the margin has sub-frames.
 const FULL_PACE: i64 = MARGIN_FRAMES * SUB;
 /// Frames that the first plan may take: a crowd that is set in motion asks for all of its plans at once.
 const FIRST_PLAN_FRAMES: i64 = 24;
-/// A buffer counts as low up to so many frames early, so that characters who stand about do not ask all at once.
-const SPREAD_FRAMES: u32 = 8;
-/// Most frames that a plan is asked for ahead of the cursor, where plans are expected to take long. A plan that came late
-/// would lose as many frames of its own, and the next would be needed so much sooner: with less, a crowd that is a little
-/// too large for the networks would want ever more of them.
-const MAX_LOOK_AHEAD: i64 = 20;
+/// And that it may at most, where they are so many that those will not do.
+const MAX_FIRST_PLAN_FRAMES: i64 = 120;
 /// Frames kept behind the cursor: what a plan's context and the velocity before it take.
 pub(super) const HISTORY_FRAMES: i64 = VELOCITY_FRAMES as i64 + 2;
-
-/// When to ask for plans.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Policy {
-    /// Frames between the splice frames of plans. `None`: plans for commands and a low buffer only.
-    pub(super) interval_frames: Option<u32>,
-}
 
 /// What stopped the cursor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +43,10 @@ pub(super) struct Ticket {
     pub(super) asked_at: i64,
     /// The frame of its last context frame.
     pub(super) splice: i64,
+    /// The frame from which on it is missed: by it the scheduler orders plans.
+    pub(super) due: i64,
+    /// Frames since the splice frame of the plan before; none for the first.
+    pub(super) spacing: Option<i64>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -71,6 +63,10 @@ pub(super) struct Timeline {
     look_ahead: i64,
     /// Frames that a plan asked for now is expected to take.
     expected: i64,
+    /// Frames by which plans are asked for ahead of the cursor, where not as the look-ahead.
+    lead: i64,
+    /// Frames that the plan that was asked for last was expected to take.
+    last_expected: i64,
     /// Sub-frames from frame 0.
     cursor: i64,
     /// Sub-frames of the current step that the cursor has not made yet.
@@ -86,6 +82,8 @@ pub(super) struct Timeline {
     /// The command changed since the last plan was asked for.
     command_changed: bool,
     flight: Option<Flight>,
+    /// A plan that the one in flight was asked for in the stead of. It comes where the networks had it already.
+    replaced: Option<Ticket>,
     last_splice: Option<i64>,
     /// What called for the plan that took over last.
     last_cause: PlanCause,
@@ -105,6 +103,8 @@ impl Timeline {
             buffer,
             look_ahead,
             expected: 0,
+            lead: 0,
+            last_expected: 0,
             cursor: 0,
             pending: 0,
             settled: None,
@@ -113,6 +113,7 @@ impl Timeline {
             failed: false,
             command_changed: true,
             flight: None,
+            replaced: None,
             last_splice: None,
             last_cause: PlanCause::Command,
             phase,
@@ -168,15 +169,30 @@ impl Timeline {
         self.command_changed = true;
     }
 
-    /// Plans asked for from now on are expected to take that many frames. Where that is more than the look-ahead, they are
-    /// asked for so much further ahead, and no longer for the interval alone: others need the networks more.
-    pub(super) fn expect(&mut self, frames: u32) {
+    /// A plan asked for now is expected to take `frames` frames, and is to take over no sooner. Plans take `usually` frames at
+    /// the moment, and are asked for as much ahead.
+    pub(super) fn expect(&mut self, frames: u32, usually: u32) {
         self.expected = i64::from(frames);
+        self.lead = i64::from(usually);
     }
 
-    /// Frames from the cursor to the splice frame of a plan asked for now.
-    fn reach(&self) -> i64 {
-        self.look_ahead.max((self.expected + 1).min(MAX_LOOK_AHEAD))
+    /// Frames from the cursor to where a plan takes over, where nothing holds it up.
+    fn reach(&self, policy: Policy) -> i64 {
+        let paced = policy.pace.map_or(0, |pace| i64::from(pace.lead_frames));
+        (self.look_ahead + paced).max(self.lead)
+    }
+
+    /// The splice frame of a plan asked for now at `frame`: where it should have come, but no further than the buffer lasts,
+    /// and not within the look-ahead.
+    fn splice_frame(&self, frame: i64, policy: Policy) -> i64 {
+        let reach = match self.command_changed {
+            // It would only be answered later.
+            true => self.look_ahead.max(self.lead),
+            false => self.reach(policy),
+        };
+        let in_time = frame + reach.max(self.expected + 1);
+        let lasts = self.buffer.last() - policy.margin();
+        in_time.min(lasts).max(frame + self.look_ahead)
     }
 
     /// Adds to the way that the cursor is to go.
@@ -249,7 +265,7 @@ impl Timeline {
 
     /// Decides about the frame that the cursor is at: ends the flight of a plan whose splice frame it is, and asks for
     /// the next where the policy says so.
-    pub(super) fn settle(&mut self, policy: Policy) -> Option<Ticket> {
+    pub(super) fn settle(&mut self, clock: Clock, policy: Policy) -> Option<Ticket> {
         let frame = self.frame();
         self.settled = Some(frame);
         if let Some(Flight {
@@ -260,38 +276,68 @@ impl Timeline {
         {
             self.flight = None;
         }
-        if self.flight.is_some() {
-            return None;
+        // One that was asked for further ahead than the look-ahead is no reason for a command to wait: what it brought is
+        // replaced from the new plan's splice frame on.
+        self.flight.take_if(|flight| {
+            let far = flight.ticket.splice > frame + self.look_ahead;
+            self.command_changed && flight.arrived && far
+        });
+        if let Some(flight) = self.flight {
+            let ticket = flight.ticket;
+            let replace = clock == Clock::Runs && !flight.arrived && self.command_changed;
+            if !replace || self.expected <= self.look_ahead || ticket.asked_at == frame {
+                return None;
+            }
+            // The plan in flight waits in a long queue: a newer one takes its place there, and its splice frame where that is
+            // not too near.
+            let at = ticket.splice.max(frame + self.look_ahead);
+            let splice = self.splice_frame(frame, policy).min(at);
+            self.replaced.get_or_insert(ticket);
+            return Some(self.ask(PlanCause::Command, frame, splice, 0));
         }
-        let cause = self.cause(frame, policy)?;
-        Some(self.ask(cause, frame, self.reach()))
+        if self.next_number == 0 {
+            // It stands or comes to rest, so that it may do so for longer.
+            let wait = self.expected.min(MAX_FIRST_PLAN_FRAMES);
+            self.buffer.draw_out(frame + wait + 1 + MARGIN_FRAMES);
+        }
+        let splice = self.splice_frame(frame, policy);
+        let cause = self.cause(frame + self.reach(policy), policy)?;
+        let slack = (self.buffer.last() - policy.margin() - splice).max(0);
+        let grace = match cause {
+            PlanCause::Interval => slack.min(INTERVAL_GRACE),
+            PlanCause::Command | PlanCause::LowBuffer => 0,
+        };
+        Some(self.ask(cause, frame, splice, grace))
     }
 
-    fn cause(&self, frame: i64, policy: Policy) -> Option<PlanCause> {
-        let splice = frame + self.reach();
-        let in_time = self.expected <= self.look_ahead;
+    /// What calls for a plan that would take over at `splice`. What waits at the moment makes no difference to that, or a
+    /// crowd would ask for more the longer it has to wait.
+    fn cause(&self, splice: i64, policy: Policy) -> Option<PlanCause> {
         let is_due = |interval| {
-            in_time
-                && self
-                    .last_splice
-                    .is_none_or(|last| splice >= last + i64::from(self.wait(interval)))
+            self.last_splice
+                .is_none_or(|last| splice >= last + self.wait(i64::from(interval), policy))
         };
+        let early = self.spread(policy.early());
         if self.command_changed {
             Some(PlanCause::Command)
-        } else if self.buffer.last() <= splice + MARGIN_FRAMES + self.spread(SPREAD_FRAMES) {
+        } else if self.buffer.last() <= splice + policy.margin() + early {
             Some(PlanCause::LowBuffer)
-        } else if policy.interval_frames.is_some_and(is_due) {
+        } else if policy.interval().is_some_and(is_due) {
             Some(PlanCause::Interval)
         } else {
             None
         }
     }
 
-    /// Frames from the last plan to the next for an interval of `interval` frames. After a plan for a command it is between
-    /// half of it and the whole, by the character's phase.
-    fn wait(&self, interval: u32) -> u32 {
+    /// Frames from the last plan to the next for an interval of `interval` frames. After a plan for a command it is less by up
+    /// to half the usual interval, by the character's phase, or by up to half of this one where many had one at once.
+    fn wait(&self, interval: i64, policy: Policy) -> i64 {
+        let usual = i64::from(policy.interval_frames.unwrap_or_default());
         match self.last_cause {
-            PlanCause::Command => interval - self.spread(interval / 2 + 1) as u32,
+            PlanCause::Command => {
+                let most = self.last_expected.min(interval / 2).max(usual / 2);
+                interval - self.spread(most as u32 + 1)
+            }
             PlanCause::LowBuffer | PlanCause::Interval => interval,
         }
     }
@@ -303,17 +349,21 @@ impl Timeline {
 
     /// Asks for the very first plan at once, to take over at frame 0.
     pub(super) fn ask_first(&mut self) -> Ticket {
-        self.ask(PlanCause::Command, 0, 0)
+        self.ask(PlanCause::Command, 0, 0, 0)
     }
 
-    fn ask(&mut self, cause: PlanCause, frame: i64, look_ahead: i64) -> Ticket {
+    fn ask(&mut self, cause: PlanCause, frame: i64, splice: i64, grace: i64) -> Ticket {
+        let splice = splice.min(self.buffer.last());
         let ticket = Ticket {
             number: self.next_number,
             cause,
             asked_at: frame,
-            splice: (frame + look_ahead).min(self.buffer.last()),
+            splice,
+            due: splice + grace,
+            spacing: self.last_splice.map(|last| splice - last),
         };
         self.next_number += 1;
+        self.last_expected = self.expected;
         self.command_changed = false;
         self.flight = Some(Flight {
             ticket,
@@ -322,11 +372,19 @@ impl Timeline {
         ticket
     }
 
-    /// Whether the plan of that number is awaited.
-    fn awaited(&self, number: u64) -> Option<Ticket> {
-        self.flight
-            .filter(|flight| flight.ticket.number == number && !flight.arrived)
+    /// The plan of that number, where it is awaited or may still come.
+    fn awaited(&mut self, number: u64) -> Option<Ticket> {
+        let replaced = self.replaced.take_if(|ticket| ticket.number == number);
+        let flight = self.flight.filter(|flight| !flight.arrived);
+        replaced.or(flight
             .map(|flight| flight.ticket)
+            .filter(|ticket| ticket.number == number))
+    }
+
+    /// The plan in flight is another: the one of this ticket was replaced.
+    fn goes_on_without(&self, ticket: Ticket) -> bool {
+        self.flight
+            .is_some_and(|flight| flight.ticket.number != ticket.number)
     }
 
     /// A plan has come.
@@ -370,6 +428,9 @@ impl Timeline {
             PlanCause::LowBuffer => &mut self.stats.plans_for_low_buffer,
             PlanCause::Interval => &mut self.stats.plans_for_interval,
         } += 1;
+        if self.goes_on_without(ticket) {
+            return;
+        }
         if self.cursor < ticket.splice * SUB {
             self.flight = Some(Flight {
                 ticket,
@@ -387,6 +448,9 @@ impl Timeline {
         let Some(ticket) = self.awaited(number) else {
             return Arrival::Stray;
         };
+        if self.goes_on_without(ticket) {
+            return Arrival::Stray;
+        }
         self.stats.failed_plans += 1;
         self.give_up(ticket);
         Arrival::Failed
@@ -394,6 +458,9 @@ impl Timeline {
 
     /// The next frame asks for another plan instead, for the same cause.
     fn give_up(&mut self, ticket: Ticket) {
+        if self.goes_on_without(ticket) {
+            return;
+        }
         self.flight = None;
         self.failed = true;
         self.command_changed |= ticket.cause == PlanCause::Command;

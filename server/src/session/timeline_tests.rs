@@ -8,9 +8,13 @@ use crate::session::PlanTrace;
 
 const WALKS: Policy = Policy {
     interval_frames: Some(9),
+    pace: None,
+    unfinished: false,
 };
 const STANDS: Policy = Policy {
     interval_frames: None,
+    pace: None,
+    unfinished: false,
 };
 
 /// A timeline and a planner whose plans go straight on, each at a speed of its own.
@@ -54,7 +58,7 @@ impl Rig {
             let stop = self.timeline.run(clock);
             let Stop::AtFrame(frame) = stop else { return stop };
             assert_eq!((frame, self.timeline.cursor() % SUB), (self.timeline.frame(), 0));
-            if let Some(ticket) = self.timeline.settle(self.policy) {
+            if let Some(ticket) = self.timeline.settle(clock, self.policy) {
                 let plan = self.plan(ticket);
                 self.tickets.push(ticket);
                 self.asked.push_back((ticket, plan));
@@ -146,39 +150,6 @@ fn a_static_style_plans_for_a_low_buffer_only() {
     // They are asked for up to seven frames early, each a different number of them.
     assert_eq!(asked, [0, 17, 33, 48, 70, 91]);
     assert_eq!(rig.timeline.stats().underruns, 0);
-}
-
-#[test]
-fn slow_plans_are_asked_for_further_ahead_and_not_for_the_interval() {
-    for (expected, reach) in [(0, 4), (3, 4), (4, 5), (9, 10), (19, 20), (60, 20)] {
-        let mut rig = Rig::new(WALKS, 34);
-        rig.timeline.expect(expected);
-        let latency = expected.min(19) as i64;
-        for _ in 0..200 {
-            assert_eq!(rig.advance(SUB_FRAMES, Clock::Runs), Stop::Done);
-            let now = rig.timeline.frame();
-            if rig
-                .asked
-                .front()
-                .is_some_and(|(ticket, _)| ticket.asked_at + latency <= now)
-            {
-                assert!(matches!(rig.deliver(), Some(Arrival::InTime { .. })));
-            }
-        }
-        assert!(
-            rig.tickets.iter().all(|t| t.splice - t.asked_at == reach),
-            "{expected}"
-        );
-        let busy = expected > 4;
-        let cause = if busy {
-            PlanCause::LowBuffer
-        } else {
-            PlanCause::Interval
-        };
-        assert!(rig.tickets[1..].iter().all(|t| t.cause == cause), "{expected}");
-        let stats = rig.timeline.stats();
-        assert_eq!((stats.late_plans, stats.underruns), (0, 0), "{expected}");
-    }
 }
 
 #[test]
@@ -469,3 +440,6 @@ proptest! {
         }
     }
 }
+
+#[path = "timeline_load_tests.rs"]
+mod load;

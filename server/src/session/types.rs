@@ -22,6 +22,17 @@ pub enum Clock {
     Runs,
 }
 
+/// How it is with the networks for one character. By default nothing holds plans up, as for a clock that waits for them.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Strain {
+    /// Frames that a plan asked for now is expected to take: it is to take over no sooner.
+    pub expected_frames: u32,
+    /// Frames that plans take at the moment: they are asked for as much ahead.
+    pub lead_frames: u32,
+    /// How much of the crowd's pressure falls on this character, 0 to 2 (see [`super::budget`]): plans are fewer and longer.
+    pub stretch: f32,
+}
+
 /// How a character was set up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CharacterOptions {
@@ -96,8 +107,10 @@ pub struct PlanRequest {
     pub shape: Arc<LiveShape>,
     /// Frames until the plan is to take over; after that it is late.
     pub splice_in_frames: u32,
-    /// Frames until the buffer runs dry.
-    pub deadline_frames: u32,
+    /// Frames until it is missed: the scheduler's deadline.
+    pub due_in_frames: u32,
+    /// Frames from where the plan before took over to where this one is to; none for the first.
+    pub spacing_frames: Option<u32>,
 }
 
 /// What it takes to turn a plan's raw motion into frames.

@@ -41,6 +41,11 @@ pub fn within(path: &Path<'_>, value: f32, low: f32, high: f32) -> Result<f32, F
     }
 }
 
+/// A priority: 0 to 1.
+pub fn priority(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
+    within(path, value, 0.0, 1.0)
+}
+
 /// A whole number from `low` to `high`.
 pub fn count_within(path: &Path<'_>, value: u32, low: u32, high: u32) -> Result<u32, FieldError> {
     match (low..=high).contains(&value) {

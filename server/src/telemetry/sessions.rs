@@ -15,8 +15,19 @@ const REPLANS: &str = "troupe_replans_total";
 const LATE_PLANS: &str = "troupe_late_plans_total";
 const FAILED_PLANS: &str = "troupe_failed_plans_total";
 const UNDERRUNS: &str = "troupe_underruns_total";
+const PRESSURE: &str = "troupe_crowd_pressure";
+pub(super) const PLAN_INTERVAL: &str = "troupe_plan_interval_frames";
+pub(super) const PLAN_LENGTH: &str = "troupe_plan_length_frames";
 
-pub(super) const DESCRIPTIONS: [(&str, &str); 10] = [
+/// Upper bounds of the buckets of intervals and lengths of plans, in frames.
+pub(super) const FRAME_BUCKETS: [f64; 14] = [
+    4.0, 9.0, 12.0, 16.0, 20.0, 24.0, 26.0, 30.0, 34.0, 40.0, 46.0, 50.0, 54.0, 64.0,
+];
+
+/// Bands of priority as metric labels: below a third, below two, and above.
+const BANDS: [&str; 3] = ["low", "middle", "high"];
+
+pub(super) const DESCRIPTIONS: [(&str, &str); 13] = [
     (ACTIVE, "Open sessions"),
     (STREAMS, "Open streams"),
     (EVICTIONS, "Sessions that ended, by reason: closed or expired"),
@@ -38,6 +49,15 @@ pub(super) const DESCRIPTIONS: [(&str, &str); 10] = [
         UNDERRUNS,
         "Times that a character had to slow down because its plan was late",
     ),
+    (
+        PRESSURE,
+        "How much intervals and lengths of plans are stretched: 0 not at all, 1 to a plan a second, 2 as far as it goes",
+    ),
+    (
+        PLAN_INTERVAL,
+        "Frames from where a plan takes over to where the next one does, by band of priority",
+    ),
+    (PLAN_LENGTH, "Frames of a plan, by band of priority"),
     (
         LEAD_TIME,
         "From a plan's arrival to the frame where it takes over, in the character's time",
@@ -66,6 +86,14 @@ pub struct SessionMetrics {
     failed_plans: Counter,
     underruns: Counter,
     lead_time: Histogram,
+    pressure: Gauge,
+    bands: [Band; 3],
+}
+
+#[derive(Clone, Debug)]
+struct Band {
+    interval: Histogram,
+    length: Histogram,
 }
 
 impl SessionMetrics {
@@ -103,6 +131,24 @@ impl SessionMetrics {
         self.replans[index].increment(1);
     }
 
+    /// A character of this priority asks for a plan of `length` frames, where that is settled, `interval` frames after the
+    /// one before, where there was one.
+    pub fn paced(&self, priority: f32, interval: Option<u32>, length: Option<usize>) {
+        let last = BANDS.len() - 1;
+        let band = &self.bands[((priority * BANDS.len() as f32) as usize).min(last)];
+        if let Some(interval) = interval {
+            band.interval.record(f64::from(interval));
+        }
+        if let Some(length) = length {
+            band.length.record(length as f64);
+        }
+    }
+
+    /// The pressure on the crowd has changed.
+    pub fn pressed(&self, pressure: f32) {
+        self.pressure.set(f64::from(pressure));
+    }
+
     /// A plan came this long before the frame where it takes over.
     pub fn came(&self, lead_s: f64) {
         self.lead_time.record(lead_s);
@@ -137,6 +183,11 @@ impl Telemetry {
         let counter = |name, extra| self.counter(name, labels(extra));
         let active = Key::from_parts(ACTIVE, labels(None));
         let lead_time = Key::from_parts(LEAD_TIME, labels(None));
+        let pressure = Key::from_parts(PRESSURE, labels(None));
+        let histogram = |name, band| {
+            let key = Key::from_parts(name, labels(Some(("priority", band))));
+            self.recorder.register_histogram(&key, &METADATA)
+        };
         SessionMetrics {
             active: self.recorder.register_gauge(&active, &METADATA),
             closed: counter(EVICTIONS, Some(("reason", "closed"))),
@@ -149,6 +200,11 @@ impl Telemetry {
             failed_plans: counter(FAILED_PLANS, None),
             underruns: counter(UNDERRUNS, None),
             lead_time: self.recorder.register_histogram(&lead_time, &METADATA),
+            pressure: self.recorder.register_gauge(&pressure, &METADATA),
+            bands: BANDS.map(|band| Band {
+                interval: histogram(PLAN_INTERVAL, band),
+                length: histogram(PLAN_LENGTH, band),
+            }),
         }
     }
 
@@ -173,6 +229,10 @@ mod tests {
         sessions.dropped(7);
         sessions.asked(PlanCause::LowBuffer);
         sessions.came(0.06);
+        sessions.paced(0.0, None, Some(64));
+        sessions.paced(0.5, Some(9), Some(34));
+        sessions.paced(1.0, Some(9), None);
+        sessions.pressed(0.25);
         let now = Stats {
             late_plans: 5,
             underruns: 2,
@@ -196,6 +256,10 @@ mod tests {
             r#"troupe_lead_time_seconds_bucket{model="human",version="1.0",le="0.0667"} 1"#,
             r#"troupe_late_plans_total{model="human",version="1.0"} 2"#,
             r#"troupe_underruns_total{model="human",version="1.0"} 0"#,
+            r#"troupe_plan_interval_frames_bucket{model="human",version="1.0",priority="middle",le="9"} 1"#,
+            r#"troupe_plan_length_frames_sum{model="human",version="1.0",priority="low"} 64"#,
+            r#"troupe_plan_interval_frames_count{model="human",version="1.0",priority="high"} 1"#,
+            r#"troupe_crowd_pressure{model="human",version="1.0"} 0.25"#,
             "troupe_streams_active 4",
         ] {
             assert!(text.contains(line), "{line} is missing in\n{text}");

@@ -44,6 +44,7 @@ pub fn walk(id: &str, sequence: u64, (x, z): (f32, f32)) -> v1::Command {
             velocity: Some(v1::Vec3 { x, y: 0.0, z }),
             ..v1::Locomote::default()
         })),
+        priority: None,
     }
 }
 

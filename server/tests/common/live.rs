@@ -11,8 +11,7 @@ use troupe_motion::fk::WorldMotion;
 use troupe_motion::root::heading_of;
 use troupe_motion::{Clip, GlobalRoot, Quat, Skeleton, Vec3};
 use troupe_server::config::Config;
-use troupe_server::engine::onnx::{OnnxStages, Runtime};
-use troupe_server::engine::{Pipeline, WorkItem};
+use troupe_server::engine::{EngineKind, Pipeline, WorkItem};
 use troupe_server::pack::{MANIFEST_FILE, Pack};
 use troupe_server::primitives::LocomotionCommand;
 use troupe_server::session::{
@@ -46,9 +45,10 @@ pub struct Networks {
 impl Networks {
     pub fn load() -> Self {
         let pack = Pack::load(&pack_folder()).unwrap();
-        let config = Config::local(Path::new("unused")).unwrap();
-        let runtime = Runtime::new(&config.runtime_options()).unwrap();
-        let stages = OnnxStages::load(&runtime, &pack).unwrap();
+        let mut config = Config::local(Path::new("unused")).unwrap();
+        // All threads for the one pipeline. The figures that tests compare with are f32's.
+        config.lanes = 1;
+        let stages = config.selector().unwrap().load(&pack, EngineKind::Cpu).unwrap();
         Self {
             styles: StyleTable::load(&pack, None).unwrap(),
             pipeline: Pipeline::new(pack.dims, Box::new(stages), MAX_BATCH),

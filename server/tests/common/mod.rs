@@ -39,6 +39,7 @@ struct Door {
     closed: Mutex<bool>,
     opened: Condvar,
     broken: AtomicBool,
+    row_us: AtomicU64,
 }
 
 impl Gate {
@@ -56,10 +57,20 @@ impl Gate {
         self.0.broken.store(broken, Ordering::Relaxed);
     }
 
-    fn pass(&self) -> Result<(), EngineError> {
+    /// Has every batch take so long for each of its rows.
+    pub fn set_row_time(&self, time: Duration) {
+        self.0.row_us.store(time.as_micros() as u64, Ordering::Relaxed);
+    }
+
+    fn pass(&self, rows: usize) -> Result<(), EngineError> {
         let mut closed = self.0.closed.lock().unwrap();
         while *closed {
             closed = self.0.opened.wait(closed).unwrap();
+        }
+        drop(closed);
+        let row_us = self.0.row_us.load(Ordering::Relaxed);
+        if row_us > 0 {
+            std::thread::sleep(Duration::from_micros(row_us * rows as u64));
         }
         match self.0.broken.load(Ordering::Relaxed) {
             false => Ok(()),
@@ -94,7 +105,7 @@ pub struct StraightLine {
 
 impl Stages for StraightLine {
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
-        self.gate.pass()?;
+        self.gate.pass(rows)?;
         let (slots, frames) = (self.dims.slots(), self.dims.max_frames());
         for row in 0..rows {
             let allowed = input.allowed_counts.row(row);
@@ -210,11 +221,12 @@ impl TestServer {
         server
     }
 
-    /// A server whose packs take `load_time` to load.
+    /// A server whose packs, of `config.lanes` lanes or one, take `load_time` to load.
     pub async fn start_unready(change: impl FnOnce(&mut Config), load_time: Duration) -> Self {
         let mut config = Config::local(Path::new("unused")).unwrap();
         config.default_pack = Some("toy".into());
         change(&mut config);
+        let lanes = config.lanes.max(1);
         let gate = Gate::default();
         let for_engine = gate.clone();
         let packs = move || {
@@ -223,10 +235,12 @@ impl TestServer {
                 let gate = for_engine.clone();
                 PackSource {
                     pack: pack(name),
+                    lanes,
+                    decision: None,
                     stages: Box::new(move |pack| {
                         Ok(Box::new(StraightLine {
                             dims: pack.dims,
-                            gate,
+                            gate: gate.clone(),
                         }))
                     }),
                 }

@@ -5,9 +5,10 @@ use std::f32::consts::PI;
 use troupe_client::{InBetween, Key, SegmentLength};
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::{Clip, Vec3};
+use troupe_server::engine::EngineChoice;
 
 use crate::motion::{character, difference, frames_difference, message, request, turn_and_move, walk};
-use crate::server::shared;
+use crate::server::{Server, shared};
 
 #[tokio::test]
 async fn grpc_and_http_give_equal_frames() {
@@ -170,7 +171,10 @@ async fn intermediates_and_positions_fit_the_frames() {
 
 #[tokio::test]
 async fn a_turned_and_moved_request_gives_the_turned_and_moved_answer() {
-    let (client, pack) = shared().client().await;
+    // In f32: what is moved is off by a rounding, and in bf16 that may tip the choice between two codes that are as good as
+    // equally likely.
+    let server = Server::start_with(|config| config.engine = EngineChoice::Cpu).await;
+    let (client, pack) = server.client().await;
     let clip = walk(&pack);
     let fill = async |clip: Clip| {
         let gap = InBetween::from_clip(&clip, 40, 66)
@@ -192,6 +196,7 @@ async fn a_turned_and_moved_request_gives_the_turned_and_moved_answer() {
         let error = difference(&moved, &turn_and_move(&plain, heading, by));
         assert!(error < 1e-3, "heading {heading}, moved {by}: {error}");
     }
+    server.stop().await;
 }
 
 #[tokio::test]
@@ -211,7 +216,8 @@ async fn characters_of_one_request_come_back_in_order() {
         (answers.pack.as_str(), answers.pack_version.as_str()),
         (pack.name(), &*pack.description().version)
     );
-    assert!(answers.timing.total_us >= answers.timing.inference_us && answers.timing.inference_us > 0);
+    // Parts that ran on two lanes at the same time add up to more than the whole took.
+    assert!(answers.timing.total_us > 0 && answers.timing.inference_us > 0);
     for (i, (answer, gap)) in answers.characters.iter().zip(&gaps).enumerate() {
         assert_eq!(answer.id, format!("walker {i}"));
         let alone = client.in_between(&pack, gap).await.unwrap();

@@ -150,6 +150,7 @@ async fn commands_out_of_order_are_harmless() {
             velocity: Some(v1::Vec3 { x, y, z }),
             ..v1::Locomote::default()
         })),
+        priority: None,
     });
     let request = v1::CommandRequest {
         commands: commands.to_vec(),

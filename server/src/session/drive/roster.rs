@@ -2,16 +2,18 @@
 
 use std::collections::HashSet;
 use std::sync::Arc;
+use std::time::Instant;
 
 use troupe_proto::v1;
 
 use super::outbox::Tick;
 use crate::api::ApiError;
 use crate::service::LoadedPack;
+use crate::session::budget;
 use crate::session::cell::{End, Held, Owner, SessionCell};
 use crate::session::encode::{BlockWriter, Form};
 use crate::session::planner::{self, Patience};
-use crate::session::{Clock, FrameOut, Registry, TimeSource};
+use crate::session::{Clock, FrameOut, Registry, Strain, TimeSource};
 
 /// A session on the stream.
 #[derive(Debug)]
@@ -146,13 +148,14 @@ impl Roster {
             .map(|(pack, count)| (BlockWriter::new(&pack.pack, form, *count, 1), 0))
             .collect();
         let mut underruns = 0;
+        self.read_load();
         for member in &self.members {
             let cell = member.held.cell();
             let pack = cell.pack();
             let request = {
                 let mut live = cell.live();
-                let latency = pack.load.expected_frames(pack.pack.manifest.fps);
-                live.character.expect_latency(latency);
+                let strain = strain(pack, live.priority);
+                live.character.under_load(strain);
                 live.character.advance(sub_frames, Clock::Runs);
                 live.character.sample(&mut self.out);
                 cell.settle(&mut live)
@@ -182,6 +185,16 @@ impl Roster {
         }
     }
 
+    /// Has the pressure on the packs read, where it is time.
+    fn read_load(&self) {
+        let now = Instant::now();
+        for pack in &self.packs {
+            if let Some(pressure) = pack.load.read(now, pack.batcher.gauge().lanes()) {
+                pack.sessions.pressed(pressure);
+            }
+        }
+    }
+
     /// Sessions on the stream, for each pack that was ever on it.
     pub fn counts(&self) -> Vec<(Arc<LoadedPack>, usize)> {
         let mut counts: Vec<_> = self.packs.iter().map(|pack| (pack.clone(), 0)).collect();
@@ -189,6 +202,16 @@ impl Roster {
             counts[member.pack].1 += 1;
         }
         counts
+    }
+}
+
+/// How it is with the networks for a character of this priority.
+fn strain(pack: &LoadedPack, priority: f32) -> Strain {
+    let (load, fps) = (&pack.load, pack.pack.manifest.fps);
+    Strain {
+        expected_frames: load.expected_frames(pack.batcher.gauge().lanes(), fps),
+        lead_frames: load.lead_frames(fps),
+        stretch: budget::stretch(load.pressure(), priority),
     }
 }
 

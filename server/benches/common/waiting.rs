@@ -1,0 +1,79 @@
+//! A scheduler with many characters waiting.
+
+use std::time::{Duration, Instant};
+
+use troupe_server::batch::scheduler::{Action, Cut, Event, Limits, RequestId, Scheduler};
+use troupe_server::batch::{Order, OwnerId};
+
+/// Most characters in one batch.
+const BATCH: usize = 64;
+/// One in so many is an InBetween call, the others are plans of sessions.
+const REQUEST_EVERY: u64 = 5;
+
+/// A scheduler of one lane with a queue that is kept at its length.
+pub struct Waiting {
+    scheduler: Scheduler,
+    actions: Vec<Action>,
+    now: Instant,
+    next: u64,
+}
+
+impl Waiting {
+    /// `characters` wait, each a request of its own, with deadlines out of order.
+    pub fn of(characters: usize) -> Self {
+        let limits = Limits {
+            lanes: 1,
+            max_batch: BATCH,
+            max_queued: usize::MAX / 4,
+            max_live: usize::MAX / 4,
+            max_wait: Duration::ZERO,
+            live_slice: Duration::ZERO,
+            ..Limits::default()
+        };
+        let mut waiting = Self {
+            scheduler: Scheduler::new(limits),
+            actions: Vec::with_capacity(characters.max(BATCH)),
+            now: Instant::now(),
+            next: 0,
+        };
+        for _ in 0..characters {
+            waiting.arrive();
+        }
+        waiting
+    }
+
+    fn arrive(&mut self) {
+        let request = self.next;
+        self.next += 1;
+        // A second's worth of deadlines, in an order without pattern.
+        let deadline = self.now + Duration::from_millis(request * 7919 % 1000);
+        let order = match request % REQUEST_EVERY {
+            0 => Order::request(deadline),
+            _ => Order::live(OwnerId(request), deadline),
+        };
+        let event = Event::Arrived {
+            request: RequestId(request),
+            characters: 1,
+            order,
+        };
+        self.scheduler.step(self.now, event, &mut self.actions);
+    }
+
+    /// One turn of a busy server: the lane is free, a batch is cut, and as many characters arrive as left.
+    pub fn turn(&mut self) -> usize {
+        self.actions.clear();
+        self.now += Duration::from_millis(10);
+        self.scheduler
+            .step(self.now, Event::LaneFree { lane: 0 }, &mut self.actions);
+        self.scheduler.step(self.now, Event::Settled, &mut self.actions);
+        let cut = self.actions.iter().find_map(|action| match action {
+            Action::Cut(cut) => Some(Cut::characters(cut)),
+            _ => None,
+        });
+        let cut = cut.expect("a free lane takes what waits");
+        for _ in 0..cut {
+            self.arrive();
+        }
+        cut
+    }
+}

@@ -1,0 +1,74 @@
+//! Who goes first.
+
+use std::time::Instant;
+
+/// What kind of work a request is. Inside a class, the earliest deadline goes first; between classes, each class's
+/// [handicap](super::scheduler::Limits::handicap) is added to the deadline, so that what waits long enough goes first
+/// whatever its class.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Class {
+    /// Plans of live characters.
+    Live,
+    /// InBetween calls.
+    Request,
+}
+
+impl Class {
+    /// All classes, in the order of their numbers.
+    pub const ALL: [Self; 2] = [Self::Live, Self::Request];
+
+    /// The class as a metric label.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Live => "live",
+            Self::Request => "request",
+        }
+    }
+}
+
+/// Names a session to the scheduler. At most one plan of an owner is with an engine at a time, and at most one waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct OwnerId(pub u64);
+
+/// A request's claim on its place in the queue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Order {
+    /// What kind of work it is.
+    pub class: Class,
+    /// When the answer should be there. It orders the queue; work whose deadline has passed is done all the same.
+    pub deadline: Instant,
+    /// When nobody wants the answer any more: what is not cut by then is not run.
+    pub expires: Option<Instant>,
+    /// Whose plan it is, where it is one.
+    pub owner: Option<OwnerId>,
+}
+
+impl Order {
+    /// An InBetween call.
+    pub fn request(deadline: Instant) -> Self {
+        Self {
+            class: Class::Request,
+            deadline,
+            expires: None,
+            owner: None,
+        }
+    }
+
+    /// A plan of a live character, which is to take over at `deadline`.
+    pub fn live(owner: OwnerId, deadline: Instant) -> Self {
+        Self {
+            class: Class::Live,
+            deadline,
+            expires: None,
+            owner: Some(owner),
+        }
+    }
+
+    /// The same, not to be run any more from `at` on.
+    pub fn expiring(self, at: Instant) -> Self {
+        Self {
+            expires: Some(at),
+            ..self
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! The limits that a scheduler keeps.
+
+use std::time::Duration;
+
+use crate::batch::order::Class;
+
+/// Shortest time after which it is worth to try again.
+const MIN_RETRY: Duration = Duration::from_millis(10);
+
+/// The limits that a scheduler keeps, and how it weighs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Lanes of the engine: so many batches may run at a time.
+    pub lanes: usize,
+    /// Most characters in one batch.
+    pub max_batch: usize,
+    /// Most characters of InBetween calls that may wait.
+    pub max_queued: usize,
+    /// Most characters of live plans that may wait. A session has one at most, so with a place for each session none is
+    /// ever refused, however many calls wait.
+    pub max_live: usize,
+    /// An InBetween call that would wait for longer than this is refused; zero for no such limit.
+    pub max_wait: Duration,
+    /// What InBetween calls wait for before they go in front of live plans.
+    pub ageing: Duration,
+    /// Longest time that a free lane waits for [`Limits::preferred_batch`] characters; zero to wait for nobody.
+    pub batch_delay: Duration,
+    /// How many characters are worth to wait for.
+    pub preferred_batch: usize,
+    /// Longest time of a batch while there are live characters, by measure; zero for no such limit.
+    pub live_slice: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            lanes: 1,
+            max_batch: 64,
+            max_queued: 1024,
+            max_live: 16_384,
+            max_wait: Duration::from_secs(1),
+            ageing: Duration::from_secs(2),
+            batch_delay: Duration::ZERO,
+            preferred_batch: 0,
+            // Two frames at 30 Hz: half of the usual look-ahead of a plan is left for its own batch.
+            live_slice: Duration::from_millis(66),
+        }
+    }
+}
+
+impl Limits {
+    /// What is added to a deadline of the class, to order it among those of the other.
+    pub fn handicap(&self, class: Class) -> Duration {
+        match class {
+            Class::Live => Duration::ZERO,
+            Class::Request => self.ageing,
+        }
+    }
+
+    /// Most characters of the class that may wait.
+    pub fn room(&self, class: Class) -> usize {
+        match class {
+            Class::Live => self.max_live,
+            Class::Request => self.max_queued,
+        }
+    }
+}
+
+/// Why a request has no place in the queue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Refusal {
+    /// Characters that wait, of all classes.
+    pub pending_characters: usize,
+    /// How long a request of the class would wait.
+    pub expected_wait: Duration,
+    /// Whether there is no room; else the wait is too long.
+    pub full: bool,
+}
+
+impl Refusal {
+    /// When what waits now should have been cut.
+    pub fn retry_after(&self) -> Duration {
+        self.expected_wait.max(MIN_RETRY)
+    }
+}

@@ -1,0 +1,142 @@
+//! How fast the lanes are, and how fast calls leave the queue: the base of every expectation.
+
+use std::time::{Duration, Instant};
+
+/// Time of a character on a lane before any was measured.
+const FIRST_GUESS_S: f64 = 0.005;
+/// What is left of older measurements of the lanes after each batch.
+const LANE_MEMORY: f64 = 0.9;
+/// Time, in seconds, after which older measurements of the queue have lost two thirds of their weight.
+const QUEUE_MEMORY_S: f64 = 0.5;
+/// Time, in seconds, that calls are taken to have left at the lanes' full speed when they begin to pile up.
+const QUEUE_PRIOR_S: f64 = 0.1;
+
+/// Two measures.
+///
+/// - **Lanes**: lane time a character, over the latest batches. It tells how large a batch may be to end in time.
+/// - **Queue**: InBetween characters that were cut a second, over the latest time during which some were left waiting.
+///   It takes in what live plans took away from them, and tells how long a call would wait (Little's law).
+#[derive(Debug)]
+pub(super) struct Meter {
+    /// The batch of each lane: when it was cut, and its characters.
+    running: Vec<Option<(Instant, usize)>>,
+    lanes: usize,
+    lane_time_s: f64,
+    lane_characters: f64,
+    queue_time_s: f64,
+    queue_characters: f64,
+    /// Since when calls are left waiting, without a look at how many left.
+    backlog_since: Option<Instant>,
+}
+
+impl Meter {
+    pub(super) fn new(lanes: usize) -> Self {
+        Self {
+            running: vec![None; lanes],
+            lanes,
+            lane_time_s: FIRST_GUESS_S,
+            lane_characters: 1.0,
+            queue_time_s: 0.0,
+            queue_characters: 0.0,
+            backlog_since: None,
+        }
+    }
+
+    /// A lane has a batch.
+    pub(super) fn began(&mut self, lane: usize, now: Instant, characters: usize) {
+        self.running[lane] = Some((now, characters));
+    }
+
+    /// A lane has none any more.
+    pub(super) fn done(&mut self, lane: usize, now: Instant) {
+        if let Some((since, characters)) = self.running[lane].take() {
+            let took = now.saturating_duration_since(since).as_secs_f64();
+            self.lane_time_s = self.lane_time_s * LANE_MEMORY + took;
+            self.lane_characters = self.lane_characters * LANE_MEMORY + characters as f64;
+        }
+    }
+
+    /// There is a lane less.
+    pub(super) fn lost(&mut self) {
+        self.lanes = self.lanes.saturating_sub(1);
+    }
+
+    /// So many characters of calls have left the queue since the last time this was told, and some, or none, are left.
+    pub(super) fn left(&mut self, now: Instant, characters: usize, some_wait: bool) {
+        match self.backlog_since {
+            Some(since) => {
+                let passed = now.saturating_duration_since(since).as_secs_f64();
+                let memory = (-passed / QUEUE_MEMORY_S).exp();
+                self.queue_time_s = self.queue_time_s * memory + passed;
+                self.queue_characters = self.queue_characters * memory + characters as f64;
+            }
+            None => {
+                self.queue_time_s = QUEUE_PRIOR_S;
+                self.queue_characters = QUEUE_PRIOR_S * self.lanes.max(1) as f64 / self.character_s();
+            }
+        }
+        self.backlog_since = some_wait.then_some(now);
+    }
+
+    /// How long it should take until so many characters of calls have left.
+    pub(super) fn wait(&self, characters: usize) -> Duration {
+        if characters == 0 {
+            return Duration::ZERO;
+        }
+        let character_s = match self.queue_characters > 0.0 {
+            true => self.queue_time_s / self.queue_characters,
+            false => self.character_s() / self.lanes.max(1) as f64,
+        };
+        // Where next to none leave, the wait is as good as endless; an hour is long enough a hint.
+        Duration::from_secs_f64((characters as f64 * character_s).min(3600.0))
+    }
+
+    /// Characters that a lane should do in `time`.
+    pub(super) fn batch_within(&self, time: Duration) -> usize {
+        (time.as_secs_f64() / self.character_s()) as usize
+    }
+
+    fn character_s(&self) -> f64 {
+        (self.lane_time_s / self.lane_characters).max(1e-6)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_are_measured_by_their_batches() {
+        let start = Instant::now();
+        let mut meter = Meter::new(2);
+        assert_eq!(meter.batch_within(Duration::from_millis(51)), 10);
+        for batch in 0..100 {
+            let at = start + Duration::from_millis(20) * batch;
+            meter.began(1, at, 10);
+            meter.done(1, at + Duration::from_millis(20));
+        }
+        assert!((24..=25).contains(&meter.batch_within(Duration::from_millis(50))));
+    }
+
+    #[test]
+    fn a_wait_follows_the_rate_at_which_calls_leave() {
+        let start = Instant::now();
+        let mut meter = Meter::new(2);
+        assert_eq!(meter.wait(0), Duration::ZERO);
+        // Nothing known: two lanes at 5 ms a character.
+        meter.left(start, 0, true);
+        assert_eq!(meter.wait(100).as_millis(), 250);
+        // Live plans take most of the lanes: 4 characters of calls in 100 ms.
+        for cut in 1..=50 {
+            meter.left(start + Duration::from_millis(100) * cut, 4, true);
+        }
+        assert!((2400..2600).contains(&meter.wait(100).as_millis()));
+        // None leave any more.
+        meter.left(start + Duration::from_secs(60), 0, true);
+        assert_eq!(meter.wait(1000), Duration::from_secs(3600));
+        // All are gone, and it starts anew.
+        meter.left(start + Duration::from_secs(61), 100, false);
+        meter.left(start + Duration::from_secs(90), 0, true);
+        assert_eq!(meter.wait(100).as_millis(), 250);
+    }
+}

@@ -1,0 +1,421 @@
+//! The scheduler against a model that keeps everything in one list and looks through it.
+
+use std::collections::BTreeMap;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::batch::order::OwnerId;
+
+#[derive(Debug, Clone)]
+enum Step {
+    Arrive {
+        characters: usize,
+        owner: Option<u64>,
+        deadline_ms: u64,
+        expires_ms: Option<u64>,
+    },
+    /// The n-th request that ever arrived (modulo their number) goes away.
+    Leave(usize),
+    /// The n-th lane that has a batch (modulo their number) is done with it.
+    Finish(usize),
+    /// The n-th lane is lost, unless it is the last.
+    Lose(usize),
+    Settle,
+    Pass(u64),
+}
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    let arrive = (
+        1usize..12,
+        prop::option::of(0u64..5),
+        0u64..300,
+        prop::option::weighted(0.2, 0u64..200),
+    );
+    let arrive = arrive.prop_map(|(characters, owner, deadline_ms, expires_ms)| Step::Arrive {
+        characters: if owner.is_some() {
+            characters % 3 + 1
+        } else {
+            characters
+        },
+        owner,
+        deadline_ms,
+        expires_ms,
+    });
+    let step = prop_oneof![
+        8 => arrive,
+        2 => any::<usize>().prop_map(Step::Leave),
+        5 => any::<usize>().prop_map(Step::Finish),
+        1 => any::<usize>().prop_map(Step::Lose),
+        6 => Just(Step::Settle),
+        5 => (0u64..80).prop_map(Step::Pass),
+    ];
+    prop::collection::vec(step, 1..150)
+}
+
+fn some_limits() -> impl Strategy<Value = Limits> {
+    let slice = prop_oneof![Just(0u64), 1u64..100];
+    let delay = (prop_oneof![Just(0u64), 1u64..50], 0usize..6);
+    (1usize..5, 1usize..10, 0usize..40, 0u64..400, delay, slice).prop_map(
+        |(lanes, max_batch, spare, ageing_ms, (delay_ms, preferred_batch), slice_ms)| Limits {
+            lanes,
+            max_batch,
+            max_queued: 12 + spare,
+            max_live: 3 + spare,
+            max_wait: Duration::ZERO,
+            ageing: Duration::from_millis(ageing_ms),
+            batch_delay: Duration::from_millis(delay_ms),
+            preferred_batch,
+            live_slice: Duration::from_millis(slice_ms),
+        },
+    )
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Fate {
+    Open,
+    /// All cut.
+    Served,
+    Refused,
+    Superseded,
+    Gone,
+    Expired,
+}
+
+#[derive(Debug)]
+struct Known {
+    order: Order,
+    /// When the request, or the first of those whose place it inherited, arrived.
+    place_since: Instant,
+    due: Instant,
+    characters: usize,
+    next: usize,
+    fate: Fate,
+}
+
+impl Known {
+    fn left(&self) -> usize {
+        if self.fate == Fate::Open {
+            self.characters - self.next
+        } else {
+            0
+        }
+    }
+}
+
+struct Model {
+    limits: Limits,
+    now: Instant,
+    requests: BTreeMap<RequestId, Known>,
+    lanes: BTreeMap<usize, Option<Vec<RequestId>>>,
+}
+
+impl Model {
+    fn new(limits: Limits) -> Self {
+        Self {
+            limits,
+            now: Instant::now(),
+            requests: BTreeMap::new(),
+            lanes: (0..limits.lanes).map(|lane| (lane, None)).collect(),
+        }
+    }
+
+    fn pending(&self, class: Class) -> usize {
+        let of_class = |known: &&Known| known.order.class == class;
+        self.requests.values().filter(of_class).map(Known::left).sum()
+    }
+
+    fn free_lanes(&self) -> usize {
+        self.lanes.values().filter(|lane| lane.is_none()).count()
+    }
+
+    fn with_a_lane(&self, request: RequestId) -> bool {
+        self.lanes
+            .values()
+            .flatten()
+            .any(|parts| parts.contains(&request))
+    }
+
+    /// Whether the owner rule lets a request be cut.
+    fn may_be_cut(&self, request: RequestId) -> bool {
+        let Some(owner) = self.requests[&request].order.owner else {
+            return true;
+        };
+        let mut others = self
+            .requests
+            .iter()
+            .filter(|(other, known)| **other != request && known.order.owner == Some(owner));
+        !others.any(|(other, known)| known.next > 0 && (known.left() > 0 || self.with_a_lane(*other)))
+    }
+
+    /// Everything that may be cut, the most urgent first.
+    fn ready(&self) -> Vec<RequestId> {
+        let open = self.requests.iter().filter(|(_, known)| known.left() > 0);
+        let mut ready: Vec<RequestId> = open.map(|(request, _)| *request).collect();
+        ready.retain(|request| self.may_be_cut(*request));
+        ready.sort_by_key(|request| (self.requests[request].due, *request));
+        ready
+    }
+
+    fn ready_characters(&self) -> usize {
+        self.ready()
+            .iter()
+            .map(|request| self.requests[request].left())
+            .sum()
+    }
+
+    fn arrive(&mut self, request: RequestId, characters: usize, order: Order, actions: &[Action]) {
+        let replaced = self
+            .requests
+            .iter()
+            .find(|(_, known)| {
+                order.owner.is_some()
+                    && known.order.owner == order.owner
+                    && known.next == 0
+                    && known.left() > 0
+            })
+            .map(|(request, _)| *request);
+        let freed = replaced.map_or(0, |older| self.requests[&older].left());
+        let room = self.limits.room(order.class) + self.free_lanes() * self.limits.max_batch;
+        let fits = self.pending(order.class) - freed + characters <= room;
+        let mut known = Known {
+            order,
+            place_since: self.now,
+            due: order.deadline.max(self.now) + self.limits.handicap(order.class),
+            characters,
+            next: 0,
+            fate: if fits { Fate::Open } else { Fate::Refused },
+        };
+        match (fits, replaced) {
+            (false, _) => assert!(
+                matches!(actions, [Action::Refuse { request: refused, .. }] if *refused == request),
+                "took what does not fit: {actions:?}"
+            ),
+            (true, None) => assert_eq!(actions, []),
+            (true, Some(older)) => {
+                assert_eq!(actions, [Action::Supersede { request: older }]);
+                let older = self.requests.get_mut(&older).unwrap();
+                older.fate = Fate::Superseded;
+                known.due = known.due.min(older.due);
+                known.place_since = older.place_since;
+            }
+        }
+        self.requests.insert(request, known);
+    }
+
+    fn leave(&mut self, request: RequestId, actions: &[Action]) {
+        let Some(known) = self.requests.get_mut(&request) else {
+            return assert_eq!(actions, []);
+        };
+        let characters = known.left();
+        if characters == 0 {
+            return assert_eq!(actions, []);
+        }
+        known.fate = Fate::Gone;
+        assert_eq!(actions, [Action::Drop { request, characters }]);
+    }
+
+    fn settle(&mut self, actions: Vec<Action>) {
+        let mut held = false;
+        let expires = actions
+            .iter()
+            .any(|action| matches!(action, Action::Expire { .. }));
+        for action in actions {
+            match action {
+                Action::Expire { request, .. } => {
+                    let known = self.requests.get_mut(&request).unwrap();
+                    assert!(known.left() > 0 && known.order.expires.unwrap() <= self.now);
+                    known.fate = Fate::Expired;
+                }
+                Action::WakeAt(at) => {
+                    assert!(at > self.now && at <= self.now + self.limits.batch_delay);
+                    held = true;
+                }
+                Action::Cut(cut) => self.cut(&cut, expires),
+                other => panic!("unexpected {other:?}"),
+            }
+        }
+        assert!(
+            held || self.free_lanes() == 0 || self.ready().is_empty(),
+            "a lane is idle while work waits"
+        );
+    }
+
+    fn cut(&mut self, cut: &Cut, expires: bool) {
+        let size = cut.characters();
+        assert!((1..=self.limits.max_batch).contains(&size));
+        assert_eq!(self.lanes[&cut.lane], None, "the lane is not free");
+        let share = self.ready_characters().div_ceil(self.free_lanes());
+        if self.limits.batch_delay.is_zero() && self.limits.live_slice.is_zero() && !expires {
+            assert_eq!(size, share.min(self.limits.max_batch));
+        }
+        self.lanes.insert(cut.lane, Some(Vec::new()));
+        for part in &cut.parts {
+            let ready = self.ready();
+            // One that expires while a batch is put together may let its owner's next plan in, behind what the batch has.
+            match expires {
+                true => assert!(ready.contains(&part.request), "not its turn"),
+                false => assert_eq!(ready.first(), Some(&part.request), "not the most urgent"),
+            }
+            // What came after another's virtual deadline does not go before it.
+            let place_since = self.requests[&part.request].place_since;
+            for other in ready.iter().filter(|_| !expires) {
+                assert!(place_since <= self.requests[other].due, "{other:?} is starved");
+            }
+            let known = self.requests.get_mut(&part.request).unwrap();
+            assert!(known.order.expires.is_none_or(|expires| expires > self.now));
+            assert_eq!(part.first, known.next, "characters lost, or served twice");
+            assert!((1..=known.left()).contains(&part.characters));
+            known.next += part.characters;
+            if known.next == known.characters {
+                known.fate = Fate::Served;
+            }
+            self.lanes
+                .entry(cut.lane)
+                .and_modify(|parts| parts.get_or_insert_default().push(part.request));
+        }
+    }
+}
+
+/// A scheduler and its model, side by side.
+struct Pair {
+    scheduler: Scheduler,
+    model: Model,
+    arrivals: u64,
+}
+
+impl Pair {
+    fn new(limits: Limits) -> Self {
+        let mut pair = Self {
+            scheduler: Scheduler::new(limits),
+            model: Model::new(limits),
+            arrivals: 0,
+        };
+        for lane in 0..limits.lanes {
+            pair.step(Event::LaneFree { lane });
+        }
+        pair
+    }
+
+    fn step(&mut self, event: Event) -> Vec<Action> {
+        let mut actions = Vec::new();
+        self.scheduler.step(self.model.now, event, &mut actions);
+        actions
+    }
+
+    fn take(&mut self, step: Step) {
+        match step {
+            Step::Arrive {
+                characters,
+                owner,
+                deadline_ms,
+                expires_ms,
+            } => {
+                self.arrivals += 1;
+                let request = RequestId(self.arrivals);
+                let after = |ms| self.model.now + Duration::from_millis(ms);
+                let order = match owner {
+                    Some(owner) => Order::live(OwnerId(owner), after(deadline_ms)),
+                    None => Order::request(after(deadline_ms)),
+                };
+                let order = Order {
+                    expires: expires_ms.map(after),
+                    ..order
+                };
+                let actions = self.step(Event::Arrived {
+                    request,
+                    characters,
+                    order,
+                });
+                self.model.arrive(request, characters, order, &actions);
+            }
+            Step::Leave(nth) => {
+                let request = RequestId(1 + nth as u64 % self.arrivals.max(1));
+                let actions = self.step(Event::Gone { request });
+                self.model.leave(request, &actions);
+            }
+            Step::Finish(nth) => {
+                let busy = self.model.lanes.iter().filter(|(_, parts)| parts.is_some());
+                let busy: Vec<usize> = busy.map(|(lane, _)| *lane).collect();
+                if let Some(&lane) = busy.get(nth % busy.len().max(1)) {
+                    assert_eq!(self.step(Event::LaneFree { lane }), []);
+                    self.model.lanes.insert(lane, None);
+                }
+            }
+            Step::Lose(nth) => {
+                if self.model.lanes.len() > 1 {
+                    let lane = nth % self.model.limits.lanes;
+                    assert_eq!(self.step(Event::LaneLost { lane }), []);
+                    self.model.lanes.remove(&lane);
+                }
+            }
+            Step::Settle => {
+                let actions = self.step(Event::Settled);
+                self.model.settle(actions);
+            }
+            Step::Pass(ms) => self.model.now += Duration::from_millis(ms),
+        }
+        let pending: usize = Class::ALL
+            .into_iter()
+            .map(|class| self.model.pending(class))
+            .sum();
+        assert_eq!(self.scheduler.pending_characters(), pending);
+        let free = self.model.free_lanes() > 0;
+        assert_eq!(self.scheduler.idle_lane().is_some(), free);
+    }
+}
+
+proptest! {
+    #[test]
+    fn it_does_what_the_model_does(limits in some_limits(), steps in steps()) {
+        let mut pair = Pair::new(limits);
+        for step in steps {
+            pair.take(step);
+        }
+        // All that was admitted is served in the end, once lanes are done and held work has waited.
+        for _ in 0..10_000 {
+            if pair.scheduler.pending_requests() == 0 {
+                break;
+            }
+            pair.take(Step::Finish(0));
+            pair.take(Step::Pass(10));
+            pair.take(Step::Settle);
+        }
+        let open = pair.model.requests.values().filter(|known| known.fate == Fate::Open);
+        prop_assert_eq!(open.count(), 0, "a request was lost");
+    }
+
+    #[test]
+    fn no_order_of_events_panics(
+        limits in some_limits(),
+        events in prop::collection::vec((0usize..6, 0usize..6, 0u64..20), 1..200),
+    ) {
+        let (mut scheduler, mut actions) = (Scheduler::new(limits), Vec::new());
+        let mut now = Instant::now();
+        for (next, (kind, lane, number)) in events.into_iter().enumerate() {
+            let event = match kind {
+                0 | 1 => Event::Arrived {
+                    request: RequestId(next as u64),
+                    characters: 1 + number as usize,
+                    order: match kind {
+                        0 => Order::request(now),
+                        _ => Order::live(OwnerId(number % 3), now),
+                    },
+                },
+                2 => Event::Gone { request: RequestId(number * 7) },
+                3 => Event::LaneFree { lane },
+                4 if number == 0 => Event::LaneLost { lane },
+                _ => Event::Settled,
+            };
+            scheduler.step(now, event, &mut actions);
+            for action in actions.drain(..) {
+                if let Action::Cut(cut) = action {
+                    prop_assert!((1..=limits.max_batch).contains(&cut.characters()));
+                    prop_assert!(cut.lane < limits.lanes);
+                }
+            }
+            // Clocks may jump back between threads by a little.
+            now = if number % 2 == 0 { now + Duration::from_millis(number) } else { now - Duration::from_millis(1) };
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! What this machine and the library offer, which engine each pack gets and why, and how fast it is.
+
+mod render;
+mod trial;
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::config::Config;
+use crate::engine::machine::Machine;
+use crate::engine::{Decision, EngineKind, Lanes, Selector};
+use crate::pack::Pack;
+use crate::server::load_packs;
+
+pub use trial::{Speed, Trial};
+
+/// What the doctor found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// The server's version.
+    pub version: &'static str,
+    /// The machine.
+    pub machine: Machine,
+    /// Lanes of each pack.
+    pub lanes: Lanes,
+    /// The library, where it loads.
+    pub library: Option<Library>,
+    /// Every engine, and what keeps it from serving.
+    pub engines: Vec<Engine>,
+    /// Every pack.
+    pub packs: Vec<PackReport>,
+    /// What keeps the server from starting.
+    pub problems: Vec<String>,
+    /// What could be better.
+    pub warnings: Vec<String>,
+}
+
+/// The ONNX Runtime library.
+#[derive(Debug, Clone, Serialize)]
+pub struct Library {
+    /// Its file, links followed.
+    pub path: PathBuf,
+    /// Its version, where the file's name tells.
+    pub version: Option<String>,
+    /// What it says of its build.
+    pub build: &'static str,
+}
+
+/// One engine.
+#[derive(Debug, Clone, Serialize)]
+pub struct Engine {
+    /// Its name.
+    pub engine: EngineKind,
+    /// Whether the library was built with it.
+    pub offered: bool,
+    /// Why it cannot serve here, if so.
+    pub missing: Option<String>,
+    /// Whether the authors have ever run it.
+    pub tested: bool,
+}
+
+/// One pack.
+#[derive(Debug, Clone, Serialize)]
+pub struct PackReport {
+    /// Its name.
+    pub name: String,
+    /// Its version.
+    pub version: String,
+    /// Weights of all stages.
+    pub parameters: u64,
+    /// What serves it.
+    pub decision: Option<Decision>,
+    /// How fast that is.
+    pub trial: Option<Trial>,
+}
+
+impl Report {
+    /// Looks at everything that the server would serve with `config`. Takes a few seconds for each pack.
+    pub fn examine(config: &Config) -> Self {
+        let mut report = Self {
+            version: env!("CARGO_PKG_VERSION"),
+            machine: Machine::detect(),
+            lanes: config.lanes(),
+            library: None,
+            engines: Vec::new(),
+            packs: Vec::new(),
+            problems: Vec::new(),
+            warnings: Vec::new(),
+        };
+        report.warn_of_sizes();
+        let packs = load_packs(config).unwrap_or_else(|error| {
+            report.problems.push(error.to_string());
+            Vec::new()
+        });
+        match config.selector() {
+            Ok(selector) => {
+                report.look_at_library(&selector);
+                for pack in &packs {
+                    report.look_at_pack(config, &selector, pack);
+                }
+            }
+            Err(error) => report.problems.push(error.to_string()),
+        }
+        report
+    }
+
+    /// Whether the server would start.
+    pub fn serves(&self) -> bool {
+        self.problems.is_empty()
+    }
+
+    fn warn_of_sizes(&mut self) {
+        let (threads, cores) = (self.lanes.count * self.lanes.threads, self.machine.cores);
+        if threads > cores {
+            self.warnings.push(format!(
+                "{threads} threads for {cores} cores: they get in each other's way; threads = 0 fits them"
+            ));
+        }
+        if cfg!(debug_assertions) {
+            self.warnings
+                .push("this is a debug build of the server; build with --release".to_owned());
+        }
+    }
+
+    fn look_at_library(&mut self, selector: &Selector) {
+        let runtime = &selector.runtime;
+        self.library = Some(Library {
+            path: runtime.library().to_owned(),
+            version: runtime.version().map(str::to_owned),
+            build: runtime.build(),
+        });
+        self.engines = EngineKind::ALL
+            .into_iter()
+            .map(|engine| Engine {
+                engine,
+                offered: runtime.offers(engine),
+                missing: selector.missing(engine),
+                tested: engine.is_tested(),
+            })
+            .collect();
+        if self.machine.has_bf16() && !runtime.offers(EngineKind::OpenvinoBf16) {
+            self.warnings.push(
+                "the CPU computes in bf16, but this library does not offer OpenVINO: `make runtime` fetches one that \
+                 does and is much faster here"
+                    .to_owned(),
+            );
+        }
+    }
+
+    fn look_at_pack(&mut self, config: &Config, selector: &Selector, pack: &Pack) {
+        let name = pack.name();
+        let mut problem = |error: &dyn std::fmt::Display| self.problems.push(format!("pack {name}: {error}"));
+        let decision = selector.choose(pack).map_err(|error| problem(&error)).ok();
+        let trial = decision.as_ref().and_then(|decision| {
+            Trial::run(selector, pack, decision.engine, config.max_batch)
+                .map_err(|error| problem(&error))
+                .ok()
+        });
+        if let Some(decision) = &decision {
+            if decision.check.as_ref().is_some_and(|check| !check.passed) {
+                self.warnings.push(format!("pack {name}: {}", decision.why));
+            }
+            if !decision.engine.is_tested() {
+                let engine = decision.engine;
+                self.warnings.push(format!(
+                    "pack {name}: the authors had no machine for {engine} and never ran it"
+                ));
+            }
+        }
+        self.packs.push(PackReport {
+            name: name.to_owned(),
+            version: pack.manifest.version.clone(),
+            parameters: pack.manifest.parameters,
+            decision,
+            trial,
+        });
+    }
+}

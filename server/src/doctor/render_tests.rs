@@ -1,0 +1,103 @@
+use std::time::Duration;
+
+use crate::doctor::{Engine, Library, Speed, Trial};
+use crate::engine::accuracy::Accuracy;
+use crate::engine::machine::Machine;
+use crate::engine::{Check, Decision, EngineKind, Lanes};
+
+use super::*;
+
+fn report() -> Report {
+    let lanes = Lanes { count: 2, threads: 1 };
+    let accuracy = Accuracy {
+        characters: 48,
+        joint_mean_m: 0.000_33,
+        tokens_differ: 0.2,
+        ..Accuracy::default()
+    };
+    let check = Check {
+        engine: EngineKind::OpenvinoBf16,
+        accuracy,
+        passed: accuracy.passes(),
+        took: Duration::from_millis(1234),
+    };
+    let engine = |engine: EngineKind, missing: Option<&str>| Engine {
+        engine,
+        offered: missing.is_none(),
+        missing: missing.map(str::to_owned),
+        tested: engine.is_tested(),
+    };
+    Report {
+        version: "1.2.3",
+        machine: Machine {
+            cpu: "A CPU".into(),
+            features: vec!["avx2", "avx512_bf16"],
+            cores: 2,
+            host_cores: 64,
+            memory_bytes: 4 << 30,
+            host_memory_bytes: 256 << 30,
+        },
+        lanes,
+        library: Some(Library {
+            path: "/lib/libonnxruntime.so.1.24.1".into(),
+            version: Some("1.24.1".into()),
+            build: "a build",
+        }),
+        engines: vec![
+            engine(EngineKind::Cpu, None),
+            engine(EngineKind::OpenvinoBf16, Some("the CPU has neither")),
+            engine(EngineKind::Cuda, None),
+            engine(EngineKind::Tensorrt, Some("not offered")),
+        ],
+        packs: vec![
+            PackReport {
+                name: "human".into(),
+                version: "0.1".into(),
+                parameters: 11_700_000,
+                decision: Some(Decision {
+                    engine: EngineKind::Cpu,
+                    lanes,
+                    why: "openvino-bf16 fails".into(),
+                    check: Some(check),
+                }),
+                trial: Some(Trial {
+                    load_s: 0.25,
+                    warm_up_s: 1.5,
+                    frames: 36,
+                    speeds: vec![Speed {
+                        lanes,
+                        batch: 8,
+                        batch_ms: 28.1,
+                        plans_per_s: 570.2,
+                    }],
+                }),
+            },
+            PackReport {
+                name: "broken".into(),
+                version: "0.2".into(),
+                parameters: 0,
+                decision: None,
+                trial: None,
+            },
+        ],
+        problems: vec!["pack broken: it is".into()],
+        warnings: vec!["a warning".into()],
+    }
+}
+
+#[test]
+fn a_report_as_text() {
+    insta::assert_snapshot!(report().to_string());
+}
+
+#[test]
+fn a_report_as_json() {
+    let json = serde_json::to_value(report()).unwrap();
+    assert_eq!(json["packs"][0]["decision"]["engine"], "cpu");
+    assert_eq!(
+        json["packs"][0]["decision"]["check"]["accuracy"]["tokens_differ"],
+        0.2
+    );
+    assert_eq!(json["packs"][0]["trial"]["speeds"][0]["plans_per_s"], 570.2);
+    assert_eq!(json["machine"]["features"][1], "avx512_bf16");
+}

@@ -1,0 +1,139 @@
+//! A pack's networks, loaded and warmed up as the server does it, and how fast they are for a moment.
+
+use std::sync::Barrier;
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use crate::engine::{EngineError, EngineKind, Lanes, Pipeline, RawLoop, Selector};
+use crate::pack::Pack;
+
+/// Time for one measurement.
+const MOMENT: Duration = Duration::from_millis(200);
+/// Batch sizes that are measured, as far as the server makes them.
+const BATCHES: [usize; 3] = [1, 8, 32];
+/// Frames of a plan of a live session, where the pack makes such.
+const USUAL_FRAMES: usize = 36;
+
+/// What was measured of a pack.
+#[derive(Debug, Clone, Serialize)]
+pub struct Trial {
+    /// Until the networks of all lanes were loaded, seconds.
+    pub load_s: f64,
+    /// From there until all shapes had run on all lanes, seconds.
+    pub warm_up_s: f64,
+    /// Frames of the plans that were made.
+    pub frames: usize,
+    /// The networks alone, by lanes and batch size.
+    pub speeds: Vec<Speed>,
+}
+
+/// The speed of one size.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Speed {
+    /// The lanes.
+    pub lanes: Lanes,
+    /// Characters of a batch.
+    pub batch: usize,
+    /// Time of one batch, milliseconds.
+    pub batch_ms: f64,
+    /// Characters a second, over all lanes.
+    pub plans_per_s: f64,
+}
+
+impl Trial {
+    /// Loads, warms up and measures.
+    pub(super) fn run(
+        selector: &Selector,
+        pack: &Pack,
+        engine: EngineKind,
+        max_batch: usize,
+    ) -> Result<Self, EngineError> {
+        let mut trial = Self {
+            load_s: 0.0,
+            warm_up_s: 0.0,
+            frames: USUAL_FRAMES.clamp(pack.dims.min_frames(), pack.dims.max_frames()),
+            speeds: Vec::new(),
+        };
+        let lanes = selector.lanes;
+        let loading = Instant::now();
+        let pipelines = on_lanes(0..lanes.count, |_| {
+            let stages = selector.load(pack, engine)?;
+            Ok(Pipeline::new(pack.dims, Box::new(stages), max_batch))
+        })?;
+        let warming = Instant::now();
+        let pipelines = on_lanes(pipelines, |mut pipeline| {
+            pipeline.warm_up()?;
+            Ok(pipeline)
+        })?;
+        trial.load_s = (warming - loading).as_secs_f64();
+        trial.warm_up_s = warming.elapsed().as_secs_f64();
+
+        let loops = pipelines
+            .into_iter()
+            .map(|pipeline| RawLoop::new(&pack.dims, pipeline.into_stages(), max_batch, trial.frames))
+            .collect();
+        trial.measure(pack, lanes, loops, max_batch)?;
+        if lanes.count > 1 {
+            let one = Lanes {
+                count: 1,
+                threads: lanes.count * lanes.threads,
+            };
+            let selector = Selector {
+                lanes: one,
+                ..selector.clone()
+            };
+            let stages = Box::new(selector.load(pack, engine)?);
+            let alone = RawLoop::new(&pack.dims, stages, max_batch, trial.frames);
+            trial.measure(pack, one, vec![alone], max_batch)?;
+        }
+        Ok(trial)
+    }
+
+    fn measure(
+        &mut self,
+        pack: &Pack,
+        lanes: Lanes,
+        mut loops: Vec<RawLoop>,
+        max_batch: usize,
+    ) -> Result<(), EngineError> {
+        for batch in BATCHES.into_iter().filter(|&batch| batch <= max_batch) {
+            let barrier = Barrier::new(loops.len());
+            let runs = on_lanes(loops.iter_mut(), |lane| {
+                lane.set_shape(&pack.dims, batch, self.frames);
+                let warm = lane.run();
+                // Every lane comes here, whatever became of it.
+                barrier.wait();
+                warm?;
+                let (started, mut runs) = (Instant::now(), 0);
+                while started.elapsed() < MOMENT {
+                    lane.run()?;
+                    runs += 1;
+                }
+                Ok(f64::from(runs) / started.elapsed().as_secs_f64())
+            })?;
+            let batches_per_s: f64 = runs.iter().sum();
+            self.speeds.push(Speed {
+                lanes,
+                batch,
+                batch_ms: 1000.0 * lanes.count as f64 / batches_per_s,
+                plans_per_s: batches_per_s * batch as f64,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Runs `work` on a thread for each item, all at the same time.
+fn on_lanes<I: Send, T: Send>(
+    items: impl IntoIterator<Item = I>,
+    work: impl Fn(I) -> Result<T, EngineError> + Sync,
+) -> Result<Vec<T>, EngineError> {
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = items.into_iter().map(|item| scope.spawn(|| work(item))).collect();
+        threads
+            .into_iter()
+            .map(|thread| thread.join().unwrap_or(Err(EngineError::Stopped)))
+            .collect()
+    })
+}

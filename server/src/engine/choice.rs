@@ -1,0 +1,151 @@
+//! Which engine runs a pack, and on how many lanes of how many threads.
+
+use std::fmt;
+
+/// What the configuration asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum EngineChoice {
+    /// OpenVINO in bf16 where it can run and the pack passes its accuracy check, else the CPU in f32.
+    Auto,
+    /// ONNX Runtime's own CPU kernels, f32.
+    Cpu,
+    /// OpenVINO on the CPU, bf16.
+    OpenvinoBf16,
+    /// CUDA, through ONNX Runtime's GPU library. Never run by this project's authors.
+    Cuda,
+    /// TensorRT, through ONNX Runtime's GPU library. Never run by this project's authors.
+    Tensorrt,
+}
+
+/// What becomes of an engine that fails a pack's accuracy check.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum AccuracyCheck {
+    /// It does not serve.
+    Enforce,
+    /// It serves, with a warning.
+    Report,
+}
+
+/// An engine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EngineKind {
+    /// ONNX Runtime's own CPU kernels, f32: the reference of every accuracy check.
+    Cpu,
+    /// OpenVINO on the CPU, bf16.
+    OpenvinoBf16,
+    /// CUDA. Never run by this project's authors.
+    Cuda,
+    /// TensorRT. Never run by this project's authors.
+    Tensorrt,
+}
+
+impl EngineKind {
+    /// All engines.
+    pub const ALL: [Self; 4] = [Self::Cpu, Self::OpenvinoBf16, Self::Cuda, Self::Tensorrt];
+
+    /// Its name: a value of the option `engine`, and a metric label.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::OpenvinoBf16 => "openvino-bf16",
+            Self::Cuda => "cuda",
+            Self::Tensorrt => "tensorrt",
+        }
+    }
+
+    /// Whether it was ever run where this project is made.
+    pub fn is_tested(self) -> bool {
+        matches!(self, Self::Cpu | Self::OpenvinoBf16)
+    }
+}
+
+impl fmt::Display for EngineKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl EngineChoice {
+    /// The engine, where one is named.
+    pub fn named(self) -> Option<EngineKind> {
+        match self {
+            Self::Auto => None,
+            Self::Cpu => Some(EngineKind::Cpu),
+            Self::OpenvinoBf16 => Some(EngineKind::OpenvinoBf16),
+            Self::Cuda => Some(EngineKind::Cuda),
+            Self::Tensorrt => Some(EngineKind::Tensorrt),
+        }
+    }
+}
+
+/// Most lanes that are taken by themselves: beyond, threads go into lanes that exist.
+const AUTO_LANES: usize = 8;
+
+/// The lanes of a pack: each is a thread with networks of its own, which runs one batch at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+pub struct Lanes {
+    /// How many there are.
+    pub count: usize,
+    /// Threads that run the networks of one lane; the lane's own is one of them.
+    pub threads: usize,
+}
+
+impl Lanes {
+    /// `count` lanes with `threads` threads over all of them; 0 leaves either to this machine, of which the process may
+    /// use `available` cores. As many lanes as threads is best: one network scales badly over threads, several side by
+    /// side scale well.
+    pub fn plan(count: usize, threads: usize, available: usize) -> Self {
+        let threads = if threads == 0 { available.max(1) } else { threads };
+        let count = if count == 0 {
+            threads.min(AUTO_LANES)
+        } else {
+            count
+        };
+        Self {
+            count,
+            threads: (threads / count).max(1),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_share_the_threads() {
+        let lanes = |count, threads, available| {
+            let lanes = Lanes::plan(count, threads, available);
+            (lanes.count, lanes.threads)
+        };
+        assert_eq!(lanes(0, 0, 1), (1, 1));
+        assert_eq!(lanes(0, 0, 2), (2, 1));
+        assert_eq!(lanes(0, 0, 8), (8, 1));
+        assert_eq!(lanes(0, 0, 16), (8, 2));
+        assert_eq!(lanes(0, 3, 64), (3, 1));
+        assert_eq!(lanes(1, 0, 4), (1, 4));
+        assert_eq!(lanes(2, 0, 5), (2, 2));
+        assert_eq!(
+            lanes(4, 2, 2),
+            (4, 1),
+            "more lanes than threads are the caller's wish"
+        );
+    }
+
+    #[test]
+    fn an_engine_is_called_what_the_option_calls_it() {
+        use clap::ValueEnum as _;
+        for choice in EngineChoice::value_variants() {
+            let name = choice
+                .to_possible_value()
+                .map(|value| value.get_name().to_owned());
+            assert_eq!(
+                name.as_deref(),
+                Some(choice.named().map_or("auto", EngineKind::name))
+            );
+        }
+    }
+}

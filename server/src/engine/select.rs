@@ -1,0 +1,225 @@
+//! Which engine serves a pack, and why.
+
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use super::accuracy::{Accuracy, Probe, compare, probe};
+use super::machine::Machine;
+use super::onnx::{OnnxStages, Runtime, SessionOptions};
+use super::{AccuracyCheck, EngineChoice, EngineError, EngineKind, Lanes, Stages};
+use crate::pack::Pack;
+
+/// What serves a pack, and why.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Decision {
+    /// The engine.
+    pub engine: EngineKind,
+    /// Its lanes.
+    pub lanes: Lanes,
+    /// Why this one and no other.
+    pub why: String,
+    /// The accuracy check of the engine that was to be had beside the reference, where there was one.
+    pub check: Option<Check>,
+}
+
+/// An accuracy check.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Check {
+    /// The engine that was compared with [`EngineKind::Cpu`].
+    pub engine: EngineKind,
+    /// How far it is from that.
+    pub accuracy: Accuracy,
+    /// Whether that is near enough.
+    pub passed: bool,
+    /// Time that the check took, loading included.
+    pub took: Duration,
+}
+
+/// Chooses engines.
+#[derive(Clone)]
+pub struct Selector {
+    /// The library.
+    pub runtime: Runtime,
+    /// The machine.
+    pub machine: Machine,
+    /// What is asked for.
+    pub choice: EngineChoice,
+    /// What becomes of engines that are off.
+    pub accuracy_check: AccuracyCheck,
+    /// The lanes of each pack.
+    pub lanes: Lanes,
+    /// See [`SessionOptions::spin`].
+    pub spin: bool,
+}
+
+impl Selector {
+    /// Chooses the engine for `pack`, which is checked for accuracy where it is not the reference.
+    ///
+    /// # Errors
+    /// [`EngineError::Unusable`] where an engine is named and cannot serve, and what else fails on the way.
+    pub fn choose(&self, pack: &Pack) -> Result<Decision, EngineError> {
+        let missing = |engine| self.missing(engine);
+        let check = |engine| self.check(pack, engine);
+        let (engine, why, check) = match self.choice.named() {
+            Some(engine) => named(engine, self.accuracy_check, missing, check)?,
+            None => best(self.accuracy_check, missing, check),
+        };
+        let decision = Decision {
+            engine,
+            lanes: self.lanes,
+            why,
+            check,
+        };
+        if decision.check.as_ref().is_some_and(|check| !check.passed) {
+            tracing::warn!(pack = pack.name(), "{}", decision.why);
+        }
+        let (name, engine) = (pack.name(), decision.engine.name());
+        let Lanes {
+            count: lanes,
+            threads,
+        } = decision.lanes;
+        tracing::info!(
+            pack = name,
+            engine,
+            lanes,
+            threads,
+            why = decision.why,
+            "engine chosen"
+        );
+        if let Some(check) = &decision.check {
+            for bar in check.accuracy.bars() {
+                tracing::debug!(pack = name, engine = check.engine.name(), figure = %bar, "accuracy");
+            }
+        }
+        Ok(decision)
+    }
+
+    /// The stages of one lane.
+    ///
+    /// # Errors
+    /// [`EngineError`] where they do not load.
+    pub fn load(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxStages, EngineError> {
+        let options = SessionOptions {
+            engine,
+            threads: self.lanes.threads,
+            spin: self.spin,
+        };
+        OnnxStages::load(&self.runtime, pack, options)
+    }
+
+    /// What the machine or the library lacks for an engine.
+    pub fn missing(&self, engine: EngineKind) -> Option<String> {
+        if engine == EngineKind::OpenvinoBf16 && !self.machine.has_bf16() {
+            return Some("the CPU has neither AVX512-BF16 nor AMX".to_owned());
+        }
+        if self.runtime.offers(engine) {
+            return None;
+        }
+        let (library, get) = match engine {
+            EngineKind::OpenvinoBf16 => ("OpenVINO", "`make runtime` fetches one that does"),
+            EngineKind::Cuda | EngineKind::Tensorrt => (
+                engine.name(),
+                "the library of the wheel onnxruntime-gpu does; set ORT_DYLIB_PATH to it",
+            ),
+            EngineKind::Cpu => ("CPUs", "set ORT_DYLIB_PATH to another"),
+        };
+        let path = self.runtime.library().display();
+        Some(format!("the library {path} does not offer {library}; {get}"))
+    }
+
+    /// Compares an engine, as it would serve, with the reference.
+    ///
+    /// # Errors
+    /// [`EngineError`] where a stage of either does not load or run.
+    pub fn check(&self, pack: &Pack, engine: EngineKind) -> Result<Check, EngineError> {
+        let started = Instant::now();
+        let reference = SessionOptions {
+            engine: EngineKind::Cpu,
+            // All threads there are: nothing else runs yet.
+            threads: self.lanes.threads * self.lanes.count,
+            spin: false,
+        };
+        let reference = OnnxStages::load(&self.runtime, pack, reference)?;
+        let Probe {
+            batches,
+            mut reference,
+        } = probe(pack, Box::new(reference))?;
+        let mut candidate: Box<dyn Stages> = Box::new(self.load(pack, engine)?);
+        let accuracy = compare(pack, &mut *reference, &mut *candidate, &batches)?;
+        Ok(Check {
+            engine,
+            accuracy,
+            passed: accuracy.passes(),
+            took: started.elapsed(),
+        })
+    }
+}
+
+/// An engine, why it serves, and its check.
+type Choice = (EngineKind, String, Option<Check>);
+
+/// The engine that the configuration names, where it can serve.
+fn named(
+    engine: EngineKind,
+    mode: AccuracyCheck,
+    missing: impl Fn(EngineKind) -> Option<String>,
+    check: impl FnOnce(EngineKind) -> Result<Check, EngineError>,
+) -> Result<Choice, EngineError> {
+    let unusable = |reason: String| EngineError::Unusable { engine, reason };
+    if let Some(missing) = missing(engine) {
+        return Err(unusable(missing));
+    }
+    if engine == EngineKind::Cpu {
+        return Ok((engine, "it is named".to_owned(), None));
+    }
+    let check = check(engine).map_err(|error| unusable(error.to_string()))?;
+    let why = match (check.passed, mode) {
+        (true, _) => "it is named, and passes the accuracy check".to_owned(),
+        (false, AccuracyCheck::Report) => format!(
+            "it is named, and serves although it fails the accuracy check: {}",
+            check.accuracy.failures()
+        ),
+        (false, AccuracyCheck::Enforce) => {
+            return Err(unusable(format!(
+                "it fails the accuracy check: {}. With accuracy_check = \"report\" it serves all the same",
+                check.accuracy.failures()
+            )));
+        }
+    };
+    Ok((engine, why, Some(check)))
+}
+
+/// OpenVINO in bf16 where it can serve, else the reference.
+fn best(
+    mode: AccuracyCheck,
+    missing: impl Fn(EngineKind) -> Option<String>,
+    check: impl FnOnce(EngineKind) -> Result<Check, EngineError>,
+) -> Choice {
+    let (fast, safe) = (EngineKind::OpenvinoBf16, EngineKind::Cpu);
+    if let Some(missing) = missing(fast) {
+        return (safe, format!("{fast} cannot serve: {missing}"), None);
+    }
+    match (check(fast), mode) {
+        (Err(error), _) => (safe, format!("{fast} cannot serve: {error}"), None),
+        (Ok(check), _) if check.passed => {
+            let why = "the CPU computes in bf16, and the engine passes the accuracy check";
+            (fast, why.to_owned(), Some(check))
+        }
+        (Ok(check), AccuracyCheck::Enforce) => {
+            let why = format!("{fast} fails the accuracy check: {}", check.accuracy.failures());
+            (safe, why, Some(check))
+        }
+        (Ok(check), AccuracyCheck::Report) => {
+            let why = format!(
+                "the CPU computes in bf16; the engine serves although it fails the accuracy check: {}",
+                check.accuracy.failures()
+            );
+            (fast, why, Some(check))
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "select_tests.rs"]
+mod tests;

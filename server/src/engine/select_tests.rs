@@ -1,0 +1,92 @@
+use super::*;
+
+fn check(engine: EngineKind, passed: bool) -> Check {
+    let accuracy = Accuracy {
+        joint_mean_m: if passed { 0.0003 } else { 0.3 },
+        ..Accuracy::default()
+    };
+    assert_eq!(accuracy.passes(), passed);
+    Check {
+        engine,
+        accuracy,
+        passed,
+        took: Duration::ZERO,
+    }
+}
+
+fn broken(_: EngineKind) -> Result<Check, EngineError> {
+    Err(EngineError::Library("a provider is missing".into()))
+}
+
+fn here(_: EngineKind) -> Option<String> {
+    None
+}
+
+fn elsewhere(_: EngineKind) -> Option<String> {
+    Some("the CPU is too old".into())
+}
+
+use AccuracyCheck::{Enforce, Report};
+use EngineKind::{Cpu, Cuda, OpenvinoBf16};
+
+#[test]
+fn auto_takes_bf16_where_it_is_near_enough() {
+    let (engine, why, found) = best(Enforce, here, |engine| Ok(check(engine, true)));
+    assert_eq!(engine, OpenvinoBf16);
+    assert!(why.contains("passes"), "{why}");
+    assert!(found.unwrap().passed);
+}
+
+#[test]
+fn auto_falls_back_and_says_why() {
+    let (engine, why, found) = best(Enforce, elsewhere, |_| panic!("nothing to check"));
+    assert_eq!((engine, found), (Cpu, None));
+    assert_eq!(why, "openvino-bf16 cannot serve: the CPU is too old");
+
+    let (engine, why, found) = best(Enforce, here, |engine| Ok(check(engine, false)));
+    assert_eq!(engine, Cpu);
+    assert!(
+        why.contains("fails the accuracy check: joint_mean_m is 0.30000"),
+        "{why}"
+    );
+    assert!(!found.unwrap().passed);
+
+    let (engine, why, _) = best(Report, here, |engine| Ok(check(engine, false)));
+    assert_eq!(engine, OpenvinoBf16);
+    assert!(why.contains("although it fails"), "{why}");
+
+    let (engine, why, found) = best(Report, here, broken);
+    assert_eq!((engine, found), (Cpu, None));
+    assert!(why.contains("a provider is missing"), "{why}");
+}
+
+#[test]
+fn an_engine_that_is_named_serves_or_says_why_not() {
+    let (engine, _, found) = named(Cpu, Enforce, here, |_| panic!("the reference needs no check")).unwrap();
+    assert_eq!((engine, found), (Cpu, None));
+    for mode in [Enforce, Report] {
+        let (engine, _, found) = named(OpenvinoBf16, mode, here, |engine| Ok(check(engine, true))).unwrap();
+        assert!(engine == OpenvinoBf16 && found.unwrap().passed);
+    }
+
+    let error = named(Cuda, Report, elsewhere, |_| panic!("nothing to check")).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "the engine cuda cannot serve: the CPU is too old"
+    );
+    let error = named(OpenvinoBf16, Report, here, broken).unwrap_err().to_string();
+    assert!(
+        error.contains("the engine openvino-bf16 cannot serve") && error.contains("a provider"),
+        "{error}"
+    );
+
+    let poor = |engine| Ok(check(engine, false));
+    let error = named(OpenvinoBf16, Enforce, here, poor).unwrap_err().to_string();
+    assert!(
+        error.contains("joint_mean_m") && error.contains("accuracy_check = \"report\""),
+        "{error}"
+    );
+    let (engine, why, found) = named(OpenvinoBf16, Report, here, poor).unwrap();
+    assert!(engine == OpenvinoBf16 && !found.unwrap().passed);
+    assert!(why.contains("although it fails"), "{why}");
+}
