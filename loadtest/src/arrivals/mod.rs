@@ -1,0 +1,123 @@
+//! When requests arrive in an open loop.
+//!
+//! Every process is made at the rate of one a unit first and then stretched along the [`Stages`]: an arrival of number `n` comes
+//! when the rate has summed up to `n`. So all of them follow ramps, and the same seed gives the same arrivals.
+
+mod stages;
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, Exp1};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use stages::{Stage, Stages, StagesError};
+
+/// How arrivals lie in time, at a given rate.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Process {
+    /// At equal distances.
+    Constant,
+    /// Independent of each other, as many users are: distances are exponential.
+    Poisson,
+    /// So many at one moment, then none until the next burst; the rate is the mean.
+    Bursts {
+        /// Arrivals of a burst, at least 1.
+        size: u32,
+    },
+    /// At equal distances in time come all that have become due since the last time.
+    Periodic {
+        /// Seconds from burst to burst.
+        period_s: f64,
+    },
+}
+
+/// The arrivals of an open loop, in order: each is the time from the begin at which it is due.
+#[derive(Debug, Clone)]
+pub struct Schedule {
+    process: Process,
+    stages: Stages,
+    random: ChaCha8Rng,
+    /// How far the level has summed up.
+    sum: f64,
+    given: u64,
+    /// Those of a burst that are to be given still.
+    ready: VecDeque<Duration>,
+    periods: u64,
+}
+
+impl Schedule {
+    /// The arrivals of a process along stages, which hold requests a second.
+    pub fn new(process: Process, stages: Stages, seed: u64) -> Self {
+        Self {
+            process,
+            stages,
+            random: ChaCha8Rng::seed_from_u64(seed),
+            sum: 0.0,
+            given: 0,
+            ready: VecDeque::new(),
+            periods: 0,
+        }
+    }
+
+    /// Only those that one of several processes sends: together they send all, each at its time.
+    pub fn share(self, nth: u32, of: u32) -> impl Iterator<Item = (u64, Duration)> + Send {
+        let (nth, of) = (u64::from(nth), u64::from(of.max(1)));
+        (0_u64..).zip(self).filter(move |(number, _)| number % of == nth)
+    }
+
+    fn at_sum(&self, sum: f64) -> Option<Duration> {
+        self.stages.time_of_sum(sum).map(Duration::from_secs_f64)
+    }
+
+    /// All that are due at the end of a period, at once. Periods in which none is due are passed over.
+    fn period(&mut self, period_s: f64) -> Option<Duration> {
+        while self.ready.is_empty() {
+            self.periods += 1;
+            let at = self.periods as f64 * period_s;
+            if at > self.stages.seconds() {
+                return None;
+            }
+            let due = (self.stages.sum_until(at) + 1e-9) as u64;
+            let at = Duration::from_secs_f64(at);
+            self.ready.extend((self.given..due).map(|_| at));
+            self.given = due.max(self.given);
+        }
+        self.ready.pop_front()
+    }
+}
+
+impl Iterator for Schedule {
+    type Item = Duration;
+
+    fn next(&mut self) -> Option<Duration> {
+        match self.process {
+            Process::Constant => {
+                let at = self.at_sum(self.given as f64)?;
+                self.given += 1;
+                Some(at)
+            }
+            Process::Poisson => {
+                let step: f64 = Exp1.sample(&mut self.random);
+                self.sum += step;
+                self.at_sum(self.sum)
+            }
+            Process::Bursts { size } => {
+                if self.ready.is_empty() {
+                    let at = self.at_sum(self.given as f64)?;
+                    self.ready.extend((0..size.max(1)).map(|_| at));
+                    self.given += u64::from(size.max(1));
+                }
+                self.ready.pop_front()
+            }
+            Process::Periodic { period_s } => self.period(period_s),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

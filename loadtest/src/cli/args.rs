@@ -1,0 +1,461 @@
+//! Arguments of the command line.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::time::Duration;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::arrivals::Stages;
+
+/// Put load on a Troupe server and measure how it bears it.
+#[derive(Debug, Parser)]
+#[command(name = "troupe-loadtest", version, propagate_version = true, max_term_width = 110, after_long_help = AFTER)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+const AFTER: &str = "\
+Exit codes:
+  0  done, and all stated bounds were kept
+  1  an output file could not be written, or something broke
+  2  wrong arguments, or a file that cannot be used
+  3  no server answers at the address
+  4  the server refused to let the load begin
+  5  a stated bound was missed, or a search found nothing
+
+Examples:
+  troupe-loadtest run --clients 32
+  troupe-loadtest run --rate 200 --arrivals poisson --duration 60s --html report.html
+  troupe-loadtest run --stages 50:10,50-300:30 --json ramp.json
+  troupe-loadtest run --workload drive --characters 200 --duration 5m --expect-zero-underruns
+  troupe-loadtest run --workload idle --characters 10000
+  troupe-loadtest search --workload drive --p99-ms 33
+  troupe-loadtest search --p99-ms 50
+  troupe-loadtest overload --factor 5 --seconds 120 --beside-characters 50
+  troupe-loadtest compare before.json after.json";
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    Run(Box<Run>),
+    Search(Box<Search>),
+    Overload(Box<Overload>),
+    Compare(Compare),
+    Report(ReportArgs),
+    /// Print the JSON Schema of reports.
+    Schema,
+}
+
+/// Make a load, once or several times.
+///
+/// Single requests come from clients that wait for their answers (--clients, a closed loop), or when they are due whatever
+/// became of those before (--rate, an open loop). In an open loop latency counts from when a request was due.
+#[derive(Debug, Args)]
+pub(super) struct Run {
+    #[command(flatten)]
+    pub(super) common: Common,
+    #[command(flatten)]
+    pub(super) time: Time,
+    #[command(flatten)]
+    pub(super) load: LoadArgs,
+    #[command(flatten)]
+    pub(super) requests: RequestArgs,
+    #[command(flatten)]
+    pub(super) live: LiveArgs,
+    #[command(flatten)]
+    pub(super) bounds: BoundArgs,
+    #[command(flatten)]
+    pub(super) output: Output,
+    /// Do it so many times; the report has each and the medians.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "TIMES")]
+    pub(super) repeat: u32,
+}
+
+/// Look for the most that a server can do: characters without an underrun, or requests a second.
+///
+/// The level is doubled until it does not hold, then the distance is halved, then the result is confirmed. With --workload
+/// drive or step the level is the number of characters, which must have no underrun and miss no frame; else it is the rate of
+/// an open loop.
+#[derive(Debug, Args)]
+pub(super) struct Search {
+    #[command(flatten)]
+    pub(super) common: Common,
+    #[command(flatten)]
+    pub(super) time: Time,
+    /// 99 % of latencies must be at most this, milliseconds.
+    #[arg(long, value_name = "MS")]
+    pub(super) p99_ms: f64,
+    /// Each character must get so many plans a second at least, in the mean.
+    #[arg(long, default_value_t = 0.0, value_name = "PLANS")]
+    pub(super) min_plans: f64,
+    /// Share of requests that must be answered right.
+    #[arg(long, default_value_t = 0.999, value_name = "SHARE")]
+    pub(super) right_share: f64,
+    /// First level to try [default: 16 characters, 10 requests/s].
+    #[arg(long, value_name = "LEVEL")]
+    pub(super) first: Option<f64>,
+    /// Highest level to try [default: 16384 characters, 100000 requests/s].
+    #[arg(long, value_name = "LEVEL")]
+    pub(super) most: Option<f64>,
+    /// How near the result has to be, as a share of it.
+    #[arg(long, default_value_t = 0.05, value_name = "SHARE")]
+    pub(super) within: f64,
+    /// Times that the result must hold again.
+    #[arg(long, default_value_t = 2, value_name = "TIMES")]
+    pub(super) confirm: u32,
+    /// Times that a level is tried until it counts as one that does not hold: machines have hiccups.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100), value_name = "TIMES")]
+    pub(super) tries: u32,
+    #[command(flatten)]
+    pub(super) arrivals: ArrivalArgs,
+    #[command(flatten)]
+    pub(super) requests: RequestArgs,
+    #[command(flatten)]
+    pub(super) live: LiveArgs,
+    #[command(flatten)]
+    pub(super) output: Output,
+}
+
+/// Send several times as much as a server can do, and see what becomes of it.
+///
+/// Finds the capacity, sends 90 % of it, then several times it (Poisson arrivals, an open loop), then half of it.
+#[derive(Debug, Args)]
+pub(super) struct Overload {
+    #[command(flatten)]
+    pub(super) common: Common,
+    /// Time before measuring begins.
+    #[arg(long, default_value = "3s", value_name = "TIME")]
+    pub(super) warmup: Time1,
+    /// Requests a second that the server can do. Left out: found by clients that wait for their answers.
+    #[arg(long, value_name = "RATE")]
+    pub(super) capacity: Option<f64>,
+    /// Clients that find the capacity.
+    #[arg(long, default_value_t = 64, value_name = "CLIENTS")]
+    pub(super) probe_clients: u32,
+    /// How long they take to find it.
+    #[arg(long, default_value = "10s", value_name = "TIME")]
+    pub(super) probe: Time1,
+    /// Arrivals come at so many times the capacity.
+    #[arg(long, default_value_t = 5.0, value_name = "TIMES")]
+    pub(super) factor: f64,
+    /// How long at 90 % of capacity.
+    #[arg(long, default_value = "20s", value_name = "TIME")]
+    pub(super) before: Time1,
+    /// How long beyond capacity.
+    #[arg(long, default_value = "120s", value_name = "TIME")]
+    pub(super) seconds: Time1,
+    /// How long afterwards.
+    #[arg(long, default_value = "20s", value_name = "TIME")]
+    pub(super) after: Time1,
+    /// Share of capacity that arrives afterwards.
+    #[arg(long, default_value_t = 0.5, value_name = "SHARE")]
+    pub(super) after_share: f64,
+    /// Most requests on their way at once, of each process; what is due beyond is dropped and counted.
+    #[arg(long, default_value_t = 8192, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "REQUESTS")]
+    pub(super) max_in_flight: u32,
+    /// Live characters beside the requests, on one stream at 30 Hz.
+    #[arg(long, default_value_t = 0, value_name = "CHARACTERS")]
+    pub(super) beside_characters: u32,
+    /// p99 in the overload must be at most so many times that at 90 % of capacity.
+    #[arg(long, value_name = "TIMES", help_heading = BOUNDS)]
+    pub(super) expect_p99_ratio: Option<f64>,
+    /// The server must have recovered within so many seconds.
+    #[arg(long, value_name = "SECONDS", help_heading = BOUNDS)]
+    pub(super) expect_recovery_s: Option<f64>,
+    /// No live character beside the requests may be slowed.
+    #[arg(long, help_heading = BOUNDS)]
+    pub(super) expect_zero_underruns: bool,
+    #[command(flatten)]
+    pub(super) requests: RequestArgs,
+    #[command(flatten)]
+    pub(super) output: Output,
+}
+
+/// Put reports side by side: medians, and how many times the first one's that is.
+#[derive(Debug, Args)]
+pub(super) struct Compare {
+    /// Reports that --json wrote.
+    #[arg(required = true, num_args = 2.., value_name = "REPORT")]
+    pub(super) reports: Vec<PathBuf>,
+}
+
+/// Show a report that --json wrote, or make a page of it.
+#[derive(Debug, Args)]
+pub(super) struct ReportArgs {
+    /// A report that --json wrote.
+    pub(super) report: PathBuf,
+    /// Write it as one self-contained page with plots.
+    #[arg(long, value_name = "FILE")]
+    pub(super) html: Option<PathBuf>,
+}
+
+const SERVER: &str = "Server and machine";
+const LOAD: &str = "When requests are sent";
+const REQUESTS: &str = "What requests hold";
+const LIVE: &str = "Live characters";
+const BOUNDS: &str = "Bounds: exit code 5 where one is missed";
+const OUTPUT: &str = "Output";
+
+/// What is asked of the server.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum WorkloadArg {
+    /// Single in-betweening requests over gRPC.
+    Inbetween,
+    /// The same as JSON over HTTP/1.1.
+    Json,
+    /// Posts of bytes to any HTTP server; needs --requests.
+    Http,
+    /// Live characters that wander about on the server's clock.
+    Drive,
+    /// The same on this client's clock.
+    Step,
+    /// Sessions that are open and of which nothing is wanted.
+    Idle,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Common {
+    /// Address of the server; of --workload http the whole address of the post.
+    #[arg(long, visible_alias = "url", env = "TROUPE_SERVER", default_value = "http://127.0.0.1:8080", value_name = "URL", help_heading = SERVER)]
+    pub(super) server: String,
+    /// What is asked of it.
+    #[arg(long, value_enum, default_value_t = WorkloadArg::Inbetween, value_name = "WORKLOAD", help_heading = SERVER)]
+    pub(super) workload: WorkloadArg,
+    /// gRPC connections of each process. HTTP/1.1 has one for each request on its way.
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1024), value_name = "COUNT", help_heading = SERVER)]
+    pub(super) connections: u32,
+    /// Processes that make the load together.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=256), value_name = "COUNT", help_heading = SERVER)]
+    pub(super) processes: u32,
+    /// Longest wait for one answer.
+    #[arg(long, default_value = "30s", value_name = "TIME", help_heading = SERVER)]
+    pub(super) timeout: Time1,
+    /// All random choices follow from it.
+    #[arg(long, default_value_t = 0, value_name = "NUMBER", help_heading = SERVER)]
+    pub(super) seed: u64,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Time {
+    /// Time before measuring begins.
+    #[arg(long, default_value = "3s", value_name = "TIME", help_heading = LOAD)]
+    pub(super) warmup: Time1,
+    /// Time that is measured, such as 90s, 5m or a number of seconds. With stages it is theirs.
+    #[arg(long, default_value = "15s", value_name = "TIME", help_heading = LOAD)]
+    pub(super) duration: Time1,
+}
+
+/// How arrivals lie in time.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum ArrivalsArg {
+    /// At equal distances.
+    Constant,
+    /// Independent of each other, as many users are.
+    #[default]
+    Poisson,
+    /// Many at one moment, then none; see --burst-size and --burst-period.
+    Bursty,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ArrivalArgs {
+    /// How the arrivals of an open loop lie in time.
+    #[arg(long, value_enum, default_value_t, value_name = "PROCESS", help_heading = LOAD)]
+    pub(super) arrivals: ArrivalsArg,
+    /// Arrivals of a burst; bursts come as often as the rate has it.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "burst_period", value_name = "COUNT", help_heading = LOAD)]
+    pub(super) burst_size: Option<u32>,
+    /// Time from burst to burst; bursts are as large as the rate has it.
+    #[arg(long, value_name = "TIME", help_heading = LOAD)]
+    pub(super) burst_period: Option<Time1>,
+    /// Most requests of an open loop on their way at once, of each process; what is due beyond is dropped and counted.
+    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "REQUESTS", help_heading = LOAD)]
+    pub(super) max_in_flight: u32,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct LoadArgs {
+    /// A closed loop: so many clients that wait for their answers [default: 8].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000), conflicts_with_all = ["rate", "stages", "client_stages"], value_name = "COUNT", help_heading = LOAD)]
+    pub(super) clients: Option<u32>,
+    /// A closed loop whose clients come and go: CLIENTS:SECONDS, FROM-TO:SECONDS, one after another.
+    #[arg(long, conflicts_with_all = ["rate", "stages"], value_name = "STAGES", help_heading = LOAD)]
+    pub(super) client_stages: Option<Stages>,
+    /// Time from an answer to a client's next request.
+    #[arg(long, default_value = "0s", value_name = "TIME", help_heading = LOAD)]
+    pub(super) think: Time0,
+    /// An open loop: so many requests a second.
+    #[arg(long, conflicts_with = "stages", value_name = "RATE", help_heading = LOAD)]
+    pub(super) rate: Option<f64>,
+    /// An open loop whose rate changes: RATE:SECONDS, FROM-TO:SECONDS, one after another, such as 50:10,50-200:30.
+    #[arg(long, value_name = "STAGES", help_heading = LOAD)]
+    pub(super) stages: Option<Stages>,
+    #[command(flatten)]
+    pub(super) arrivals: ArrivalArgs,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct RequestArgs {
+    /// Requests that were made before: a folder with requests.json (see the documentation).
+    #[arg(long, value_name = "FOLDER", help_heading = REQUESTS)]
+    pub(super) requests: Option<PathBuf>,
+    /// BVH clip whose frames are the keyframes, in centimetres. Left out: a walk that this program brings along.
+    #[arg(long, value_name = "FILE", help_heading = REQUESTS)]
+    pub(super) clip: Option<PathBuf>,
+    /// Name of the pack. Left out: the server's default pack.
+    #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME", help_heading = REQUESTS)]
+    pub(super) pack: String,
+    /// Characters of a request.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=4096), value_name = "COUNT", help_heading = REQUESTS)]
+    pub(super) per_request: u32,
+    /// Frames of a character's segment, context and target included.
+    #[arg(long, default_value_t = 64, value_name = "FRAMES", help_heading = REQUESTS)]
+    pub(super) frames: u32,
+    /// Sampling temperature, 0 to 2.
+    #[arg(long, default_value_t = 0.0, value_name = "NUMBER", help_heading = REQUESTS)]
+    pub(super) temperature: f32,
+    /// Different requests, sent in turn.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536), value_name = "COUNT", help_heading = REQUESTS)]
+    pub(super) variants: u32,
+    /// Decode and check every answer of so many whole, of live characters every tick of so many; 0: none. Of the others
+    /// status, frame count and timing are read.
+    #[arg(long, default_value_t = 100, value_name = "COUNT", help_heading = REQUESTS)]
+    pub(super) verify_every: u32,
+    /// Further header of --workload http.
+    #[arg(long, value_name = "NAME:VALUE", help_heading = REQUESTS)]
+    pub(super) header: Vec<Header>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct LiveArgs {
+    /// Characters.
+    #[arg(long, visible_alias = "sessions", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "COUNT", help_heading = LIVE)]
+    pub(super) characters: u32,
+    /// Streams that they share, or groups that are stepped together.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=65_536), value_name = "COUNT", help_heading = LIVE)]
+    pub(super) streams: u32,
+    /// Frames a second: 30, 50 or 60.
+    #[arg(long, default_value_t = 30, value_parser = hz, value_name = "RATE", help_heading = LIVE)]
+    pub(super) hz: u32,
+    /// 32-bit floats instead of compact frames.
+    #[arg(long, help_heading = LIVE)]
+    pub(super) floats: bool,
+    /// Styles, each by its name. Left out: all of the pack in which a character can go.
+    #[arg(long, value_delimiter = ',', value_name = "STYLES", help_heading = LIVE)]
+    pub(super) styles: Vec<String>,
+    /// Mean time between two commands of a character; 0: one command at the begin.
+    #[arg(long, default_value = "2.5s", value_name = "TIME", help_heading = LIVE)]
+    pub(super) command_every: Time0,
+    /// Frames between the cursor and the point where a new plan takes over. Left out: the server's.
+    #[arg(long, value_name = "FRAMES", help_heading = LIVE)]
+    pub(super) look_ahead: Option<u32>,
+    /// Give characters different priorities, spread evenly from 0 to 1.
+    #[arg(long, help_heading = LIVE)]
+    pub(super) spread_priorities: bool,
+    /// Step again as soon as the frames are there, instead of with every frame's time.
+    #[arg(long, help_heading = LIVE)]
+    pub(super) unpaced: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct BoundArgs {
+    /// 99 % of latencies must be at most this, milliseconds, in every repetition.
+    #[arg(long, value_name = "MS", help_heading = BOUNDS)]
+    pub(super) expect_p99_ms: Option<f64>,
+    /// No character may be slowed because a plan was late, or miss a frame.
+    #[arg(long, help_heading = BOUNDS)]
+    pub(super) expect_zero_underruns: bool,
+    /// No request may fail or be dropped by this client. Refusals are allowed.
+    #[arg(long, help_heading = BOUNDS)]
+    pub(super) expect_zero_failures: bool,
+    /// So many right answers a second, at least.
+    #[arg(long, value_name = "RATE", help_heading = BOUNDS)]
+    pub(super) expect_rate: Option<f64>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Output {
+    /// Write the report as JSON.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub(super) json: Option<PathBuf>,
+    /// Write the report as one self-contained page with plots.
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
+    pub(super) html: Option<PathBuf>,
+    /// A name for the report, shown in comparisons.
+    #[arg(long, default_value = "", hide_default_value = true, value_name = "TEXT", help_heading = OUTPUT)]
+    pub(super) label: String,
+    /// No progress on standard error.
+    #[arg(long, short, help_heading = OUTPUT)]
+    pub(super) quiet: bool,
+}
+
+fn hz(text: &str) -> Result<u32, String> {
+    match text {
+        "30" => Ok(30),
+        "50" => Ok(50),
+        "60" => Ok(60),
+        other => Err(format!("{other} is not 30, 50 or 60")),
+    }
+}
+
+/// A time above 0, such as `90s`, `1m 30s` or a number of seconds; at most a day.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Time1(pub(super) Duration);
+
+/// The same, or 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Time0(pub(super) Duration);
+
+fn time(text: &str) -> Result<Duration, String> {
+    const ALLOWED: &str = "allowed: a time such as 90s, 1m 30s or 250ms, or a number of seconds, up to a day";
+    let seconds = text.parse::<f64>().ok();
+    let parsed = match seconds {
+        Some(seconds) => Duration::try_from_secs_f64(seconds).ok(),
+        None => humantime::parse_duration(text).ok().or_else(|| decimal(text)),
+    };
+    parsed
+        .filter(|time| *time <= Duration::from_secs(86_400))
+        .ok_or_else(|| format!("{text:?} is no time; {ALLOWED}"))
+}
+
+/// A decimal number of seconds with its unit, which the library does not read.
+fn decimal(text: &str) -> Option<Duration> {
+    let seconds = text.strip_suffix('s')?.parse::<f64>().ok()?;
+    Duration::try_from_secs_f64(seconds).ok()
+}
+
+impl FromStr for Time1 {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let time = time(text)?;
+        if time.is_zero() {
+            return Err("allowed: a time above 0".to_owned());
+        }
+        Ok(Self(time))
+    }
+}
+
+impl FromStr for Time0 {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        time(text).map(Self)
+    }
+}
+
+/// A header of a request.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Header(pub(super) String, pub(super) String);
+
+impl FromStr for Header {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, value) = text
+            .split_once(':')
+            .ok_or_else(|| format!("{text:?} is no header; allowed: NAME:VALUE"))?;
+        Ok(Self(name.trim().to_owned(), value.trim().to_owned()))
+    }
+}

@@ -1,0 +1,220 @@
+//! Times, in a histogram of high dynamic range.
+
+use std::time::Duration;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use hdrhistogram::Histogram;
+use hdrhistogram::serialization::{Deserializer as HistogramReader, Serializer as _, V2Serializer};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Longest time that is told apart from longer ones, microseconds: an hour.
+const MOST_US: u64 = 3_600_000_000;
+
+/// Why bytes are no histogram.
+#[derive(Debug, thiserror::Error)]
+#[error("this is no histogram: {0}")]
+pub struct LatenciesError(String);
+
+/// Times in microseconds. As JSON it is the histogram in `HdrHistogram`'s V2 format, in base64: other tools read it too, and
+/// those of several processes add up exactly. Where there are no times it is an empty text.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Latencies {
+    /// Decimal digits that are told apart.
+    digits: u8,
+    /// None until there is a time: many of the seconds of a load have none, and need no memory.
+    histogram: Option<Histogram<u64>>,
+}
+
+impl JsonSchema for Latencies {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Latencies".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
+            "type": "string",
+            "contentEncoding": "base64",
+            "description": "A histogram of microseconds in HdrHistogram's V2 format; empty where there are none"
+        })
+    }
+}
+
+impl PartialEq for Latencies {
+    /// Whether both hold the same times, whatever room they have for others.
+    fn eq(&self, other: &Self) -> bool {
+        self.recorded().eq(other.recorded())
+    }
+}
+
+impl std::fmt::Debug for Latencies {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (count, digits) = (self.count(), self.digits);
+        let (median, max) = (self.quantile_ms(0.5), self.max_ms());
+        write!(
+            f,
+            "Latencies({count} to {digits} digits, p50 {median} ms, longest {max} ms)"
+        )
+    }
+}
+
+impl Default for Latencies {
+    /// Off by at most 0.1 %.
+    fn default() -> Self {
+        Self {
+            digits: 3,
+            histogram: None,
+        }
+    }
+}
+
+impl Latencies {
+    /// Off by at most 1 %, and an eighth of the memory: for one of many, such as a second's.
+    pub fn coarse() -> Self {
+        Self {
+            digits: 2,
+            histogram: None,
+        }
+    }
+
+    /// The histogram, made where there is none. One to five digits are accepted, so there is always one.
+    fn made(&mut self) -> Option<&mut Histogram<u64>> {
+        if self.histogram.is_none() {
+            self.histogram = Histogram::new(self.digits).ok();
+        }
+        self.histogram.as_mut()
+    }
+
+    /// All times, each with how many there are.
+    fn recorded(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
+        let all = self.histogram.iter().flat_map(|h| h.iter_recorded());
+        all.map(|of| (of.value_iterated_to(), of.count_at_value()))
+    }
+
+    /// Adds a time.
+    pub fn record(&mut self, time: Duration) {
+        let micros = u64::try_from(time.as_micros()).unwrap_or(MOST_US);
+        if let Some(histogram) = self.made() {
+            // It resizes itself, and no time is over the limit.
+            let _ = histogram.record(micros.min(MOST_US));
+        }
+    }
+
+    /// Adds all of another.
+    pub fn add(&mut self, other: &Self) {
+        if let (Some(other), Some(histogram)) = (&other.histogram, self.made()) {
+            // It resizes itself where it must.
+            let _ = histogram.add(other);
+        }
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> u64 {
+        self.histogram.as_ref().map_or(0, Histogram::len)
+    }
+
+    /// The time that a share of them does not exceed, milliseconds; 0 where there are none.
+    pub fn quantile_ms(&self, quantile: f64) -> f64 {
+        let histogram = self.histogram.as_ref();
+        histogram.map_or(0.0, |h| h.value_at_quantile(quantile) as f64 / 1e3)
+    }
+
+    /// Their mean, milliseconds; 0 where there are none.
+    pub fn mean_ms(&self) -> f64 {
+        self.histogram.as_ref().map_or(0.0, |h| h.mean() / 1e3)
+    }
+
+    /// The longest, milliseconds.
+    pub fn max_ms(&self) -> f64 {
+        self.histogram.as_ref().map_or(0.0, |h| h.max() as f64 / 1e3)
+    }
+
+    /// The curve of percentiles: pairs of a quantile and the time in milliseconds that this share does not exceed, denser
+    /// towards 1.
+    pub fn curve_ms(&self) -> Vec<(f64, f64)> {
+        let points = self.histogram.iter().flat_map(|h| h.iter_quantiles(8));
+        let points = points.map(|p| (p.quantile_iterated_to(), p.value_iterated_to() as f64 / 1e3));
+        points.collect()
+    }
+}
+
+impl From<Latencies> for String {
+    fn from(latencies: Latencies) -> Self {
+        let mut bytes = Vec::new();
+        if let Some(histogram) = &latencies.histogram {
+            // Writing to memory does not fail.
+            let _ = V2Serializer::new().serialize(histogram, &mut bytes);
+        }
+        STANDARD.encode(bytes)
+    }
+}
+
+impl TryFrom<String> for Latencies {
+    type Error = LatenciesError;
+
+    fn try_from(text: String) -> Result<Self, LatenciesError> {
+        if text.is_empty() {
+            return Ok(Self::default());
+        }
+        let bytes = STANDARD.decode(text).map_err(|e| LatenciesError(e.to_string()))?;
+        let mut histogram: Histogram<u64> = HistogramReader::new()
+            .deserialize(&mut bytes.as_slice())
+            .map_err(|e| LatenciesError(format!("{e:?}")))?;
+        histogram.auto(true);
+        Ok(Self {
+            digits: histogram.sigfig(),
+            histogram: Some(histogram),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn of(micros: &[u64]) -> Latencies {
+        let mut latencies = Latencies::default();
+        micros
+            .iter()
+            .for_each(|&us| latencies.record(Duration::from_micros(us)));
+        latencies
+    }
+
+    #[test]
+    fn quantiles_are_in_milliseconds() {
+        let latencies = of(&(1..=1000).map(|n| n * 1000).collect::<Vec<_>>());
+        assert!((latencies.quantile_ms(0.5) - 500.0).abs() < 0.5);
+        assert!((latencies.quantile_ms(0.999) - 999.0).abs() < 1.0);
+        assert!((latencies.mean_ms() - 500.5).abs() < 0.5);
+        let empty = Latencies::default();
+        assert_eq!(
+            (empty.quantile_ms(0.99), empty.mean_ms(), empty.max_ms()),
+            (0.0, 0.0, 0.0)
+        );
+        assert_eq!(of(&[u64::MAX]).count(), 1);
+    }
+
+    #[test]
+    fn what_is_no_histogram_is_refused() {
+        for text in ["no", "AAAA", "äöü"] {
+            assert!(Latencies::try_from(text.to_owned()).is_err(), "{text}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn parts_that_went_over_a_pipe_add_up_to_the_whole(
+            one in prop::collection::vec(0..100_000_000_u64, 0..200),
+            two in prop::collection::vec(0..100_000_000_u64, 0..200),
+        ) {
+            let mut sum: Latencies = serde_json::from_str(&serde_json::to_string(&of(&one)).unwrap()).unwrap();
+            sum.add(&serde_json::from_str(&serde_json::to_string(&of(&two)).unwrap()).unwrap());
+            let whole = of(&[one, two].concat());
+            prop_assert_eq!(&sum, &whole);
+            prop_assert_eq!(sum.max_ms(), whole.max_ms());
+        }
+    }
+}

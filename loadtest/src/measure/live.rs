@@ -1,0 +1,107 @@
+//! What is measured of live characters beside their ticks.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use troupe_proto::v1;
+
+use super::latencies::Latencies;
+
+/// What sessions have done, summed up; or the difference of two such sums.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct PlanStats {
+    /// Plans for new commands.
+    pub for_command: u64,
+    /// Plans for buffers that ran low.
+    pub for_low_buffer: u64,
+    /// Plans after the interval.
+    pub for_interval: u64,
+    /// Plans that came after the frame where they were to take over.
+    pub late: u64,
+    /// Plans that failed.
+    pub failed: u64,
+    /// Times that a character had to slow down because its plan was late.
+    pub underruns: u64,
+}
+
+impl PlanStats {
+    /// Adds what one session has done.
+    pub fn add(&mut self, of: &v1::SessionStats) {
+        self.for_command += of.plans_for_command;
+        self.for_low_buffer += of.plans_for_low_buffer;
+        self.for_interval += of.plans_for_interval;
+        self.late += of.late_plans;
+        self.failed += of.failed_plans;
+        self.underruns += of.underruns;
+    }
+
+    /// What was done since.
+    #[must_use]
+    pub fn since(&self, before: &Self) -> Self {
+        Self {
+            for_command: self.for_command.saturating_sub(before.for_command),
+            for_low_buffer: self.for_low_buffer.saturating_sub(before.for_low_buffer),
+            for_interval: self.for_interval.saturating_sub(before.for_interval),
+            late: self.late.saturating_sub(before.late),
+            failed: self.failed.saturating_sub(before.failed),
+            underruns: self.underruns.saturating_sub(before.underruns),
+        }
+    }
+
+    /// All plans that took over.
+    pub fn plans(&self) -> u64 {
+        self.for_command + self.for_low_buffer + self.for_interval
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.for_command += other.for_command;
+        self.for_low_buffer += other.for_low_buffer;
+        self.for_interval += other.for_interval;
+        self.late += other.late;
+        self.failed += other.failed;
+        self.underruns += other.underruns;
+    }
+}
+
+/// Live characters over the measured time.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct LiveHarvest {
+    /// Characters.
+    pub characters: u64,
+    /// Streams, or groups of characters that are stepped together.
+    pub streams: u64,
+    /// Ticks later than a period, or steps that took longer.
+    pub late_ticks: u64,
+    /// Ticks that the server did not send, or that never came.
+    pub missed_ticks: u64,
+    /// Frames of characters that ticks did not hold.
+    pub missing_frames: u64,
+    /// Frames of characters that the server had to slow down because a plan was late.
+    pub slowed_frames: u64,
+    /// Commands that were sent.
+    pub commands: u64,
+    /// Sessions that left, or commands that were refused.
+    pub faults: u64,
+    /// How far the time between two ticks is from a period.
+    pub jitter: Latencies,
+    /// From a command to go, given to one who stands, until a quarter of the commanded speed is reached.
+    pub command_to_motion: Latencies,
+    /// What the sessions did meanwhile, by the server's count.
+    pub plans: PlanStats,
+}
+
+impl LiveHarvest {
+    /// Adds the characters of another process.
+    pub fn merge(&mut self, other: &Self) {
+        self.characters += other.characters;
+        self.streams += other.streams;
+        self.late_ticks += other.late_ticks;
+        self.missed_ticks += other.missed_ticks;
+        self.missing_frames += other.missing_frames;
+        self.slowed_frames += other.slowed_frames;
+        self.commands += other.commands;
+        self.faults += other.faults;
+        self.jitter.add(&other.jitter);
+        self.command_to_motion.add(&other.command_to_motion);
+        self.plans.merge(&other.plans);
+    }
+}

@@ -1,0 +1,19 @@
+//! What is measured: answers and their latencies, the server's own figures, and what this process uses itself.
+
+mod latencies;
+mod live;
+mod process;
+mod prometheus;
+mod recorder;
+mod scraper;
+mod split;
+mod tally;
+
+pub use latencies::{Latencies, LatenciesError};
+pub use live::{LiveHarvest, PlanStats};
+pub use process::{OwnLook, OwnUse, ProcessWatch};
+pub use prometheus::Metrics;
+pub use recorder::{Clock, Pulse, Recorder};
+pub use scraper::{Scrape, Scraper, Scrapes, sampling_times};
+pub use split::{ServerTiming, TimingSums};
+pub use tally::{Answer, Call, Done, FineBin, Harvest, Outcome, Second, Tally};

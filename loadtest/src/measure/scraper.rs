@@ -1,0 +1,141 @@
+//! Scrapes the server's `/metrics` before, during and after the measured time.
+
+use std::time::Duration;
+
+use bytes::Bytes;
+use http_body_util::{BodyExt as _, Empty, Limited};
+use hyper_util::client::legacy::Client;
+use hyper_util::client::legacy::connect::HttpConnector;
+use hyper_util::rt::TokioExecutor;
+use tokio::time::Instant;
+
+use super::prometheus::Metrics;
+use super::recorder::Clock;
+
+/// Longest wait for one scrape.
+const TIMEOUT: Duration = Duration::from_secs(5);
+/// Most bytes of a scrape.
+const MOST_BYTES: usize = 16 << 20;
+
+/// Scrapes one server.
+#[derive(Debug, Clone)]
+pub struct Scraper {
+    uri: http::Uri,
+    client: Client<HttpConnector, Empty<Bytes>>,
+}
+
+/// The metrics at a moment.
+#[derive(Debug, Clone)]
+pub struct Scrape {
+    /// Seconds from the begin of the load.
+    pub at_s: f64,
+    /// What they were.
+    pub metrics: Metrics,
+}
+
+/// All scrapes of a load.
+#[derive(Debug, Clone, Default)]
+pub struct Scrapes {
+    /// In order of time.
+    pub all: Vec<Scrape>,
+    /// Place of the one where measuring began.
+    pub first: usize,
+    /// Place of the one where it ended.
+    pub last: usize,
+}
+
+impl Scrapes {
+    /// The scrapes at both ends of the measured time, where they are two.
+    pub fn ends(&self) -> Option<(&Scrape, &Scrape)> {
+        let (first, last) = (self.all.get(self.first)?, self.all.get(self.last)?);
+        (first.at_s < last.at_s).then_some((first, last))
+    }
+}
+
+impl Scraper {
+    /// Scrapes a server such as `http://127.0.0.1:8080`, at `/metrics`. None where it has no metrics.
+    pub async fn find(server: &str) -> Option<Self> {
+        let uri: http::Uri = format!("{}/metrics", server.trim_end_matches('/')).parse().ok()?;
+        let scraper = Self {
+            uri,
+            client: Client::builder(TokioExecutor::new()).build_http(),
+        };
+        let metrics = scraper.scrape().await?;
+        metrics.sum("process_resident_memory_bytes", &[]).map(|_| scraper)
+    }
+
+    /// The metrics now. None where the server does not give them in time.
+    pub async fn scrape(&self) -> Option<Metrics> {
+        let get = async {
+            let answer = self.client.get(self.uri.clone()).await.ok()?;
+            if !answer.status().is_success() {
+                return None;
+            }
+            let body = Limited::new(answer.into_body(), MOST_BYTES)
+                .collect()
+                .await
+                .ok()?;
+            let bytes = body.to_bytes();
+            Some(Metrics::parse(&String::from_utf8_lossy(&bytes)))
+        };
+        tokio::time::timeout(TIMEOUT, get).await.ok().flatten()
+    }
+
+    /// Scrapes once a second from the begin of a load to its end, so that a scrape falls on both ends of the measured time.
+    pub async fn follow(self, clock: Clock) -> Scrapes {
+        let mut scrapes = Scrapes::default();
+        for due in sampling_times(&clock) {
+            tokio::time::sleep_until(due).await;
+            let at = Instant::now();
+            let Some(metrics) = self.scrape().await else {
+                continue;
+            };
+            if due <= clock.measured_from() {
+                scrapes.first = scrapes.all.len();
+            }
+            scrapes.last = scrapes.all.len();
+            let at_s = at.saturating_duration_since(clock.start()).as_secs_f64();
+            scrapes.all.push(Scrape { at_s, metrics });
+        }
+        scrapes
+    }
+}
+
+/// When to look at server and client: the ends of the measured time, and whole seconds away from its begin.
+pub fn sampling_times(clock: &Clock) -> Vec<Instant> {
+    const SECOND: Duration = Duration::from_secs(1);
+    let middle = clock.measured_from();
+    let before = u32::try_from(clock.warmup().as_secs()).unwrap_or(0);
+    let after = u32::try_from(clock.measured().as_secs()).unwrap_or(0);
+    let mut times = (0..=before)
+        .rev()
+        .map(|n| middle - SECOND * n)
+        .collect::<Vec<_>>();
+    times.extend((1..=after).map(|n| middle + SECOND * n));
+    if times.last().is_none_or(|&last| last < clock.end()) {
+        times.push(clock.end());
+    }
+    times
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scrapes_fall_on_both_ends() {
+        let start = Instant::now();
+        let of = |warmup, measured| {
+            let clock = Clock::new(
+                start,
+                Duration::from_millis(warmup),
+                Duration::from_millis(measured),
+            );
+            let times = sampling_times(&clock).into_iter();
+            times.map(|at| (at - start).as_millis()).collect::<Vec<_>>()
+        };
+        assert_eq!(of(1500, 2000), [500, 1500, 2500, 3500]);
+        assert_eq!(of(0, 500), [0, 500]);
+        assert_eq!(of(1000, 1700), [0, 1000, 2000, 2700]);
+    }
+}

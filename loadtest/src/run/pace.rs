@@ -1,0 +1,34 @@
+//! Waiting for a moment.
+
+use std::future::Future;
+
+use tokio::time::Instant;
+
+/// Waits for moments.
+pub trait Pace: Send {
+    /// Returns at the moment, or at once where it has passed.
+    fn until(&mut self, due: Instant) -> impl Future<Output = ()> + Send;
+}
+
+/// Waits by the runtime's timer, which goes by milliseconds; in tests by its virtual time.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Timer;
+
+impl Pace for Timer {
+    async fn until(&mut self, due: Instant) {
+        tokio::time::sleep_until(due).await;
+    }
+}
+
+/// Waits as precisely as the system can, within some 0.1 ms, by putting its thread to sleep: for a thread of its own only.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct OwnThread;
+
+impl Pace for OwnThread {
+    async fn until(&mut self, due: Instant) {
+        let left = due.saturating_duration_since(Instant::now());
+        if !left.is_zero() {
+            std::thread::sleep(left);
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! What is asked of a server: single requests over gRPC, JSON or plain HTTP, and live characters.
+
+mod answer;
+mod codec;
+mod connect;
+mod drive;
+mod frames;
+mod grpc;
+mod http;
+mod idle;
+mod requests;
+mod sessions;
+mod step;
+mod wander;
+
+use std::future::Future;
+use std::sync::Arc;
+
+use crate::arrivals::{Schedule, Stages};
+use crate::failure::Failure;
+use crate::measure::{Outcome, Recorder};
+use crate::plan::{Load, Plan, Protocol, Workload};
+use crate::run::closed::{Clients, closed};
+use crate::run::open::open_on_a_thread;
+
+pub use requests::{Item, RequestSet};
+
+/// Something that answers single requests.
+pub trait Target: Send + Sync + 'static {
+    /// Sends one request and waits for its answer. `lane` tells callers apart that each use one connection, `number` chooses
+    /// the request.
+    fn call(&self, lane: u64, number: u64) -> impl Future<Output = Outcome> + Send;
+
+    /// Answers so far that were decoded and checked whole, and right.
+    fn verified(&self) -> u64 {
+        0
+    }
+}
+
+/// The part of a load that one of several processes makes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Share {
+    /// Which process this is, from 0.
+    pub nth: u32,
+    /// How many there are.
+    pub of: u32,
+}
+
+impl Share {
+    /// All of it.
+    pub const WHOLE: Self = Self { nth: 0, of: 1 };
+
+    /// This process' part of so many: parts differ by at most one and add up.
+    pub fn part(self, whole: u32) -> u32 {
+        whole / self.of + u32::from(self.nth < whole % self.of)
+    }
+
+    /// How many the processes before this one have of so many.
+    pub fn before(self, whole: u32) -> u32 {
+        (0..self.nth).map(|nth| Self { nth, ..self }.part(whole)).sum()
+    }
+}
+
+/// A workload that is ready to begin: connected, requests encoded, sessions open.
+#[derive(Debug)]
+pub enum Prepared {
+    /// Single requests over gRPC.
+    Grpc(Arc<grpc::Grpc>),
+    /// Single requests over HTTP.
+    Http(Arc<http::Http>),
+    /// Live characters on the server's clock.
+    Drive(drive::Drive),
+    /// Live characters on this client's clock.
+    Step(step::Step),
+    /// Sessions that are open.
+    Idle(idle::Idle),
+}
+
+/// Gets a process' share of a workload ready.
+///
+/// # Errors
+/// See [`Failure`].
+pub async fn prepare(plan: &Plan, share: Share) -> Result<Prepared, Failure> {
+    Ok(match &plan.workload {
+        Workload::Calls {
+            protocol, requests, ..
+        } => {
+            let set = requests::load(plan, protocol, requests).await?;
+            let http = match protocol {
+                Protocol::Grpc => {
+                    return Ok(Prepared::Grpc(Arc::new(grpc::Grpc::connect(plan, set).await?)));
+                }
+                Protocol::Json => http::Http::json(plan, set)?,
+                Protocol::Http { headers } => http::Http::plain(plan, headers, set)?,
+            };
+            http.knock().await?;
+            Prepared::Http(Arc::new(http))
+        }
+        Workload::Drive(live) => Prepared::Drive(drive::Drive::prepare(plan, live, share).await?),
+        Workload::Step(stepping) => Prepared::Step(step::Step::prepare(plan, stepping, share).await?),
+        Workload::Idle { characters, pack } => {
+            Prepared::Idle(idle::Idle::prepare(plan, share, *characters, pack).await?)
+        }
+    })
+}
+
+impl Prepared {
+    /// Makes the load, by the recorder's clock, and returns when all answers are there.
+    ///
+    /// # Errors
+    /// See [`Failure`]; what goes wrong with single requests and sessions is recorded and no failure.
+    pub async fn carry_out(self, plan: &Plan, share: Share, recorder: &Arc<Recorder>) -> Result<(), Failure> {
+        match self {
+            Self::Grpc(target) => calls(plan, share, target, recorder).await,
+            Self::Http(target) => calls(plan, share, target, recorder).await,
+            Self::Drive(drive) => drive.carry_out(recorder).await,
+            Self::Step(step) => step.carry_out(recorder).await,
+            Self::Idle(idle) => idle.carry_out(recorder).await,
+        }
+    }
+}
+
+async fn calls<T: Target>(
+    plan: &Plan,
+    share: Share,
+    target: Arc<T>,
+    recorder: &Arc<Recorder>,
+) -> Result<(), Failure> {
+    let Workload::Calls { load, .. } = &plan.workload else {
+        return Ok(());
+    };
+    match load {
+        Load::Open {
+            process,
+            stages,
+            max_in_flight,
+        } => {
+            let arrivals =
+                Schedule::new(*process, warmed(stages, plan), plan.seed).share(share.nth, share.of);
+            open_on_a_thread(target.clone(), recorder.clone(), arrivals, *max_in_flight).await?;
+        }
+        Load::Closed { stages, think_s } => {
+            let clients = Clients {
+                stages: warmed(stages, plan),
+                think: std::time::Duration::from_secs_f64(*think_s),
+                share,
+            };
+            closed(target.clone(), recorder.clone(), clients).await;
+        }
+    }
+    recorder.verified(target.verified());
+    Ok(())
+}
+
+/// The stages with the warm-up in front.
+fn warmed(stages: &Stages, plan: &Plan) -> Stages {
+    stages.clone().after_hold(plan.warmup_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_add_up() {
+        for whole in [0, 1, 7, 100] {
+            let shares = (0..3).map(|nth| Share { nth, of: 3 });
+            let parts = shares.clone().map(|s| s.part(whole)).collect::<Vec<_>>();
+            assert_eq!(parts.iter().sum::<u32>(), whole);
+            assert!(parts.iter().max().unwrap() - parts.iter().min().unwrap() <= 1);
+            let before = shares.map(|s| s.before(whole)).collect::<Vec<_>>();
+            assert_eq!(before, [0, parts[0], parts[0] + parts[1]]);
+        }
+    }
+}

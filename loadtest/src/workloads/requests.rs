@@ -1,0 +1,263 @@
+//! Requests, made and encoded before the load begins.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use bytes::Bytes;
+use prost::Message as _;
+use serde::Deserialize;
+use troupe_client::{Client, InBetween, Pack};
+use troupe_motion::bvh::{self, BvhOptions};
+use troupe_motion::clip::Clip;
+use troupe_proto::v1;
+
+use super::answer::Expected;
+use crate::failure::Failure;
+use crate::plan::{Plan, Protocol, Requests};
+
+/// A walk on the default pack's skeleton.
+const WALK: &[u8] = include_bytes!("../../../examples/walk.bvh");
+/// Version of `requests.json` that is read.
+const FOLDER_VERSION: u32 = 1;
+
+/// One request, ready to be sent.
+#[derive(Debug, Clone)]
+pub struct Item {
+    /// Its body.
+    pub body: Bytes,
+    /// Characters in it.
+    pub characters: u32,
+    /// Frames that a right answer holds, of all characters together. None where the model chooses.
+    pub frames: Option<u64>,
+    /// Length of a right answer, where it is known.
+    pub answer_bytes: Option<u64>,
+    /// The request itself, to check answers against.
+    pub request: Option<v1::InBetweenRequest>,
+}
+
+impl Item {
+    pub(super) fn expected(&self) -> Expected {
+        Expected {
+            characters: self.characters,
+            frames: self.frames,
+        }
+    }
+}
+
+/// Requests that are sent in turn.
+#[derive(Debug)]
+pub struct RequestSet {
+    items: Vec<Item>,
+    verify_every: u64,
+    verified: AtomicU64,
+}
+
+impl RequestSet {
+    /// A set; None where it is empty.
+    pub fn new(items: Vec<Item>, verify_every: u32) -> Option<Self> {
+        (!items.is_empty()).then(|| Self {
+            items,
+            verify_every: verify_every.into(),
+            verified: AtomicU64::new(0),
+        })
+    }
+
+    pub(super) fn item(&self, number: u64) -> &Item {
+        &self.items[(number % self.items.len() as u64) as usize]
+    }
+
+    /// Whether the answer of this number is one to check whole.
+    pub(super) fn is_sample(&self, number: u64) -> bool {
+        self.verify_every > 0 && number.is_multiple_of(self.verify_every)
+    }
+
+    pub(super) fn note_verified(&self) {
+        self.verified.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Answers that were checked whole and right.
+    pub(super) fn verified(&self) -> u64 {
+        self.verified.load(Ordering::Relaxed)
+    }
+}
+
+/// Makes or reads the requests of a plan, in the form of its protocol.
+pub(super) async fn load(plan: &Plan, protocol: &Protocol, of: &Requests) -> Result<RequestSet, Failure> {
+    let items = match &of.folder {
+        Some(folder) => from_folder(folder, protocol)?,
+        None if matches!(protocol, Protocol::Http { .. }) => {
+            return Err(Failure::Input(
+                "--workload http needs --requests FOLDER, which holds the bodies to post".to_owned(),
+            ));
+        }
+        None => {
+            let client = Client::connect(&plan.server).await?;
+            let pack = client.pack(&of.pack).await?;
+            let clip = read_clip(of.clip.as_deref(), &pack)?;
+            made(&clip, &pack, of, plan.seed)?
+                .into_iter()
+                .map(|request| encoded(request, protocol))
+                .collect::<Result<_, _>>()?
+        }
+    };
+    RequestSet::new(items, of.verify_every)
+        .ok_or_else(|| Failure::Input("there are no requests to send".to_owned()))
+}
+
+/// A request in the form in which it is sent.
+fn encoded(request: v1::InBetweenRequest, protocol: &Protocol) -> Result<Item, Failure> {
+    let body = match protocol {
+        Protocol::Json => serde_json::to_vec(&request)
+            .map_err(|e| Failure::Other(format!("cannot write a request: {e}")))?,
+        Protocol::Grpc | Protocol::Http { .. } => request.encode_to_vec(),
+    };
+    let frames = request
+        .characters
+        .iter()
+        .map(|character| character.frame_count.map(u64::from))
+        .sum::<Option<u64>>();
+    Ok(Item {
+        body: body.into(),
+        characters: u32::try_from(request.characters.len()).unwrap_or(u32::MAX),
+        frames,
+        answer_bytes: None,
+        request: Some(request),
+    })
+}
+
+fn read_clip(path: Option<&Path>, pack: &Pack) -> Result<Clip, Failure> {
+    let fault = |why: String| match path {
+        Some(path) => Failure::file(path, why),
+        None => Failure::Input(format!(
+            "the built-in walk does not fit the pack {:?}, name a clip with --clip: {why}",
+            pack.name()
+        )),
+    };
+    let bytes = match path {
+        Some(path) => std::fs::read(path).map_err(|e| fault(e.to_string()))?,
+        None => WALK.to_vec(),
+    };
+    let file = bvh::parse_bytes(&bytes).map_err(|e| fault(e.to_string()))?;
+    // In centimetres, as most BVH files are; its bones may be others than the pack's.
+    let options = BvhOptions {
+        max_offset_error_m: f32::INFINITY,
+        ..BvhOptions::default()
+    };
+    let clip = file
+        .to_clip_on(pack.skeleton(), &options)
+        .map_err(|e| fault(e.to_string()))?;
+    if (clip.fps - pack.fps()).abs() < 1e-2 {
+        return Ok(Clip {
+            fps: pack.fps(),
+            ..clip
+        });
+    }
+    clip.resample(pack.fps()).map_err(|e| fault(e.to_string()))
+}
+
+/// Requests whose keyframes begin at different frames of the clip.
+fn made(clip: &Clip, pack: &Pack, of: &Requests, seed: u64) -> Result<Vec<v1::InBetweenRequest>, Failure> {
+    let length = of.frames as usize;
+    let allowed = pack.segment_frames();
+    if !allowed.contains(&length) {
+        return Err(Failure::option(
+            "--frames",
+            length,
+            format_args!("{} to {}", allowed.start(), allowed.end()),
+        ));
+    }
+    let context = pack.context_frames();
+    let starts = (clip.frames() + 1).saturating_sub(length) as u64;
+    if starts == 0 {
+        return Err(Failure::Input(format!(
+            "the clip has {} frames; allowed: at least --frames, {length}",
+            clip.frames()
+        )));
+    }
+    let character = |number: u64| {
+        // A stride that meets every start before it meets one again, as 7 has no factor in common with most numbers.
+        let start = (number.wrapping_mul(7) % starts) as usize;
+        let gap = InBetween::from_clip(clip, start + context - 1, start + length - 1)?
+            .id(number.to_string())
+            .seed(seed.wrapping_add(number))
+            .temperature(of.temperature);
+        gap.to_message(pack)
+    };
+    let requests = (0..u64::from(of.variants.max(1))).map(|variant| {
+        let first = variant * u64::from(of.characters);
+        let characters = (first..first + u64::from(of.characters)).map(character);
+        Ok(v1::InBetweenRequest {
+            pack: pack.name().to_owned(),
+            characters: characters
+                .collect::<Result<_, _>>()
+                .map_err(troupe_client::ClientError::Request)?,
+        })
+    });
+    requests.collect()
+}
+
+#[derive(Debug, Deserialize)]
+struct Folder {
+    version: u32,
+    requests: Vec<FolderItem>,
+}
+
+#[derive(Debug, Deserialize)]
+struct FolderItem {
+    /// A serialised `troupe.v1.InBetweenRequest`.
+    grpc: Option<String>,
+    /// The body of the same request for a plain HTTP server.
+    body: Option<String>,
+    /// Frames that a right answer holds.
+    frames: Option<u64>,
+    /// Length of a right answer over plain HTTP.
+    answer_bytes: Option<u64>,
+}
+
+/// Reads requests that were made before.
+fn from_folder(folder: &Path, protocol: &Protocol) -> Result<Vec<Item>, Failure> {
+    let path = folder.join("requests.json");
+    let text = std::fs::read_to_string(&path).map_err(|e| Failure::file(&path, e))?;
+    let list: Folder = serde_json::from_str(&text).map_err(|e| Failure::file(&path, e))?;
+    if list.version != FOLDER_VERSION {
+        let version = list.version;
+        return Err(Failure::file(
+            &path,
+            format_args!("version is {version}; allowed: {FOLDER_VERSION}"),
+        ));
+    }
+    let plain = matches!(protocol, Protocol::Http { .. });
+    let items = list.requests.iter().enumerate().map(|(nth, item)| {
+        let (field, name) = if plain {
+            ("body", &item.body)
+        } else {
+            ("grpc", &item.grpc)
+        };
+        let name = name
+            .as_ref()
+            .ok_or_else(|| Failure::file(&path, format_args!("requests[{nth}].{field} is missing")))?;
+        let file = folder.join(name);
+        let bytes = std::fs::read(&file).map_err(|e| Failure::file(&file, e))?;
+        if plain {
+            return Ok(Item {
+                body: bytes.into(),
+                characters: 1,
+                frames: item.frames,
+                answer_bytes: item.answer_bytes,
+                request: None,
+            });
+        }
+        let request = v1::InBetweenRequest::decode(bytes.as_slice())
+            .map_err(|e| Failure::file(&file, format_args!("this is no InBetweenRequest: {e}")))?;
+        let made = encoded(request, protocol)?;
+        Ok(Item {
+            frames: item.frames.or(made.frames),
+            ..made
+        })
+    });
+    items.collect()
+}
+
+#[cfg(test)]
+#[path = "requests_tests.rs"]
+mod tests;

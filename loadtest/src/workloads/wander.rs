@@ -1,0 +1,232 @@
+//! Characters that wander about, all of whose choices follow from a seed.
+
+use std::time::Duration;
+
+use glam::Vec3;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use tokio::time::Instant;
+use troupe_client::{Client, Locomotion, Pack, SessionOptions};
+use troupe_proto::v1;
+use troupe_proto::v1::Style;
+
+use crate::failure::Failure;
+use crate::plan::Live;
+
+/// Side of the square in which they stay, metres.
+const SQUARE_M: f32 = 30.0;
+/// Share of commands to stand.
+const STANDS: f64 = 0.15;
+/// Share of commands to look elsewhere than where it goes.
+const LOOKS_ASIDE: f64 = 0.1;
+/// Slower than this one stands, m/s: the hips sway a little even then.
+const STANDS_BELOW_MPS: f32 = 0.15;
+/// Share of the commanded speed at which a character is seen to move.
+const MOVES_FROM: f32 = 0.25;
+/// Share of a new frame in the smoothed speed.
+const SMOOTHING: f32 = 0.5;
+
+/// The styles of a pack in which characters can go, or those that were named.
+pub(super) async fn styles(client: &Client, pack: &Pack, wanted: &[String]) -> Result<Vec<Style>, Failure> {
+    let all = client.styles(pack).await?.styles;
+    if let Some(unknown) = wanted.iter().find(|name| !all.iter().any(|s| s.name == **name)) {
+        let names = all.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ");
+        return Err(Failure::option("--styles", format_args!("{unknown:?}"), names));
+    }
+    let chosen = all
+        .into_iter()
+        .filter(|s| !s.is_static && (wanted.is_empty() || wanted.contains(&s.name)))
+        .collect::<Vec<_>>();
+    if chosen.is_empty() {
+        return Err(Failure::Input(
+            "none of these styles can go anywhere; allowed: at least one that can".to_owned(),
+        ));
+    }
+    Ok(chosen)
+}
+
+/// A character and what it wants.
+#[derive(Debug)]
+pub(super) struct Walker {
+    /// Its session.
+    pub(super) id: String,
+    random: ChaCha8Rng,
+    style: String,
+    speed_mps: f32,
+    place: Vec3,
+    heading: f32,
+    velocity: Vec3,
+    every_s: f64,
+    decides_at: Option<Duration>,
+    sequence: u64,
+    setting_off: Option<SettingOff>,
+}
+
+/// One who stood and was told to go.
+#[derive(Debug)]
+struct SettingOff {
+    told: Instant,
+    velocity: Vec3,
+}
+
+impl Walker {
+    /// Number `nth` of a crowd.
+    pub(super) fn new(seed: u64, nth: u32, styles: &[Style], live: &Live) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        random.set_stream(u64::from(nth));
+        let style = &styles[nth as usize % styles.len().max(1)];
+        let mut coordinate = || (random.random::<f32>() - 0.5) * SQUARE_M;
+        let place = Vec3::new(coordinate(), 0.0, coordinate());
+        let every_s = live.command_every_s;
+        // The first commands are spread, so that not all plan at once for ever.
+        let first = random.random_range(0.0..if every_s > 0.0 { every_s } else { 1.0 });
+        Self {
+            id: String::new(),
+            heading: random.random_range(-3.0..3.0),
+            style: style.name.clone(),
+            speed_mps: style.default_speed,
+            place,
+            velocity: Vec3::ZERO,
+            every_s,
+            decides_at: Some(Duration::from_secs_f64(first)),
+            sequence: 0,
+            setting_off: None,
+            random,
+        }
+    }
+
+    /// How its session is opened.
+    pub(super) fn options(&self, seed: u64) -> SessionOptions {
+        SessionOptions::new()
+            .seed(seed)
+            .style(&self.style)
+            .at(self.place, self.heading)
+    }
+
+    /// What it wants next, where it has made up its mind since: `at` is the time since the load began.
+    pub(super) fn decide(&mut self, at: Duration, now: Instant) -> Option<v1::Command> {
+        if at < self.decides_at? {
+            return None;
+        }
+        self.decides_at = (self.every_s > 0.0).then(|| {
+            let wait = self.every_s * self.random.random_range(0.5..1.5);
+            at + Duration::from_secs_f64(wait)
+        });
+        let intent = self.intent();
+        let standing = self.velocity.length() < STANDS_BELOW_MPS;
+        self.setting_off = (standing && intent.velocity != Vec3::ZERO).then_some(SettingOff {
+            told: now,
+            velocity: intent.velocity,
+        });
+        self.sequence += 1;
+        Some(v1::Command {
+            session_id: self.id.clone(),
+            sequence: self.sequence,
+            intent: Some(v1::command::Intent::Locomote(intent.to_message())),
+            ..v1::Command::default()
+        })
+    }
+
+    /// Mostly to go somewhere, sometimes to stand or to look elsewhere than where it goes.
+    fn intent(&mut self) -> Locomotion {
+        if self.every_s > 0.0 && self.random.random_bool(STANDS) {
+            return Locomotion::stand();
+        }
+        // Back towards the middle where the edge is near.
+        self.heading = if self.place.length() > SQUARE_M / 2.0 {
+            (-self.place.x).atan2(-self.place.z)
+        } else {
+            self.heading + self.random.random_range(-1.5..1.5)
+        };
+        let speed = self.speed_mps * self.random.random_range(0.7..1.2);
+        let way = Vec3::new(self.heading.sin(), 0.0, self.heading.cos()) * speed;
+        if self.random.random_bool(LOOKS_ASIDE) {
+            return Locomotion::walk(way).facing(self.heading + self.random.random_range(-0.8..0.8));
+        }
+        Locomotion::walk(way)
+    }
+
+    /// It is here now, `seconds` after the frame before. Gives the time from the command to go until it is seen to go, once.
+    pub(super) fn seen(&mut self, place: Vec3, seconds: f32, now: Instant) -> Option<Duration> {
+        let step = (place - self.place) / seconds;
+        self.place = place;
+        self.velocity += (Vec3::new(step.x, 0.0, step.z) - self.velocity) * SMOOTHING;
+        let off = self.setting_off.as_ref()?;
+        if self.velocity.dot(off.velocity) < MOVES_FROM * off.velocity.length_squared() {
+            return None;
+        }
+        let told = off.told;
+        self.setting_off = None;
+        Some(now.saturating_duration_since(told))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn walker(seed: u64, nth: u32) -> Walker {
+        let style = Style {
+            name: "walk".to_owned(),
+            default_speed: 1.5,
+            ..Style::default()
+        };
+        let live = Live {
+            characters: 1,
+            streams: 1,
+            rate_hz: 30,
+            compact: true,
+            pack: String::new(),
+            styles: Vec::new(),
+            command_every_s: 2.0,
+            look_ahead: None,
+            spread_priorities: false,
+            verify_every: 0,
+        };
+        Walker::new(seed, nth, &[style], &live)
+    }
+
+    fn commands(walker: &mut Walker, seconds: u32) -> Vec<v1::Command> {
+        let now = Instant::now();
+        let ticks = (0..seconds * 30).map(|tick| Duration::from_secs(1) * tick / 30);
+        ticks.filter_map(|at| walker.decide(at, now)).collect()
+    }
+
+    #[test]
+    fn choices_follow_from_the_seed() {
+        let of = |seed, nth| commands(&mut walker(seed, nth), 20);
+        assert_eq!(of(1, 2), of(1, 2));
+        assert_ne!(of(1, 2), of(1, 3));
+        assert_ne!(of(1, 2), of(2, 2));
+    }
+
+    #[test]
+    fn commands_come_at_the_mean_time_with_numbers_that_count_up() {
+        let commands = commands(&mut walker(5, 0), 400);
+        assert!((170..230).contains(&commands.len()), "{}", commands.len());
+        assert!(commands.iter().zip(1..).all(|(c, nth)| c.sequence == nth));
+    }
+
+    #[test]
+    fn the_time_from_command_to_motion_is_told_once() {
+        let mut walker = walker(1, 0);
+        let told = Instant::now();
+        walker.setting_off = Some(SettingOff {
+            told,
+            velocity: Vec3::Z,
+        });
+        let mut place = walker.place;
+        let mut seen = Vec::new();
+        for tick in 1..40_u32 {
+            // It starts after ten frames.
+            place.z += if tick > 10 { 1.0 / 30.0 } else { 0.0 };
+            let now = told + Duration::from_secs(1) * tick / 30;
+            seen.extend(
+                walker
+                    .seen(place, 1.0 / 30.0, now)
+                    .map(|after| (after.as_secs_f64() * 30.0).round()),
+            );
+        }
+        assert_eq!(seen, [11.0]);
+    }
+}
