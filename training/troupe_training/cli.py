@@ -1,4 +1,4 @@
-"""The command line: prepare, train, export, evaluate, curves, card, and `pack`, which makes a pack in one go."""
+"""The command line: prepare, train, export, evaluate, curves, card, random-pack, and `pack`, which does all in one go."""
 
 import argparse
 import json
@@ -101,6 +101,14 @@ def _parser() -> argparse.ArgumentParser:
     card.add_argument("--evaluation", type=Path, required=True, help="what `troupe eval --json FILE` wrote")
     card.add_argument("--notes", type=Path, help="Markdown about data and limits, put into the card")
 
+    random = add("random-pack", "A pack with random weights, for timing: its motion means nothing.")
+    random.add_argument("--preset", choices=PRESETS, default="paper", help="network sizes")
+    random.add_argument(
+        "--out", type=Path, required=True, help="pack folder to write; its name is the pack's"
+    )
+    random.add_argument("--like", type=Path, default=Path("models/human"), help="pack whose skeleton to take")
+    random.add_argument("--seed", type=int, default=1, help="random seed")
+
     pack = add(
         "pack", "A folder of BVH files -> a trained pack: prepare, all stages, export, in one command."
     )
@@ -180,6 +188,15 @@ def _evaluate(args: argparse.Namespace) -> None:
         args.json.write_text(json.dumps(report, indent=1) + "\n")
 
 
+def _random_pack(args: argparse.Namespace) -> None:
+    from troupe_training.random_pack import random_pack
+
+    counts = random_pack(args.out, args.like, PRESETS[args.preset], args.preset, args.seed)
+    for network, parameters in counts.items():
+        print(f"{network:>8} {parameters / 1e6:8.1f} M parameters")
+    print(f"{args.out}: random weights of preset {args.preset}")
+
+
 def main(argv: list[str] | None = None) -> int:
     """Runs one command; 0 on success, 130 where training was stopped before its budget was spent."""
     args = _parser().parse_args(argv)
@@ -199,6 +216,8 @@ def main(argv: list[str] | None = None) -> int:
         from troupe_training.card import write_card
 
         write_card(args.pack, args.evaluation, args.notes)
+    elif args.command == "random-pack":
+        _random_pack(args)
     elif args.command == "pack":
         args.run = args.run or Path("runs") / args.name
         args.cache = args.cache or args.run / "cache"

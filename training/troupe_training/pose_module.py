@@ -28,7 +28,7 @@ class PoseModule(nn.Module):
         self.embed_token = nn.Embedding(config.heads * (config.codes + 1), dim // config.heads)
         self.mix = nn.Sequential(nn.Linear(3 * dim, 2 * dim), nn.GELU(), nn.Linear(2 * dim, dim))
         self.register_buffer("place", sinusoids(MAX_TOKENS, dim))
-        self.trunk = Transformer(dim, config.pose_layers, config.attention_head_dim)
+        self.trunk = Transformer(dim, config.pose_layers, config.attention_head_dim, config.pose_feedforward)
         self.read = nn.ModuleList(nn.Linear(dim // config.heads, config.codes) for _ in range(config.heads))
 
     def forward(self, tokens, num_tokens, global_root, frame_pose, frame_mask) -> torch.Tensor:

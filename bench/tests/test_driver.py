@@ -1,0 +1,82 @@
+"""The driver without its programs: results are kept, tables come out of them, counts are compared."""
+
+from pathlib import Path
+
+import pytest
+
+from troupe_bench import instructions
+from troupe_bench.__main__ import parse
+from troupe_bench.report import write_report
+from troupe_bench.settings import Settings, python_settings
+from troupe_bench.store import Store, dig
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Settings:
+    return Settings(results=tmp_path)
+
+
+def run(frames_per_s: float, p50: float, p99: float) -> dict:
+    """What the load tester says of a run, as far as the tables read it."""
+    return {"throughput": {"frames_per_s": frames_per_s}, "latency_ms": {"p50": p50, "p99": p99}}
+
+
+def measured(settings: Settings) -> None:
+    """Three repeats of the serving part."""
+    store = Store(settings.results, "serving")
+    for repeat, drift in enumerate((0.9, 1.0, 1.3)):
+        raw = {"engine": "cpu", "target": "raw", "repeat": repeat}
+        for batch, frames in ((1, 9_000.0), (16, 20_000.0)):
+            store.add(raw | {"batch": batch}, {"frames_per_s": frames * drift, "call_ms_p50": 7.0, "call_ms_p99": 8.0})
+        store.add(raw | {"batch": 1, "alone": True}, {"frames_per_s": 10_000.0, "call_ms_p50": 6.0, "call_ms_p99": 7.0})
+        for target, frames, p99 in (("troupe", 19_000.0, 120.0), ("litserve", 9_500.0, 240.0)):
+            key = {"engine": "cpu", "target": target, "clients": 32, "repeat": repeat}
+            store.add(key, run(frames * drift, 100.0, p99))
+        store.add({"engine": "cpu", "target": "troupe", "clients": 1, "repeat": repeat}, run(9_000.0, 6.3, 7.5))
+
+
+def test_results_outlive_the_process_and_medians_are_over_repeats(settings: Settings):
+    measured(settings)
+    store = Store(settings.results, "serving")
+    assert store.median({"engine": "cpu", "target": "raw", "batch": 16}, "frames_per_s") == 20_000.0
+    assert len(store.of({"target": "troupe"})) == 6
+    assert store.median({"target": "nobody"}, "frames_per_s") is None
+    store.clear()
+    assert Store(settings.results, "serving").data["runs"] == []
+
+
+def test_the_page_has_ratios_and_says_what_is_missing(settings: Settings, tmp_path: Path):
+    measured(settings)
+    page = tmp_path / "page.md"
+    write_report(settings, page)
+    text = page.read_text()
+    assert "| **Troupe** | 32 clients | 19,000 | 95 % | 100.00 | 120.00 |" in text
+    assert "frames/s at saturation, of the raw loop's best | 95 % | ≥ 90 %" in text
+    assert "p50 of one caller above raw batch 1 | 0.30 ms | ≤ 0.5 ms" in text
+    assert "throughput at 32 clients against LitServe | 2.00 × | ≥ 3 ×" in text
+    assert "p99 at 32 clients against LitServe | 0.50 × | ≤ 1 ×" in text
+    assert "make bench PARTS=paper" in text
+
+
+def test_more_instructions_than_allowed_are_told(capsys: pytest.CaptureFixture):
+    worse = instructions.compare({"a": 104, "b": 102, "new": 1}, {"a": 100, "b": 100, "old": 1}, 0.03)
+    assert worse == ["a"]
+    printed = capsys.readouterr().out
+    assert "gone" in printed and "new" in printed
+
+
+def test_every_setting_is_tried_once():
+    for kind in ("litserve", "fastapi"):
+        tried = python_settings(kind, quick=False)
+        assert all(tried.count(options) == 1 for options in tried) and len(tried) > 3
+
+
+def test_an_unknown_part_is_refused():
+    with pytest.raises(SystemExit):
+        parse(["raw"])
+    assert parse(["serving", "--quick"]).parts == ["serving"]
+
+
+def test_digging_ends_where_nothing_is():
+    assert dig({"a": {"b": 1}}, "a", "b") == 1
+    assert dig({"a": 1}, "a", "b") is None and dig({}, "a") is None

@@ -1,0 +1,122 @@
+"""Runs the benchmarks, part by part: what is there already is kept, so that a run that was stopped goes on."""
+
+import argparse
+import shutil
+import sys
+from pathlib import Path
+
+from troupe_bench import instructions, machine, parts, programs, serving
+from troupe_bench.programs import Failed, say
+from troupe_bench.report import write_report
+from troupe_bench.settings import Settings
+from troupe_bench.store import Store
+from troupe_bench.verify import verify
+
+PARTS = {
+    "build": "build the programs in release mode",
+    "verify": "check that the Python servers solve the server's problems",
+    "tune": "try settings of the Python servers",
+    "serving": "raw loop, server, LitServe and FastAPI in turns",
+    "mixed": "server and LitServe with segments of all lengths",
+    "ceiling": "operations of a segment, and the machine's peak",
+    "paper": "packs of the paper's size",
+    "idle": "CPU and memory of an idle server",
+    "micro": "criterion benches",
+    "instructions": "instruction counts, with valgrind",
+    "report": "write docs/benchmarks.md",
+}
+
+
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    """Reads the command line."""
+    listed = "\n".join(f"  {name:<13}{text}" for name, text in PARTS.items())
+    parser = argparse.ArgumentParser(
+        prog="bench", description=f"{__doc__}\n\nparts:\n{listed}", formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("parts", nargs="*", metavar="PART", help="parts to run, all if none is named")
+    parser.add_argument("--quick", action="store_true", help="short runs, once each; kept apart from full ones")
+    parser.add_argument("--fresh", action="store_true", help="forget earlier results of these parts")
+    parser.add_argument("--repeats", type=int, help="turns of each measurement")
+    parser.add_argument("--engines", help="cpu, openvino-bf16 or both with a comma; those that run here if left out")
+    parser.add_argument("--targets", default=",".join(serving.TARGETS), help="of the serving part")
+    parser.add_argument("--pack", type=Path, help="folder of the pack")
+    parser.add_argument("--train-python", type=Path, help="Python with PyTorch, for packs of the paper's size")
+    parser.add_argument("--out", type=Path, help="page to write")
+    parser.add_argument("--time", action="store_true", help="only say how long the serving part takes")
+    args = parser.parse_args(arguments)
+    unknown = [part for part in args.parts if part not in PARTS]
+    if unknown:
+        parser.error(f"no part {unknown[0]}; there are {', '.join(PARTS)}")
+    return args
+
+
+def settings_of(args: argparse.Namespace) -> Settings:
+    """The settings that the command line asks for."""
+    settings = Settings()
+    if args.quick:
+        settings.shorten()
+    settings.repeats = args.repeats or settings.repeats
+    settings.pack = args.pack.resolve() if args.pack else settings.pack
+    settings.train_python = args.train_python or settings.train_python
+    wanted = args.engines.split(",") if args.engines else [e for e in settings.engines if runs_here(e)]
+    settings.engines = tuple(wanted)
+    return settings
+
+
+def runs_here(engine: str) -> bool:
+    """Whether the engine's library is there and the processor computes in its precision."""
+    has_bf16 = {"avx512_bf16", "amx_bf16"} & set(machine.cpu_facts()[1])
+    return programs.runtime_library(engine) is not None and (engine == "cpu" or bool(has_bf16))
+
+
+def run_part(part: str, settings: Settings, args: argparse.Namespace) -> None:
+    """Runs one part."""
+    if part == "build":
+        programs.build()
+    elif part == "verify":
+        verify(settings)
+    elif part == "tune":
+        serving.tune(settings)
+    elif part == "serving":
+        serving.serving(settings, tuple(args.targets.split(",")))
+    elif part == "mixed":
+        serving.mixed(settings)
+    elif part in ("ceiling", "paper", "idle", "micro"):
+        getattr(parts, part)(settings)
+    elif part == "instructions":
+        instructions.count(settings)
+    elif part == "report":
+        out = args.out or (
+            settings.results / "benchmarks.md" if settings.quick else machine.ROOT / "docs/benchmarks.md"
+        )
+        write_report(settings, out)
+        say(f"written: {out}")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs the parts; a part that fails does not keep the others from running."""
+    args = parse(arguments)
+    settings = settings_of(args)
+    minutes = serving.estimate_s(settings, tuple(args.targets.split(","))) / 60
+    say(f"engines: {', '.join(settings.engines)}; the serving part takes about {minutes:.0f} minutes")
+    if args.time:
+        return 0
+    Store(settings.results, "machine").note("machine", machine.describe())
+    failed = []
+    for part in args.parts or PARTS:
+        if args.fresh and part not in ("build", "report"):
+            Store(settings.results, part).clear()
+        say(f"== {part}: {PARTS[part]}")
+        if part == "instructions" and not shutil.which("valgrind"):
+            say("valgrind is not here: left out")
+            continue
+        try:
+            run_part(part, settings, args)
+        except Failed as error:
+            say(f"{part} failed: {error}")
+            failed.append(part)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

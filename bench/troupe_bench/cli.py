@@ -1,0 +1,23 @@
+"""What the Python servers' command lines share."""
+
+import argparse
+import json
+from pathlib import Path
+
+ENGINES = ("cpu", "openvino-bf16")
+
+
+def add_server_options(parser: argparse.ArgumentParser) -> None:
+    """Options of both servers."""
+    parser.add_argument("--port", type=int, required=True)
+    parser.add_argument("--pack", type=Path, default=Path("models/human"))
+    parser.add_argument("--engine", choices=ENGINES, default="cpu")
+    parser.add_argument("--threads", type=int, default=1, help="threads of each network")
+    parser.add_argument("--no-spin", dest="spin", action="store_false", help="idle threads sleep at once")
+    parser.add_argument("--requests", type=Path, required=True, help="folder of requests, to warm up with")
+
+
+def read_bodies(folder: Path) -> list[bytes]:
+    """The binary bodies of a request set."""
+    listed = json.loads((folder / "requests.json").read_text())["requests"]
+    return [(folder / entry["body"]).read_bytes() for entry in listed]

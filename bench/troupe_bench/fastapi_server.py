@@ -1,0 +1,87 @@
+"""The plain Python server: FastAPI on uvicorn, every request through the three networks on its own, in a thread pool.
+
+Reads its settings from the environment, for uvicorn's worker processes import it by name; `main` sets them.
+"""
+
+import argparse
+import asyncio
+import os
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import uvicorn
+from fastapi import FastAPI, HTTPException, Request, Response
+
+from troupe_bench.cli import add_server_options, read_bodies
+
+
+@asynccontextmanager
+async def lifespan(app: FastAPI):
+    """Loads and warms up the networks before the port opens."""
+    from troupe_bench.stages import Stages
+
+    stages = Stages(
+        Path(os.environ["BENCH_PACK"]),
+        os.environ["BENCH_ENGINE"],
+        int(os.environ["BENCH_THREADS"]),
+        spin=os.environ["BENCH_SPIN"] == "1",
+    )
+    stages.warm_up(read_bodies(Path(os.environ["BENCH_REQUESTS"])), 1)
+    app.state.stages = stages
+    app.state.pool = ThreadPoolExecutor(int(os.environ["BENCH_POOL"]))
+    yield
+    app.state.pool.shutdown(cancel_futures=True)
+
+
+app = FastAPI(lifespan=lifespan, openapi_url=None)
+
+
+@app.get("/health")
+async def health() -> Response:
+    """Answers once the networks are warm."""
+    return Response("ready")
+
+
+@app.post("/inbetween")
+async def inbetween(request: Request) -> Response:
+    """Answers one request."""
+    body = await request.body()
+    loop = asyncio.get_running_loop()
+    try:
+        answers = await loop.run_in_executor(app.state.pool, app.state.stages.run, [body])
+    except ValueError as error:
+        raise HTTPException(400, str(error)) from error
+    return Response(answers[0], media_type="application/octet-stream")
+
+
+def main() -> None:
+    """Runs the server until it is stopped."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    add_server_options(parser)
+    parser.add_argument("--workers", type=int, default=1, help="uvicorn processes, each with its own networks")
+    parser.add_argument("--pool", type=int, default=2, help="requests in the networks at once, in each process")
+    args = parser.parse_args()
+    os.environ |= {
+        "BENCH_PACK": str(args.pack),
+        "BENCH_ENGINE": args.engine,
+        "BENCH_THREADS": str(args.threads),
+        "BENCH_SPIN": "1" if args.spin else "0",
+        "BENCH_POOL": str(args.pool),
+        "BENCH_REQUESTS": str(args.requests),
+    }
+    uvicorn.run(
+        "troupe_bench.fastapi_server:app",
+        host="127.0.0.1",
+        port=args.port,
+        workers=args.workers,
+        loop="uvloop",
+        http="httptools",
+        log_level="warning",
+        access_log=False,
+        backlog=1024,
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,114 @@
+"""Writes docs/benchmarks.md from the results."""
+
+from pathlib import Path
+
+from troupe_bench.report_tables import (
+    ceiling_table,
+    idle_table,
+    instruction_table,
+    micro_table,
+    mixed_table,
+    paper_table,
+    serving_table,
+    shares_table,
+    summary_table,
+    tried_table,
+)
+from troupe_bench.settings import Settings
+from troupe_bench.store import Store
+
+INTRO = """# Benchmarks
+
+Written by `make bench`; every figure is a median of the repeats that its table names. [How it is measured](../bench/README.md).
+"""
+
+SECTIONS = (
+    (
+        "Serving, side by side",
+        "serving",
+        """The same pack, the same requests of 64 frames, the same ONNX Runtime library for every row of an engine; the targets take
+turns. Closed loop: a client asks again as soon as it has its answer; clients and server share the machine. The raw loop
+calls the three networks with no server around them, and is the most that any server can give. FastAPI and LitServe run with
+the fastest settings of those [tried](#settings-tried), read and write raw arrays, and leave out what the server
+does beside the networks (checks, segment frames, quaternions, pins to keyframes).""",
+        serving_table,
+    ),
+    ("What it comes to", "serving", "", summary_table),
+    (
+        "Where the time of a request goes",
+        "serving",
+        "Means over a request, from the client's clock and the server's metrics. A stage's time is that of its whole batch.",
+        shares_table,
+    ),
+    (
+        "Segments of all lengths",
+        "mixed",
+        "12 to 64 frames at 32 clients. LitServe groups the rows of a batch by length, or pads all of them to the longest.",
+        mixed_table,
+    ),
+    (
+        "Why not more: the ceiling",
+        "ceiling",
+        """Two operations for each multiplication in matrix products and convolutions of a 64-frame segment, and the machine's best at
+large matrix products through the same engine. No way of serving these networks on this machine goes beyond the last column.""",
+        ceiling_table,
+    ),
+    (
+        "The paper's size",
+        "paper",
+        """Packs with random weights (`troupe-train random-pack`), 64 frames a segment, the raw loop. The paper reports 15,000 frames/s
+and 2 ms on an RTX 5090. `paper` has the parameter counts of the paper's section 7.4, `paper-wide` the widths of its text, which
+make it larger. Alone: one lane with all cores, one segment a call.""",
+        paper_table,
+    ),
+    ("An idle server", "idle", "", idle_table),
+    (
+        "Parts",
+        "micro",
+        "Criterion, one core. The live plan and the request are the whole of what the server does beside queue and networks.",
+        micro_table,
+    ),
+    (
+        "Instructions of the hot loop",
+        "instructions",
+        """Counted under valgrind: the same on every run and on a busy machine, so small changes show. `make bench-instructions` compares
+with the table that is checked in.""",
+        instruction_table,
+    ),
+    (
+        "Settings tried",
+        "tune",
+        "32 clients, a few seconds each; the fastest of each server and engine is the one measured above.",
+        tried_table,
+    ),
+)
+
+
+def machine_lines(machine: dict) -> str:
+    """What the figures were measured on, in a sentence or two."""
+    changed = " with local changes" if machine.get("changed") else ""
+    return (
+        f"Measured on {machine['cores']:g} cores of {machine['cpu']} ({', '.join(machine['flags']) or 'no vector extensions'}),\n"
+        f"{machine['memory_gib']:g} GiB, {machine['system']}, {machine['rustc']}, Python {machine['python']}; commit "
+        f"{machine['commit']}{changed}."
+    )
+
+
+def write_report(settings: Settings, out: Path) -> None:
+    """Writes the page; a part that was not measured says which command measures it."""
+    parts = [INTRO]
+    machine = Store(settings.results, "machine").data.get("machine")
+    if machine:
+        parts.append(machine_lines(machine))
+    if settings.quick:
+        parts.append("**A quick look: one short run each. Not the real figures.**")
+    for title, part, text, table in SECTIONS:
+        store = Store(settings.results, part)
+        lines = table(store) if store.data["runs"] else []
+        parts.append(f"## {title}")
+        if lines:
+            parts += [text, "\n".join(lines)]
+        else:
+            parts.append(f"Not measured yet: `make bench PARTS={part}`.")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text("\n\n".join(part.strip("\n") for part in parts if part) + "\n")

@@ -1,0 +1,258 @@
+"""The tables of docs/benchmarks.md, each from the results of one part."""
+
+from troupe_bench.store import Store, dig
+
+NAMES = {"raw": "raw loop", "troupe": "**Troupe**", "litserve": "LitServe", "fastapi": "FastAPI"}
+ENGINES = {"cpu": "f32 (ONNX Runtime CPU)", "openvino-bf16": "bf16 (OpenVINO)"}
+STAGES = ("root", "pose", "decoder")
+
+
+def table(heads: list[str], rows: list[list[str]], words: int = 1) -> list[str]:
+    """A Markdown table; the first ``words`` columns are text, the others numbers."""
+    if not rows:
+        return []
+    rule = ["---"] * words + ["---:"] * (len(heads) - words)
+    return ["| " + " | ".join(row) + " |" for row in (heads, rule, *rows)]
+
+
+def number(value: float | None, decimals: int = 0, unit: str = "") -> str:
+    """A number for people, or a dash."""
+    return "–" if value is None else f"{value:,.{decimals}f}{unit}"
+
+
+def engines_of(store: Store) -> list[str]:
+    """Engines with results, in the order of the page."""
+    seen = {key["engine"] for key in store.every_key()}
+    return [engine for engine in ENGINES if engine in seen]
+
+
+def frames_of(store: Store, **key: object) -> float | None:
+    """Median frames a second of a target."""
+    path = ("frames_per_s",) if key.get("target") == "raw" else ("throughput", "frames_per_s")
+    return store.median(key, *path)
+
+
+def best_batch(store: Store, engine: str) -> tuple[int, float] | None:
+    """The batch size at which the raw loop is fastest, and its frames a second."""
+    raw = [key for key in store.every_key() if (key["engine"], key["target"]) == (engine, "raw") and "alone" not in key]
+    sizes = {key["batch"] for key in raw}
+    found = [(size, frames_of(store, engine=engine, target="raw", batch=size)) for size in sizes]
+    return max(found, key=lambda pair: pair[1] or 0.0, default=None)
+
+
+def serving_table(store: Store) -> list[str]:
+    """Every target of every engine."""
+    lines: list[str] = []
+    for engine in engines_of(store):
+        best = best_batch(store, engine)
+        rows = []
+        for size in sorted({key["batch"] for key in store.every_key() if key["engine"] == engine and "batch" in key}):
+            key = {"engine": engine, "target": "raw", "batch": size}
+            calls = [store.median(key, name) for name in ("call_ms_p50", "call_ms_p99")]
+            rows.append(_row(store, key, f"batch {size}", calls, best))
+        alone = {"engine": engine, "target": "raw", "batch": 1, "alone": True}
+        if store.of(alone):
+            calls = [store.median(alone, name) for name in ("call_ms_p50", "call_ms_p99")]
+            rows.append(_row(store, alone, "one lane, batch 1", calls, best))
+        for target in ("troupe", "litserve", "fastapi"):
+            found = [key for key in store.every_key() if (key["engine"], key["target"]) == (engine, target)]
+            for clients in sorted({key["clients"] for key in found}):
+                key = {"engine": engine, "target": target, "clients": clients}
+                latency = [store.median(key, "latency_ms", name) for name in ("p50", "p99")]
+                rows.append(_row(store, key, f"{clients} client{'s' * (clients > 1)}", latency, best))
+        repeats = len({key["repeat"] for key in store.every_key() if key["engine"] == engine})
+        heads = ["target", "load", "frames/s", "of the raw loop's best", "p50 (ms)", "p99 (ms)"]
+        lines += [f"### {ENGINES[engine]}: medians of {repeats}", "", *table(heads, rows, 2), ""]
+    return lines
+
+
+def _row(store: Store, key: dict, load: str, latency: list, best: tuple[int, float] | None) -> list[str]:
+    frames = frames_of(store, **key)
+    share = 100 * frames / best[1] if frames and best and best[1] else None
+    return [
+        NAMES[key["target"]],
+        load,
+        number(frames),
+        number(share, 0, " %"),
+        *(number(value, 2) for value in latency),
+    ]
+
+
+def summary_table(store: Store) -> list[str]:
+    """The ratios that the figures come to, and the bars set for them."""
+    rows = []
+    for engine in engines_of(store):
+        best = best_batch(store, engine)
+        served = [
+            frames_of(store, engine=engine, target="troupe", clients=clients)
+            for clients in {key["clients"] for key in store.every_key() if key["target"] == "troupe"}
+        ]
+        most = max((value for value in served if value), default=None)
+        if best and best[1] and most:
+            share = 100 * most / best[1]
+            rows.append(
+                [ENGINES[engine], "frames/s at saturation, of the raw loop's best", number(share, 0, " %"), "≥ 90 %"]
+            )
+        alone = store.median({"engine": engine, "target": "raw", "alone": True}, "call_ms_p50")
+        one = store.median({"engine": engine, "target": "troupe", "clients": 1}, "latency_ms", "p50")
+        if alone and one:
+            rows.append(
+                [ENGINES[engine], "p50 of one caller above raw batch 1", number(one - alone, 2, " ms"), "≤ 0.5 ms"]
+            )
+        for target in ("litserve", "fastapi"):
+            rows += _against(store, engine, target)
+    if {"cpu", "openvino-bf16"} <= set(engines_of(store)):
+        # What `pip install litserve onnxruntime` gives, against what the server chooses by itself.
+        rows += _against(store, "openvino-bf16", "litserve", "cpu")
+    return table(["engine", "what", "measured", "bar"], rows, 2)
+
+
+def _against(store: Store, engine: str, target: str, their_engine: str = "") -> list[list[str]]:
+    """Throughput and tail beside a Python server, on the same engine if no other is named."""
+    ours = {"engine": engine, "target": "troupe", "clients": 32}
+    theirs = {"engine": their_engine or engine, "target": target, "clients": 32}
+    frames = [frames_of(store, **key) for key in (ours, theirs)]
+    tails = [store.median(key, "latency_ms", "p99") for key in (ours, theirs)]
+    if not all(frames) or not all(tails):
+        return []
+    bars = ("≥ 3 ×", "≤ 1 ×") if target == "litserve" else ("", "")
+    beside = f"{NAMES[target]}{f' on {ENGINES[their_engine]}' if their_engine else ''}"
+    ratios = (frames[0] / frames[1], tails[0] / tails[1])
+    return [
+        [ENGINES[engine], f"{what} at 32 clients against {beside}", number(ratio, 2, " ×"), bar]
+        for what, ratio, bar in zip(("throughput", "p99"), ratios, bars, strict=True)
+    ]
+
+
+def shares_table(store: Store) -> list[str]:
+    """The way of a request at 32 clients, part by part."""
+    parts = ("client", "transport", "server_other", "queue", "assemble", "inference", "scatter")
+    rows = []
+    for engine in engines_of(store):
+        for clients in (1, 32):
+            key = {"engine": engine, "target": "troupe", "clients": clients}
+            split = {part: store.median(key, "split_ms", part) for part in parts}
+            stages = [store.median(key, "server", "stage_ms", stage) for stage in STAGES]
+            if any(split.values()):
+                values = [*(split[part] for part in parts[:5]), *stages, split["scatter"]]
+                mean = store.median(key, "server", "batch_mean")
+                rows.append([ENGINES[engine], str(clients), *(number(value, 3) for value in values), number(mean, 1)])
+    heads = [
+        "engine",
+        "clients",
+        "client",
+        "transport",
+        "checks, frames, encoding",
+        "queue",
+        "assemble",
+        *STAGES,
+        "scatter",
+        "rows a batch",
+    ]
+    return table([f"{head} (ms)" if 1 < index < len(heads) - 1 else head for index, head in enumerate(heads)], rows)
+
+
+def mixed_table(store: Store) -> list[str]:
+    """Troupe and LitServe with segments of all lengths."""
+    rows = []
+    for engine in engines_of(store):
+        for target, variant in (("troupe", {}), ("litserve", {}), ("litserve", {"no_group": True})):
+            key = {"engine": engine, "target": target, "variant": variant}
+            how = "" if target == "troupe" else ", padded" if variant else ", grouped"
+            latency = [store.median(key, "latency_ms", name) for name in ("p50", "p99")]
+            row = [NAMES[target] + how, number(frames_of(store, **key)), *(number(value, 1) for value in latency)]
+            rows.append([ENGINES[engine], *row])
+    return table(["engine", "target", "frames/s", "p50 (ms)", "p99 (ms)"], rows, 2)
+
+
+def tried_table(store: Store) -> list[str]:
+    """Every setting of the Python servers that was tried."""
+    rows = []
+    for key in store.every_key():
+        options = ", ".join(f"{name} {value}" for name, value in key["options"].items())
+        figures = [store.median(key, "throughput", "frames_per_s"), store.median(key, "latency_ms", "p99")]
+        rows.append([ENGINES[key["engine"]], NAMES[key["target"]], options, number(figures[0]), number(figures[1], 1)])
+    return table(["engine", "target", "settings", "frames/s", "p99 (ms)"], rows, 3)
+
+
+def ceiling_table(store: Store) -> list[str]:
+    """Operations and peaks."""
+    rows = []
+    for engine in engines_of(store):
+        key = {"engine": engine}
+        stages = [store.median(key, "stage_mflop", stage) for stage in STAGES]
+        figures = [store.median(key, name) for name in ("segment_mflop", "peak_gflop_per_s", "frames_per_s_at_peak")]
+        rows.append([ENGINES[engine], *(number(value) for value in stages + figures)])
+    heads = [f"{stage} (MFLOP)" for stage in STAGES]
+    return table(["engine", *heads, "segment (MFLOP)", "peak (GFLOP/s)", "frames/s at peak"], rows)
+
+
+def paper_table(store: Store) -> list[str]:
+    """The paper's size by preset and engine, at the best batch and alone."""
+    rows = []
+    for preset in dict.fromkeys(key["preset"] for key in store.every_key()):
+        millions = (dig(store.data, preset, "parameters") or 0) / 1e6
+        for engine in engines_of(store):
+            found = [key for key in store.every_key() if (key["preset"], key["engine"]) == (preset, engine)]
+            sizes = {key["batch"] for key in found if "alone" not in key}
+            at = {
+                size: store.median({"preset": preset, "engine": engine, "batch": size}, "frames_per_s")
+                for size in sizes
+            }
+            if not at:
+                continue
+            size = max(at, key=lambda batch: at[batch] or 0.0)
+            alone = store.median({"preset": preset, "engine": engine, "alone": True}, "call_ms_p50")
+            row = [preset, ENGINES[engine], number(millions, 0, " M"), number(at[size]), str(size), number(alone, 1)]
+            rows.append(row)
+    rows.append(["the paper", "RTX 5090", "≈ 212 M", "15,000", "", "2"])
+    return table(["pack", "engine", "parameters", "frames/s", "at batch", "alone (ms)"], rows, 2)
+
+
+def idle_table(store: Store) -> list[str]:
+    """Memory and CPU of an idle server."""
+    rows = []
+    for engine in engines_of(store):
+        key = {"engine": engine}
+        sessions = store.median(key, "sessions") or 0
+        memory = [store.median(key, name) for name in ("rss_bytes", "rss_with_sessions_bytes")]
+        shares = [store.median(key, name) for name in ("cpu_share", "cpu_share_with_sessions")]
+        if None in memory or None in shares:
+            continue
+        grown = memory[1] - memory[0]
+        rows.append(
+            [ENGINES[engine], "nobody connected", number(memory[0] / 2**20), "–", number(100 * shares[0], 2, " %")]
+        )
+        each = number(grown / sessions, 0) if sessions else "–"
+        rows.append(
+            [
+                ENGINES[engine],
+                f"{sessions:,.0f} idle sessions",
+                number(memory[1] / 2**20),
+                each,
+                number(100 * shares[1], 2, " %"),
+            ]
+        )
+    return table(["engine", "state", "memory (MiB)", "bytes a session", "CPU of a core"], rows, 2)
+
+
+def micro_table(store: Store) -> list[str]:
+    """Criterion's medians."""
+    rows = [[f"`{key['bench']}`", duration(store.median(key, "median_ns"))] for key in store.every_key()]
+    return table(["bench", "median"], rows)
+
+
+def duration(nanoseconds: float | None) -> str:
+    """A time with the unit that suits it."""
+    if nanoseconds is None:
+        return "–"
+    for unit, size in (("ns", 1.0), ("µs", 1e3), ("ms", 1e6)):
+        if nanoseconds < 1000 * size or unit == "ms":
+            return f"{nanoseconds / size:,.{2 if nanoseconds < 100 * size else 0}f} {unit}"
+    return "–"
+
+
+def instruction_table(store: Store) -> list[str]:
+    """Instructions of each bench."""
+    rows = [[f"`{key['bench']}`", number(store.median(key, "instructions"))] for key in store.every_key()]
+    return table(["bench", "instructions"], rows)

@@ -1,0 +1,64 @@
+"""How long and how often everything is measured, and which settings of the Python servers are tried."""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from troupe_bench.machine import ROOT, cores
+from troupe_bench.programs import HOME
+
+
+@dataclass
+class Settings:
+    """One run of the benchmarks."""
+
+    quick: bool = False
+    repeats: int = 5
+    warmup_s: float = 3.0
+    measured_s: float = 12.0
+    raw_s: float = 3.0
+    tune_s: float = 6.0
+    idle_s: float = 30.0
+    idle_sessions: int = 10_000
+    clients: tuple[int, ...] = (1, 32, 128)
+    request_count: int = 64
+    engines: tuple[str, ...] = ("cpu", "openvino-bf16")
+    pack: Path = ROOT / "models" / "human"
+    results: Path = field(default=HOME / "results")
+    train_python: Path = ROOT / ".venv" / "bin" / "python"
+
+    def shorten(self) -> None:
+        """A look in a few minutes: figures are rough, and kept apart from the full ones."""
+        self.quick, self.repeats, self.results = True, 1, HOME / "results-quick"
+        self.warmup_s, self.measured_s, self.raw_s, self.tune_s = 1.0, 3.0, 0.5, 2.0
+        self.idle_s, self.idle_sessions, self.clients = 5.0, 500, (1, 32)
+
+
+def python_settings(kind: str, quick: bool) -> list[dict]:
+    """What is tried for a Python server; the fastest at 32 clients is measured."""
+    many = max(1, math.floor(cores()))
+    if kind == "fastapi":
+        tried = [
+            {"workers": 1, "threads": 1, "pool": many},
+            {"workers": 1, "threads": 1, "pool": 2 * many},
+            {"workers": many, "threads": 1, "pool": 1},
+            {"workers": many, "threads": 1, "pool": 2},
+            {"workers": 1, "threads": many, "pool": 1},
+            {"workers": 1, "threads": many, "pool": 1, "no_spin": True},
+            {"workers": 1, "threads": many, "pool": 2, "no_spin": True},
+        ]
+    else:
+        lanes = {"workers": many, "threads": 1, "max_batch": 64}
+        tried = [
+            lanes | {"batch_timeout": 0.002, "fast_queue": True},
+            lanes | {"batch_timeout": 0.002},
+            lanes | {"batch_timeout": 0.0005, "fast_queue": True},
+            lanes | {"batch_timeout": 0.01, "fast_queue": True},
+            lanes | {"batch_timeout": 0.03, "fast_queue": True},
+            lanes | {"batch_timeout": 0.002, "fast_queue": True, "api_servers": many},
+            lanes | {"batch_timeout": 0.01, "fast_queue": True, "max_batch": 16},
+            {"workers": 1, "threads": many, "max_batch": 64, "batch_timeout": 0.002, "fast_queue": True},
+            {"workers": 1, "threads": many, "max_batch": 64, "batch_timeout": 0.01, "fast_queue": True},
+        ]
+    unique = [settings for index, settings in enumerate(tried) if settings not in tried[:index]]
+    return unique[:2] if quick else unique

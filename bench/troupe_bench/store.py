@@ -1,0 +1,64 @@
+"""Results, one JSON file a part, written after every single measurement: a run that was stopped goes on where it was."""
+
+import json
+import statistics
+import time
+from pathlib import Path
+from typing import Any
+
+
+class Store:
+    """The results of one part: a list of runs, each with a key."""
+
+    def __init__(self, folder: Path, part: str):
+        self.path = folder / f"{part}.json"
+        self.data: dict[str, Any] = {"runs": []}
+        if self.path.exists():
+            self.data = json.loads(self.path.read_text())
+
+    def clear(self) -> None:
+        """Forgets what was measured before."""
+        self.path.unlink(missing_ok=True)
+        self.data = {"runs": []}
+
+    def note(self, name: str, value: Any) -> None:
+        """Keeps a fact beside the runs."""
+        self.data[name] = value
+        self._save()
+
+    def add(self, key: dict, result: dict) -> None:
+        """Keeps one measurement."""
+        self.data["runs"].append({"key": key, "at": round(time.time()), "result": result})
+        self._save()
+
+    def of(self, key: dict) -> list[dict]:
+        """The results of every run whose key has all of ``key``."""
+        return [run["result"] for run in self.data["runs"] if key.items() <= run["key"].items()]
+
+    def every_key(self) -> list[dict]:
+        """Every key once, in the order of their first runs."""
+        seen: list[dict] = []
+        for run in self.data["runs"]:
+            if run["key"] not in seen:
+                seen.append(run["key"])
+        return seen
+
+    def median(self, key: dict, *path: str) -> float | None:
+        """The median over the runs of ``key`` of the number at ``path``; None where there is none."""
+        values = [value for result in self.of(key) if (value := dig(result, *path)) is not None]
+        return statistics.median(values) if values else None
+
+    def _save(self) -> None:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        fresh = self.path.with_suffix(".new")
+        fresh.write_text(json.dumps(self.data, indent=1) + "\n")
+        fresh.replace(self.path)
+
+
+def dig(value: Any, *path: str) -> Any:
+    """What lies at ``path`` in nested tables, or None."""
+    for step in path:
+        if not isinstance(value, dict):
+            return None
+        value = value.get(step)
+    return value
