@@ -59,7 +59,7 @@ def paper(settings: Settings) -> None:
                 for row in programs.raw_loop(engine, *common, "--batch", batches):
                     store.add(key | {"batch": row["batch"]}, row)
                 for row in programs.raw_loop(engine, *common, "--batch", "1", "--lanes", "1"):
-                    store.add(key | {"batch": 1, "alone": True}, row)
+                    store.add(key | {"alone": True}, row)
                     say(f"{key}: {row['call_ms_p50']:.1f} ms alone")
 
 

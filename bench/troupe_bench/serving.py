@@ -9,6 +9,7 @@ from troupe_bench.store import Store, dig
 
 TARGETS = ("raw", "troupe", "litserve", "fastapi")
 RAW_BATCHES = (1, 8, 16, 32, 64)
+PAUSE_US = 600
 LONGEST = "64"
 MIXED = "12-64"
 
@@ -17,7 +18,7 @@ def estimate_s(settings: Settings, targets: tuple[str, ...]) -> float:
     """Seconds that the serving part takes, starts of servers included."""
     one = settings.warmup_s + settings.measured_s + 1
     loads = {"raw": 0, "troupe": len(settings.clients), "litserve": 2, "fastapi": 2}
-    starts = {"raw": 3 + len(RAW_BATCHES) * settings.raw_s, "troupe": 6, "litserve": 12, "fastapi": 8}
+    starts = {"raw": 9 + (2 + len(RAW_BATCHES)) * settings.raw_s, "troupe": 6, "litserve": 12, "fastapi": 8}
     return settings.repeats * len(settings.engines) * sum(loads[t] * one + starts[t] for t in targets)
 
 
@@ -110,15 +111,19 @@ def _measure(settings: Settings, store: Store, bodies: Path, key: dict) -> None:
 
 
 def _measure_raw(settings: Settings, store: Store, key: dict) -> None:
-    """The raw loop with the server's lanes at several batch sizes, and alone: one lane, one row a call."""
+    """The raw loop with the server's lanes at several batch sizes, and alone: one lane, one row a call, at once or after
+    the pause that a request's way to the client and back is at least."""
     if store.of(key):
         return
     common = ("--pack", settings.pack, "--frames", LONGEST, "--seconds", str(settings.raw_s))
     rows = programs.raw_loop(key["engine"], *common, "--batch", ",".join(map(str, RAW_BATCHES)))
-    alone = programs.raw_loop(key["engine"], *common, "--batch", "1", "--lanes", "1", "--threads", "1")
+    one = ("--batch", "1", "--lanes", "1", "--threads", "1")
+    alone = programs.raw_loop(key["engine"], *common, *one)
+    paused = programs.raw_loop(key["engine"], *common, *one, "--pause-us", str(PAUSE_US))
     for row in rows:
         store.add(key | {"batch": row["batch"]}, row)
-    store.add(key | {"batch": 1, "alone": True}, alone[0])
+    store.add(key | {"alone": True}, alone[0])
+    store.add(key | {"alone": "paused"}, paused[0])
     best = max(row["frames_per_s"] for row in rows)
     say(f"{key}: {best:,.0f} frames/s at the best batch, {alone[0]['call_ms_p50']:.2f} ms alone")
 

@@ -59,6 +59,10 @@ struct Args {
     /// Measurements of each row, in turns; the median counts.
     #[arg(long, default_value_t = 1, value_name = "COUNT")]
     repeats: usize,
+    /// Time that a lane sleeps before each call, which does not count: what a lone caller's requests cost a core that has
+    /// nothing to do in between.
+    #[arg(long, default_value_t = 0, value_name = "MICROSECONDS")]
+    pause_us: u64,
     /// Whether waiting threads of a lane spin.
     #[arg(long)]
     spin: bool,
@@ -205,13 +209,9 @@ fn main() -> anyhow::Result<()> {
                     .iter()
                     .flat_map(|&frames| args.batch.iter().map(move |&batch| (batch, frames)));
                 for (index, (batch, frames)) in shapes.enumerate() {
-                    let run = measure(
-                        &mut works,
-                        &dims,
-                        batch,
-                        frames,
-                        Duration::from_secs_f64(args.seconds),
-                    )?;
+                    let time = Duration::from_secs_f64(args.seconds);
+                    let pause = Duration::from_micros(args.pause_us);
+                    let run = measure(&mut works, &dims, (batch, frames), time, pause)?;
                     if repeat == 0 {
                         output.rows.push(run.row(engine, args.kind, lanes, batch, frames));
                     } else {
@@ -256,13 +256,13 @@ struct Run {
     busy: Duration,
 }
 
-/// Runs batches on all lanes for `time`, after one that does not count.
+/// Runs batches of (rows, frames) on all lanes for `time`, each after a `pause`, and one at first that does not count.
 fn measure(
     works: &mut [Work],
     dims: &Dims,
-    batch: usize,
-    frames: usize,
+    (batch, frames): (usize, usize),
     time: Duration,
+    pause: Duration,
 ) -> anyhow::Result<Run> {
     let barrier = Barrier::new(works.len());
     let lane = |work: &mut Work| -> anyhow::Result<(Vec<f64>, StageTimes, Duration)> {
@@ -274,6 +274,9 @@ fn measure(
         let (mut calls, mut sum) = (Vec::new(), StageTimes::default());
         let started = Instant::now();
         while started.elapsed() < time {
+            if !pause.is_zero() {
+                std::thread::sleep(pause);
+            }
             let call = Instant::now();
             let times = work.run()?;
             calls.push(1000.0 * call.elapsed().as_secs_f64());

@@ -436,11 +436,12 @@ impl Config {
         Ok(self)
     }
 
-    /// The batcher's limits, for an engine of one lane.
+    /// The batcher's limits, for an engine of one lane that pads its batches.
     pub fn batch_limits(&self) -> Limits {
         Limits {
             lanes: 1,
             max_batch: self.max_batch,
+            padded: true,
             max_queued: self.max_queued_characters,
             max_live: self.max_sessions,
             max_wait: Duration::from_millis(self.max_queue_ms),

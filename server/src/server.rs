@@ -267,6 +267,9 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     });
     let limits = Limits {
         lanes,
+        padded: decision
+            .as_ref()
+            .is_none_or(|decision| !decision.engine.takes_any_batch()),
         ..config.batch_limits()
     };
     let batcher = Batcher::start(pack.name(), limits, metrics.clone(), factory)

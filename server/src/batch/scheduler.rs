@@ -14,6 +14,8 @@
 //! - With [`Limits::batch_delay`], free lanes wait up to so long for [`Limits::preferred_batch`] characters.
 //! - While there are live characters, a batch takes no more than it can do in [`Limits::live_slice`], by measure: a plan
 //!   that comes just after the cut waits no longer than that for a lane.
+//! - An engine that pads computes the padding too. Where more is ready at once than a few, and work has piled up behind a
+//!   busy lane, a cut is rounded down to a size without padding: the rest goes first with the next lane.
 //!
 //! # Owners
 //! At most one plan of an owner is with the engine. One more may wait; a newer one takes its place, and inherits its
@@ -41,6 +43,10 @@ pub use limits::{Limits, Refusal};
 const LIVE_MEMORY: Duration = Duration::from_secs(2);
 /// A batch is not made smaller than this for the sake of live characters: it would cost more than it gives.
 const MIN_SLICE: usize = 4;
+/// A batch smaller than this is padded where it must: to wait for the next lane costs more than the padding.
+const MIN_UNPADDED: usize = 8;
+/// Padding of more than one row in so many is not worth it while work piles up.
+const MOST_PADDING: usize = 16;
 
 /// Names a request for as long as it is known to the scheduler. Never reused, and rising with the arrivals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -197,8 +203,8 @@ pub struct Scheduler {
     queue: Queue,
     lanes: Vec<Lane>,
     meter: Meter,
-    /// Batch sizes that the engine pads to, rising.
-    buckets: Vec<usize>,
+    /// Batch sizes that the engine pads to, rising; all of them where it pads to none.
+    sizes: Vec<usize>,
     /// When free lanes cease to wait for more work, where they do.
     held_until: Option<Instant>,
     last_live: Option<Instant>,
@@ -211,7 +217,10 @@ impl Scheduler {
             queue: Queue::new(limits.lanes),
             lanes: vec![Lane::Busy; limits.lanes],
             meter: Meter::new(limits.lanes),
-            buckets: crate::engine::buckets(limits.max_batch),
+            sizes: match limits.padded {
+                true => crate::engine::buckets(limits.max_batch),
+                false => (1..=limits.max_batch).collect(),
+            },
             limits,
             held_until: None,
             last_live: None,
@@ -334,7 +343,8 @@ impl Scheduler {
                 true => share,
                 false => share.max(self.limits.preferred_batch),
             };
-            let (parts, of_calls) = self.take(now, lane, wanted.min(most), actions);
+            let wanted = self.unpadded(lane, wanted.min(most));
+            let (parts, of_calls) = self.take(now, lane, wanted, actions);
             calls += of_calls;
             free -= 1;
             if parts.is_empty() {
@@ -371,9 +381,26 @@ impl Scheduler {
             return self.limits.max_batch;
         }
         let most = self.meter.batch_within(slice).max(MIN_SLICE);
-        // A size that the engine need not pad.
-        let fitting = self.buckets.iter().rev().find(|&&bucket| bucket <= most);
-        fitting.copied().unwrap_or(self.limits.max_batch)
+        self.size_within(most)
+    }
+
+    /// The largest size that the engine need not pad, up to so many characters.
+    fn size_within(&self, characters: usize) -> usize {
+        let size = self.sizes.iter().rev().find(|&&size| size <= characters);
+        size.copied().unwrap_or(characters)
+    }
+
+    /// How much of what a lane could take it should: less by a few, where they would cost as much as many.
+    fn unpadded(&self, lane: usize, wanted: usize) -> usize {
+        if self.lanes[lane] != Lane::JustFreed || wanted < MIN_UNPADDED {
+            return wanted;
+        }
+        let size = self.sizes.iter().copied().find(|&size| size >= wanted);
+        let size = size.unwrap_or(wanted);
+        match (size - wanted) * MOST_PADDING > size {
+            true => self.size_within(wanted),
+            false => wanted,
+        }
     }
 
     /// Whether free lanes are to wait for more work.

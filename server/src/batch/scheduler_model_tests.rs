@@ -56,10 +56,12 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 fn some_limits() -> impl Strategy<Value = Limits> {
     let slice = prop_oneof![Just(0u64), 1u64..100];
     let delay = (prop_oneof![Just(0u64), 1u64..50], 0usize..6);
-    (1usize..5, 1usize..10, 0usize..40, 0u64..400, delay, slice).prop_map(
-        |(lanes, max_batch, spare, ageing_ms, (delay_ms, preferred_batch), slice_ms)| Limits {
+    let batch = (1usize..20, any::<bool>());
+    (1usize..5, batch, 0usize..40, 0u64..400, delay, slice).prop_map(
+        |(lanes, (max_batch, padded), spare, ageing_ms, (delay_ms, preferred_batch), slice_ms)| Limits {
             lanes,
             max_batch,
+            padded,
             max_queued: 12 + spare,
             max_live: 3 + spare,
             max_wait: Duration::ZERO,
@@ -247,7 +249,12 @@ impl Model {
         assert_eq!(self.lanes[&cut.lane], None, "the lane is not free");
         let share = self.ready_characters().div_ceil(self.free_lanes());
         if self.limits.batch_delay.is_zero() && self.limits.live_slice.is_zero() && !expires {
-            assert_eq!(size, share.min(self.limits.max_batch));
+            let whole = share.min(self.limits.max_batch);
+            let without_padding = crate::engine::buckets(self.limits.max_batch)
+                .into_iter()
+                .rfind(|&size| size <= whole);
+            let rounded = self.limits.padded && whole >= 8 && Some(size) == without_padding;
+            assert!(size == whole || rounded, "{size} of {whole}");
         }
         self.lanes.insert(cut.lane, Some(Vec::new()));
         for part in &cut.parts {

@@ -297,6 +297,61 @@ fn a_full_queue_refuses_and_a_leaver_makes_room() {
     assert_eq!(setup.refused(20), None);
 }
 
+/// Sizes of the cuts of a lane that was busy while so many characters came one by one.
+fn backlog(padded: bool, characters: usize) -> usize {
+    let mut setup = Setup::busy(Limits {
+        max_batch: 32,
+        max_queued: 100,
+        padded,
+        ..limits()
+    });
+    for _ in 0..characters {
+        setup.call(1);
+    }
+    setup.free(0);
+    let cuts = setup.cuts();
+    cuts[0].2.len()
+}
+
+#[test]
+fn a_backlog_is_cut_to_a_size_without_much_padding() {
+    let cases = [
+        (3, 3),
+        (7, 7),
+        (9, 8),
+        (14, 12),
+        (15, 15),
+        (17, 16),
+        (22, 16),
+        (23, 23),
+        (29, 24),
+        (31, 31),
+        (40, 32),
+    ];
+    for (waiting, cut) in cases {
+        assert_eq!(backlog(true, waiting), cut, "{waiting} wait");
+        assert_eq!(
+            backlog(false, waiting),
+            waiting.min(32),
+            "{waiting} wait, no padding"
+        );
+    }
+}
+
+#[test]
+fn an_idle_lane_takes_all_that_came_padding_or_not() {
+    let mut setup = Setup::new(Limits {
+        max_batch: 32,
+        max_queued: 100,
+        ..limits()
+    });
+    assert_eq!(setup.cuts(), []);
+    for _ in 0..17 {
+        setup.call(1);
+    }
+    assert_eq!(setup.cuts()[0].2.len(), 17);
+}
+
 #[test]
 fn calls_do_not_take_the_room_of_live_characters() {
     let mut setup = Setup::busy(limits());

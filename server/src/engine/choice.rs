@@ -56,6 +56,12 @@ impl EngineKind {
         }
     }
 
+    /// Whether a batch of any size is as fast as one that it has met before. ONNX Runtime's own CPU kernels are made for all
+    /// shapes; the others make theirs for each.
+    pub fn takes_any_batch(self) -> bool {
+        self == Self::Cpu
+    }
+
     /// Whether it was ever run where this project is made.
     pub fn is_tested(self) -> bool {
         matches!(self, Self::Cpu | Self::OpenvinoBf16)

@@ -14,6 +14,8 @@ pub struct Limits {
     pub lanes: usize,
     /// Most characters in one batch.
     pub max_batch: usize,
+    /// Whether the engine pads batches to one of its [sizes](crate::engine::buckets); else it takes any as it is.
+    pub padded: bool,
     /// Most characters of InBetween calls that may wait.
     pub max_queued: usize,
     /// Most characters of live plans that may wait. A session has one at most, so with a place for each session none is
@@ -36,6 +38,7 @@ impl Default for Limits {
         Self {
             lanes: 1,
             max_batch: 64,
+            padded: true,
             max_queued: 1024,
             max_live: 16_384,
             max_wait: Duration::from_secs(1),

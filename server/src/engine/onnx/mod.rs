@@ -67,9 +67,8 @@ impl OnnxStages {
 }
 
 impl Stages for OnnxStages {
-    /// ONNX Runtime's own CPU kernels are made for all shapes; the others make theirs for each.
     fn any_batch(&self) -> bool {
-        self.engine == EngineKind::Cpu
+        self.engine.takes_any_batch()
     }
 
     /// True where the graphs leave their time axis open. Packs of format 1 may fix it at the longest segment.
