@@ -124,6 +124,15 @@ pub struct Config {
     )]
     pub max_queue_ms: u64,
 
+    /// The same once calls have waited without a break for longer than max_queue_ms: then it is no burst but an overload, and
+    /// a long queue serves nobody sooner. In milliseconds; 0: no difference is made.
+    #[config(
+        env = "TROUPE_MAX_STANDING_QUEUE_MS",
+        default = 250,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub max_standing_queue_ms: u64,
+
     /// How long an idle part of the engine waits for preferred_batch characters, in microseconds. 0: a lone caller waits for
     /// nobody. More makes larger batches, and every caller slower where there are few.
     #[config(
@@ -398,6 +407,7 @@ impl Config {
         }
         let at_most = [
             ("max_queue_ms", self.max_queue_ms, 3_600_000),
+            ("max_standing_queue_ms", self.max_standing_queue_ms, 3_600_000),
             ("batch_delay_us", self.batch_delay_us, 1_000_000),
             (
                 "preferred_batch",
@@ -445,6 +455,7 @@ impl Config {
             max_queued: self.max_queued_characters,
             max_live: self.max_sessions,
             max_wait: Duration::from_millis(self.max_queue_ms),
+            max_standing_wait: Duration::from_millis(self.max_standing_queue_ms),
             ageing: self.ageing(),
             batch_delay: Duration::from_micros(self.batch_delay_us),
             preferred_batch: self.preferred_batch,

@@ -144,7 +144,11 @@ impl Batcher {
     /// Why an InBetween call of so many characters would be refused if it came now, where it would: to be asked before
     /// any work is put into it. It counts as refused then.
     pub fn would_refuse(&self, characters: usize) -> Option<SubmitError> {
-        let refusal = self.shared().core().scheduler().would_refuse(characters)?;
+        let refusal = self
+            .shared()
+            .core()
+            .scheduler()
+            .would_refuse(Instant::now(), characters)?;
         self.shared().metrics.rejected(refusal.into());
         Some(refusal.into())
     }

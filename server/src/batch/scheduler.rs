@@ -23,7 +23,7 @@
 //!
 //! # Limits
 //! A request that does not fit is refused whole, at once; so is an InBetween call that would wait for longer than
-//! [`Limits::max_wait`], by the rate at which such calls left the queue lately. What free lanes are about to take does not
+//! [`Limits::max_wait`] (in an overload [`Limits::max_standing_wait`]), by the rate at which such calls left the queue lately. What free lanes are about to take does not
 //! count as waiting. Each class has room of its own. Work that was given up, was replaced or has expired is dropped
 //! before it is cut.
 
@@ -208,6 +208,8 @@ pub struct Scheduler {
     /// When free lanes cease to wait for more work, where they do.
     held_until: Option<Instant>,
     last_live: Option<Instant>,
+    /// Since when there were calls left waiting after every cut.
+    standing_since: Option<Instant>,
 }
 
 impl Scheduler {
@@ -224,6 +226,7 @@ impl Scheduler {
             limits,
             held_until: None,
             last_live: None,
+            standing_since: None,
         }
     }
 
@@ -251,8 +254,8 @@ impl Scheduler {
     }
 
     /// Why an InBetween call of so many characters would be refused if it came now, where it would.
-    pub fn would_refuse(&self, characters: usize) -> Option<Refusal> {
-        self.refusal(Class::Request, characters, 0)
+    pub fn would_refuse(&self, now: Instant, characters: usize) -> Option<Refusal> {
+        self.refusal(now, Class::Request, characters, 0)
     }
 
     /// Takes one event, and adds what to do about it to `actions`.
@@ -283,7 +286,7 @@ impl Scheduler {
     ) {
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let leaving = older.map_or(0, |older| older.pending(order.class));
-        if let Some(refusal) = self.refusal(order.class, characters, leaving) {
+        if let Some(refusal) = self.refusal(now, order.class, characters, leaving) {
             return actions.push(Action::Refuse { request, refusal });
         }
         let due = order.deadline.max(now) + self.limits.handicap(order.class);
@@ -295,16 +298,17 @@ impl Scheduler {
     }
 
     /// Why so many characters would have no place, where `leaving` of those that wait make room for them.
-    fn refusal(&self, class: Class, characters: usize, leaving: usize) -> Option<Refusal> {
+    fn refusal(&self, now: Instant, class: Class, characters: usize, leaving: usize) -> Option<Refusal> {
         let pending = self.queue.pending(class) - leaving;
         let free = self.lanes.iter().filter(|lane| lane.is_free()).count();
         let room = self.limits.room(class) + free * self.limits.max_batch;
         let wait = self.meter.wait(pending);
+        let standing = self
+            .standing_since
+            .map(|since| now.saturating_duration_since(since));
+        let longest = self.limits.longest_wait(standing);
         let full = characters > room.saturating_sub(pending);
-        let slow = class == Class::Request
-            && free == 0
-            && !self.limits.max_wait.is_zero()
-            && wait > self.limits.max_wait;
+        let slow = class == Class::Request && free == 0 && !longest.is_zero() && wait > longest;
         (full || slow).then(|| Refusal {
             pending_characters: self.pending_characters(),
             expected_wait: wait,
@@ -367,8 +371,9 @@ impl Scheduler {
                 *lane = Lane::Idle;
             }
         }
-        self.meter
-            .left(now, calls, self.queue.pending(Class::Request) > 0);
+        let some_wait = self.queue.pending(Class::Request) > 0;
+        self.meter.left(now, calls, some_wait);
+        self.standing_since = some_wait.then(|| self.standing_since.unwrap_or(now));
     }
 
     /// Most characters of a batch that is cut now.

@@ -65,6 +65,7 @@ fn some_limits() -> impl Strategy<Value = Limits> {
             max_queued: 12 + spare,
             max_live: 3 + spare,
             max_wait: Duration::ZERO,
+            max_standing_wait: Duration::ZERO,
             ageing: Duration::from_millis(ageing_ms),
             batch_delay: Duration::from_millis(delay_ms),
             preferred_batch,

@@ -81,7 +81,7 @@ impl Setup {
     }
 
     fn refused(&mut self, characters: usize) -> Option<Refusal> {
-        let before = self.scheduler.would_refuse(characters);
+        let before = self.scheduler.would_refuse(self.now, characters);
         let (request, actions) = self.arrive(characters, Order::request(self.now));
         match actions[..] {
             [] => {
@@ -397,6 +397,40 @@ fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
         setup.cuts();
     }
     assert_eq!(setup.refused(700), None);
+}
+
+#[test]
+fn a_queue_that_stands_for_long_is_kept_short() {
+    let mut setup = Setup::busy(Limits {
+        max_queued: 10_000,
+        max_wait: Duration::from_millis(1000),
+        max_standing_wait: Duration::from_millis(250),
+        ..limits()
+    });
+    let longest = |setup: &mut Setup, ms: usize| {
+        // 8 characters every 8 ms, and always as many waiting as the limits allow.
+        for _ in 0..ms / 8 {
+            while setup.refused(1).is_none() {
+                setup.call(1);
+            }
+            setup.pass(8);
+            setup.free(0);
+            setup.cuts();
+        }
+        setup.scheduler.pending_characters()
+    };
+    let burst = longest(&mut setup, 400);
+    assert!((700..=1020).contains(&burst), "{burst} wait in a burst");
+    let standing = longest(&mut setup, 3000);
+    assert!((200..=270).contains(&standing), "{standing} wait in an overload");
+    // When nothing waits any more, the next burst has its room again.
+    while setup.scheduler.pending_characters() > 0 {
+        setup.pass(8);
+        setup.free(0);
+        setup.cuts();
+    }
+    let burst = longest(&mut setup, 400);
+    assert!((700..=1020).contains(&burst), "{burst} wait in the next burst");
 }
 
 #[test]

@@ -23,6 +23,10 @@ pub struct Limits {
     pub max_live: usize,
     /// An InBetween call that would wait for longer than this is refused; zero for no such limit.
     pub max_wait: Duration,
+    /// The same where calls have waited without a break for longer than [`Limits::max_wait`]: then it is no burst that the
+    /// queue evens out but an overload, in which a long queue serves no more and every admitted call later. Zero: no
+    /// difference is made. (The controlled delay of Nichols and Jacobson 2012, as request queues have it.)
+    pub max_standing_wait: Duration,
     /// What InBetween calls wait for before they go in front of live plans.
     pub ageing: Duration,
     /// Longest time that a free lane waits for [`Limits::preferred_batch`] characters; zero to wait for nobody.
@@ -42,6 +46,7 @@ impl Default for Limits {
             max_queued: 1024,
             max_live: 16_384,
             max_wait: Duration::from_secs(1),
+            max_standing_wait: Duration::ZERO,
             ageing: Duration::from_secs(2),
             batch_delay: Duration::ZERO,
             preferred_batch: 0,
@@ -57,6 +62,15 @@ impl Limits {
         match class {
             Class::Live => Duration::ZERO,
             Class::Request => self.ageing,
+        }
+    }
+
+    /// The longest that a call may wait, where calls have waited without a break for `standing`; zero for no limit.
+    pub fn longest_wait(&self, standing: Option<Duration>) -> Duration {
+        let overload = standing.is_some_and(|standing| standing > self.max_wait);
+        match overload && !self.max_standing_wait.is_zero() {
+            true => self.max_standing_wait.min(self.max_wait),
+            false => self.max_wait,
         }
     }
 
