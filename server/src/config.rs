@@ -124,11 +124,11 @@ pub struct Config {
     )]
     pub max_queue_ms: u64,
 
-    /// The same once calls have waited without a break for longer than max_queue_ms: then it is no burst but an overload, and
-    /// a long queue serves nobody sooner. In milliseconds; 0: no difference is made.
+    /// The same once calls have waited without a break for longer than this: then it is no burst but an overload, and a long
+    /// queue serves nobody sooner. In milliseconds; 0: no difference is made.
     #[config(
         env = "TROUPE_MAX_STANDING_QUEUE_MS",
-        default = 250,
+        default = 200,
         layer_attr(arg(long, value_name = "MS"))
     )]
     pub max_standing_queue_ms: u64,

@@ -407,30 +407,39 @@ fn a_queue_that_stands_for_long_is_kept_short() {
         max_standing_wait: Duration::from_millis(250),
         ..limits()
     });
-    let longest = |setup: &mut Setup, ms: usize| {
-        // 8 characters every 8 ms, and always as many waiting as the limits allow.
-        for _ in 0..ms / 8 {
-            while setup.refused(1).is_none() {
-                setup.call(1);
-            }
-            setup.pass(8);
-            setup.free(0);
-            setup.cuts();
+    let fill = |setup: &mut Setup| {
+        while setup.refused(1).is_none() {
+            setup.call(1);
         }
         setup.scheduler.pending_characters()
     };
-    let burst = longest(&mut setup, 400);
-    assert!((700..=1020).contains(&burst), "{burst} wait in a burst");
-    let standing = longest(&mut setup, 3000);
-    assert!((200..=270).contains(&standing), "{standing} wait in an overload");
-    // When nothing waits any more, the next burst has its room again.
-    while setup.scheduler.pending_characters() > 0 {
+    // 8 characters leave every 8 ms.
+    let serve = |setup: &mut Setup| {
         setup.pass(8);
         setup.free(0);
         setup.cuts();
+    };
+    for _ in 0..100 {
+        setup.call(8);
+        serve(&mut setup);
     }
-    let burst = longest(&mut setup, 400);
-    assert!((700..=1020).contains(&burst), "{burst} wait in the next burst");
+    let burst = fill(&mut setup);
+    assert!((900..=1010).contains(&burst), "{burst} wait in a burst");
+    for _ in 0..300 {
+        fill(&mut setup);
+        serve(&mut setup);
+    }
+    let standing = fill(&mut setup);
+    assert!((230..=260).contains(&standing), "{standing} wait in an overload");
+    // When nothing waits any more, the next burst has its room again.
+    while setup.scheduler.pending_characters() > 0 {
+        serve(&mut setup);
+    }
+    serve(&mut setup);
+    setup.call(8);
+    setup.cuts();
+    let burst = fill(&mut setup);
+    assert!((900..=1010).contains(&burst), "{burst} wait in the next burst");
 }
 
 #[test]

@@ -23,9 +23,9 @@ pub struct Limits {
     pub max_live: usize,
     /// An InBetween call that would wait for longer than this is refused; zero for no such limit.
     pub max_wait: Duration,
-    /// The same where calls have waited without a break for longer than [`Limits::max_wait`]: then it is no burst that the
-    /// queue evens out but an overload, in which a long queue serves no more and every admitted call later. Zero: no
-    /// difference is made. (The controlled delay of Nichols and Jacobson 2012, as request queues have it.)
+    /// The same where calls have waited without a break for longer than this: then it is no burst that the queue evens out but
+    /// an overload, in which a long queue serves no more and every admitted call later. Zero: no difference is made. (The
+    /// controlled delay of Nichols and Jacobson 2012, as request queues have it.)
     pub max_standing_wait: Duration,
     /// What InBetween calls wait for before they go in front of live plans.
     pub ageing: Duration,
@@ -67,9 +67,10 @@ impl Limits {
 
     /// The longest that a call may wait, where calls have waited without a break for `standing`; zero for no limit.
     pub fn longest_wait(&self, standing: Option<Duration>) -> Duration {
-        let overload = standing.is_some_and(|standing| standing > self.max_wait);
-        match overload && !self.max_standing_wait.is_zero() {
-            true => self.max_standing_wait.min(self.max_wait),
+        let most = self.max_standing_wait;
+        let overload = !most.is_zero() && standing.is_some_and(|standing| standing > most);
+        match overload {
+            true => most.min(self.max_wait),
             false => self.max_wait,
         }
     }
