@@ -14,10 +14,10 @@ class Settings:
 
     quick: bool = False
     repeats: int = 5
-    warmup_s: float = 3.0
-    measured_s: float = 12.0
+    warmup_s: float = 2.0
+    measured_s: float = 8.0
     raw_s: float = 3.0
-    tune_s: float = 6.0
+    tune_s: float = 5.0
     idle_s: float = 30.0
     idle_sessions: int = 10_000
     clients: tuple[int, ...] = (1, 32, 128)

@@ -245,7 +245,7 @@ impl Core {
         for action in actions.drain(..) {
             match action {
                 Action::Cut(cut) => self.hand_out(cut),
-                Action::WakeAt(at) => self.wake_at = Some(at),
+                Action::WakeAt(at) => self.wake_at = Some(self.wake_at.map_or(at, |other| other.min(at))),
                 Action::Refuse { request, refusal } => {
                     self.metrics.rejected(refusal.into());
                     self.jobs.remove(&request);

@@ -14,6 +14,10 @@
 //! - With [`Limits::batch_delay`], free lanes wait up to so long for [`Limits::preferred_batch`] characters.
 //! - While there are live characters, a batch takes no more than it can do in [`Limits::live_slice`], by measure: a plan
 //!   that comes just after the cut waits no longer than that for a lane.
+//! - Callers that wait for their answers ask again a moment after they got them. So a lane that has answered several waits up to
+//!   a tenth of the time that its batch took for as many to come, and takes no more than lanes would have if all that
+//!   is under way were shared evenly: else callers fall into one group more than there are lanes, and batches are the
+//!   smaller. Not while there are live characters.
 //! - An engine that pads computes the padding too. Where more is ready at once than a few, and work has piled up behind a
 //!   busy lane, a cut is rounded down to a size without padding: the rest goes first with the next lane.
 //!
@@ -43,8 +47,12 @@ pub use limits::{Limits, Refusal};
 const LIVE_MEMORY: Duration = Duration::from_secs(2);
 /// A batch is not made smaller than this for the sake of live characters: it would cost more than it gives.
 const MIN_SLICE: usize = 4;
-/// A batch smaller than this is padded where it must: to wait for the next lane costs more than the padding.
-const MIN_UNPADDED: usize = 8;
+/// Fewer characters than this are not split up to save padding or to share them: to wait for the next lane costs more.
+const MIN_SPLIT: usize = 8;
+/// A lane that answered fewer than this waits for nobody.
+const MIN_GATHER: usize = 4;
+/// The part of its batch's time that a lane waits at most.
+const GATHER_PART: u32 = 10;
 /// Padding of more than one row in so many is not worth it while work piles up.
 const MOST_PADDING: usize = 16;
 
@@ -196,12 +204,23 @@ impl Lane {
     }
 }
 
+/// What a lane that has answered waits for.
+#[derive(Debug, Clone, Copy)]
+struct Gather {
+    until: Instant,
+    /// Characters that were answered.
+    answered: usize,
+    /// Characters to have before that, once it is known what was ready when the lane became free.
+    wanted: Option<usize>,
+}
+
 /// The state machine. See the module's text for its rules.
 #[derive(Debug)]
 pub struct Scheduler {
     limits: Limits,
     queue: Queue,
     lanes: Vec<Lane>,
+    gathers: Vec<Option<Gather>>,
     meter: Meter,
     /// Batch sizes that the engine pads to, rising; all of them where it pads to none.
     sizes: Vec<usize>,
@@ -218,6 +237,7 @@ impl Scheduler {
         Self {
             queue: Queue::new(limits.lanes),
             lanes: vec![Lane::Busy; limits.lanes],
+            gathers: vec![None; limits.lanes],
             meter: Meter::new(limits.lanes),
             sizes: match limits.padded {
                 true => crate::engine::buckets(limits.max_batch),
@@ -324,7 +344,14 @@ impl Scheduler {
             return;
         }
         *known = state;
-        self.meter.done(lane, now);
+        let done = self.meter.done(lane, now);
+        self.gathers[lane] = done
+            .filter(|&(_, answered)| state == Lane::JustFreed && answered >= MIN_GATHER)
+            .map(|(took, answered)| Gather {
+                until: now + took / GATHER_PART,
+                answered,
+                wanted: None,
+            });
         if state == Lane::Lost {
             self.meter.lost();
         }
@@ -342,7 +369,10 @@ impl Scheduler {
             if self.hold(now, most, actions) {
                 break;
             }
-            let share = self.queue.ready().div_ceil(free);
+            if self.gather(now, lane, most, actions) {
+                continue;
+            }
+            let share = self.share(lane, free);
             let wanted = match self.limits.batch_delay.is_zero() {
                 true => share,
                 false => share.max(self.limits.preferred_batch),
@@ -366,8 +396,8 @@ impl Scheduler {
         if self.queue.ready() == 0 || free == 0 {
             self.held_until = None;
         }
-        for lane in &mut self.lanes {
-            if *lane == Lane::JustFreed {
+        for (lane, gather) in self.lanes.iter_mut().zip(&self.gathers) {
+            if *lane == Lane::JustFreed && gather.is_none() {
                 *lane = Lane::Idle;
             }
         }
@@ -376,13 +406,16 @@ impl Scheduler {
         self.standing_since = some_wait.then(|| self.standing_since.unwrap_or(now));
     }
 
+    /// Whether there were plans of live characters lately.
+    fn has_live(&self, now: Instant) -> bool {
+        self.last_live
+            .is_some_and(|last| now.saturating_duration_since(last) < LIVE_MEMORY)
+    }
+
     /// Most characters of a batch that is cut now.
     fn most(&self, now: Instant) -> usize {
-        let live = self
-            .last_live
-            .is_some_and(|last| now.saturating_duration_since(last) < LIVE_MEMORY);
         let slice = self.limits.live_slice;
-        if !live || slice.is_zero() {
+        if !self.has_live(now) || slice.is_zero() {
             return self.limits.max_batch;
         }
         let most = self.meter.batch_within(slice).max(MIN_SLICE);
@@ -397,7 +430,7 @@ impl Scheduler {
 
     /// How much of what a lane could take it should: less by a few, where they would cost as much as many.
     fn unpadded(&self, lane: usize, wanted: usize) -> usize {
-        if self.lanes[lane] != Lane::JustFreed || wanted < MIN_UNPADDED {
+        if self.lanes[lane] != Lane::JustFreed || wanted < MIN_SPLIT {
             return wanted;
         }
         let size = self.sizes.iter().copied().find(|&size| size >= wanted);
@@ -405,6 +438,35 @@ impl Scheduler {
         match (size - wanted) * MOST_PADDING > size {
             true => self.size_within(wanted),
             false => wanted,
+        }
+    }
+
+    /// Whether a lane is to wait for those that it has answered.
+    fn gather(&mut self, now: Instant, lane: usize, most: usize, actions: &mut Vec<Action>) -> bool {
+        let never = self.has_live(now) || !self.limits.batch_delay.is_zero();
+        let Some(gather) = &mut self.gathers[lane] else {
+            return false;
+        };
+        let ready = self.queue.ready();
+        let wanted = *gather.wanted.get_or_insert(ready + gather.answered);
+        if now >= gather.until || ready >= wanted.min(most) || never {
+            self.gathers[lane] = None;
+            return false;
+        }
+        actions.push(Action::WakeAt(gather.until));
+        true
+    }
+
+    /// What a lane may take of what is ready, where `free` lanes are.
+    fn share(&self, lane: usize, free: usize) -> usize {
+        let ready = self.queue.ready();
+        let share = ready.div_ceil(free);
+        match self.lanes[lane] {
+            Lane::JustFreed => {
+                let even = (ready + self.meter.running()).div_ceil(self.lanes().max(1));
+                share.min(even.max(MIN_SPLIT))
+            }
+            _ => share,
         }
     }
 

@@ -111,6 +111,10 @@ struct Model {
     now: Instant,
     requests: BTreeMap<RequestId, Known>,
     lanes: BTreeMap<usize, Option<Vec<RequestId>>>,
+    /// Since when lanes run how many characters.
+    running: BTreeMap<usize, (Instant, usize)>,
+    /// Until when lanes may wait for those that they have answered.
+    gathers: BTreeMap<usize, Instant>,
 }
 
 impl Model {
@@ -120,6 +124,8 @@ impl Model {
             now: Instant::now(),
             requests: BTreeMap::new(),
             lanes: (0..limits.lanes).map(|lane| (lane, None)).collect(),
+            running: BTreeMap::new(),
+            gathers: BTreeMap::new(),
         }
     }
 
@@ -218,6 +224,15 @@ impl Model {
         assert_eq!(actions, [Action::Drop { request, characters }]);
     }
 
+    fn finish(&mut self, lane: usize) {
+        self.lanes.insert(lane, None);
+        if let Some((since, characters)) = self.running.remove(&lane)
+            && characters >= 4
+        {
+            self.gathers.insert(lane, self.now + (self.now - since) / 10);
+        }
+    }
+
     fn settle(&mut self, actions: Vec<Action>) {
         let mut held = false;
         let expires = actions
@@ -231,15 +246,18 @@ impl Model {
                     known.fate = Fate::Expired;
                 }
                 Action::WakeAt(at) => {
-                    assert!(at > self.now && at <= self.now + self.limits.batch_delay);
-                    held = true;
+                    let delayed = at <= self.now + self.limits.batch_delay;
+                    assert!(at > self.now && (delayed || self.gathers.values().any(|&until| until == at)));
+                    held |= delayed;
                 }
                 Action::Cut(cut) => self.cut(&cut, expires),
                 other => panic!("unexpected {other:?}"),
             }
         }
+        let free = self.lanes.iter().filter(|(_, parts)| parts.is_none());
+        let gather = |lane| self.gathers.get(lane).is_some_and(|&until| until > self.now);
         assert!(
-            held || self.free_lanes() == 0 || self.ready().is_empty(),
+            held || self.ready().is_empty() || free.into_iter().all(|(lane, _)| gather(lane)),
             "a lane is idle while work waits"
         );
     }
@@ -250,13 +268,25 @@ impl Model {
         assert_eq!(self.lanes[&cut.lane], None, "the lane is not free");
         let share = self.ready_characters().div_ceil(self.free_lanes());
         if self.limits.batch_delay.is_zero() && self.limits.live_slice.is_zero() && !expires {
+            let running: usize = self.running.values().map(|(_, characters)| characters).sum();
+            let even = (self.ready_characters() + running)
+                .div_ceil(self.lanes.len())
+                .max(8);
+            let may_be = |whole: usize| {
+                let without_padding = crate::engine::buckets(self.limits.max_batch)
+                    .into_iter()
+                    .rfind(|&size| size <= whole);
+                let rounded = self.limits.padded && whole >= 8 && Some(size) == without_padding;
+                size == whole || rounded
+            };
             let whole = share.min(self.limits.max_batch);
-            let without_padding = crate::engine::buckets(self.limits.max_batch)
-                .into_iter()
-                .rfind(|&size| size <= whole);
-            let rounded = self.limits.padded && whole >= 8 && Some(size) == without_padding;
-            assert!(size == whole || rounded, "{size} of {whole}");
+            assert!(
+                may_be(whole) || may_be(whole.min(even)),
+                "{size} of {whole} or {even}"
+            );
         }
+        self.running.insert(cut.lane, (self.now, size));
+        self.gathers.remove(&cut.lane);
         self.lanes.insert(cut.lane, Some(Vec::new()));
         for part in &cut.parts {
             let ready = self.ready();
@@ -347,7 +377,7 @@ impl Pair {
                 let busy: Vec<usize> = busy.map(|(lane, _)| *lane).collect();
                 if let Some(&lane) = busy.get(nth % busy.len().max(1)) {
                     assert_eq!(self.step(Event::LaneFree { lane }), []);
-                    self.model.lanes.insert(lane, None);
+                    self.model.finish(lane);
                 }
             }
             Step::Lose(nth) => {
@@ -355,6 +385,7 @@ impl Pair {
                     let lane = nth % self.model.limits.lanes;
                     assert_eq!(self.step(Event::LaneLost { lane }), []);
                     self.model.lanes.remove(&lane);
+                    self.model.running.remove(&lane);
                 }
             }
             Step::Settle => {

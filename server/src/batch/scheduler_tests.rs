@@ -106,11 +106,12 @@ impl Setup {
                 let parts = parts
                     .iter()
                     .map(|part| (part.request.0, part.first, part.characters));
-                (lane, reason, parts.collect())
+                Some((lane, reason, parts.collect()))
             }
+            Action::WakeAt(_) => None,
             other => panic!("unexpected {other:?}"),
         };
-        self.step(Event::Settled).into_iter().map(cut).collect()
+        self.step(Event::Settled).into_iter().filter_map(cut).collect()
     }
 
     /// The requests of the one batch that is cut for the one lane, which is free at once.
@@ -336,6 +337,52 @@ fn a_backlog_is_cut_to_a_size_without_much_padding() {
             "{waiting} wait, no padding"
         );
     }
+}
+
+#[test]
+fn a_lane_that_has_answered_many_waits_for_them_to_come_back() {
+    let mut setup = Setup::new(Limits {
+        lanes: 2,
+        max_batch: 32,
+        max_queued: 100,
+        ..limits()
+    });
+    let come = |setup: &mut Setup, count: usize| (0..count).for_each(|_| drop(setup.call(1)));
+    let size = |cuts: &[Seen]| cuts.iter().map(|cut| cut.2.len()).collect::<Vec<_>>();
+    // 24 callers in three groups of 8: two with lanes, one that waits.
+    come(&mut setup, 16);
+    assert_eq!(size(&setup.cuts()), [8, 8]);
+    come(&mut setup, 8);
+    setup.pass(40);
+    setup.free(0);
+    // Those that were answered come back within a tenth of that, and are shared with the lane that is still busy.
+    let until = setup.after(4);
+    assert_eq!(setup.step(Event::Settled), [Action::WakeAt(until)]);
+    setup.pass(2);
+    come(&mut setup, 8);
+    assert_eq!(size(&setup.cuts()), [12]);
+    setup.free(1);
+    assert_eq!(size(&setup.cuts()), Vec::<usize>::new());
+    come(&mut setup, 8);
+    assert_eq!(size(&setup.cuts()), [12]);
+    // Two groups from now on; and nobody waits for those that do not come.
+    setup.pass(50);
+    setup.free(0);
+    let until = setup.after(5);
+    assert_eq!(setup.step(Event::Settled), [Action::WakeAt(until)]);
+    come(&mut setup, 3);
+    setup.pass(5);
+    assert_eq!(size(&setup.cuts()), [3]);
+    // A lone caller waits for nobody, nor do live characters.
+    setup.free(1);
+    setup.pass(10);
+    setup.cuts();
+    come(&mut setup, 1);
+    assert_eq!(size(&setup.cuts()), [1]);
+    setup.pass(50);
+    setup.free(0);
+    setup.plan(1, 100);
+    assert_eq!(size(&setup.cuts()), [1]);
 }
 
 #[test]

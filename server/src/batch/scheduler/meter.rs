@@ -47,13 +47,22 @@ impl Meter {
         self.running[lane] = Some((now, characters));
     }
 
-    /// A lane has none any more.
-    pub(super) fn done(&mut self, lane: usize, now: Instant) {
-        if let Some((since, characters)) = self.running[lane].take() {
-            let took = now.saturating_duration_since(since).as_secs_f64();
-            self.lane_time_s = self.lane_time_s * LANE_MEMORY + took;
-            self.lane_characters = self.lane_characters * LANE_MEMORY + characters as f64;
-        }
+    /// A lane has none any more. Answers how long its batch took, and how many characters it had.
+    pub(super) fn done(&mut self, lane: usize, now: Instant) -> Option<(Duration, usize)> {
+        let (since, characters) = self.running[lane].take()?;
+        let took = now.saturating_duration_since(since);
+        self.lane_time_s = self.lane_time_s * LANE_MEMORY + took.as_secs_f64();
+        self.lane_characters = self.lane_characters * LANE_MEMORY + characters as f64;
+        Some((took, characters))
+    }
+
+    /// Characters that are with lanes now.
+    pub(super) fn running(&self) -> usize {
+        self.running
+            .iter()
+            .flatten()
+            .map(|(_, characters)| characters)
+            .sum()
     }
 
     /// There is a lane less.
