@@ -107,7 +107,7 @@ def write_report(settings: Settings, out: Path) -> None:
         lines = table(store) if store.data["runs"] else []
         parts.append(f"## {title}")
         if lines:
-            parts += [text, "\n".join(lines)]
+            parts += [text, store.data.get("remark", ""), "\n".join(lines)]
         else:
             parts.append(f"Not measured yet: `make bench PARTS={part}`.")
     out.parent.mkdir(parents=True, exist_ok=True)
