@@ -347,7 +347,11 @@ fn a_lane_that_has_answered_many_waits_for_them_to_come_back() {
         max_queued: 100,
         ..limits()
     });
-    let come = |setup: &mut Setup, count: usize| (0..count).for_each(|_| drop(setup.call(1)));
+    let come = |setup: &mut Setup, count: usize| {
+        for _ in 0..count {
+            setup.call(1);
+        }
+    };
     let size = |cuts: &[Seen]| cuts.iter().map(|cut| cut.2.len()).collect::<Vec<_>>();
     // 24 callers in three groups of 8: two with lanes, one that waits.
     come(&mut setup, 16);
