@@ -165,15 +165,15 @@ async fn concurrent_callers_share_batches_and_get_their_own_frames() {
     server.gate.close();
     let first = tokio::spawn(call(0.0));
     server.metric("troupe_batch_size_count{model=\"toy\"", "2").await;
-    let waiting: Vec<_> = (1..=40)
+    let waiting: Vec<_> = (1..=48)
         .map(|index| tokio::spawn(call(0.1 * index as f32)))
         .collect();
-    server.metric("troupe_pending_requests{model=\"toy\"", "40").await;
+    server.metric("troupe_pending_requests{model=\"toy\"", "48").await;
     server.gate.open();
     first.await.unwrap();
     for (index, answer) in waiting.into_iter().enumerate() {
         let answer = answer.await.unwrap();
-        assert_eq!(answer.timing.unwrap().batch_size, 40);
+        assert_eq!(answer.timing.unwrap().batch_size, 48);
         assert_near(
             last_root(&answer.characters[0]),
             &[0.1 * (index + 1) as f32, 0.9, 3.0],
@@ -184,11 +184,11 @@ async fn concurrent_callers_share_batches_and_get_their_own_frames() {
     }
     let text = server.get("/metrics").await.text().await.unwrap();
     for line in [
-        r#"troupe_requests_total{rpc="InBetween",code="OK"} 42"#,
-        r#"troupe_batch_size_sum{model="toy",version="1.2.3"} 42"#,
+        r#"troupe_requests_total{rpc="InBetween",code="OK"} 50"#,
+        r#"troupe_batch_size_sum{model="toy",version="1.2.3"} 50"#,
         r#"troupe_dispatch_total{model="toy",version="1.2.3",reason="backlog"}"#,
-        r#"troupe_frames_generated_total{model="toy",version="1.2.3"} 1680"#,
-        r#"troupe_queue_duration_seconds_count{model="toy",version="1.2.3",class="request"} 42"#,
+        r#"troupe_frames_generated_total{model="toy",version="1.2.3"} 2000"#,
+        r#"troupe_queue_duration_seconds_count{model="toy",version="1.2.3",class="request"} 50"#,
         r#"troupe_inference_duration_seconds_count{model="toy",version="1.2.3",stage="decoder"} 3"#,
         r#"troupe_warmup_seconds{model="toy",version="1.2.3"}"#,
         "process_resident_memory_bytes",
