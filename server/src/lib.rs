@@ -35,6 +35,7 @@ pub mod engine;
 pub mod inbetween;
 pub mod pack;
 pub mod primitives;
+pub mod scene;
 pub mod server;
 pub mod service;
 pub mod session;
