@@ -33,6 +33,7 @@ pub mod config;
 pub mod doctor;
 pub mod engine;
 pub mod inbetween;
+pub mod object;
 pub mod pack;
 pub mod primitives;
 pub mod scene;
