@@ -3,21 +3,18 @@
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-use troupe_motion::rotation::from_wxyz;
-use troupe_motion::{Quat, Skeleton, Vec3};
+use troupe_motion::Skeleton;
 
 use super::check_sets::{check_sets, check_variants};
 use super::{
     Align, Approach, ApproachDoc, Definition, FORMAT, MAX_APPROACHES, MAX_BLEND_FRAMES,
-    MAX_DESCRIPTION_CHARS, MAX_DISTANCE_M, MAX_NAME_CHARS, MAX_REACH_M, MAX_SLOPE_DEG, MAX_SOCKETS,
-    ObjectDoc, Release, ReleaseDoc, ShapeDoc, Socket, SocketDoc,
+    MAX_DESCRIPTION_CHARS, MAX_DISTANCE_M, MAX_REACH_M, MAX_SLOPE_DEG, MAX_SOCKETS, ObjectDoc, Release,
+    ReleaseDoc, Socket, SocketDoc,
 };
-use crate::inbetween::{FieldError, Path, UNIT_TOLERANCE};
+use crate::document::check::{count, format, listed, name, named, number, rotation, vector};
+use crate::inbetween::{FieldError, Path};
 use crate::pack::Pack;
-use crate::scene::{Body, Shape, ShapeError, Volume};
-
-/// Most joint names that an error lists.
-const MAX_LISTED: usize = 40;
+use crate::scene::{Body, Shape, Volume, shape_error};
 
 impl Definition {
     /// Checks what is written for `pack`.
@@ -26,11 +23,7 @@ impl Definition {
     /// [`FieldError`] for the first value that is not accepted.
     pub fn from_doc(doc: ObjectDoc, pack: &Pack) -> Result<Self, FieldError> {
         let path = Path::root();
-        if doc.format != FORMAT {
-            return Err(path
-                .field("format")
-                .error(format!("is {}", doc.format), format!("{FORMAT}")));
-        }
+        format(&path, doc.format, FORMAT)?;
         name(&path.field("name"), &doc.name)?;
         let length = doc.description.chars().count();
         if length > MAX_DESCRIPTION_CHARS {
@@ -56,6 +49,7 @@ impl Definition {
         let variants = check_variants(&path, &doc)?;
         Ok(Self {
             name: doc.name.clone(),
+            pack: pack.name().to_owned(),
             description: doc.description.clone(),
             shape,
             body: Arc::new(body),
@@ -70,40 +64,16 @@ impl Definition {
     }
 }
 
-impl ShapeDoc {
-    /// The shape, unchecked.
-    pub fn to_shape(&self) -> Shape {
-        match self {
-            Self::Box {
-                center_m,
-                half_extents_m,
-            } => Shape::Box {
-                center_m: Vec3::from(*center_m),
-                half_extents_m: Vec3::from(*half_extents_m),
-            },
-            Self::Convex { points_m } => Shape::Convex {
-                points_m: points_m.iter().copied().map(Vec3::from).collect(),
-            },
-        }
-    }
-
-    fn kind(&self) -> &'static str {
-        match self {
-            Self::Box { .. } => "box",
-            Self::Convex { .. } => "convex",
-        }
-    }
-}
-
 fn check_body(path: &Path<'_>, doc: &ObjectDoc, shape: &Shape) -> Result<Body, FieldError> {
     let trigger = path.field("trigger");
     number(&trigger.field("reach_m"), doc.trigger.reach_m, 0.0, MAX_REACH_M)?;
-    let volume = Volume::new(shape).map_err(|error| shape_error(&path.field("shape"), &doc.shape, error))?;
+    let volume =
+        Volume::new(shape).map_err(|error| shape_error(&path.field("shape"), doc.shape.kind(), error))?;
     let trigger = match &doc.trigger.shape {
         Some(own) => Volume::grown(&own.to_shape(), doc.trigger.reach_m)
-            .map_err(|error| shape_error(&trigger.field("shape"), own, error))?,
+            .map_err(|error| shape_error(&trigger.field("shape"), own.kind(), error))?,
         None => Volume::grown(shape, doc.trigger.reach_m)
-            .map_err(|error| shape_error(&path.field("shape"), &doc.shape, error))?,
+            .map_err(|error| shape_error(&path.field("shape"), doc.shape.kind(), error))?,
     };
     Ok(Body {
         volume,
@@ -111,25 +81,6 @@ fn check_body(path: &Path<'_>, doc: &ObjectDoc, shape: &Shape) -> Result<Body, F
         solid: doc.solid,
         shared: doc.shared,
     })
-}
-
-fn shape_error(path: &Path<'_>, doc: &ShapeDoc, error: ShapeError) -> FieldError {
-    let path = path.field(doc.kind());
-    match error {
-        ShapeError::Value {
-            field,
-            found,
-            allowed,
-        } => FieldError {
-            field: format!("{path}.{field}"),
-            message: format!("is {found}"),
-            allowed,
-        },
-        flat_or_hull => path.field("points_m").error(
-            flat_or_hull.to_string(),
-            "points apart from each other that span a volume",
-        ),
-    }
 }
 
 fn check_release(path: &Path<'_>, doc: &ReleaseDoc) -> Result<Release, FieldError> {
@@ -189,104 +140,13 @@ fn check_socket(path: &Path<'_>, doc: &SocketDoc, skeleton: &Skeleton) -> Result
     })
 }
 
-/// Checks a name.
-pub(super) fn name(path: &Path<'_>, name: &str) -> Result<(), FieldError> {
-    let allowed = || format!("1 to {MAX_NAME_CHARS} letters, digits, '-', '_' or '.'");
-    let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    match (name.chars().count(), name.chars().find(|&c| !fits(c))) {
-        (0, _) => Err(path.error("is empty", allowed())),
-        (found, _) if found > MAX_NAME_CHARS => Err(path.error(format!("has {found} characters"), allowed())),
-        (_, Some(c)) => Err(path.error(format!("has the character {c:?}"), allowed())),
-        _ => Ok(()),
-    }
-}
-
-/// Checks how many there are, and each one's name, which no two share. Gives each with its place.
-pub(super) fn named<'a, T>(
-    path: &'a Path<'a>,
-    field: &'static str,
-    list: &'a [T],
-    low: usize,
-    high: usize,
-    name_of: impl Fn(&T) -> &str,
-) -> Result<impl Iterator<Item = (Path<'a>, &'a T)>, FieldError> {
-    entries(&path.field(field), list.len(), low, high)?;
-    let mut names = std::collections::HashSet::with_capacity(list.len());
-    for (index, one) in list.iter().enumerate() {
-        let path = path.element(field, index);
-        let path = path.field("name");
-        name(&path, name_of(one))?;
-        if !names.insert(name_of(one)) {
-            return Err(path.error(
-                format!("is {:?}, which another of the {field} has", name_of(one)),
-                "a name of its own for each",
-            ));
-        }
-    }
-    let places = move |(index, one)| (path.element(field, index), one);
-    Ok(list.iter().enumerate().map(places))
-}
-
-/// Checks how many entries a list has.
-pub(super) fn entries(path: &Path<'_>, found: usize, low: usize, high: usize) -> Result<(), FieldError> {
-    if (low..=high).contains(&found) {
-        return Ok(());
-    }
-    Err(path.error(format!("has {found} entries"), format!("{low} to {high}")))
-}
-
-/// Checks a number against its range; NaN is outside of any.
-pub(super) fn number(path: &Path<'_>, value: f32, low: f32, high: f32) -> Result<(), FieldError> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(path.error(format!("is {value}"), format!("{low} to {high}")))
-}
-
-/// Checks a whole number against its range.
-pub(super) fn count(path: &Path<'_>, value: u32, low: u32, high: u32) -> Result<(), FieldError> {
-    if (low..=high).contains(&value) {
-        return Ok(());
-    }
-    Err(path.error(format!("is {value}"), format!("{low} to {high}")))
-}
-
-/// Checks each component of a vector.
-pub(super) fn vector(
-    path: &Path<'_>,
-    field: &'static str,
-    value: [f32; 3],
-    limit: f32,
-) -> Result<Vec3, FieldError> {
-    for (axis, &component) in value.iter().enumerate() {
-        number(&path.element(field, axis), component, -limit, limit)?;
-    }
-    Ok(Vec3::from(value))
-}
-
-/// Checks a rotation's length and makes it exactly 1. `what` begins the message.
-pub(super) fn rotation(path: &Path<'_>, wxyz: [f32; 4], what: &str) -> Result<Quat, FieldError> {
-    let rotation = from_wxyz(wxyz);
-    let length = rotation.length();
-    let (low, high) = (1.0 - UNIT_TOLERANCE, 1.0 + UNIT_TOLERANCE);
-    // NaN and infinity are outside too.
-    if (low..=high).contains(&length) {
-        return Ok(rotation / length);
-    }
-    Err(path.error(
-        format!("{what} has length {length}"),
-        format!("unit length, {low} to {high}"),
-    ))
-}
-
 /// The index of a joint by its name.
 pub(super) fn joint(path: &Path<'_>, name: &str, skeleton: &Skeleton) -> Result<usize, FieldError> {
     skeleton.joint_index(name).ok_or_else(|| {
-        let names: Vec<_> = skeleton.joints.iter().map(|joint| joint.name.as_str()).collect();
-        let mut allowed = names[..names.len().min(MAX_LISTED)].join(", ");
-        if names.len() > MAX_LISTED {
-            allowed += &format!(" and {} more", names.len() - MAX_LISTED);
-        }
-        path.error(format!("is {name:?}, which is no joint of the pack"), allowed)
+        let names = skeleton.joints.iter().map(|joint| joint.name.as_str());
+        path.error(
+            format!("is {name:?}, which is no joint of the pack"),
+            listed(names),
+        )
     })
 }

@@ -3,12 +3,13 @@
 use troupe_motion::Quat;
 use troupe_motion::root::heading_of;
 
-use super::check::{count, entries, joint, named, number, rotation, vector};
+use super::check::joint;
 use super::{
     Action, Event, EventDoc, Hold, Keyframe, KeyframeDoc, MAX_DISTANCE_M, MAX_DROP_FRAMES, MAX_EVENTS,
     MAX_HOLD_FRAMES, MAX_KEYFRAMES, MAX_POINTS, MAX_SETS, MAX_VARIANTS, MAX_WEIGHT, ObjectDoc, Origin, Point,
     Set, SetDoc, Socket, Variant,
 };
+use crate::document::check::{count, entries, named, number, rotation, vector};
 use crate::inbetween::{FieldError, HEADING_TOLERANCE, Path};
 use crate::pack::Pack;
 

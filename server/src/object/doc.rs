@@ -1,9 +1,11 @@
 //! Definitions as they are written. The same fields in TOML and JSON; lengths in metres, angles in degrees, rotations as
-//! w, x, y, z. Values are checked by [`super::check`].
+//! w, x, y, z. [`super::check`] checks the values.
 
 use serde::{Deserialize, Serialize};
 
-use super::{Align, Moment, Origin};
+use super::{Align, MAX_BYTES, Moment, Origin};
+use crate::document::{Document, is_default};
+use crate::scene::ShapeDoc;
 
 fn yes() -> bool {
     true
@@ -15,10 +17,6 @@ fn is_true(value: &bool) -> bool {
 
 fn is_false(value: &bool) -> bool {
     !*value
-}
-
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
 }
 
 /// A whole definition.
@@ -61,23 +59,19 @@ pub struct ObjectDoc {
     pub sets: Vec<SetDoc>,
 }
 
-/// A convex shape in the object's frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum ShapeDoc {
-    /// A box along the axes.
-    Box {
-        /// Its middle, metres. Default: the origin.
-        #[serde(default, skip_serializing_if = "is_default")]
-        center_m: [f32; 3],
-        /// Half its size along each axis, metres.
-        half_extents_m: [f32; 3],
-    },
-    /// The hull of points.
-    Convex {
-        /// The points, metres.
-        points_m: Vec<[f32; 3]>,
-    },
+impl Document for ObjectDoc {
+    const WHAT: &'static str = "object definition";
+    const MAX_BYTES: usize = MAX_BYTES;
+}
+
+impl ObjectDoc {
+    /// The TOML text.
+    ///
+    /// # Errors
+    /// Where a value cannot be written, which no checked definition has.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(self)
+    }
 }
 
 /// The trigger volume.

@@ -5,122 +5,9 @@ use troupe_motion::Vec3;
 
 use super::testing::{CUP, definition};
 use super::*;
+use crate::document::testing::{any_changes, changed};
 use crate::scene::{Scene, Transform};
 use crate::style::testing::walker_pack;
-
-/// Values and pieces that do not belong where they are put.
-const PIECES: &[&str] = &[
-    "nan",
-    "-inf",
-    "inf",
-    "0",
-    "-1",
-    "1e39",
-    "-0.0",
-    "4294967296",
-    "9223372036854775807",
-    "\"\"",
-    "\"lift\"",
-    "\"reach\"",
-    "true",
-    "[]",
-    "{}",
-    "[[]]",
-    "[nan, nan, nan]",
-    "[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]",
-    "1979-05-27T07:32:00Z",
-    "'''",
-    "\"\u{0}\"",
-    "é",
-    "\n[[sets]]\n",
-    "\n[sets]\n",
-    "[",
-    "]",
-    "}",
-    "#",
-    "=",
-    ".",
-    "a.b.c.d = 1\n",
-];
-
-/// A word of the text: what is between blanks, commas, brackets and signs.
-fn words(text: &str) -> Vec<(usize, usize)> {
-    let mut words = Vec::new();
-    let mut start = None;
-    for (at, c) in text.char_indices() {
-        let inside = !c.is_whitespace() && !",[]{}=".contains(c);
-        match (inside, start) {
-            (true, None) => start = Some(at),
-            (false, Some(from)) => {
-                words.push((from, at));
-                start = None;
-            }
-            _ => {}
-        }
-    }
-    words
-}
-
-#[derive(Debug, Clone)]
-enum Change {
-    /// A word becomes a piece.
-    Replace(prop::sample::Index, prop::sample::Index),
-    /// A word becomes another word.
-    Swap(prop::sample::Index, prop::sample::Index),
-    /// A line goes.
-    Drop(prop::sample::Index),
-    /// A line comes twice, the second time elsewhere.
-    Copy(prop::sample::Index, prop::sample::Index),
-    /// A piece at any place.
-    Insert(prop::sample::Index, prop::sample::Index),
-}
-
-impl Change {
-    fn apply(&self, text: &str) -> String {
-        let words = words(text);
-        let lines: Vec<&str> = text.lines().collect();
-        if words.is_empty() || lines.is_empty() {
-            return text.to_owned();
-        }
-        let put = |(from, to): (usize, usize), new: &str| format!("{}{new}{}", &text[..from], &text[to..]);
-        match self {
-            Self::Replace(word, piece) => {
-                put(words[word.index(words.len())], PIECES[piece.index(PIECES.len())])
-            }
-            Self::Swap(word, other) => {
-                let (from, to) = words[other.index(words.len())];
-                put(words[word.index(words.len())], &text[from..to])
-            }
-            Self::Drop(line) => {
-                let mut lines = lines;
-                lines.remove(line.index(lines.len()));
-                lines.join("\n")
-            }
-            Self::Copy(line, to) => {
-                let mut lines = lines;
-                let line = lines[line.index(lines.len())];
-                lines.insert(to.index(lines.len()), line);
-                lines.join("\n")
-            }
-            Self::Insert(at, piece) => {
-                let places: Vec<usize> = text.char_indices().map(|(at, _)| at).collect();
-                let at = places[at.index(places.len())];
-                put((at, at), PIECES[piece.index(PIECES.len())])
-            }
-        }
-    }
-}
-
-fn any_change() -> impl Strategy<Value = Change> {
-    let index = any::<prop::sample::Index>;
-    prop_oneof![
-        4 => (index(), index()).prop_map(|(a, b)| Change::Replace(a, b)),
-        3 => (index(), index()).prop_map(|(a, b)| Change::Swap(a, b)),
-        1 => index().prop_map(Change::Drop),
-        1 => (index(), index()).prop_map(|(a, b)| Change::Copy(a, b)),
-        2 => (index(), index()).prop_map(|(a, b)| Change::Insert(a, b)),
-    ]
-}
 
 /// Uses all that a definition has; every answer is finite.
 fn use_it(thing: &Definition, seed: u64) -> Result<(), TestCaseError> {
@@ -159,8 +46,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(1500))]
 
     #[test]
-    fn mutated_definitions_never_panic(changes in prop::collection::vec(any_change(), 1..5), seed: u64) {
-        let text = changes.iter().fold(CUP.to_owned(), |text, change| change.apply(&text));
+    fn mutated_definitions_never_panic(changes in any_changes(), seed: u64) {
+        let text = changed(CUP, &changes);
         match Definition::from_toml(&text, &walker_pack()) {
             Ok(thing) => use_it(&thing, seed)?,
             Err(error) => prop_assert!(!error.message.is_empty() && !error.to_string().is_empty()),
@@ -168,9 +55,9 @@ proptest! {
     }
 
     #[test]
-    fn mutated_json_never_panics(changes in prop::collection::vec(any_change(), 1..5), seed: u64) {
+    fn mutated_json_never_panics(changes in any_changes(), seed: u64) {
         let text = serde_json::to_string_pretty(&*definition().doc).unwrap();
-        let text = changes.iter().fold(text, |text, change| change.apply(&text));
+        let text = changed(&text, &changes);
         match Definition::from_json(&text, &walker_pack()) {
             Ok(thing) => use_it(&thing, seed)?,
             Err(error) => prop_assert!(!error.message.is_empty() && !error.to_string().is_empty()),

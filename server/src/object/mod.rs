@@ -16,7 +16,6 @@ mod approach;
 mod check;
 mod check_sets;
 mod doc;
-mod locate;
 mod place;
 mod read;
 mod socket;
@@ -40,18 +39,16 @@ use crate::scene::{Body, Shape};
 pub use anchor::{Anchor, WorldKeyframe, WorldPoint};
 pub use approach::Choice;
 pub use doc::{
-    AnchorDoc, ApproachDoc, EventDoc, KeyframeDoc, ObjectDoc, PointDoc, ReleaseDoc, SetDoc, ShapeDoc,
-    SocketDoc, TriggerDoc, VariantDoc,
+    AnchorDoc, ApproachDoc, EventDoc, KeyframeDoc, ObjectDoc, PointDoc, ReleaseDoc, SetDoc, SocketDoc,
+    TriggerDoc, VariantDoc,
 };
 pub use place::{PlaceError, Placement};
-pub use read::{DefinitionError, Format, load_file, load_folder};
+pub use read::{load_file, load_folder};
 
 /// Version of the definition format that this server reads.
 pub const FORMAT: u32 = 1;
 /// Most bytes of a definition.
 pub const MAX_BYTES: usize = 1 << 20;
-/// Most characters of a name: letters, digits, '-', '_' or '.'.
-pub const MAX_NAME_CHARS: usize = 64;
 /// Most characters of a description.
 pub const MAX_DESCRIPTION_CHARS: usize = 1000;
 /// Most sets of a definition.
@@ -88,6 +85,9 @@ pub const MAX_SLOPE_DEG: f32 = 80.0;
 pub struct Definition {
     /// Unique among definitions.
     pub name: String,
+    /// Name of the pack that it was checked for: its poses and joints are of that pack's skeleton, and no character of
+    /// another pack can use it.
+    pub pack: String,
     /// What it is, for people.
     pub description: String,
     /// The object's shape, in its own frame.

@@ -426,7 +426,7 @@ fn files_and_folders() {
     write("twice.toml", CUP);
     let said = load_folder(folder.path(), &pack).unwrap_err().to_string();
     assert!(
-        said.contains("twice.toml: name: is \"cup\", which another file's object has"),
+        said.contains("twice.toml: name: is \"cup\", which another file's object definition has"),
         "{said}"
     );
     write("twice.toml", "format = 1\nname = 4");
@@ -439,7 +439,7 @@ fn files_and_folders() {
         .unwrap_err()
         .to_string();
     assert!(
-        said.contains("notes.txt: is no definition; allowed: files that end in .toml or .json"),
+        said.contains("notes.txt: is no object definition; allowed: files that end in .toml or .json"),
         "{said}"
     );
     let said = load_file(&folder.path().join("none.toml"), &pack)

@@ -79,6 +79,11 @@ impl SceneTable {
         self.scenes.load().keys().cloned().collect()
     }
 
+    /// All scenes by name, as they are now.
+    pub fn all(&self) -> Arc<BTreeMap<String, Arc<SceneCell>>> {
+        self.scenes.load_full()
+    }
+
     /// The scene of this name.
     ///
     /// # Errors

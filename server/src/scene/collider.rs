@@ -77,6 +77,23 @@ pub(super) struct Placed {
     samples: usize,
 }
 
+impl Placed {
+    /// Checks and prepares a collider.
+    pub(super) fn new(collider: &Collider) -> Result<Self, SceneError> {
+        error::id("the id of a collider", &collider.id)?;
+        let of = |cause| SceneError::Shape {
+            what: format!("collider {:?}", collider.id),
+            cause,
+        };
+        Ok(Self {
+            id: Arc::from(collider.id.as_str()),
+            volume: collider.shape.volume().map_err(of)?,
+            transform: collider.place()?,
+            samples: collider.shape.samples(),
+        })
+    }
+}
+
 /// All static colliders of a scene.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Colliders {
@@ -86,7 +103,7 @@ pub(super) struct Colliders {
 
 impl Colliders {
     /// Checks and prepares colliders.
-    pub(super) fn build(colliders: &[Collider]) -> Result<Self, SceneError> {
+    pub(super) fn prepare(colliders: &[Collider]) -> Result<Vec<Placed>, SceneError> {
         if colliders.len() > MAX_COLLIDERS {
             return Err(SceneError::value(
                 "colliders",
@@ -102,35 +119,26 @@ impl Colliders {
                 format!("at most {MAX_HEIGHT_SAMPLES} together"),
             ));
         }
-        let mut list: Vec<Placed> = Vec::with_capacity(colliders.len());
         let mut ids = std::collections::HashSet::with_capacity(colliders.len());
-        for collider in colliders {
-            error::id("the id of a collider", &collider.id)?;
-            if !ids.insert(collider.id.as_str()) {
-                return Err(SceneError::Exists {
-                    what: "a collider",
-                    id: collider.id.clone(),
-                });
-            }
-            let of = |cause| SceneError::Shape {
-                what: format!("collider {:?}", collider.id),
-                cause,
-            };
-            list.push(Placed {
-                id: Arc::from(collider.id.as_str()),
-                volume: collider.shape.volume().map_err(of)?,
-                transform: collider.place()?,
-                samples: collider.shape.samples(),
+        if let Some(twice) = colliders.iter().find(|collider| !ids.insert(&collider.id)) {
+            return Err(SceneError::Exists {
+                what: "a collider",
+                id: twice.id.clone(),
             });
         }
+        colliders.iter().map(Placed::new).collect()
+    }
+
+    /// Of colliders that have been checked.
+    pub(super) fn new(list: Vec<Placed>) -> Self {
         let bounds: Vec<Aabb> = list
             .iter()
             .map(|placed| placed.volume.aabb(placed.transform))
             .collect();
-        Ok(Self {
+        Self {
             list,
             tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &bounds),
-        })
+        }
     }
 
     /// Samples of all heightfields.

@@ -8,15 +8,21 @@
 //! A scene is a plain value. Sessions share one through a [`SceneCell`]: readers take a snapshot without a lock, a writer
 //! publishes a changed copy that shares all that did not change.
 //!
+//! Scenes are read from TOML or JSON ([`NamedScene::read`], [`load_file`], [`load_folder`]), as the definitions of their
+//! objects are; [`Bodies`] is where they find these.
+//!
 //! Space is the server's own: right-handed, Y up, metres.
 
 mod cell;
+mod check;
 mod collider;
 mod convert;
+mod doc;
 mod error;
 mod heightfield;
 mod instance;
 mod query;
+mod read;
 mod shape;
 mod trace;
 mod transform;
@@ -25,21 +31,33 @@ mod world;
 #[cfg(test)]
 mod query_tests;
 #[cfg(test)]
+mod read_tests;
+#[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
 mod world_tests;
 
 pub use cell::{SceneCell, SceneTable, TableError};
+pub use check::Bodies;
+pub(crate) use check::shape_error;
 pub use collider::{Collider, ColliderShape};
+pub use doc::{
+    BoxDoc, ColliderDoc, ColliderShapeDoc, ConvexDoc, HeightfieldDoc, InstanceDoc, SceneDoc, ShapeDoc,
+};
 pub use error::{SceneError, ShapeError};
 pub use heightfield::Heightfield;
 pub use instance::{Body, Holder, Instance, State};
 pub use query::{Detected, RayHit, Surface};
+pub use read::{NamedScene, load_file, load_folder};
 pub use shape::{Shape, Volume};
 pub use trace::BoxTrace;
 pub use transform::Transform;
 pub use world::Scene;
 
+/// Version of the scene format that this server reads.
+pub const FORMAT: u32 = 1;
+/// Most bytes of a scene that is read.
+pub const MAX_BYTES: usize = 8 << 20;
 /// Farthest that anything in a scene may be from its origin along an axis, metres.
 pub const MAX_COORDINATE_M: f32 = 1e4;
 /// Smallest and largest half extent of a box, metres.

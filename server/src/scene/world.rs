@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use parry3d::partitioning::Bvh;
 
-use super::collider::Colliders;
+use super::collider::{Colliders, Placed};
 use super::error::{self, SceneError};
 use super::{Body, Collider, Holder, Instance, MAX_COORDINATE_M, MAX_INSTANCES, State, Transform};
 
@@ -81,6 +81,11 @@ impl Scene {
         self.slots.get(slot as usize)?.as_ref()
     }
 
+    /// Whether it has objects of this definition, held ones too.
+    pub fn uses(&self, definition: &str) -> bool {
+        self.instances().any(|instance| &*instance.object == definition)
+    }
+
     /// Moves the ground plane.
     ///
     /// # Errors
@@ -105,9 +110,14 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] for the first that cannot be used; then nothing has changed.
     pub fn set_colliders(&mut self, colliders: &[Collider]) -> Result<(), SceneError> {
-        self.colliders = Arc::new(Colliders::build(colliders)?);
-        self.revision += 1;
+        self.place_colliders(Colliders::prepare(colliders)?);
         Ok(())
+    }
+
+    /// Replaces all static colliders by such as have been checked, one by one and together.
+    pub(super) fn place_colliders(&mut self, colliders: Vec<Placed>) {
+        self.colliders = Arc::new(Colliders::new(colliders));
+        self.revision += 1;
     }
 
     /// Places an object: `id` is its own, `object` the name of its definition, `body` that definition's.
