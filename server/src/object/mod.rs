@@ -19,6 +19,7 @@ mod doc;
 mod place;
 mod read;
 mod socket;
+mod table;
 mod variant;
 
 #[cfg(test)]
@@ -27,6 +28,8 @@ mod anchor_tests;
 mod fuzz_tests;
 #[cfg(test)]
 mod read_tests;
+#[cfg(test)]
+mod table_tests;
 #[cfg(test)]
 pub(crate) mod testing;
 
@@ -44,11 +47,14 @@ pub use doc::{
 };
 pub use place::{PlaceError, Placement};
 pub use read::{load_file, load_folder};
+pub use table::{DefinitionList, Definitions, DefinitionsError, Listed, Uploaded};
 
 /// Version of the definition format that this server reads.
 pub const FORMAT: u32 = 1;
 /// Most bytes of a definition.
 pub const MAX_BYTES: usize = 1 << 20;
+/// Most definitions of a server.
+pub const MAX_DEFINITIONS: usize = 256;
 /// Most characters of a description.
 pub const MAX_DESCRIPTION_CHARS: usize = 1000;
 /// Most sets of a definition.

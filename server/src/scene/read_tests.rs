@@ -1,5 +1,6 @@
 //! Scenes that are read, and what is said about those that cannot be.
 
+use std::path::Path as FilePath;
 use std::sync::Arc;
 
 use proptest::prelude::*;
@@ -9,6 +10,8 @@ use super::testing::{boxed, place};
 use super::*;
 use crate::document::testing::{any_changes, changed};
 use crate::document::{Format, parse};
+use crate::object::{self, Definitions};
+use crate::pack::Pack;
 use crate::style::testing::TempFolder;
 
 /// Everything that a scene can say, at least once.
@@ -334,6 +337,29 @@ fn files_and_folders() {
         unknown.contains("z.toml: line 32, column 14: objects[0].definition"),
         "{unknown}"
     );
+}
+
+#[test]
+fn the_examples_are_scenes() {
+    let root = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let pack = Pack::load(&root.join("models/human")).unwrap();
+    let objects = object::load_folder(&root.join("examples/objects"), &pack).unwrap();
+    let definitions = Definitions::new(objects).unwrap().snapshot();
+    let scenes = load_folder(&root.join("examples/scenes"), &*definitions).unwrap();
+    assert_eq!(scenes.len(), 1);
+    let NamedScene { name, scene } = &scenes[0];
+    assert_eq!(
+        (name.as_str(), scene.len(), scene.colliders().count()),
+        ("courtyard", 4, 4)
+    );
+    // The cups stand on the table: put down there, they stay.
+    let cup = definitions.get("cup").unwrap().definition.clone();
+    for id in ["cup-1", "cup-2"] {
+        let at = scene.instance(id).unwrap().transform;
+        let lies = cup.place(scene, id, at).unwrap();
+        assert_eq!(lies.surface.unwrap().surface, Surface::Collider("table".into()));
+        assert!((lies.transform.position - at.position).length() < 1e-4);
+    }
 }
 
 proptest! {
