@@ -9,6 +9,10 @@
 //! Commands change what a character wants ([`primitives`], [`style`]); whenever it needs a plan, its session has one made on
 //! the same way through the batcher, and cross-fades it into the frames that a step or a stream takes ([`session`]).
 //!
+//! # What characters live among
+//! A [`scene`] has ground, colliders and objects; an [`object`] definition says what characters can do with a thing. Both
+//! are read from TOML or JSON by [`document`], whose errors name line and field.
+//!
 //! [`service`] ties these together, [`server`] runs them on a port, [`telemetry`] counts, [`config`] configures, [`doctor`] says what
 //! a machine offers.
 //!
@@ -31,10 +35,13 @@ pub mod api;
 pub mod batch;
 pub mod config;
 pub mod doctor;
+pub mod document;
 pub mod engine;
 pub mod inbetween;
+pub mod object;
 pub mod pack;
 pub mod primitives;
+pub mod scene;
 pub mod server;
 pub mod service;
 pub mod session;

@@ -1,0 +1,19 @@
+//! Documents that people write: TOML or JSON texts, files and folders of them, read and checked.
+//!
+//! A [`Document`] is what stands in a text; a check makes of it what the server works with. Whatever is wrong, the error
+//! names file, line, field and what is allowed ([`DocumentError`]). Smart objects ([`crate::object`]) and scenes
+//! ([`crate::scene`]) are such documents.
+
+pub(crate) mod check;
+mod locate;
+mod read;
+#[cfg(test)]
+pub(crate) mod testing;
+
+pub use check::MAX_NAME_CHARS;
+pub use read::{Document, DocumentError, Format, Source, parse, read, read_file, read_folder};
+
+/// For serde: a field that is left out where it says what it says anyway.
+pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}

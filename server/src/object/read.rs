@@ -1,0 +1,53 @@
+//! Definitions as TOML or JSON texts and files.
+
+use std::path::Path as FilePath;
+
+use super::Definition;
+use crate::document::{DocumentError, Format, read, read_file, read_folder};
+use crate::pack::Pack;
+
+impl Definition {
+    /// Reads and checks a TOML text for `pack`.
+    ///
+    /// # Errors
+    /// [`DocumentError`] for the first thing that is wrong.
+    pub fn from_toml(text: &str, pack: &Pack) -> Result<Self, DocumentError> {
+        Self::read(text, Format::Toml, pack)
+    }
+
+    /// Reads and checks a JSON text for `pack`.
+    ///
+    /// # Errors
+    /// [`DocumentError`] for the first thing that is wrong.
+    pub fn from_json(text: &str, pack: &Pack) -> Result<Self, DocumentError> {
+        Self::read(text, Format::Json, pack)
+    }
+
+    /// Reads and checks a text for `pack`.
+    ///
+    /// # Errors
+    /// [`DocumentError`] for the first thing that is wrong.
+    pub fn read(text: &str, format: Format, pack: &Pack) -> Result<Self, DocumentError> {
+        read(text, format, |doc| Self::from_doc(doc, pack))
+    }
+}
+
+/// Reads and checks the definition in `file`, which ends in `.toml` or `.json`.
+///
+/// # Errors
+/// [`DocumentError`], which names the file, and line and field where there are such.
+pub fn load_file(file: &FilePath, pack: &Pack) -> Result<Definition, DocumentError> {
+    read_file(file, |doc| Definition::from_doc(doc, pack))
+}
+
+/// Reads and checks every `*.toml` and `*.json` of `folder`, sorted by name. A folder that is not there has none.
+///
+/// # Errors
+/// [`DocumentError`] for the first file that is not a definition, or has the name of another.
+pub fn load_folder(folder: &FilePath, pack: &Pack) -> Result<Vec<Definition>, DocumentError> {
+    read_folder(
+        folder,
+        |doc| Definition::from_doc(doc, pack),
+        |definition| &definition.name,
+    )
+}

@@ -1,0 +1,216 @@
+//! Scenes that sessions share, by name.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use arc_swap::ArcSwap;
+
+use super::{MAX_ID_BYTES, MAX_SCENES, Scene};
+
+/// A scene that many read and some change. Reading takes no lock and sees a scene wholly as it was or wholly as it is.
+#[derive(Debug, Default)]
+pub struct SceneCell {
+    scene: ArcSwap<Scene>,
+    /// One writer at a time.
+    writing: Mutex<()>,
+}
+
+impl SceneCell {
+    /// A cell that holds `scene`.
+    pub fn new(scene: Scene) -> Self {
+        Self {
+            scene: ArcSwap::from_pointee(scene),
+            writing: Mutex::new(()),
+        }
+    }
+
+    /// The scene as it is now; it does not change under its reader.
+    pub fn snapshot(&self) -> Arc<Scene> {
+        self.scene.load_full()
+    }
+
+    /// Changes the scene. All that `change` does becomes visible at once, or, where it fails, not at all. Many changes
+    /// belong into one call: each call makes a copy of the list of instances and of the trees.
+    ///
+    /// # Errors
+    /// That of `change`.
+    pub fn update<T, E>(&self, change: impl FnOnce(&mut Scene) -> Result<T, E>) -> Result<T, E> {
+        let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut scene = Scene::clone(&self.scene.load());
+        let answer = change(&mut scene)?;
+        self.scene.store(Arc::new(scene));
+        Ok(answer)
+    }
+}
+
+/// All scenes of a server.
+#[derive(Debug, Default)]
+pub struct SceneTable {
+    scenes: ArcSwap<BTreeMap<String, Arc<SceneCell>>>,
+    writing: Mutex<()>,
+}
+
+/// Why the table was not changed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TableError {
+    /// A name that is not accepted.
+    #[error("the name of a scene is {0} bytes long; allowed: 1 to {MAX_ID_BYTES} bytes")]
+    Name(usize),
+    /// A second scene of one name.
+    #[error("there is a scene {0:?} already")]
+    Exists(String),
+    /// A name that is no scene's.
+    #[error("there is no scene {name:?}; there are: {}", known.join(", "))]
+    Unknown {
+        /// The name.
+        name: String,
+        /// The scenes that there are.
+        known: Vec<String>,
+    },
+    /// As many scenes as there may be.
+    #[error("there are {MAX_SCENES} scenes, the most that there may be")]
+    Full,
+}
+
+impl SceneTable {
+    /// The names of all scenes, sorted.
+    pub fn names(&self) -> Vec<String> {
+        self.scenes.load().keys().cloned().collect()
+    }
+
+    /// All scenes by name, as they are now.
+    pub fn all(&self) -> Arc<BTreeMap<String, Arc<SceneCell>>> {
+        self.scenes.load_full()
+    }
+
+    /// The scene of this name.
+    ///
+    /// # Errors
+    /// [`TableError::Unknown`].
+    pub fn get(&self, name: &str) -> Result<Arc<SceneCell>, TableError> {
+        let scenes = self.scenes.load();
+        scenes.get(name).cloned().ok_or_else(|| TableError::Unknown {
+            name: name.to_owned(),
+            known: scenes.keys().cloned().collect(),
+        })
+    }
+
+    /// Adds a scene.
+    ///
+    /// # Errors
+    /// [`TableError::Exists`], [`TableError::Name`] or [`TableError::Full`].
+    pub fn add(&self, name: &str, scene: Scene) -> Result<Arc<SceneCell>, TableError> {
+        self.change(|scenes| {
+            if !(1..=MAX_ID_BYTES).contains(&name.len()) {
+                return Err(TableError::Name(name.len()));
+            }
+            if scenes.contains_key(name) {
+                return Err(TableError::Exists(name.to_owned()));
+            }
+            if scenes.len() >= MAX_SCENES {
+                return Err(TableError::Full);
+            }
+            let cell = Arc::new(SceneCell::new(scene));
+            scenes.insert(name.to_owned(), Arc::clone(&cell));
+            Ok(cell)
+        })
+    }
+
+    /// Takes a scene out. Sessions that live in it keep it; nobody new finds it.
+    ///
+    /// # Errors
+    /// [`TableError::Unknown`].
+    pub fn remove(&self, name: &str) -> Result<Arc<SceneCell>, TableError> {
+        self.change(|scenes| {
+            scenes.remove(name).ok_or_else(|| TableError::Unknown {
+                name: name.to_owned(),
+                known: scenes.keys().cloned().collect(),
+            })
+        })
+    }
+
+    fn change<T>(
+        &self,
+        change: impl FnOnce(&mut BTreeMap<String, Arc<SceneCell>>) -> Result<T, TableError>,
+    ) -> Result<T, TableError> {
+        let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut scenes = BTreeMap::clone(&self.scenes.load());
+        let answer = change(&mut scenes)?;
+        self.scenes.store(Arc::new(scenes));
+        Ok(answer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{boxed, place};
+    use super::super::{SceneError, Transform};
+    use super::*;
+
+    #[test]
+    fn a_snapshot_stays_and_a_failed_change_leaves_nothing() {
+        let cell = SceneCell::new(Scene::new(0.0).unwrap());
+        cell.update(|scene| scene.add("crate", "crate", boxed(0.5), place(1.0, 0.5, 2.0)))
+            .unwrap();
+        let before = cell.snapshot();
+        let failed = cell.update(|scene| {
+            scene.move_to("crate", place(5.0, 0.5, 5.0))?;
+            scene.remove("no such object")
+        });
+        assert!(matches!(failed, Err(SceneError::Unknown { .. })));
+        assert_eq!(cell.snapshot().revision(), before.revision());
+        cell.update(|scene| scene.move_to("crate", place(5.0, 0.5, 5.0)))
+            .unwrap();
+        assert_eq!(before.instance("crate").unwrap().transform, place(1.0, 0.5, 2.0));
+        assert_eq!(
+            cell.snapshot().instance("crate").unwrap().transform,
+            place(5.0, 0.5, 5.0)
+        );
+    }
+
+    #[test]
+    fn one_of_two_that_want_the_same_gets_it() {
+        use super::super::Holder;
+        let cell = SceneCell::new(Scene::new(0.0).unwrap());
+        cell.update(|scene| scene.add("crate", "crate", boxed(0.5), Transform::IDENTITY))
+            .unwrap();
+        let got = std::thread::scope(|threads| {
+            let tries: Vec<_> = (0..8)
+                .map(|index| {
+                    let cell = &cell;
+                    threads.spawn(move || {
+                        let by = Holder::new("s", &index.to_string());
+                        cell.update(|scene| scene.reserve("crate", &by)).is_ok()
+                    })
+                })
+                .collect();
+            tries
+                .into_iter()
+                .map(|one| one.join().unwrap())
+                .filter(|&ok| ok)
+                .count()
+        });
+        assert_eq!(got, 1);
+    }
+
+    #[test]
+    fn scenes_go_by_name() {
+        let table = SceneTable::default();
+        let yard = table.add("yard", Scene::default()).unwrap();
+        assert!(Arc::ptr_eq(&yard, &table.get("yard").unwrap()));
+        assert_eq!(
+            table.add("yard", Scene::default()).unwrap_err(),
+            TableError::Exists("yard".into())
+        );
+        assert_eq!(table.add("", Scene::default()).unwrap_err(), TableError::Name(0));
+        let error = table.get("hall").unwrap_err();
+        assert_eq!(error.to_string(), "there is no scene \"hall\"; there are: yard");
+        for index in 1..MAX_SCENES {
+            table.add(&format!("s{index}"), Scene::default()).unwrap();
+        }
+        assert_eq!(table.add("more", Scene::default()).unwrap_err(), TableError::Full);
+        table.remove("yard").unwrap();
+        assert!(table.get("yard").is_err() && table.names().len() == MAX_SCENES - 1);
+    }
+}

@@ -1,0 +1,171 @@
+//! From what is written to a [`Scene`].
+
+use std::sync::Arc;
+
+use troupe_motion::Quat;
+use troupe_motion::rotation::yaw;
+
+use super::collider::Placed;
+use super::error::{self, SceneError, ShapeError};
+use super::{
+    Body, Collider, ColliderDoc, ColliderShape, ColliderShapeDoc, FORMAT, InstanceDoc, MAX_COLLIDERS,
+    MAX_COORDINATE_M, MAX_HEIGHT_SAMPLES, MAX_INSTANCES, Scene, SceneDoc, Transform,
+};
+use crate::document::check::{entries, format, listed, name, number, rotation, unique, vector};
+use crate::inbetween::{FieldError, Path};
+
+/// Where scenes find the bodies of the objects that they name.
+pub trait Bodies {
+    /// The body of the definition of this name.
+    fn body(&self, definition: &str) -> Option<Arc<Body>>;
+
+    /// The names of all definitions.
+    fn names(&self) -> Vec<&str>;
+}
+
+impl SceneDoc {
+    /// Checks what is written and makes the scene.
+    ///
+    /// # Errors
+    /// [`FieldError`] for the first value that is not accepted.
+    pub fn to_scene(&self, bodies: &impl Bodies) -> Result<Scene, FieldError> {
+        let path = Path::root();
+        format(&path, self.format, FORMAT)?;
+        name(&path.field("name"), &self.name)?;
+        let mut scene =
+            Scene::new(self.ground_m).map_err(|error| field_error(&path.field("ground_m"), error))?;
+        scene.place_colliders(self.check_colliders(&path)?);
+        entries(&path.field("objects"), self.objects.len(), 0, MAX_INSTANCES)?;
+        unique(&path, "objects", &self.objects, "id", |object| &object.id)?;
+        for (index, object) in self.objects.iter().enumerate() {
+            object.add_to(&mut scene, &path.element("objects", index), bodies)?;
+        }
+        Ok(scene)
+    }
+
+    fn check_colliders(&self, path: &Path<'_>) -> Result<Vec<Placed>, FieldError> {
+        entries(&path.field("colliders"), self.colliders.len(), 0, MAX_COLLIDERS)?;
+        unique(path, "colliders", &self.colliders, "id", |collider| &collider.id)?;
+        let mut samples = 0;
+        let check = |(index, collider): (usize, &ColliderDoc)| {
+            let path = path.element("colliders", index);
+            samples += collider.samples();
+            if samples > MAX_HEIGHT_SAMPLES {
+                return Err(path.field("shape").field("heightfield").field("heights_m").error(
+                    format!("brings the samples of the scene's heightfields to {samples}"),
+                    format!("at most {MAX_HEIGHT_SAMPLES} together"),
+                ));
+            }
+            collider.check(&path)
+        };
+        self.colliders.iter().enumerate().map(check).collect()
+    }
+}
+
+impl InstanceDoc {
+    /// Checks what is written, which is at `path`, and puts the object into `scene`.
+    ///
+    /// # Errors
+    /// [`FieldError`] for the first value that is not accepted; then nothing has changed.
+    pub fn add_to(&self, scene: &mut Scene, path: &Path<'_>, bodies: &impl Bodies) -> Result<(), FieldError> {
+        let body = bodies.body(&self.definition).ok_or_else(|| {
+            let known = listed(bodies.names());
+            path.field("definition").error(
+                format!("is {:?}, which is no object definition", self.definition),
+                match known.is_empty() {
+                    true => "the name of a definition, of which there are none".to_owned(),
+                    false => known,
+                },
+            )
+        })?;
+        let transform = place(path, self.position_m, self.heading_deg, self.rotation)?;
+        scene
+            .add(&self.id, &self.definition, body, transform)
+            .map_err(|error| field_error(&path.field("id"), error))
+    }
+}
+
+impl ColliderDoc {
+    fn samples(&self) -> usize {
+        match &self.shape {
+            ColliderShapeDoc::Heightfield(field) => field.heights_m.len(),
+            _ => 0,
+        }
+    }
+
+    fn check(&self, path: &Path<'_>) -> Result<Placed, FieldError> {
+        error::id("the id", &self.id).map_err(|error| field_error(&path.field("id"), error))?;
+        let (kind, shape) = match &self.shape {
+            ColliderShapeDoc::Box(shape) => ("box", ColliderShape::Solid(shape.to_shape())),
+            ColliderShapeDoc::Convex(shape) => ("convex", ColliderShape::Solid(shape.to_shape())),
+            ColliderShapeDoc::Heightfield(field) => {
+                ("heightfield", ColliderShape::Heightfield(field.to_heightfield()))
+            }
+        };
+        let collider = Collider {
+            id: self.id.clone(),
+            shape,
+            transform: place(path, self.position_m, self.heading_deg, self.rotation)?,
+        };
+        Placed::new(&collider).map_err(|error| match error {
+            SceneError::Shape { cause, .. } => shape_error(&path.field("shape"), kind, cause),
+            tilted => field_error(&path.field("rotation"), tilted),
+        })
+    }
+}
+
+/// Checks where a thing is.
+fn place(
+    path: &Path<'_>,
+    position_m: [f32; 3],
+    heading_deg: Option<f32>,
+    wxyz: Option<[f32; 4]>,
+) -> Result<Transform, FieldError> {
+    let position = vector(path, "position_m", position_m, MAX_COORDINATE_M)?;
+    let rotation = match (heading_deg, wxyz) {
+        (None, None) => Quat::IDENTITY,
+        (Some(degrees), None) => {
+            number(&path.field("heading_deg"), degrees, -360.0, 360.0)?;
+            yaw(degrees.to_radians())
+        }
+        (None, Some(wxyz)) => rotation(&path.field("rotation"), wxyz, "the rotation")?,
+        (Some(_), Some(_)) => {
+            return Err(path
+                .field("rotation")
+                .error("is given beside heading_deg", "at most one of the two"));
+        }
+    };
+    Ok(Transform::new(position, rotation))
+}
+
+/// The error of the value at `path`.
+fn field_error(path: &Path<'_>, error: SceneError) -> FieldError {
+    match error {
+        SceneError::Value { found, allowed, .. } => path.error(format!("is {found}"), allowed),
+        SceneError::Exists { id, .. } => {
+            path.error(format!("is {id:?}, which the scene has already"), "another")
+        }
+        SceneError::Full { what, limit } => path.error("is one too many", format!("at most {limit} {what}")),
+        other => path.error(other.to_string(), ""),
+    }
+}
+
+/// The error of the shape at `path`, written as `kind`.
+pub(crate) fn shape_error(path: &Path<'_>, kind: &'static str, error: ShapeError) -> FieldError {
+    let path = path.field(kind);
+    match error {
+        ShapeError::Value {
+            field,
+            found,
+            allowed,
+        } => FieldError {
+            field: format!("{path}.{field}"),
+            message: format!("is {found}"),
+            allowed,
+        },
+        flat_or_hull => path.field("points_m").error(
+            flat_or_hull.to_string(),
+            "points apart from each other that span a volume",
+        ),
+    }
+}

@@ -1,0 +1,182 @@
+//! Scenes as they are written. The same fields in TOML and JSON; lengths in metres, angles in degrees, rotations as
+//! w, x, y, z. [`super::check`] checks the values.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Heightfield, MAX_BYTES, Shape};
+use crate::document::{Document, is_default};
+
+/// A whole scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneDoc {
+    /// Version of the format: 1.
+    pub format: u32,
+    /// Letters, digits, '-', '_' or '.'.
+    pub name: String,
+    /// Height of the ground plane, metres. Default 0.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub ground_m: f32,
+    /// What is there to stand on and to run into.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub colliders: Vec<ColliderDoc>,
+    /// What may be used.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub objects: Vec<InstanceDoc>,
+}
+
+impl Document for SceneDoc {
+    const WHAT: &'static str = "scene";
+    const MAX_BYTES: usize = MAX_BYTES;
+}
+
+impl SceneDoc {
+    /// The TOML text.
+    ///
+    /// # Errors
+    /// Where a value cannot be written, which no checked scene has.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(self)
+    }
+}
+
+/// A static collider. At most one of `heading_deg` and `rotation`; neither: it is not turned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColliderDoc {
+    /// Unique among the scene's colliders.
+    pub id: String,
+    /// Where its origin is, metres. Default: the scene's origin.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub position_m: [f32; 3],
+    /// Which way its +Z faces, degrees about +Y.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heading_deg: Option<f32>,
+    /// How it is turned: w, x, y, z.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<[f32; 4]>,
+    /// What it is like.
+    pub shape: ColliderShapeDoc,
+}
+
+/// An object of a scene. At most one of `heading_deg` and `rotation`; neither: it is not turned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InstanceDoc {
+    /// Unique among the scene's objects.
+    pub id: String,
+    /// Name of its definition.
+    pub definition: String,
+    /// Where its origin is, metres.
+    pub position_m: [f32; 3],
+    /// Which way its +Z faces, degrees about +Y.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heading_deg: Option<f32>,
+    /// How it is turned: w, x, y, z.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<[f32; 4]>,
+}
+
+/// A convex shape in the frame of what it belongs to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ShapeDoc {
+    /// A box along the axes.
+    Box(BoxDoc),
+    /// The hull of points.
+    Convex(ConvexDoc),
+}
+
+/// The shape of a static collider.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ColliderShapeDoc {
+    /// A box along the axes.
+    Box(BoxDoc),
+    /// The hull of points.
+    Convex(ConvexDoc),
+    /// Ground that is not flat. It may be turned about +Y alone.
+    Heightfield(HeightfieldDoc),
+}
+
+/// A box along the axes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoxDoc {
+    /// Its middle, metres. Default: the origin.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub center_m: [f32; 3],
+    /// Half its size along each axis, metres.
+    pub half_extents_m: [f32; 3],
+}
+
+/// The hull of points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConvexDoc {
+    /// The points, metres: 4 to 64.
+    pub points_m: Vec<[f32; 3]>,
+}
+
+/// Heights over a grid in the x-z plane, centred on the origin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HeightfieldDoc {
+    /// Samples along z, 2 to 512.
+    pub rows: usize,
+    /// Samples along x, 2 to 512.
+    pub columns: usize,
+    /// Size along x and z, metres.
+    pub size_m: [f32; 2],
+    /// `rows * columns` heights in metres, row by row: the first row is at the least z, its first sample at the least x.
+    pub heights_m: Vec<f32>,
+}
+
+impl BoxDoc {
+    /// The shape, unchecked.
+    pub fn to_shape(&self) -> Shape {
+        Shape::Box {
+            center_m: self.center_m.into(),
+            half_extents_m: self.half_extents_m.into(),
+        }
+    }
+}
+
+impl ConvexDoc {
+    /// The shape, unchecked.
+    pub fn to_shape(&self) -> Shape {
+        Shape::Convex {
+            points_m: self.points_m.iter().copied().map(Into::into).collect(),
+        }
+    }
+}
+
+impl ShapeDoc {
+    /// The shape, unchecked.
+    pub fn to_shape(&self) -> Shape {
+        match self {
+            Self::Box(shape) => shape.to_shape(),
+            Self::Convex(shape) => shape.to_shape(),
+        }
+    }
+
+    /// Its name in a document.
+    pub(crate) fn kind(&self) -> &'static str {
+        match self {
+            Self::Box(_) => "box",
+            Self::Convex(_) => "convex",
+        }
+    }
+}
+
+impl HeightfieldDoc {
+    /// The heightfield, unchecked.
+    pub fn to_heightfield(&self) -> Heightfield {
+        Heightfield {
+            rows: self.rows,
+            columns: self.columns,
+            size_m: self.size_m,
+            heights_m: self.heights_m.clone(),
+        }
+    }
+}
