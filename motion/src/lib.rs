@@ -18,6 +18,7 @@ pub mod features;
 pub mod fk;
 pub mod gait;
 pub mod glb;
+pub mod ik;
 pub mod inspect;
 pub mod interpolate;
 pub mod metrics;
