@@ -28,6 +28,7 @@ pub mod rotation;
 pub mod segment;
 pub mod skeleton;
 pub mod spring;
+pub mod stance;
 
 #[cfg(test)]
 mod testing;
