@@ -9,6 +9,7 @@
 //! ([`root::LocalRoot`]), joint positions relative to the projected root and 6D rotations in the world
 //! ([`features`]), joint velocities, and foot contacts ([`contacts`]).
 
+pub mod ballistic;
 pub mod bvh;
 pub mod clip;
 pub mod codec;
