@@ -30,6 +30,7 @@ pub mod segment;
 pub mod skeleton;
 pub mod spring;
 pub mod stance;
+pub mod terrain;
 
 #[cfg(test)]
 mod testing;
