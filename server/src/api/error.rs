@@ -15,6 +15,7 @@ use utoipa::ToSchema;
 use crate::batch::SubmitError;
 use crate::engine::EngineError;
 use crate::inbetween::{FieldError, NonFinite};
+use crate::session::Refusal;
 
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
 const DOMAIN: &str = "troupe.v1";
@@ -130,6 +131,14 @@ pub enum ApiError {
         /// The field of the request that named it.
         field: String,
     },
+    /// What a character is asked to do and could not.
+    #[error("{refusal}")]
+    Refused {
+        /// Why.
+        refusal: Refusal,
+        /// The field of the request that asked for it.
+        field: String,
+    },
     /// No such route or method.
     #[error("there is no {0}")]
     UnknownRoute(String),
@@ -239,6 +248,17 @@ impl ApiError {
                 "RESOURCE_EXHAUSTED",
             ),
             Self::UnknownStyle { .. } => (Code::InvalidArgument, StatusCode::BAD_REQUEST, "INVALID_ARGUMENT"),
+            Self::Refused { refusal, .. } => match refusal {
+                Refusal::UnknownObject { .. } => (Code::NotFound, StatusCode::NOT_FOUND, "NOT_FOUND"),
+                Refusal::UnknownVariant { .. } | Refusal::UnknownApproach { .. } => {
+                    (Code::InvalidArgument, StatusCode::BAD_REQUEST, "INVALID_ARGUMENT")
+                }
+                _ => (
+                    Code::FailedPrecondition,
+                    StatusCode::CONFLICT,
+                    "FAILED_PRECONDITION",
+                ),
+            },
             Self::UnknownRoute(_) => (Code::Unimplemented, StatusCode::NOT_FOUND, "NOT_FOUND"),
             Self::WrongMethod(_) => (
                 Code::Unimplemented,
@@ -272,6 +292,16 @@ impl ApiError {
             Self::TooManyStreams { .. } => "TOO_MANY_STREAMS",
             Self::UnknownStyle { .. } => "UNKNOWN_STYLE",
             Self::StyleIsBuiltIn { .. } => "STYLE_IS_BUILT_IN",
+            Self::Refused { refusal, .. } => match refusal {
+                Refusal::NoScene => "NO_SCENE",
+                Refusal::UnknownObject { .. } => "UNKNOWN_OBJECT",
+                Refusal::WrongPack { .. } => "WRONG_PACK",
+                Refusal::UnknownVariant { .. } => "UNKNOWN_VARIANT",
+                Refusal::UnknownApproach { .. } => "UNKNOWN_APPROACH",
+                Refusal::Taken { .. } => "OBJECT_TAKEN",
+                Refusal::Blocked { .. } => "BLOCKED",
+                Refusal::HandFull { .. } => "HAND_FULL",
+            },
             Self::UnknownRoute(_) => "UNKNOWN_ROUTE",
             Self::WrongMethod(_) => "WRONG_METHOD",
             Self::QueueFull { .. } => "QUEUE_FULL",
@@ -300,7 +330,8 @@ impl ApiError {
             | Self::SessionExists { field, .. }
             | Self::SessionBusy { field, .. }
             | Self::UnknownStyle { field, .. }
-            | Self::StyleIsBuiltIn { field, .. } => Some(field),
+            | Self::StyleIsBuiltIn { field, .. }
+            | Self::Refused { field, .. } => Some(field),
             _ => None,
         }
     }
@@ -318,6 +349,12 @@ impl ApiError {
                 Some(format!("at most {limit}"))
             }
             Self::UnknownStyle { there_are, .. } => Some(there_are.join(", ")),
+            Self::Refused { refusal, .. } => match refusal {
+                Refusal::UnknownVariant { there_are, .. } | Refusal::UnknownApproach { there_are, .. } => {
+                    Some(there_are.join(", "))
+                }
+                _ => None,
+            },
             Self::StyleIsBuiltIn { .. } => Some("a name that none of the pack's own styles has".to_owned()),
             Self::SessionExists { .. } => Some("an id that is free, or none".to_owned()),
             _ => None,

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use arc_swap::ArcSwap;
 
-use super::{MAX_ID_BYTES, MAX_SCENES, Scene};
+use super::{Holder, MAX_ID_BYTES, MAX_SCENES, Scene};
 
 /// A scene that many read and some change. Reading takes no lock and sees a scene wholly as it was or wholly as it is.
 #[derive(Debug, Default)]
@@ -40,6 +40,16 @@ impl SceneCell {
         let answer = change(&mut scene)?;
         self.scene.store(Arc::new(scene));
         Ok(answer)
+    }
+
+    /// Frees all that `by` reserved or holds. How many objects that freed.
+    pub fn free_all(&self, by: &Holder) -> usize {
+        let changed = self.update(|scene| match scene.free_all(|holder| holder == by) {
+            // A scene in which there was nothing to free is not published anew.
+            0 => Err(()),
+            freed => Ok(freed),
+        });
+        changed.unwrap_or(0)
     }
 }
 
@@ -180,7 +190,7 @@ mod tests {
                 .map(|index| {
                     let cell = &cell;
                     threads.spawn(move || {
-                        let by = Holder::new("s", &index.to_string());
+                        let by = Holder::new(index.to_string());
                         cell.update(|scene| scene.reserve("crate", &by)).is_ok()
                     })
                 })

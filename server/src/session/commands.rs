@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use troupe_motion::Vec3;
 use troupe_proto::v1;
-use troupe_proto::v1::command::Intent;
+use troupe_proto::v1::command::Intent as Asked;
 
 use super::cell::{Live, SessionCell};
 use super::options::unknown_style;
 use super::units;
-use super::{CommandOutcome, Registry};
+use super::{CommandOutcome, Intent, Refusal, Registry};
 use crate::api::ApiError;
 use crate::inbetween::{FieldError, MAX_HEIGHT_M, Path};
 use crate::primitives::LocomotionCommand;
@@ -72,12 +72,13 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
         check_at(path, at, live.character.frame())?;
     }
     let outcome = match &command.intent {
-        Some(Intent::Locomote(locomote)) => {
+        Some(Asked::Locomote(locomote)) => {
             let locomotion = locomotion(&path.field("locomote"), locomote, cell, &live)?;
             let style = locomotion.style.clone();
-            let outcome = live
-                .character
-                .command(command.sequence, command.at_frame, locomotion);
+            let intent = Intent::Locomote(locomotion);
+            let outcome = (live.character)
+                .give(command.sequence, command.at_frame, intent)
+                .map_err(|refusal| refused(path, refusal))?;
             if outcome == CommandOutcome::Accepted {
                 live.style = style;
             }
@@ -95,6 +96,20 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
     drop(live);
     cell.touch();
     Ok(outcome)
+}
+
+/// The error of a command that the character could not carry out.
+fn refused(path: &Path<'_>, refusal: Refusal) -> ApiError {
+    let interact = path.field("interact");
+    let field = match &refusal {
+        Refusal::UnknownVariant { .. } => interact.field("variant"),
+        Refusal::UnknownApproach { .. } => interact.field("approach"),
+        _ => interact.field("instance"),
+    };
+    ApiError::Refused {
+        field: field.to_string(),
+        refusal,
+    }
 }
 
 fn check_at(path: &Path<'_>, at: u64, frame: u64) -> Result<(), FieldError> {

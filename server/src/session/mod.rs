@@ -38,7 +38,8 @@ pub use options::{MAX_ID_CHARS, TTL_RANGE_MS};
 pub use registry::Registry;
 pub use time::TimeSource;
 pub use types::{
-    Advance, Arrival, CONTEXT_FRAMES, CharacterOptions, Clock, CommandOutcome, FrameOut, LivePlan, LiveShape,
-    Peek, PlanCause, PlanFailed, PlanRecord, PlanRequest, PlanTrace, SUB_FRAMES, Start, Stats, Strain, View,
-    WaitingCommand,
+    Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
+    EventKind, FailReason, FrameOut, HeldObject, Intent, KeyframeError, LivePlan, LiveShape, Peek, PlanCause,
+    PlanFailed, PlanRecord, PlanRequest, PlanTrace, Refusal, SUB_FRAMES, Start, Stats, Strain, View,
+    WaitingCommand, World,
 };

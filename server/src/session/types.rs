@@ -5,7 +5,9 @@ use std::sync::Arc;
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 
 use crate::engine::WorkItem;
+use crate::object::Definitions;
 use crate::primitives::{LocomotionCommand, PlanTargets};
+use crate::scene::{Holder, SceneCell, Transform};
 
 /// Parts that a frame of the timeline is counted in: 30, 50 and 60 Hz all take whole numbers of them.
 pub const SUB_FRAMES: u32 = 300;
@@ -60,6 +62,292 @@ pub enum Start {
         /// Poses.
         rotations: Vec<Quat>,
     },
+}
+
+/// The scene that a character lives in.
+#[derive(Debug, Clone)]
+pub struct World {
+    /// The scene; shared with others, and changed by them.
+    pub scene: Arc<SceneCell>,
+    /// What its objects can be used for.
+    pub definitions: Arc<Definitions>,
+    /// The character's name in the scene: what it reserves and holds is reserved and held by this.
+    pub holder: Holder,
+}
+
+/// What a command asks of a character, in the native convention.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Intent {
+    /// Move over the ground.
+    Locomote(LocomotionCommand),
+    /// Go to an object of the scene and use it.
+    Interact {
+        /// The object.
+        instance: Arc<str>,
+        /// Name of the variant. `None`: one by weight and seed.
+        variant: Option<String>,
+        /// Name of the approach. `None`: the nearest.
+        approach: Option<String>,
+    },
+    /// Leave what is held by the variant's exit; nothing where there is no interaction.
+    EndInteraction,
+    /// Break off whatever it does, at once, and stand.
+    Cancel,
+    /// Put down what is in the hand, by its definition's rule; nothing where the hand is empty.
+    Drop,
+}
+
+/// Why a command is not accepted: the character could not do it now. Nothing has changed then, and its sequence number is
+/// free. What is found out later is told by [`EventKind::Failed`].
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// The session is in no scene.
+    #[error("the session is in no scene")]
+    NoScene,
+    /// No such object in the scene.
+    #[error("the scene has no object {id:?}")]
+    UnknownObject {
+        /// Its id.
+        id: Arc<str>,
+    },
+    /// The object's definition is for characters of another pack.
+    #[error("object {id:?} can be used by characters of pack {pack} only")]
+    WrongPack {
+        /// The object.
+        id: Arc<str>,
+        /// The pack that its definition was checked for.
+        pack: String,
+    },
+    /// The definition has no such variant.
+    #[error("object definition {definition:?} has no variant {name:?}")]
+    UnknownVariant {
+        /// The definition.
+        definition: String,
+        /// What was asked for.
+        name: String,
+        /// The variants that there are.
+        there_are: Vec<String>,
+    },
+    /// The definition has no such approach.
+    #[error("object definition {definition:?} has no approach {name:?}")]
+    UnknownApproach {
+        /// The definition.
+        definition: String,
+        /// What was asked for.
+        name: String,
+        /// The approaches that there are.
+        there_are: Vec<String>,
+    },
+    /// Another character has reserved or holds the object.
+    #[error("object {id:?} is taken by {by}")]
+    Taken {
+        /// The object.
+        id: Arc<str>,
+        /// Who has it.
+        by: Holder,
+    },
+    /// Something stands between the character and where it would start.
+    #[error("the way to object {id:?} is blocked by {by}")]
+    Blocked {
+        /// The object.
+        id: Arc<str>,
+        /// What is in the way, for example `object "crate"` or `collider "wall"`.
+        by: String,
+    },
+    /// The hand holds another object.
+    #[error("the character holds object {id:?}; allowed: to drop it first")]
+    HandFull {
+        /// What it holds.
+        id: Arc<str>,
+    },
+}
+
+/// What a character is about.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum Activity {
+    /// It moves as its command says.
+    #[default]
+    Locomotion,
+    /// It is on its way to an object.
+    Approaching {
+        /// The object.
+        instance: Arc<str>,
+    },
+    /// It goes through the sets of an interaction.
+    Interacting {
+        /// The object.
+        instance: Arc<str>,
+        /// The set that it is in.
+        set: String,
+    },
+    /// It holds a set's last keyframe.
+    Held {
+        /// The object.
+        instance: Arc<str>,
+        /// The set.
+        set: String,
+    },
+    /// It is in the air, or has just landed.
+    Falling,
+}
+
+/// An object in a character's hand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeldObject {
+    /// The object.
+    pub instance: Arc<str>,
+    /// Where it is in the world at the cursor.
+    pub transform: Transform,
+}
+
+/// Something that happened to a character.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CharacterEvent {
+    /// The frame of the timeline at which it did.
+    pub frame: u64,
+    /// What happened.
+    pub kind: EventKind,
+}
+
+/// What can happen to a character.
+#[derive(Debug, Clone, PartialEq)]
+pub enum EventKind {
+    /// An interaction began: the object is reserved.
+    Started {
+        /// The object.
+        instance: Arc<str>,
+        /// Name of its definition.
+        definition: String,
+        /// The variant that was chosen.
+        variant: String,
+        /// The approach that was chosen; none where the definition has none.
+        approach: Option<String>,
+        /// What the variant was chosen by.
+        seed: u64,
+    },
+    /// A set of keyframes began.
+    Entered {
+        /// The object.
+        instance: Arc<str>,
+        /// The set.
+        set: String,
+    },
+    /// A keyframe was reached.
+    Reached {
+        /// The object.
+        instance: Arc<str>,
+        /// The set.
+        set: String,
+        /// Index of the keyframe in it.
+        keyframe: u32,
+        /// How far off the motion was before it was drawn to the keyframe.
+        before: KeyframeError,
+        /// How far off it is in the frames that were sent.
+        after: KeyframeError,
+    },
+    /// The object went to a socket.
+    Attached {
+        /// The object.
+        instance: Arc<str>,
+        /// The socket.
+        socket: String,
+    },
+    /// The object was put down.
+    Released {
+        /// The object.
+        instance: Arc<str>,
+        /// Where it is now.
+        transform: Transform,
+    },
+    /// An interaction went through to its end.
+    Done {
+        /// The object.
+        instance: Arc<str>,
+    },
+    /// An interaction could not go on.
+    Failed {
+        /// The object.
+        instance: Arc<str>,
+        /// Why.
+        reason: FailReason,
+        /// The same for people, with names and numbers.
+        message: String,
+    },
+    /// A command broke an interaction off.
+    Interrupted {
+        /// The object.
+        instance: Arc<str>,
+    },
+    /// The ground ended.
+    Fell {
+        /// How far down the next surface is, metres. `None`: there is none within reach.
+        height_m: Option<f32>,
+    },
+    /// A fall ended on a surface.
+    Landed {
+        /// How far it fell, metres.
+        height_m: f32,
+        /// Speed downward at the touch, m/s.
+        speed_mps: f32,
+    },
+}
+
+/// How far a motion is from a keyframe; 0 for what the keyframe does not say.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct KeyframeError {
+    /// Root joint, metres.
+    pub root_m: f32,
+    /// Heading, radians.
+    pub heading: f32,
+    /// The farthest of all joints that the keyframe places, metres.
+    pub joint_m: f32,
+}
+
+/// Why an interaction could not go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum FailReason {
+    /// The place to start from was not reached in time.
+    NotReached,
+    /// Something came in the way.
+    Blocked,
+    /// Somebody else had the object when the interaction was to begin.
+    Taken,
+    /// The object was moved too late to follow it.
+    Moved,
+    /// The object was taken out of the scene.
+    Removed,
+    /// There is no place to put the object down.
+    NoPlace,
+    /// The networks gave no motion.
+    NoPlan,
+}
+
+impl FailReason {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::NotReached,
+        Self::Blocked,
+        Self::Taken,
+        Self::Moved,
+        Self::Removed,
+        Self::NoPlace,
+        Self::NoPlan,
+    ];
+
+    /// Its word in messages and metrics.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::NotReached => "NOT_REACHED",
+            Self::Blocked => "BLOCKED",
+            Self::Taken => "TAKEN",
+            Self::Moved => "MOVED",
+            Self::Removed => "REMOVED",
+            Self::NoPlace => "NO_PLACE",
+            Self::NoPlan => "NO_PLAN",
+        }
+    }
 }
 
 /// What became of a command.
@@ -247,8 +535,8 @@ pub struct WaitingCommand {
     pub sequence: u64,
     /// Frame from which it holds.
     pub frame: u64,
-    /// What it says.
-    pub command: LocomotionCommand,
+    /// What it asks for.
+    pub intent: Intent,
 }
 
 /// A character's future and the plan behind it.
