@@ -12,7 +12,9 @@ mod commands;
 mod describe;
 pub mod drive;
 mod encode;
+mod event;
 mod inbox;
+mod intent;
 mod live;
 pub mod load;
 mod options;
@@ -33,13 +35,14 @@ pub use calls::{SessionLimits, Sessions};
 pub use character::Character;
 pub use commands::MAX_COMMANDS;
 pub use encode::{BlockWriter, Form};
+pub use event::{Activity, CharacterEvent, EventKind, FailReason, HeldObject, KeyframeError};
+pub use intent::{Intent, Refusal, World};
 pub use live::finish_live;
 pub use options::{MAX_ID_CHARS, TTL_RANGE_MS};
 pub use registry::Registry;
 pub use time::TimeSource;
 pub use types::{
-    Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
-    EventKind, FailReason, FrameOut, HeldObject, Intent, KeyframeError, LivePlan, LiveShape, Peek, PlanCause,
-    PlanFailed, PlanRecord, PlanRequest, PlanTrace, Refusal, SUB_FRAMES, Start, Stats, Strain, View,
-    WaitingCommand, World,
+    Advance, Arrival, CONTEXT_FRAMES, CharacterOptions, Clock, CommandOutcome, FrameOut, LivePlan, LiveShape,
+    Peek, PlanCause, PlanFailed, PlanRecord, PlanRequest, PlanTrace, SUB_FRAMES, Start, Stats, Strain, View,
+    WaitingCommand,
 };
