@@ -416,6 +416,7 @@ fn sum<'a>(stats: impl Iterator<Item = &'a v1::SessionStats>) -> v1::SessionStat
         underruns: sum.underruns + of.underruns,
         failed_plans: sum.failed_plans + of.failed_plans,
         events_dropped: sum.events_dropped + of.events_dropped,
+        plans_for_object: sum.plans_for_object + of.plans_for_object,
     })
 }
 

@@ -177,7 +177,7 @@ impl FailReason {
         Self::NoPlan,
     ];
 
-    /// Its word in messages.
+    /// Its word in messages and metrics.
     pub fn word(self) -> &'static str {
         match self {
             Self::NotReached => "NOT_REACHED",
@@ -187,19 +187,6 @@ impl FailReason {
             Self::Removed => "REMOVED",
             Self::NoPlace => "NO_PLACE",
             Self::NoPlan => "NO_PLAN",
-        }
-    }
-
-    /// Its label in metrics.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::NotReached => "not_reached",
-            Self::Blocked => "blocked",
-            Self::Taken => "taken",
-            Self::Moved => "moved",
-            Self::Removed => "removed",
-            Self::NoPlace => "no_place",
-            Self::NoPlan => "no_plan",
         }
     }
 }

@@ -251,7 +251,7 @@ impl Telemetry {
             interactions: ["started", "done", "failed", "interrupted"]
                 .map(|outcome| counter(INTERACTIONS, Some(("outcome", outcome)))),
             failed_interactions: FailReason::ALL
-                .map(|reason| counter(FAILED_INTERACTIONS, Some(("reason", reason.label())))),
+                .map(|reason| counter(FAILED_INTERACTIONS, Some(("reason", reason.word())))),
             falls: counter(FALLS, None),
             dropped_events: counter(DROPPED_EVENTS, None),
             lead_time: self.recorder.register_histogram(&lead_time, &METADATA),
@@ -312,6 +312,11 @@ mod tests {
         sessions.event_dropped();
         telemetry.streams(4);
         let text = telemetry.render();
+        let failed = r#"troupe_interactions_total{model="human",version="1.0",outcome="failed"}"#;
+        assert!(
+            text.contains(&format!("{failed} {}", FailReason::ALL.len())),
+            "{text}"
+        );
         for line in [
             r#"troupe_sessions_active{model="human",version="1.0"} 2"#,
             r#"troupe_session_evictions_total{model="human",version="1.0",reason="expired"} 1"#,
@@ -327,9 +332,8 @@ mod tests {
             r#"troupe_plan_interval_frames_count{model="human",version="1.0",priority="high"} 1"#,
             r#"troupe_crowd_pressure{model="human",version="1.0"} 0.25"#,
             r#"troupe_interactions_total{model="human",version="1.0",outcome="done"} 1"#,
-            r#"troupe_interactions_total{model="human",version="1.0",outcome="failed"} 7"#,
             r#"troupe_interactions_total{model="human",version="1.0",outcome="started"} 0"#,
-            r#"troupe_failed_interactions_total{model="human",version="1.0",reason="not_reached"} 1"#,
+            r#"troupe_failed_interactions_total{model="human",version="1.0",reason="NOT_REACHED"} 1"#,
             r#"troupe_falls_total{model="human",version="1.0"} 1"#,
             r#"troupe_dropped_events_total{model="human",version="1.0"} 1"#,
             "troupe_streams_active 4",
