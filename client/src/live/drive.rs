@@ -10,6 +10,8 @@ use troupe_proto::v1;
 use v1::drive_request::Message as Ask;
 use v1::drive_response::Message as Told;
 
+use super::act::Act;
+use super::drive_event::DriveEvent;
 use super::frames::{Block, Frames};
 use super::locomotion::Locomotion;
 use super::options::FrameOptions;
@@ -31,41 +33,6 @@ pub struct DriveOptions {
     pub every_tick: bool,
     /// Close the sessions of the stream when it ends. By default they wait for their time to live.
     pub close_sessions: bool,
-}
-
-/// Something that happened to a stream's sessions.
-#[derive(Debug)]
-pub enum DriveEvent {
-    /// The session is on the stream now.
-    Attached {
-        /// Its name.
-        session: String,
-    },
-    /// The session could not be taken onto the stream. It is given back, unless it is gone.
-    NotAttached {
-        /// Its name.
-        id: String,
-        /// It.
-        session: Option<Box<Session>>,
-        /// Why.
-        problem: Problem,
-    },
-    /// The session left the stream: detached, closed or expired. It is given back, unless it is gone.
-    Left {
-        /// Its name.
-        id: String,
-        /// It.
-        session: Option<Box<Session>>,
-        /// Why.
-        problem: Problem,
-    },
-    /// What the session should do was refused; it goes on as before.
-    Refused {
-        /// Its name.
-        session: String,
-        /// Why.
-        problem: Problem,
-    },
 }
 
 /// A stream on which the server advances many characters at 30, 50 or 60 Hz, opened by [`Client::drive`].
@@ -110,6 +77,8 @@ pub struct Drive {
     /// Names of the sessions in the stream's slots.
     slots: HashMap<u32, String>,
     blocks: Vec<Block>,
+    /// What is in the characters' hands.
+    held: Vec<v1::HeldObject>,
     /// Ticks that came but were not given, because newer ones had come.
     skipped: u64,
     events: Vec<DriveEvent>,
@@ -169,6 +138,7 @@ impl Client {
             sessions: BTreeMap::new(),
             slots: HashMap::new(),
             blocks: Vec::new(),
+            held: Vec::new(),
             skipped: 0,
             events: Vec::new(),
             end: None,
@@ -233,6 +203,14 @@ impl Drive {
         Some(session.intent_mut().wanted_mut())
     }
 
+    /// Has a character do something, such as use an object of its scene; [`Self::next`] and [`Self::flush`] send it. Nothing
+    /// happens where the session is not on the stream.
+    pub fn act(&mut self, id: &str, act: &Act) {
+        if let Some(session) = self.sessions.get_mut(id) {
+            session.act(act);
+        }
+    }
+
     /// How much it matters that a session is planned for often, 0 to 1: such as by its distance from the camera, in steps of a
     /// tenth or so, for every change is a command. [`Self::next`] and [`Self::flush`] send it. Nothing happens where the session is not on the stream.
     pub fn set_priority(&mut self, id: &str, priority: f32) {
@@ -246,7 +224,7 @@ impl Drive {
     pub fn flush(&mut self) {
         let changed = self.sessions.iter_mut();
         let commands = changed
-            .filter_map(|(id, session)| session.intent_mut().changed(id))
+            .flat_map(|(id, session)| session.intent_mut().commands(id))
             .collect::<Vec<_>>();
         if commands.is_empty() {
             return;
@@ -256,9 +234,10 @@ impl Drive {
             return;
         };
         if let Some(Ask::Command(unsent)) = unsent.into_inner().message {
-            for command in unsent.commands {
+            // The last first, so that they are in order again.
+            for command in unsent.commands.into_iter().rev() {
                 if let Some(session) = self.sessions.get_mut(&command.session_id) {
-                    session.intent_mut().doubt();
+                    session.intent_mut().unsent(command);
                 }
             }
         }
@@ -349,6 +328,15 @@ impl Drive {
                 }
             }
             Told::Commands(commands) => self.refused(commands),
+            Told::Events(happened) => {
+                for of in happened.sessions {
+                    self.events.push(DriveEvent::Happened {
+                        session: of.session_id,
+                        events: of.events,
+                        dropped: of.events_dropped,
+                    });
+                }
+            }
             Told::Closing(closing) => {
                 let problem = Problem::from(closing.reason.unwrap_or_default());
                 self.end = Some(match problem.kind {
@@ -410,6 +398,7 @@ impl Drive {
                 of(slot).map_or(1.0, |s| s.convention().units_per_metre())
             })?;
         }
+        self.held = frames.held;
         Ok(TickHead {
             number: frames.tick,
             dropped: frames.dropped_ticks,
@@ -463,6 +452,13 @@ impl<'a> Tick<'a> {
     /// Characters of this tick that had to slow down because a plan was late.
     pub fn underruns(&self) -> u32 {
         self.head.underruns
+    }
+
+    /// What is in the characters' hands, by the names of their sessions.
+    pub fn held(&self) -> impl Iterator<Item = (&'a str, &'a v1::HeldObject)> + use<'a> {
+        let drive = self.drive;
+        let each = drive.held.iter();
+        each.filter_map(move |held| Some((drive.slots.get(&held.slot)?.as_str(), held)))
     }
 
     /// The characters, by the names of their sessions, each with one frame.

@@ -126,7 +126,7 @@ fn a_replaced_definition_is_in_every_scene_at_once_and_users_keep_theirs() {
     let hall = scenes.add("hall", Scene::default()).unwrap();
     add(&definitions, &hall, 0);
     let empty = scenes.add("empty", Scene::default()).unwrap();
-    let (by, untouched) = (Holder::new("s", "a"), empty.snapshot());
+    let (by, untouched) = (Holder::new("a"), empty.snapshot());
     yard.update(|scene| scene.hold("cup-1", &by)).unwrap();
 
     let in_use = definitions.get("cup").unwrap().definition;
@@ -163,7 +163,7 @@ fn a_definition_with_objects_stays() {
     );
     hall.update(|scene| scene.remove("cup-0")).unwrap();
     // One in somebody's hand counts too.
-    yard.update(|scene| scene.hold("cup-0", &Holder::new("s", "a")))
+    yard.update(|scene| scene.hold("cup-0", &Holder::new("a")))
         .unwrap();
     let error = definitions.remove("cup", &scenes).unwrap_err();
     assert!(matches!(error, DefinitionsError::InUse { scenes, .. } if scenes == ["yard"]));

@@ -18,28 +18,25 @@ pub struct Body {
     pub shared: bool,
 }
 
-/// A character that has reserved or holds an object.
+/// A session whose character has reserved or holds an object.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Holder {
     /// The session's id.
     pub session: Arc<str>,
-    /// The character's id in it.
-    pub character: Arc<str>,
 }
 
 impl Holder {
-    /// The character `character` of session `session`.
-    pub fn new(session: &str, character: &str) -> Self {
+    /// The character of session `session`.
+    pub fn new(session: impl Into<Arc<str>>) -> Self {
         Self {
-            session: Arc::from(session),
-            character: Arc::from(character),
+            session: session.into(),
         }
     }
 }
 
 impl fmt::Display for Holder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "character {:?} of session {:?}", self.character, self.session)
+        write!(f, "session {:?}", self.session)
     }
 }
 

@@ -247,7 +247,7 @@ fn triggers_of_held_objects_are_not_found() {
     for (id, x) in [("far", 1.2), ("near", 0.8), ("gone", 0.0)] {
         scene.add(id, "crate", boxed(0.2), place(x, 0.2, 0.0)).unwrap();
     }
-    scene.hold("gone", &Holder::new("s", "a")).unwrap();
+    scene.hold("gone", &Holder::new("a")).unwrap();
     let trace = standing(place(0.0, 1.0, 0.0), Vec3::new(0.6, 1.0, 0.6));
     let found: Vec<_> = scene
         .detect(&trace)

@@ -13,8 +13,9 @@ use super::policy::Policy;
 use super::request::{self, Context};
 use super::timeline::{Stop, Ticket, Timeline};
 use super::{
-    Advance, Arrival, CONTEXT_FRAMES, CharacterOptions, Clock, CommandOutcome, FrameOut, LivePlan, LiveShape,
-    Peek, PlanFailed, PlanRecord, PlanRequest, SUB_FRAMES, Start, Stats, Strain, View, WaitingCommand,
+    Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
+    FrameOut, HeldObject, Intent, LivePlan, LiveShape, Peek, PlanFailed, PlanRecord, PlanRequest, Refusal,
+    SUB_FRAMES, Start, Stats, Strain, View, WaitingCommand, World,
 };
 use crate::pack::Pack;
 use crate::primitives::recipe::VELOCITY_FRAMES;
@@ -29,6 +30,7 @@ const FIRST_FRAME: i64 = 1 - CONTEXT_FRAMES as i64;
 pub struct Character {
     pack: Arc<Pack>,
     options: CharacterOptions,
+    world: Option<World>,
     timeline: Timeline,
     /// How much of the crowd's pressure falls on it.
     stretch: f32,
@@ -46,9 +48,20 @@ pub struct Character {
 }
 
 impl Character {
-    /// A character at frame 0 that does what `command` says. The rotations of a [`Start::Context`] and of the style must
-    /// fit the pack.
+    /// A character at frame 0 that does what `command` says, in no scene. The rotations of a [`Start::Context`] and of the
+    /// style must fit the pack.
     pub fn new(pack: Arc<Pack>, options: CharacterOptions, start: Start, command: LocomotionCommand) -> Self {
+        Self::in_world(pack, options, start, command, None)
+    }
+
+    /// As [`Character::new`], in a scene.
+    pub fn in_world(
+        pack: Arc<Pack>,
+        options: CharacterOptions,
+        start: Start,
+        command: LocomotionCommand,
+        world: Option<World>,
+    ) -> Self {
         let moving = matches!(start, Start::Context { .. });
         let context = match start {
             Start::Standing(root) => standing(&command.style, root),
@@ -76,6 +89,7 @@ impl Character {
             newest: None,
             pack,
             options,
+            world,
         };
         if moving {
             let ticket = character.timeline.ask_first();
@@ -86,15 +100,55 @@ impl Character {
 
     /// Gives a command, to hold from `at_frame` on. Without it, or where that frame is past: from the next frame that the
     /// cursor leaves in [`Clock::Waits`], or reaches in [`Clock::Runs`].
-    pub fn command(
+    ///
+    /// # Errors
+    /// [`Refusal`] for what the character could not do now.
+    pub fn give(
+        &mut self,
+        sequence: u64,
+        at_frame: Option<u64>,
+        intent: Intent,
+    ) -> Result<CommandOutcome, Refusal> {
+        let now = self.timeline.frame() as u64;
+        let at = at_frame.unwrap_or(now).max(now);
+        Ok(self.inbox.offer(sequence, at, intent))
+    }
+
+    /// [`Character::give`] for a command that moves the character over the ground.
+    #[cfg(test)]
+    pub(crate) fn command(
         &mut self,
         sequence: u64,
         at_frame: Option<u64>,
         command: LocomotionCommand,
     ) -> CommandOutcome {
-        let now = self.timeline.frame() as u64;
-        self.inbox
-            .offer(sequence, at_frame.unwrap_or(now).max(now), command)
+        let given = self.give(sequence, at_frame, Intent::Locomote(command));
+        given.expect("moving over the ground is never refused")
+    }
+
+    /// Moves what happened since the last call to the end of `into`, in order; to be called after every other call.
+    pub fn take_events(&mut self, into: &mut Vec<CharacterEvent>) {
+        let _ = into;
+    }
+
+    /// What the character is about.
+    pub fn activity(&self) -> Activity {
+        Activity::Locomotion
+    }
+
+    /// What is in its hand, where that is something.
+    pub fn held(&self) -> Option<HeldObject> {
+        None
+    }
+
+    /// Takes the character out of its scene for good, as its session ends: whatever it reserved or holds there is free.
+    pub fn leave(&mut self) {
+        let Some(World { scene, holder, .. }) = self.world.take() else {
+            return;
+        };
+        if scene.snapshot().of_holder(&holder).next().is_some() {
+            scene.free_all(&holder);
+        }
     }
 
     /// Takes the number of a command that asks for no motion: the character goes on with what it does.
@@ -205,7 +259,7 @@ impl Character {
             (sequence > 0 && self.timeline.command_waits()).then(|| WaitingCommand {
                 sequence,
                 frame,
-                command: self.locomotion.command().clone(),
+                intent: Intent::Locomote(self.locomotion.command().clone()),
             })
         })
     }
@@ -213,10 +267,11 @@ impl Character {
     /// Decides about the frame that the cursor is at: which command holds, and whether to ask for a plan.
     fn settle(&mut self, frame: i64, clock: Clock) {
         if let Some(due) = self.inbox.take_due(frame as u64)
-            && !same(self.locomotion.command(), &due.command)
+            && let Intent::Locomote(command) = due.intent
+            && !same(self.locomotion.command(), &command)
         {
             self.current = (due.sequence, frame as u64);
-            self.locomotion.set_command(frame as u64, due.command);
+            self.locomotion.set_command(frame as u64, command);
             self.timeline.command_changed();
         }
         let style = &self.locomotion.command().style;

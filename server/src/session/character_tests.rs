@@ -169,8 +169,8 @@ fn commands_hold_once_and_in_order() {
     assert_eq!(tell(4, 3.0), CommandOutcome::Late);
     let waiting = character.peek(0).waiting.unwrap();
     assert_eq!(
-        (waiting.sequence, waiting.frame, waiting.command.velocity.x),
-        (5, 0, 1.0)
+        (waiting.sequence, waiting.frame, waiting.intent),
+        (5, 0, Intent::Locomote(going(&calm, 1.0, 0.0)))
     );
     character.advance(SUB_FRAMES, Clock::Waits);
     let request = character.take_request().unwrap();

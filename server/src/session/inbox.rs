@@ -2,8 +2,7 @@
 
 use std::cmp::Ordering;
 
-use super::{CommandOutcome, WaitingCommand};
-use crate::primitives::LocomotionCommand;
+use super::{CommandOutcome, Intent, WaitingCommand};
 
 /// Takes every command once and in order; holds at most one.
 #[derive(Debug, Clone, Default)]
@@ -24,13 +23,13 @@ impl Inbox {
     }
 
     /// Takes a command that is to hold from `frame` on. It replaces one that still waits.
-    pub(super) fn offer(&mut self, sequence: u64, frame: u64, command: LocomotionCommand) -> CommandOutcome {
+    pub(super) fn offer(&mut self, sequence: u64, frame: u64, intent: Intent) -> CommandOutcome {
         let outcome = self.note(sequence);
         if outcome == CommandOutcome::Accepted {
             self.waiting = Some(WaitingCommand {
                 sequence,
                 frame,
-                command,
+                intent,
             });
         }
         outcome

@@ -6,11 +6,11 @@ use troupe_motion::conventions::Convention;
 use troupe_motion::rotation::to_wxyz;
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 use troupe_proto::v1;
-use troupe_proto::v1::command::Intent;
+use troupe_proto::v1::command::Intent as Asked;
 
 use super::cell::SessionCell;
 use super::encode::{BlockWriter, Form};
-use super::{CONTEXT_FRAMES, FrameOut, Peek, PlanCause, PlanRecord, WaitingCommand};
+use super::{CONTEXT_FRAMES, FrameOut, Intent, Peek, PlanCause, PlanRecord, WaitingCommand};
 use super::{describe, units};
 use crate::pack::Pack;
 use crate::primitives::{LocomotionCommand, TargetKey};
@@ -160,25 +160,42 @@ fn target(key: &TargetKey, convention: Convention) -> v1::Keyframe {
 }
 
 fn command(cell: &SessionCell, waiting: &WaitingCommand) -> v1::Command {
-    let convention = cell.convention();
+    v1::Command {
+        session_id: cell.id().to_string(),
+        sequence: waiting.sequence,
+        at_frame: Some(waiting.frame),
+        priority: None,
+        intent: Some(match &waiting.intent {
+            Intent::Locomote(command) => Asked::Locomote(locomote(command, cell.convention())),
+            Intent::Interact {
+                instance,
+                variant,
+                approach,
+            } => Asked::Interact(v1::Interact {
+                instance: instance.to_string(),
+                variant: variant.clone().unwrap_or_default(),
+                approach: approach.clone().unwrap_or_default(),
+            }),
+            Intent::EndInteraction => Asked::EndInteraction(v1::EndInteraction {}),
+            Intent::Cancel => Asked::Cancel(v1::Cancel {}),
+            Intent::Drop => Asked::Drop(v1::DropHeld {}),
+        }),
+    }
+}
+
+fn locomote(command: &LocomotionCommand, convention: Convention) -> v1::Locomote {
     let LocomotionCommand {
         velocity,
         facing,
         style,
         gait,
         height_m,
-    } = &waiting.command;
-    v1::Command {
-        session_id: cell.id().to_string(),
-        sequence: waiting.sequence,
-        at_frame: Some(waiting.frame),
-        priority: None,
-        intent: Some(Intent::Locomote(v1::Locomote {
-            velocity: Some(units::position(*velocity, convention)),
-            facing: facing.map(|facing| convention.heading_from_native(facing)),
-            style: style.name.clone(),
-            gait: gait.clone().unwrap_or_default(),
-            height: height_m.map(|height| height * convention.units_per_metre()),
-        })),
+    } = command;
+    v1::Locomote {
+        velocity: Some(units::position(*velocity, convention)),
+        facing: facing.map(|facing| convention.heading_from_native(facing)),
+        style: style.name.clone(),
+        gait: gait.clone().unwrap_or_default(),
+        height: height_m.map(|height| height * convention.units_per_metre()),
     }
 }

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 
+use super::Intent;
 use crate::engine::WorkItem;
-use crate::primitives::{LocomotionCommand, PlanTargets};
+use crate::primitives::PlanTargets;
 
 /// Parts that a frame of the timeline is counted in: 30, 50 and 60 Hz all take whole numbers of them.
 pub const SUB_FRAMES: u32 = 300;
@@ -247,8 +248,8 @@ pub struct WaitingCommand {
     pub sequence: u64,
     /// Frame from which it holds.
     pub frame: u64,
-    /// What it says.
-    pub command: LocomotionCommand,
+    /// What it asks for.
+    pub intent: Intent,
 }
 
 /// A character's future and the plan behind it.

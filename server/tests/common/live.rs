@@ -15,8 +15,8 @@ use troupe_server::engine::{EngineKind, Pipeline, WorkItem};
 use troupe_server::pack::{MANIFEST_FILE, Pack};
 use troupe_server::primitives::LocomotionCommand;
 use troupe_server::session::{
-    Advance, Arrival, Character, CharacterOptions, Clock, CommandOutcome, FrameOut, PlanRequest, SUB_FRAMES,
-    Start, Stats, finish_live,
+    Advance, Arrival, Character, CharacterOptions, Clock, CommandOutcome, FrameOut, Intent, PlanRequest,
+    SUB_FRAMES, Start, Stats, finish_live,
 };
 use troupe_server::style::StyleTable;
 
@@ -205,7 +205,10 @@ impl Actor {
                 gait: None,
                 height_m: None,
             };
-            let outcome = self.character.command(self.told, None, command);
+            let outcome = self
+                .character
+                .give(self.told, None, Intent::Locomote(command))
+                .unwrap();
             assert_eq!(outcome, CommandOutcome::Accepted);
         }
     }
