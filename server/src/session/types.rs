@@ -93,6 +93,8 @@ pub enum PlanCause {
     LowBuffer,
     /// The style's interval went by.
     Interval,
+    /// The next keyframes of an object.
+    Object,
 }
 
 /// A plan to ask the networks for.
@@ -199,6 +201,8 @@ pub struct Stats {
     pub plans_for_low_buffer: u64,
     /// For the interval.
     pub plans_for_interval: u64,
+    /// For the keyframes of objects.
+    pub plans_for_object: u64,
     /// Plans that came after their splice frame.
     pub late_plans: u64,
     /// Times that the character had to slow down.
