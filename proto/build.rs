@@ -4,10 +4,18 @@ use std::path::PathBuf;
 
 use prost::Message as _;
 
+const FILES: [&str; 4] = [
+    "troupe/v1/motion.proto",
+    "troupe/v1/event.proto",
+    "troupe/v1/session.proto",
+    "troupe/v1/scene.proto",
+];
+
 /// Messages that a client sends. An unknown JSON field there is a mistake worth reporting; in answers it must be
 /// tolerated, so that an older client can read a newer server.
-const REQUEST_MESSAGES: [&str; 29] = [
+const REQUEST_MESSAGES: [&str; 56] = [
     "Vec3",
+    "Quat",
     "Root",
     "RootVelocity",
     "Pose",
@@ -36,10 +44,36 @@ const REQUEST_MESSAGES: [&str; 29] = [
     "Style",
     "Gait",
     "GaitKey",
+    "Interact",
+    "EndInteraction",
+    "Cancel",
+    "DropHeld",
+    "Document",
+    "BoxShape",
+    "ConvexShape",
+    "HeightfieldShape",
+    "ColliderShape",
+    "Collider",
+    "SceneObject",
+    "Scene",
+    "PutSceneRequest",
+    "GetSceneRequest",
+    "ListScenesRequest",
+    "DeleteSceneRequest",
+    "AddObjectsRequest",
+    "ObjectMove",
+    "MoveObjectsRequest",
+    "RemoveObjectsRequest",
+    "PutObjectDefinitionRequest",
+    "GetObjectDefinitionRequest",
+    "ListObjectDefinitionsRequest",
+    "DeleteObjectDefinitionRequest",
+    "DetectBox",
+    "DetectRequest",
 ];
 
 /// Optional fields, left out of the JSON where they are absent.
-const OPTIONAL_FIELDS: [&str; 36] = [
+const OPTIONAL_FIELDS: [&str; 72] = [
     "Root.position",
     "Root.heading",
     "RootVelocity.height",
@@ -76,16 +110,61 @@ const OPTIONAL_FIELDS: [&str; 36] = [
     "PeekResponse.future",
     "PeekResponse.plan",
     "PeekResponse.waiting",
+    "Session.activity",
+    "Session.held",
+    "HeldObject.position",
+    "HeldObject.rotation",
+    "KeyframeReached.before",
+    "KeyframeReached.after",
+    "ObjectReleased.position",
+    "ObjectReleased.rotation",
+    "CharacterFell.height",
+    "BoxShape.center",
+    "BoxShape.half_extents",
+    "ColliderShape.box",
+    "ColliderShape.convex",
+    "ColliderShape.heightfield",
+    "Collider.position",
+    "Collider.heading",
+    "Collider.rotation",
+    "Collider.shape",
+    "SceneObject.position",
+    "SceneObject.heading",
+    "SceneObject.rotation",
+    "PutSceneRequest.scene",
+    "PutSceneRequest.document",
+    "ObjectMove.position",
+    "ObjectMove.heading",
+    "ObjectMove.rotation",
+    "ObjectResult.problem",
+    "PutObjectDefinitionRequest.document",
+    "PutObjectDefinitionResponse.definition",
+    "GetObjectDefinitionResponse.definition",
+    "GetObjectDefinitionResponse.document",
+    "DetectBox.center",
+    "DetectBox.half_extents",
+    "DetectBox.sweep",
+    "DetectRequest.box",
+    "Detected.object",
 ];
 
 /// Fields of an enumeration, the module of `proto/src/json.rs` that writes them as words, and the word of value 0.
-const ENUM_FIELDS: [(&str, &str, &str); 6] = [
+const ENUM_FIELDS: [(&str, &str, &str); 15] = [
     ("SessionOptions.convention", "convention", "native"),
     ("Session.convention", "convention", "native"),
     ("Session.clock", "clock", "free"),
     ("CommandResult.status", "command_status", "accepted"),
     ("StepRequest.encoding", "encoding", "f32"),
     ("DriveOpen.encoding", "encoding", "f32"),
+    ("Activity.kind", "activity_kind", "locomotion"),
+    ("Document.format", "document_format", "toml"),
+    ("SceneObject.state", "object_state", "free"),
+    ("Scene.convention", "convention", "native"),
+    ("GetSceneRequest.convention", "convention", "native"),
+    ("AddObjectsRequest.convention", "convention", "native"),
+    ("MoveObjectsRequest.convention", "convention", "native"),
+    ("GetObjectDefinitionRequest.format", "document_format", "toml"),
+    ("DetectRequest.convention", "convention", "native"),
 ];
 
 /// Fields of bytes, base64 in JSON.
@@ -96,15 +175,16 @@ const BYTES_FIELDS: [&str; 3] = [
 ];
 
 /// Messages with a `oneof`, and its name among the schemas: in JSON it is an object with one member, named for the choice.
-const ONE_OFS: [(&str, &str); 3] = [
+const ONE_OFS: [(&str, &str); 4] = [
     ("Command.intent", "CommandIntent"),
+    ("SessionEvent.kind", "SessionEventKind"),
     ("DriveRequest.message", "DriveRequestMessage"),
     ("DriveResponse.message", "DriveResponseMessage"),
 ];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo:rerun-if-changed=troupe");
-    let descriptors = protox::compile(["troupe/v1/motion.proto", "troupe/v1/session.proto"], ["."])?;
+    let descriptors = protox::compile(FILES, ["."])?;
 
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     std::fs::write(out.join("troupe.v1.bin"), descriptors.encode_to_vec())?;

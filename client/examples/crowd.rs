@@ -242,6 +242,8 @@ async fn stats(client: &Client, ids: &[String]) -> Result<SessionStats, ClientEr
             late_plans: sum.late_plans + of.late_plans,
             underruns: sum.underruns + of.underruns,
             failed_plans: sum.failed_plans + of.failed_plans,
+            events_dropped: sum.events_dropped + of.events_dropped,
+            plans_for_object: sum.plans_for_object + of.plans_for_object,
         }))
 }
 

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use tonic::transport::{Channel, Endpoint};
 use troupe_proto::v1::motion_client::MotionClient;
+use troupe_proto::v1::scenes_client::ScenesClient;
 use troupe_proto::v1::sessions_client::SessionsClient;
 use troupe_proto::v1::{GetPackRequest, InBetweenRequest, ListPacksRequest, Timing};
 
@@ -40,10 +41,13 @@ pub struct Client {
     options: ConnectOptions,
     rpc: MotionClient<Channel>,
     sessions: SessionsRpc,
+    scenes: ScenesRpc,
 }
 
 /// The generated client of sessions.
 pub(crate) type SessionsRpc = SessionsClient<Channel>;
+/// The generated client of scenes.
+pub(crate) type ScenesRpc = ScenesClient<Channel>;
 
 /// The answer to one in-betweening request.
 #[derive(Debug, Clone)]
@@ -83,7 +87,10 @@ impl Client {
         let rpc = MotionClient::new(channel.clone())
             .max_decoding_message_size(limit)
             .max_encoding_message_size(limit);
-        let sessions = SessionsClient::new(channel)
+        let sessions = SessionsClient::new(channel.clone())
+            .max_decoding_message_size(limit)
+            .max_encoding_message_size(limit);
+        let scenes = ScenesClient::new(channel)
             .max_decoding_message_size(limit)
             .max_encoding_message_size(limit);
         Ok(Self {
@@ -91,6 +98,7 @@ impl Client {
             options,
             rpc,
             sessions,
+            scenes,
         })
     }
 
@@ -203,6 +211,10 @@ impl Client {
 
     pub(crate) fn sessions_rpc(&self) -> SessionsRpc {
         self.sessions.clone()
+    }
+
+    pub(crate) fn scenes_rpc(&self) -> ScenesRpc {
+        self.scenes.clone()
     }
 
     pub(crate) fn sort(&self, status: &tonic::Status) -> ClientError {

@@ -42,6 +42,7 @@ mod inbetween;
 pub mod live;
 mod pack;
 mod problem;
+mod scenes;
 mod styles;
 
 #[cfg(feature = "cli")]
@@ -51,8 +52,8 @@ pub use connection::{Client, ConnectOptions, InBetweenAnswers};
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
 pub use live::{
-    Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, Frame, FrameOptions, Frames, Locomotion,
-    MemberId, Rate, Recording, Session, SessionOptions,
+    Act, Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, Frame, FrameOptions, Frames,
+    Locomotion, MemberId, Rate, Recording, Session, SessionOptions,
 };
 pub use pack::Pack;
 pub use problem::{Problem, ProblemKind, SessionError};

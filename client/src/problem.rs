@@ -47,6 +47,16 @@ pub enum ProblemKind {
     TooManySessions,
     /// The pack has no such style.
     UnknownStyle,
+    /// The server has no such scene.
+    UnknownScene,
+    /// The session is in no scene.
+    NoScene,
+    /// The scene has no such object.
+    UnknownObject,
+    /// Another character has reserved or holds the object.
+    ObjectTaken,
+    /// Something is in the way to the object.
+    Blocked,
     /// The client was done with the stream.
     ClientDone,
     /// The server is stopping.
@@ -77,6 +87,11 @@ impl ProblemKind {
             "DETACHED" => Self::Detached,
             "TOO_MANY_SESSIONS" => Self::TooManySessions,
             "UNKNOWN_STYLE" => Self::UnknownStyle,
+            "UNKNOWN_SCENE" => Self::UnknownScene,
+            "NO_SCENE" => Self::NoScene,
+            "UNKNOWN_OBJECT" => Self::UnknownObject,
+            "OBJECT_TAKEN" => Self::ObjectTaken,
+            "BLOCKED" => Self::Blocked,
             "CLIENT_DONE" => Self::ClientDone,
             "DRAINING" => Self::Draining,
             "SLOW_READER" => Self::SlowReader,

@@ -50,6 +50,9 @@ words!(convention, crate::v1::Convention, "CONVENTION_");
 words!(clock, crate::v1::Clock, "CLOCK_");
 words!(command_status, crate::v1::CommandStatus, "COMMAND_STATUS_");
 words!(encoding, crate::v1::Encoding, "ENCODING_");
+words!(activity_kind, crate::v1::ActivityKind, "ACTIVITY_KIND_");
+words!(document_format, crate::v1::DocumentFormat, "DOCUMENT_FORMAT_");
+words!(object_state, crate::v1::ObjectState, "OBJECT_STATE_");
 
 /// Bytes as base64.
 pub mod base64 {

@@ -14,6 +14,7 @@ use crate::engine::onnx::Runtime;
 use crate::engine::{AccuracyCheck, EngineChoice, EngineError, Lanes, Selector};
 use crate::inbetween::RequestLimits;
 use crate::session::{SessionLimits, TTL_RANGE_MS};
+use crate::world::Folders;
 
 pub use cli::{Cli, Command, DoctorArgs};
 
@@ -170,6 +171,16 @@ pub struct Config {
     /// Folder of styles beside the packs' own: a folder for each pack, named as the pack, with one JSON file a style.
     #[config(env = "TROUPE_STYLES", layer_attr(arg(long, value_name = "FOLDER")))]
     pub styles: Option<PathBuf>,
+
+    /// Folder of scenes, a TOML or JSON file each, named for the scene. Uploaded ones are kept there. Left out: those last
+    /// until the server stops.
+    #[config(env = "TROUPE_SCENES", layer_attr(arg(long, value_name = "FOLDER")))]
+    pub scenes: Option<PathBuf>,
+
+    /// Folder of object definitions: a folder for each pack, named as the pack, with one TOML or JSON file a definition, named
+    /// for it. Uploaded ones are kept there. Left out: those last until the server stops.
+    #[config(env = "TROUPE_OBJECTS", layer_attr(arg(long, value_name = "FOLDER")))]
+    pub objects: Option<PathBuf>,
 
     /// Most open sessions; further ones are refused.
     #[config(
@@ -489,6 +500,14 @@ impl Config {
             streams: self.max_streams,
             ttl_ms: self.session_ttl_ms,
             stall_timeout: Duration::from_millis(self.drive_stall_timeout_ms),
+        }
+    }
+
+    /// The folders of scenes and object definitions.
+    pub fn world_folders(&self) -> Folders {
+        Folders {
+            scenes: self.scenes.clone(),
+            objects: self.objects.clone(),
         }
     }
 

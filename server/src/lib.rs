@@ -11,7 +11,7 @@
 //!
 //! # What characters live among
 //! A [`scene`] has ground, colliders and objects; an [`object`] definition says what characters can do with a thing. Both
-//! are read from TOML or JSON by [`document`], whose errors name line and field.
+//! are read from TOML or JSON by [`document`], whose errors name line and field. [`world`] has those of a server.
 //!
 //! [`service`] ties these together, [`server`] runs them on a port, [`telemetry`] counts, [`config`] configures, [`doctor`] says what
 //! a machine offers.
@@ -47,3 +47,4 @@ pub mod service;
 pub mod session;
 pub mod style;
 pub mod telemetry;
+pub mod world;

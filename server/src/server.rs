@@ -10,7 +10,7 @@ use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tonic_health::server::HealthReporter;
-use troupe_proto::v1::{motion_server, sessions_server};
+use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
 
 use crate::api;
 use crate::batch::scheduler::Limits;
@@ -23,6 +23,7 @@ use crate::session::load::PlanLoad;
 use crate::session::{Sessions, TimeSource};
 use crate::style::{StyleError, StyleTable};
 use crate::telemetry::Telemetry;
+use crate::world::{LoadError, Store};
 
 /// The pack that is the default where nothing else is said.
 const USUAL_DEFAULT: &str = "human";
@@ -63,6 +64,9 @@ pub enum StartError {
     /// A style that cannot be used.
     #[error(transparent)]
     Style(#[from] StyleError),
+    /// A scene or an object definition that cannot be used.
+    #[error(transparent)]
+    World(#[from] LoadError),
     /// The library of the engines does not load.
     #[error(transparent)]
     Library(EngineError),
@@ -210,14 +214,20 @@ async fn start(
     health: HealthReporter,
     packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
 ) -> Result<(), StartError> {
-    let gone = |_| StartError::Internal("the task that loads packs has stopped".to_owned());
-    let sources = tokio::task::spawn_blocking(packs).await.map_err(gone)??;
+    let gone = |_| StartError::Internal("a task that loads files has stopped".to_owned());
+    let folders = config.world_folders();
+    let read = move || -> Result<_, StartError> {
+        let sources = packs()?;
+        let store = Store::load(folders, sources.iter().map(|source| &source.pack))?;
+        Ok((sources, store))
+    };
+    let (sources, store) = tokio::task::spawn_blocking(read).await.map_err(gone)??;
     let default = default_pack(&config, &sources)?;
     let mut loaded = Vec::with_capacity(sources.len());
     for source in sources {
         loaded.push(load(&config, &service, source).await?);
     }
-    service.open(PackTable::new(loaded, default));
+    service.open(PackTable::new(loaded, default), store);
     api::set_serving(&health, true).await;
     Ok(())
 }
@@ -342,7 +352,12 @@ impl ServerHandle {
         }
         api::set_serving(&self.health, false).await;
         // Ends the streams of health watchers, once they have the status: open streams would hold up the stop.
-        for service in ["", motion_server::SERVICE_NAME, sessions_server::SERVICE_NAME] {
+        for service in [
+            "",
+            motion_server::SERVICE_NAME,
+            sessions_server::SERVICE_NAME,
+            scenes_server::SERVICE_NAME,
+        ] {
             self.health.clear_service_status(service).await;
         }
         let _ = self.stop.send(true);

@@ -1,5 +1,6 @@
 //! The service behind both fronts: finds the pack, checks the request, has it served, and makes the answer.
 
+mod scenes;
 mod sessions;
 
 use std::collections::BTreeMap;
@@ -17,6 +18,7 @@ use crate::session::Sessions;
 use crate::session::load::PlanLoad;
 use crate::style::StyleTable;
 use crate::telemetry::{PackMetrics, SessionMetrics, Telemetry};
+use crate::world::Store;
 
 /// Requests of up to this many characters are checked and finished on the task that received them; larger ones go to the
 /// pool for blocking work, so that they do not hold up other connections.
@@ -85,7 +87,8 @@ impl PackTable {
 /// The state that all requests share. It starts without packs and serves once [`Service::open`] has given it some.
 #[derive(Debug)]
 pub struct Service {
-    packs: OnceLock<PackTable>,
+    /// Packs, and the scenes and definitions that go with them.
+    opened: OnceLock<(PackTable, Arc<Store>)>,
     draining: AtomicBool,
     limits: RequestLimits,
     timeout: Duration,
@@ -97,7 +100,7 @@ impl Service {
     /// A service that is not ready yet. Its callers do not wait for an answer longer than `timeout`.
     pub fn new(limits: RequestLimits, timeout: Duration, sessions: Sessions, telemetry: Telemetry) -> Self {
         Self {
-            packs: OnceLock::new(),
+            opened: OnceLock::new(),
             draining: AtomicBool::new(false),
             limits,
             timeout,
@@ -107,8 +110,8 @@ impl Service {
     }
 
     /// Starts to serve. Only the first call counts.
-    pub fn open(&self, packs: PackTable) {
-        if self.packs.set(packs).is_err() {
+    pub fn open(&self, packs: PackTable, store: Store) {
+        if self.opened.set((packs, Arc::new(store))).is_err() {
             tracing::warn!("the service is open already");
         }
     }
@@ -143,10 +146,22 @@ impl Service {
         }
     }
 
-    fn table(&self) -> Result<&PackTable, ApiError> {
-        self.packs
+    fn opened(&self) -> Result<&(PackTable, Arc<Store>), ApiError> {
+        self.opened
             .get()
             .ok_or(ApiError::Unavailable("starting: its packs are not loaded yet"))
+    }
+
+    fn table(&self) -> Result<&PackTable, ApiError> {
+        self.opened().map(|(packs, _)| packs)
+    }
+
+    /// The scenes and object definitions.
+    ///
+    /// # Errors
+    /// [`ApiError::Unavailable`] while the server starts.
+    pub fn store(&self) -> Result<&Arc<Store>, ApiError> {
+        self.opened().map(|(_, store)| store)
     }
 
     /// `troupe.v1.Motion/ListPacks`.

@@ -8,6 +8,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::eval::Live;
 use super::live_args::{Drive, Film, Sessions};
+use super::object::Object;
+use super::scene::Scene;
 use super::style::Style;
 
 /// Drive characters and fill gaps in motion clips on a Troupe server, and measure how well it does.
@@ -56,7 +58,9 @@ Examples:
   troupe draw --clip walk.bvh --from 60 --to 106 --out picture.png
   troupe drive
   troupe drive --path examples/paths/square.toml --out square.bvh
-  troupe film --path examples/paths/square.toml --out square.png";
+  troupe film --path examples/paths/square.toml --out square.png
+  troupe object put examples/objects/*.toml
+  troupe scene put examples/scenes/courtyard.toml";
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
@@ -68,6 +72,8 @@ pub(super) enum Command {
     Film(Film),
     Sessions(Sessions),
     Style(Style),
+    Scene(Scene),
+    Object(Object),
 }
 
 /// Replace what lies between two frames of a clip by generated motion.

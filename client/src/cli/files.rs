@@ -7,10 +7,12 @@ use troupe_motion::bvh::{self, BvhFile, BvhOptions, BvhWriteOptions, ConvertErro
 use troupe_motion::clip::Clip;
 use troupe_motion::glb::write_glb;
 use troupe_motion::skeleton::Skeleton;
+use troupe_proto::v1;
 
 use super::args::Scale;
 use super::failure::Failure;
 use super::term::Term;
+use crate::error::ClientError;
 use crate::pack::Pack;
 
 /// Reads a BVH file onto a pack's skeleton and at its rate.
@@ -53,6 +55,33 @@ pub(super) fn read_clip_on(path: &Path, skeleton: &Arc<Skeleton>, scale: Scale) 
         }
         e => e.to_string(),
     })
+}
+
+/// Reads a scene or an object definition, as the server is to read it.
+pub(super) fn read_document(path: &Path) -> Result<v1::Document, Failure> {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let format = match ending.as_deref() {
+        Some("toml") => v1::DocumentFormat::Toml,
+        Some("json") => v1::DocumentFormat::Json,
+        _ => {
+            let why = "the ending says the format and must be .toml or .json";
+            return Err(Failure::file(path, why));
+        }
+    };
+    Ok(v1::Document {
+        format: format.into(),
+        text: std::fs::read_to_string(path).map_err(|e| Failure::file(path, e))?,
+    })
+}
+
+/// The failure of a call that was given the document in `path`: what is wrong with the document is wrong with the file.
+pub(super) fn document_failure(path: &Path, error: ClientError) -> Failure {
+    match error {
+        ClientError::Refused(refusal) if refusal.reason.as_deref() == Some("INVALID_DOCUMENT") => {
+            Failure::file(path, refusal.message)
+        }
+        other => other.into(),
+    }
 }
 
 /// A format for motion, told by a file's ending.

@@ -9,8 +9,10 @@ mod files;
 mod film;
 mod inbetween;
 mod live_args;
+mod object;
 mod packs;
 mod path;
+mod scene;
 mod sessions;
 mod splice;
 mod style;
@@ -62,6 +64,8 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Film(command) => film::run(&session, &command).await,
         Command::Sessions(command) => sessions::run(&session, &command).await,
         Command::Style(command) => style::run(&session, &command).await,
+        Command::Scene(command) => scene::run(&session, &command).await,
+        Command::Object(command) => object::run(&session, &command).await,
     }
 }
 

@@ -80,7 +80,7 @@ fn list(sessions: &[v1::Session]) -> Table {
 
 /// Plans that took over, whatever called for them.
 pub(super) fn plans(stats: &v1::SessionStats) -> u64 {
-    stats.plans_for_command + stats.plans_for_low_buffer + stats.plans_for_interval
+    stats.plans_for_command + stats.plans_for_low_buffer + stats.plans_for_interval + stats.plans_for_object
 }
 
 #[cfg(test)]

@@ -55,6 +55,21 @@ fn help_of_style_add() {
 }
 
 #[test]
+fn help_of_scene() {
+    insta::assert_snapshot!(help(&["scene"]));
+}
+
+#[test]
+fn help_of_object() {
+    insta::assert_snapshot!(help(&["object"]));
+}
+
+#[test]
+fn help_of_object_put() {
+    insta::assert_snapshot!(help(&["object", "put"]));
+}
+
+#[test]
 fn help_of_style_list() {
     insta::assert_snapshot!(help(&["style", "list"]));
 }

@@ -7,6 +7,7 @@ use futures_util::future::join_all;
 use futures_util::{StreamExt as _, stream};
 use troupe_proto::v1;
 
+use super::act::Act;
 use super::frames::{Block, Frames};
 use super::locomotion::Locomotion;
 use super::options::{FrameOptions, SessionOptions};
@@ -126,6 +127,8 @@ struct Member {
 struct Chunk {
     members: Vec<MemberId>,
     block: Block,
+    events: Vec<v1::SessionEvents>,
+    held: Vec<v1::HeldObject>,
 }
 
 impl Crowd {
@@ -191,6 +194,14 @@ impl Crowd {
         Some(member.session.intent_mut().wanted_mut())
     }
 
+    /// Has a character do something, such as use an object of its scene, with the next step. Where that fails it may not have
+    /// arrived, and is not sent again. Nothing happens once the character has left.
+    pub fn act(&mut self, member: MemberId, act: &Act) {
+        if let Some(member) = self.members.get_mut(&member) {
+            member.session.act(act);
+        }
+    }
+
     /// How much it matters that a character is planned for often, 0 to 1: such as by its distance from the camera, in steps of
     /// a tenth or so, for every change is a command. It goes to the server with the next step. Nothing happens once the
     /// character has left.
@@ -249,6 +260,8 @@ impl Crowd {
             chunk.members.clear();
             chunk.members.extend(here.by_ref().take(per_request));
             chunk.block.clear();
+            chunk.events.clear();
+            chunk.held.clear();
             used += 1;
         }
         self.chunks.truncate(used);
@@ -263,7 +276,7 @@ impl Crowd {
                 continue;
             };
             let id = session.id().to_owned();
-            commands.extend(session.intent_mut().changed(&id));
+            commands.extend(session.intent_mut().commands(&id));
             session_ids.push(id);
         }
         v1::StepRequest {
@@ -302,6 +315,8 @@ impl Crowd {
             let member = member.ok_or(AnswerError::Missing("the character of a problem"))?;
             self.fault(member, problem);
         }
+        let of = &mut self.chunks[chunk];
+        (of.events, of.held) = (answer.events, answer.held);
         self.take_refusals(chunk, &answer.command_results);
         Ok(())
     }
@@ -400,6 +415,8 @@ fn sum<'a>(stats: impl Iterator<Item = &'a v1::SessionStats>) -> v1::SessionStat
         late_plans: sum.late_plans + of.late_plans,
         underruns: sum.underruns + of.underruns,
         failed_plans: sum.failed_plans + of.failed_plans,
+        events_dropped: sum.events_dropped + of.events_dropped,
+        plans_for_object: sum.plans_for_object + of.plans_for_object,
     })
 }
 
@@ -423,6 +440,25 @@ impl<'a> CrowdStep<'a> {
     pub fn get(&self, member: MemberId) -> Option<Frames<'a>> {
         let (chunk, place) = self.crowd.members.get(&member)?.place?;
         Some(self.crowd.chunks[chunk].block.frames(place))
+    }
+
+    /// What happened to characters in their scenes, in order for each.
+    pub fn events(&self) -> impl Iterator<Item = (MemberId, &'a v1::SessionEvent)> + use<'a> {
+        let crowd = self.crowd;
+        crowd.chunks.iter().flat_map(|chunk| {
+            let each = chunk.events.iter();
+            each.filter_map(|of| Some((*chunk.members.get(of.slot as usize)?, &of.events)))
+                .flat_map(|(member, events)| events.iter().map(move |event| (member, event)))
+        })
+    }
+
+    /// What is in the characters' hands.
+    pub fn held(&self) -> impl Iterator<Item = (MemberId, &'a v1::HeldObject)> + use<'a> {
+        let crowd = self.crowd;
+        crowd.chunks.iter().flat_map(|chunk| {
+            let each = chunk.held.iter();
+            each.filter_map(|held| Some((*chunk.members.get(held.slot as usize)?, held)))
+        })
     }
 
     /// What was wrong with single characters: those that could not be served, and those whose command was refused, which

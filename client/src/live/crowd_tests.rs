@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::*;
-use crate::live::testing::scripted;
+use crate::live::testing::{Script, scripted};
 use crate::problem::ProblemKind;
 
 /// A crowd of characters c0, c1, ... with three to a request.
@@ -70,6 +70,45 @@ async fn only_changed_intents_are_sent() {
         sent.collect::<Vec<_>>(),
         [vec![], vec![("c1", 1)], vec![], vec![("c1", 2), ("c2", 1)]]
     );
+}
+
+#[tokio::test]
+async fn acts_go_once_and_what_happens_comes_with_the_step() {
+    let (client, pack, script) = scripted().await;
+    let (mut crowd, members) = crowd(&client, &pack, 5).await;
+    crowd.act(members[3], &Act::interact("cup").variant("slow"));
+    let step = crowd.step(1).await.unwrap();
+    let happened: Vec<_> = step.events().collect();
+    assert_eq!((happened.len(), happened[0].0), (1, members[3]));
+    let Some(v1::session_event::Kind::Started(started)) = &happened[0].1.kind else {
+        panic!("{happened:?}");
+    };
+    assert_eq!(
+        (started.instance.as_str(), started.variant.as_str()),
+        ("cup", "slow")
+    );
+    let held: Vec<_> = step
+        .held()
+        .map(|(member, held)| (member, held.instance.as_str()))
+        .collect();
+    assert_eq!(held, [(members[3], "cup")]);
+    let step = crowd.step(1).await.unwrap();
+    assert_eq!((step.events().count(), step.held().count()), (0, 0));
+    let told = |script: &Script| script.steps.iter().map(|s| s.commands.len()).sum::<usize>();
+    assert_eq!(told(&script.lock().unwrap()), 1);
+
+    // One character alone has them too.
+    let mut guard = client
+        .session(&pack, &SessionOptions::new().id("guard").scene("yard"))
+        .await
+        .unwrap();
+    guard.act(&Act::interact("chair")).step(1).await.unwrap();
+    assert_eq!(
+        (guard.events().len(), guard.held().unwrap().instance.as_str()),
+        (1, "chair")
+    );
+    guard.step(1).await.unwrap();
+    assert!(guard.events().is_empty() && guard.held().is_none());
 }
 
 #[tokio::test]

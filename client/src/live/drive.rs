@@ -10,6 +10,7 @@ use troupe_proto::v1;
 use v1::drive_request::Message as Ask;
 use v1::drive_response::Message as Told;
 
+use super::act::Act;
 use super::frames::{Block, Frames};
 use super::locomotion::Locomotion;
 use super::options::FrameOptions;
@@ -49,6 +50,15 @@ pub enum DriveEvent {
         session: Option<Box<Session>>,
         /// Why.
         problem: Problem,
+    },
+    /// Something happened to a character in a scene. It comes before the tick in which it did.
+    Happened {
+        /// Its session.
+        session: String,
+        /// What, in order.
+        events: Vec<v1::SessionEvent>,
+        /// Events of the session that were dropped so far, because this client was slow to take them.
+        dropped: u64,
     },
     /// The session left the stream: detached, closed or expired. It is given back, unless it is gone.
     Left {
@@ -110,6 +120,8 @@ pub struct Drive {
     /// Names of the sessions in the stream's slots.
     slots: HashMap<u32, String>,
     blocks: Vec<Block>,
+    /// What is in the characters' hands.
+    held: Vec<v1::HeldObject>,
     /// Ticks that came but were not given, because newer ones had come.
     skipped: u64,
     events: Vec<DriveEvent>,
@@ -169,6 +181,7 @@ impl Client {
             sessions: BTreeMap::new(),
             slots: HashMap::new(),
             blocks: Vec::new(),
+            held: Vec::new(),
             skipped: 0,
             events: Vec::new(),
             end: None,
@@ -233,6 +246,14 @@ impl Drive {
         Some(session.intent_mut().wanted_mut())
     }
 
+    /// Has a character do something, such as use an object of its scene; [`Self::next`] and [`Self::flush`] send it. Nothing
+    /// happens where the session is not on the stream.
+    pub fn act(&mut self, id: &str, act: &Act) {
+        if let Some(session) = self.sessions.get_mut(id) {
+            session.act(act);
+        }
+    }
+
     /// How much it matters that a session is planned for often, 0 to 1: such as by its distance from the camera, in steps of a
     /// tenth or so, for every change is a command. [`Self::next`] and [`Self::flush`] send it. Nothing happens where the session is not on the stream.
     pub fn set_priority(&mut self, id: &str, priority: f32) {
@@ -246,7 +267,7 @@ impl Drive {
     pub fn flush(&mut self) {
         let changed = self.sessions.iter_mut();
         let commands = changed
-            .filter_map(|(id, session)| session.intent_mut().changed(id))
+            .flat_map(|(id, session)| session.intent_mut().commands(id))
             .collect::<Vec<_>>();
         if commands.is_empty() {
             return;
@@ -256,9 +277,10 @@ impl Drive {
             return;
         };
         if let Some(Ask::Command(unsent)) = unsent.into_inner().message {
-            for command in unsent.commands {
+            // The last first, so that they are in order again.
+            for command in unsent.commands.into_iter().rev() {
                 if let Some(session) = self.sessions.get_mut(&command.session_id) {
-                    session.intent_mut().doubt();
+                    session.intent_mut().unsent(command);
                 }
             }
         }
@@ -349,6 +371,15 @@ impl Drive {
                 }
             }
             Told::Commands(commands) => self.refused(commands),
+            Told::Events(happened) => {
+                for of in happened.sessions {
+                    self.events.push(DriveEvent::Happened {
+                        session: of.session_id,
+                        events: of.events,
+                        dropped: of.events_dropped,
+                    });
+                }
+            }
             Told::Closing(closing) => {
                 let problem = Problem::from(closing.reason.unwrap_or_default());
                 self.end = Some(match problem.kind {
@@ -410,6 +441,7 @@ impl Drive {
                 of(slot).map_or(1.0, |s| s.convention().units_per_metre())
             })?;
         }
+        self.held = frames.held;
         Ok(TickHead {
             number: frames.tick,
             dropped: frames.dropped_ticks,
@@ -463,6 +495,13 @@ impl<'a> Tick<'a> {
     /// Characters of this tick that had to slow down because a plan was late.
     pub fn underruns(&self) -> u32 {
         self.head.underruns
+    }
+
+    /// What is in the characters' hands, by the names of their sessions.
+    pub fn held(&self) -> impl Iterator<Item = (&'a str, &'a v1::HeldObject)> + use<'a> {
+        let drive = self.drive;
+        let each = drive.held.iter();
+        each.filter_map(move |held| Some((drive.slots.get(&held.slot)?.as_str(), held)))
     }
 
     /// The characters, by the names of their sessions, each with one frame.

@@ -18,7 +18,16 @@ fn tick(number: u64, slots: &[u32]) -> v1::DriveResponse {
         blocks: vec![block(slots, 1, vec![number; slots.len()])],
         dropped_ticks: 4,
         underruns: 1,
+        held: slots.iter().map(|&slot| held(slot)).collect(),
     }))
+}
+
+fn held(slot: u32) -> v1::HeldObject {
+    v1::HeldObject {
+        slot,
+        instance: format!("cup-{slot}"),
+        ..v1::HeldObject::default()
+    }
 }
 
 fn attached(ids: &[(&str, u32)]) -> v1::DriveResponse {
@@ -179,6 +188,53 @@ async fn a_stream_that_breaks_off_is_an_error_and_the_sessions_are_kept() {
     let (_, _, end) = all(&mut drive).await;
     assert!(matches!(end, Err(ClientError::Answer(_))), "{end:?}");
     assert_eq!(drive.into_sessions()[0].id(), "a");
+}
+
+#[tokio::test]
+async fn what_happened_comes_with_the_next_look_and_what_is_held_with_the_tick() {
+    let done = v1::SessionEvent {
+        frame: 7,
+        kind: Some(v1::session_event::Kind::Done(v1::InteractionDone {
+            instance: "cup".to_owned(),
+        })),
+    };
+    let events = told(Told::Events(v1::DriveEvents {
+        sessions: vec![v1::SessionEvents {
+            slot: 3,
+            session_id: "b".to_owned(),
+            events: vec![done.clone()],
+            events_dropped: 2,
+        }],
+    }));
+    let script = vec![
+        attached(&[("a", 1), ("b", 3)]),
+        events,
+        tick(0, &[1, 3]),
+        closing("CLIENT_DONE"),
+    ];
+    let mut drive = stream(true, &["a", "b"], script).await;
+    let (mut happened, mut held) = (Vec::new(), Vec::new());
+    while let Ok(Some(update)) = drive.next().await {
+        for event in update.events {
+            if let DriveEvent::Happened {
+                session,
+                events,
+                dropped,
+            } = event
+            {
+                happened.push((session, events, dropped));
+            }
+        }
+        if let Some(tick) = update.tick {
+            held.extend(
+                tick.held()
+                    .map(|(id, held)| (id.to_owned(), held.instance.clone())),
+            );
+        }
+    }
+    assert_eq!(happened, [("b".to_owned(), vec![done], 2)]);
+    let pair = |id: &str, cup: &str| (id.to_owned(), cup.to_owned());
+    assert_eq!(held, [pair("a", "cup-1"), pair("b", "cup-3")]);
 }
 
 #[tokio::test]

@@ -3,6 +3,8 @@
 use glam::Vec3;
 use troupe_proto::v1;
 
+use super::act::Act;
+
 /// Move over the ground: velocity, facing, style. In the session's convention; by default, stand.
 ///
 /// ```
@@ -93,6 +95,8 @@ pub(crate) struct Intent {
     /// None: whatever the server has.
     priority: Option<f32>,
     told_priority: Option<f32>,
+    /// To be told before what is wanted, in order.
+    acts: Vec<v1::command::Intent>,
 }
 
 impl Intent {
@@ -122,8 +126,59 @@ impl Intent {
         self.sequence = self.sequence.max(sequence);
     }
 
-    /// The command that brings the server up to date, where it is not. It counts as told from now on.
-    pub(crate) fn changed(&mut self, session: &str) -> Option<v1::Command> {
+    /// Has the character do something. Unless it goes on moving meanwhile, its locomotion counts as told until it is looked at
+    /// to be changed.
+    pub(crate) fn act(&mut self, act: &Act) {
+        let before = self.changed_intent();
+        self.acts.extend(before);
+        self.acts.push(act.to_message());
+        if !act.lets_move() {
+            self.told = None;
+            self.touched = false;
+        }
+    }
+
+    /// A command that was not sent after all.
+    pub(crate) fn unsent(&mut self, command: v1::Command) {
+        match command.intent {
+            Some(v1::command::Intent::Locomote(_)) | None => self.doubt(),
+            Some(act) => self.acts.insert(0, act),
+        }
+    }
+
+    /// The commands that bring the server up to date. They count as told from now on.
+    pub(crate) fn commands(&mut self, session: &str) -> Vec<v1::Command> {
+        let acts = std::mem::take(&mut self.acts).into_iter();
+        let mut commands: Vec<v1::Command> = acts
+            .map(|act| v1::Command {
+                session_id: session.to_owned(),
+                sequence: self.next(),
+                at_frame: None,
+                intent: Some(act),
+                priority: None,
+            })
+            .collect();
+        commands.extend(self.changed(session));
+        commands
+    }
+
+    /// The command that tells what is wanted, where the server does not know it. It counts as told from now on.
+    fn changed(&mut self, session: &str) -> Option<v1::Command> {
+        let (intent, priority) = (self.changed_intent(), self.changed_priority());
+        if intent.is_none() && priority.is_none() {
+            return None;
+        }
+        Some(v1::Command {
+            session_id: session.to_owned(),
+            sequence: self.next(),
+            at_frame: None,
+            intent,
+            priority,
+        })
+    }
+
+    /// The locomotion that the server does not know yet. It counts as told from now on.
+    fn changed_intent(&mut self) -> Option<v1::command::Intent> {
         let same = match &self.told {
             Some(told) => {
                 let style = self.wanted.style.as_ref().or(told.style.as_ref());
@@ -136,17 +191,7 @@ impl Intent {
             // One that nobody has commanded stands in its own style.
             None => !self.touched || (self.sequence == 0 && self.wanted == Locomotion::default()),
         };
-        if !same {
-            return Some(self.command(session, None));
-        }
-        let priority = self.changed_priority()?;
-        Some(v1::Command {
-            session_id: session.to_owned(),
-            sequence: self.next(),
-            at_frame: None,
-            intent: None,
-            priority: Some(priority),
-        })
+        (!same).then(|| self.tell())
     }
 
     /// The priority that the server does not know yet. It counts as told from now on.
@@ -163,17 +208,22 @@ impl Intent {
         self.sequence
     }
 
-    /// A command with the next sequence number, to hold from `at_frame` on.
-    pub(crate) fn command(&mut self, session: &str, at_frame: Option<u64>) -> v1::Command {
+    /// The locomotion that is wanted, which counts as told from now on.
+    fn tell(&mut self) -> v1::command::Intent {
         let before = self.told.take().and_then(|told| told.style);
         let mut told = self.wanted.clone();
         told.style = told.style.or(before);
         self.told = Some(told);
+        v1::command::Intent::Locomote(self.wanted.to_message())
+    }
+
+    /// A command with the next sequence number, to hold from `at_frame` on.
+    pub(crate) fn command(&mut self, session: &str, at_frame: Option<u64>) -> v1::Command {
         v1::Command {
             session_id: session.to_owned(),
+            intent: Some(self.tell()),
             sequence: self.next(),
             at_frame,
-            intent: Some(v1::command::Intent::Locomote(self.wanted.to_message())),
             priority: self.changed_priority(),
         }
     }
@@ -292,6 +342,62 @@ mod tests {
         assert_eq!(intent.changed("a"), None);
         *intent.wanted_mut() = Locomotion::stand();
         assert_eq!(intent.changed("a").unwrap().sequence, 4);
+    }
+
+    fn sent(intent: &mut Intent) -> Vec<(u64, &'static str)> {
+        use v1::command::Intent as Asked;
+        let kind = |command: v1::Command| {
+            let kind = match command.intent {
+                Some(Asked::Locomote(_)) => "locomote",
+                Some(Asked::Interact(_)) => "interact",
+                Some(Asked::Drop(_)) => "drop",
+                Some(Asked::Cancel(_)) => "cancel",
+                Some(Asked::EndInteraction(_)) => "end",
+                None => "none",
+            };
+            (command.sequence, kind)
+        };
+        intent.commands("a").into_iter().map(kind).collect()
+    }
+
+    #[test]
+    fn acts_are_told_once_and_moving_again_is_told_anew() {
+        let mut intent = Intent::default();
+        *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
+        intent.act(&Act::interact("chair"));
+        assert_eq!(sent(&mut intent), [(1, "locomote"), (2, "interact")]);
+        assert_eq!(sent(&mut intent), []);
+        // To go on as before is a command too: it breaks off.
+        *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
+        assert_eq!(sent(&mut intent), [(3, "locomote")]);
+        intent.act(&Act::Drop);
+        *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
+        assert_eq!(sent(&mut intent), [(4, "drop")], "it walks on");
+        intent.act(&Act::Cancel);
+        *intent.wanted_mut() = Locomotion::walk(Vec3::X);
+        assert_eq!(sent(&mut intent), [(5, "cancel"), (6, "locomote")]);
+    }
+
+    #[test]
+    fn acts_that_were_not_sent_are_told_first() {
+        let mut intent = Intent::default();
+        intent.act(&Act::interact("chair"));
+        *intent.wanted_mut() = Locomotion::walk(Vec3::Z);
+        let unsent = intent.commands("a");
+        unsent
+            .into_iter()
+            .rev()
+            .for_each(|command| intent.unsent(command));
+        assert_eq!(sent(&mut intent), [(3, "interact"), (4, "locomote")]);
+    }
+
+    #[test]
+    fn to_stand_after_an_act_is_told() {
+        let mut intent = Intent::default();
+        intent.act(&Act::interact("chair"));
+        assert_eq!(sent(&mut intent), [(1, "interact")]);
+        *intent.wanted_mut() = Locomotion::stand();
+        assert_eq!(sent(&mut intent), [(2, "locomote")]);
     }
 
     #[test]

@@ -9,7 +9,11 @@
 //!
 //! What a character should do is a [`Locomotion`]. It is set in place, as often as the game likes; only what changed goes
 //! to the server, with sequence numbers, so that commands may be lost, late or repeated without harm.
+//!
+//! In a scene ([`SessionOptions::scene`]) characters also use objects: an [`Act`] is done once, and what becomes of it comes
+//! back as events. Until the character is to walk again its locomotion is left alone, for a change breaks off what it does.
 
+mod act;
 mod calls;
 mod crowd;
 mod drive;
@@ -21,10 +25,12 @@ mod session;
 #[cfg(test)]
 mod testing;
 
+pub use act::Act;
 pub use crowd::{Crowd, CrowdOptions, CrowdStep, Fault, MemberId};
 pub use drive::{Drive, DriveEvent, DriveOptions, Tick, Update};
 pub use frames::{Contacts, Frame, Frames};
 pub use locomotion::Locomotion;
+pub(crate) use options::convention_to_wire;
 pub use options::{Encoding, FrameOptions, Rate, SessionOptions};
 pub use recording::Recording;
 pub use session::Session;

@@ -57,6 +57,13 @@ impl SessionOptions {
         self
     }
 
+    /// The scene that it lives in; none by default.
+    #[must_use]
+    pub fn scene(mut self, name: impl Into<String>) -> Self {
+        self.message.scene = name.into();
+        self
+    }
+
     /// Where it stands at first, in its convention, and which way it faces, radians. The height is the pack's.
     #[must_use]
     pub fn at(mut self, position: Vec3, heading: f32) -> Self {

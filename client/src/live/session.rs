@@ -4,6 +4,7 @@ use glam::Vec3;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
+use super::act::Act;
 use super::frames::{Block, Frames};
 use super::locomotion::{Intent, Locomotion};
 use super::options::{FrameOptions, convention_from_wire};
@@ -47,6 +48,8 @@ pub struct Session {
     options: FrameOptions,
     intent: Intent,
     block: Block,
+    events: v1::SessionEvents,
+    held: Option<v1::HeldObject>,
 }
 
 impl Session {
@@ -59,6 +62,8 @@ impl Session {
             options: FrameOptions::default(),
             intent: Intent::after(of.last_sequence),
             block: Block::default(),
+            events: v1::SessionEvents::default(),
+            held: of.held.clone(),
         }
     }
 
@@ -128,6 +133,14 @@ impl Session {
         self
     }
 
+    /// Does something once, such as use an object of its scene. Until it is to walk again its locomotion is left alone: a
+    /// change breaks off what it does. It goes with the next step; where that fails it may not have arrived, and is not sent
+    /// again.
+    pub fn act(&mut self, act: &Act) -> &mut Self {
+        self.intent.act(act);
+        self
+    }
+
     /// How much it matters that it is planned for often, where there are more characters than the server can serve: 0 is far
     /// from the camera, 1 the hero. Changes nothing of what it does.
     pub fn priority(&mut self, priority: f32) -> &mut Self {
@@ -156,7 +169,7 @@ impl Session {
             session_ids: vec![self.id.clone()],
             frames,
             rate_hz: self.options.rate.hz(),
-            commands: self.intent.changed(&self.id).into_iter().collect(),
+            commands: self.intent.commands(&self.id),
             encoding: self.options.encoding.to_wire(),
             return_positions: self.options.positions,
         };
@@ -175,8 +188,20 @@ impl Session {
             self.pack.skeleton().joint_count(),
             |_| units,
         )?;
+        self.events = answer.events.into_iter().next().unwrap_or_default();
+        self.held = answer.held.into_iter().next();
         self.take_results(&answer.command_results)?;
         Ok(self.frames())
+    }
+
+    /// What happened to it in its scene in the last step.
+    pub fn events(&self) -> &[v1::SessionEvent] {
+        &self.events.events
+    }
+
+    /// What is in its hand at the last frame of the last step.
+    pub fn held(&self) -> Option<&v1::HeldObject> {
+        self.held.as_ref()
     }
 
     /// The frames of the last step.
@@ -189,10 +214,10 @@ impl Session {
     /// # Errors
     /// See [`ClientError`]; [`ClientError::Session`] where the session is gone or refuses it.
     pub async fn send(&mut self) -> Result<(), ClientError> {
-        match self.intent.changed(&self.id) {
-            Some(command) => self.send_command(command).await,
-            None => Ok(()),
+        for command in self.intent.commands(&self.id) {
+            self.send_command(command).await?;
         }
+        Ok(())
     }
 
     /// Sends what it should do from a frame of its timeline on, such as one that the whole scene agreed on. The newest such

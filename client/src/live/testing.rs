@@ -87,6 +87,7 @@ impl Script {
     fn result(&self, command: &v1::Command) -> v1::CommandResult {
         let refused = match &command.intent {
             Some(v1::command::Intent::Locomote(l)) => self.unknown_style == Some(l.style.as_str()),
+            Some(_) => false,
             None => true,
         };
         v1::CommandResult {
@@ -131,7 +132,47 @@ impl Script {
             problems,
             total_us: 900,
             waited_us: 700,
+            events: interactions(&request)
+                .map(|(slot, of)| started(slot, of))
+                .collect(),
+            held: interactions(&request)
+                .map(|(slot, of)| v1::HeldObject {
+                    slot,
+                    instance: of.instance.clone(),
+                    ..v1::HeldObject::default()
+                })
+                .collect(),
         })
+    }
+}
+
+/// The sessions of a step that are to use an object: it is in their hands at once.
+fn interactions(request: &v1::StepRequest) -> impl Iterator<Item = (u32, &v1::Interact)> {
+    request.commands.iter().filter_map(|command| {
+        let slot = request
+            .session_ids
+            .iter()
+            .position(|id| *id == command.session_id)?;
+        match &command.intent {
+            Some(v1::command::Intent::Interact(interact)) => Some((slot as u32, interact)),
+            _ => None,
+        }
+    })
+}
+
+fn started(slot: u32, of: &v1::Interact) -> v1::SessionEvents {
+    let started = v1::InteractionStarted {
+        instance: of.instance.clone(),
+        variant: of.variant.clone(),
+        ..v1::InteractionStarted::default()
+    };
+    v1::SessionEvents {
+        slot,
+        events: vec![v1::SessionEvent {
+            frame: 1,
+            kind: Some(v1::session_event::Kind::Started(started)),
+        }],
+        ..v1::SessionEvents::default()
     }
 }
 

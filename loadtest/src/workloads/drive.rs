@@ -158,6 +158,8 @@ impl Stream {
                 Some(Told::Attached(attached)) => self.attached(attached),
                 Some(Told::Left(left)) => self.faults("SESSION_LEFT", left.sessions),
                 Some(Told::Commands(commands)) => self.refused(commands),
+                // Its characters are in no scene.
+                Some(Told::Events(_)) => {}
                 Some(Told::Closing(closing)) => {
                     let why = closing.reason.unwrap_or_default();
                     return Err(tonic::Status::aborted(why.message));

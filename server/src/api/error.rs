@@ -1,21 +1,21 @@
 //! Every error of the API, and the one place that says how it looks: gRPC code and details, HTTP status and body,
 //! metric label.
 
+mod form;
+mod table;
+
 use std::time::Duration;
 
-use axum::Json;
-use axum::response::{IntoResponse, Response};
-use http::{HeaderValue, StatusCode, header};
-use serde::{Deserialize, Serialize};
-use tonic::{Code, Status};
-use tonic_types::{ErrorDetails, StatusExt as _};
-use troupe_proto::v1;
-use utoipa::ToSchema;
-
 use crate::batch::SubmitError;
+use crate::document::DocumentError;
 use crate::engine::EngineError;
 use crate::inbetween::{FieldError, NonFinite};
+use crate::object::DefinitionsError;
+use crate::scene::{SceneError, TableError};
 use crate::session::Refusal;
+
+pub(super) use form::CodeLabel;
+pub use form::{ErrorBody, ErrorDetail};
 
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
 const DOMAIN: &str = "troupe.v1";
@@ -131,6 +131,33 @@ pub enum ApiError {
         /// The field of the request that named it.
         field: String,
     },
+    /// A scene or an object definition that is written wrongly.
+    #[error("{0}")]
+    Document(Box<DocumentError>),
+    /// A scene that is not there, cannot be there, or cannot go.
+    #[error("{error}")]
+    Scenes {
+        /// Why.
+        error: TableError,
+        /// The field of the request that named it.
+        field: String,
+    },
+    /// An object of a scene that is not there, or cannot be changed so.
+    #[error("{error}")]
+    Objects {
+        /// Why.
+        error: SceneError,
+        /// The field of the request that named it.
+        field: String,
+    },
+    /// An object definition that is not there, cannot be there, or cannot go.
+    #[error("{error}")]
+    Definitions {
+        /// Why.
+        error: DefinitionsError,
+        /// The field of the request that named it.
+        field: String,
+    },
     /// What a character is asked to do and could not.
     #[error("{refusal}")]
     Refused {
@@ -210,285 +237,29 @@ pub(super) fn cut(text: &str, limit: usize) -> String {
     }
 }
 
+impl From<DocumentError> for ApiError {
+    /// What is echoed of the document is cut.
+    fn from(error: DocumentError) -> Self {
+        Self::Document(Box::new(DocumentError {
+            field: cut(&error.field, MAX_PATH),
+            message: cut(&error.message, MAX_MESSAGE),
+            ..error
+        }))
+    }
+}
+
 impl From<NonFinite> for ApiError {
     fn from(error: NonFinite) -> Self {
         Self::Internal(error.to_string())
     }
 }
 
-impl ApiError {
-    /// The table: gRPC code, HTTP status, and the code's name in JSON and metrics.
-    fn codes(&self) -> (Code, StatusCode, &'static str) {
-        match self {
-            Self::Field(_) | Self::Malformed { .. } | Self::Truncated { .. } => {
-                (Code::InvalidArgument, StatusCode::BAD_REQUEST, "INVALID_ARGUMENT")
-            }
-            Self::TooLarge { .. } => (
-                Code::ResourceExhausted,
-                StatusCode::PAYLOAD_TOO_LARGE,
-                "RESOURCE_EXHAUSTED",
-            ),
-            Self::QueueFull { .. } => (
-                Code::ResourceExhausted,
-                StatusCode::TOO_MANY_REQUESTS,
-                "RESOURCE_EXHAUSTED",
-            ),
-            Self::UnknownPack { .. } => (Code::NotFound, StatusCode::NOT_FOUND, "NOT_FOUND"),
-            Self::SessionExpired { .. } => (Code::NotFound, StatusCode::GONE, "NOT_FOUND"),
-            Self::UnknownSession { .. } => (Code::NotFound, StatusCode::NOT_FOUND, "NOT_FOUND"),
-            Self::SessionExists { .. } => (Code::AlreadyExists, StatusCode::CONFLICT, "ALREADY_EXISTS"),
-            Self::SessionBusy { .. } | Self::StyleIsBuiltIn { .. } => (
-                Code::FailedPrecondition,
-                StatusCode::CONFLICT,
-                "FAILED_PRECONDITION",
-            ),
-            Self::TooManySessions { .. } | Self::TooManyStreams { .. } => (
-                Code::ResourceExhausted,
-                StatusCode::TOO_MANY_REQUESTS,
-                "RESOURCE_EXHAUSTED",
-            ),
-            Self::UnknownStyle { .. } => (Code::InvalidArgument, StatusCode::BAD_REQUEST, "INVALID_ARGUMENT"),
-            Self::Refused { refusal, .. } => match refusal {
-                Refusal::UnknownObject { .. } => (Code::NotFound, StatusCode::NOT_FOUND, "NOT_FOUND"),
-                Refusal::UnknownVariant { .. } | Refusal::UnknownApproach { .. } => {
-                    (Code::InvalidArgument, StatusCode::BAD_REQUEST, "INVALID_ARGUMENT")
-                }
-                _ => (
-                    Code::FailedPrecondition,
-                    StatusCode::CONFLICT,
-                    "FAILED_PRECONDITION",
-                ),
-            },
-            Self::UnknownRoute(_) => (Code::Unimplemented, StatusCode::NOT_FOUND, "NOT_FOUND"),
-            Self::WrongMethod(_) => (
-                Code::Unimplemented,
-                StatusCode::METHOD_NOT_ALLOWED,
-                "METHOD_NOT_ALLOWED",
-            ),
-            Self::Unavailable(_) => (Code::Unavailable, StatusCode::SERVICE_UNAVAILABLE, "UNAVAILABLE"),
-            Self::Superseded => (Code::Aborted, StatusCode::CONFLICT, "ABORTED"),
-            Self::DeadlineExceeded(_) | Self::WaitedTooLong { .. } => (
-                Code::DeadlineExceeded,
-                StatusCode::GATEWAY_TIMEOUT,
-                "DEADLINE_EXCEEDED",
-            ),
-            Self::Unimplemented(_) => (Code::Unimplemented, StatusCode::NOT_IMPLEMENTED, "UNIMPLEMENTED"),
-            Self::Internal(_) => (Code::Internal, StatusCode::INTERNAL_SERVER_ERROR, "INTERNAL"),
-        }
-    }
-
-    /// A word for the kind of error, finer than its code: the reason in `google.rpc.ErrorInfo`.
-    pub fn reason(&self) -> &'static str {
-        match self {
-            Self::Field(_) => "INVALID_FIELD",
-            Self::Malformed { .. } | Self::Truncated { .. } => "MALFORMED_REQUEST",
-            Self::TooLarge { .. } => "REQUEST_TOO_LARGE",
-            Self::UnknownPack { .. } => "UNKNOWN_PACK",
-            Self::SessionExpired { .. } => "SESSION_EXPIRED",
-            Self::UnknownSession { .. } => "UNKNOWN_SESSION",
-            Self::SessionExists { .. } => "SESSION_EXISTS",
-            Self::SessionBusy { .. } => "SESSION_BUSY",
-            Self::TooManySessions { .. } => "TOO_MANY_SESSIONS",
-            Self::TooManyStreams { .. } => "TOO_MANY_STREAMS",
-            Self::UnknownStyle { .. } => "UNKNOWN_STYLE",
-            Self::StyleIsBuiltIn { .. } => "STYLE_IS_BUILT_IN",
-            Self::Refused { refusal, .. } => match refusal {
-                Refusal::NoScene => "NO_SCENE",
-                Refusal::UnknownObject { .. } => "UNKNOWN_OBJECT",
-                Refusal::WrongPack { .. } => "WRONG_PACK",
-                Refusal::UnknownVariant { .. } => "UNKNOWN_VARIANT",
-                Refusal::UnknownApproach { .. } => "UNKNOWN_APPROACH",
-                Refusal::Taken { .. } => "OBJECT_TAKEN",
-                Refusal::Blocked { .. } => "BLOCKED",
-                Refusal::HandFull { .. } => "HAND_FULL",
-            },
-            Self::UnknownRoute(_) => "UNKNOWN_ROUTE",
-            Self::WrongMethod(_) => "WRONG_METHOD",
-            Self::QueueFull { .. } => "QUEUE_FULL",
-            Self::Unavailable(_) => "NOT_READY",
-            Self::Superseded => "SUPERSEDED",
-            Self::DeadlineExceeded(_) | Self::WaitedTooLong { .. } => "DEADLINE_EXCEEDED",
-            Self::Unimplemented(_) => "UNIMPLEMENTED",
-            Self::Internal(_) => "INTERNAL",
-        }
-    }
-
-    /// The code's name, for metrics.
-    pub fn label(&self) -> &'static str {
-        self.codes().2
-    }
-
-    /// The field that is wrong, where the error is about one.
-    fn field(&self) -> Option<&str> {
-        match self {
-            Self::Field(error) => Some(&error.field),
-            Self::Malformed { field, .. } => field.as_deref(),
-            Self::TooLarge { .. } | Self::Truncated { .. } => Some("body"),
-            Self::UnknownPack { field, .. } => Some(field),
-            Self::SessionExpired { field, .. }
-            | Self::UnknownSession { field, .. }
-            | Self::SessionExists { field, .. }
-            | Self::SessionBusy { field, .. }
-            | Self::UnknownStyle { field, .. }
-            | Self::StyleIsBuiltIn { field, .. }
-            | Self::Refused { field, .. } => Some(field),
-            _ => None,
-        }
-    }
-
-    /// What would be allowed, where the error is about a value or a size.
-    fn allowed(&self) -> Option<String> {
-        match self {
-            Self::Field(error) => Some(error.allowed.clone()),
-            Self::TooLarge { limit_bytes } => Some(format!("at most {limit_bytes} bytes")),
-            Self::Truncated { limit_bytes, .. } => {
-                Some(format!("a whole message of at most {limit_bytes} bytes"))
-            }
-            Self::UnknownPack { loaded, .. } => Some(loaded.join(", ")),
-            Self::TooManySessions { limit, .. } | Self::TooManyStreams { limit } => {
-                Some(format!("at most {limit}"))
-            }
-            Self::UnknownStyle { there_are, .. } => Some(there_are.join(", ")),
-            Self::Refused { refusal, .. } => match refusal {
-                Refusal::UnknownVariant { there_are, .. } | Refusal::UnknownApproach { there_are, .. } => {
-                    Some(there_are.join(", "))
-                }
-                _ => None,
-            },
-            Self::StyleIsBuiltIn { .. } => Some("a name that none of the pack's own styles has".to_owned()),
-            Self::SessionExists { .. } => Some("an id that is free, or none".to_owned()),
-            _ => None,
-        }
-    }
-
-    /// What is wrong with the field, range included.
-    fn description(&self) -> String {
-        match self {
-            Self::Field(error) => format!("{}; allowed: {}", error.message, error.allowed),
-            Self::Malformed { message, .. } => message.clone(),
-            other => other.to_string(),
-        }
-    }
-
-    /// The error as JSON.
-    pub fn body(&self) -> ErrorBody {
-        ErrorBody {
-            error: ErrorDetail {
-                code: self.label().to_owned(),
-                reason: self.reason().to_owned(),
-                message: self.to_string(),
-                field: self.field().map(str::to_owned),
-                allowed: self.allowed(),
-                retry_after_ms: self.retry_after().map(|after| after.as_millis() as u64),
-            },
-        }
-    }
-
-    /// The error as part of an answer that serves others.
-    pub fn problem(&self) -> v1::Problem {
-        v1::Problem {
-            reason: self.reason().to_owned(),
-            message: self.to_string(),
-            field: self.field().unwrap_or_default().to_owned(),
-            allowed: self.allowed().unwrap_or_default(),
-        }
-    }
-
-    /// The error as a gRPC status with `google.rpc` details.
-    pub fn status(&self) -> Status {
-        let mut details = ErrorDetails::new();
-        let mut metadata = std::collections::HashMap::new();
-        metadata.extend(self.field().map(|field| ("field".to_owned(), field.to_owned())));
-        metadata.extend(self.allowed().map(|allowed| ("allowed".to_owned(), allowed)));
-        details.set_error_info(self.reason(), DOMAIN, metadata);
-        if let (Code::InvalidArgument, Some(field)) = (self.codes().0, self.field()) {
-            details.add_bad_request_violation(field, self.description());
-        }
-        if let Some(after) = self.retry_after() {
-            details.set_retry_info(Some(after));
-        }
-        let mut status = Status::with_error_details(self.codes().0, self.to_string(), details);
-        status.set_source(std::sync::Arc::new(self.clone()));
-        status
-    }
-
-    /// The error behind a gRPC status: our own, or one that the gRPC library made while it read the request.
-    pub fn of_status(status: &Status, limit_bytes: usize) -> Self {
-        let own = std::error::Error::source(status).and_then(|source| source.downcast_ref::<Self>());
-        if let Some(own) = own {
-            return own.clone();
-        }
-        let message = cut(status.message(), MAX_MESSAGE);
-        match status.code() {
-            Code::OutOfRange | Code::ResourceExhausted => Self::TooLarge { limit_bytes },
-            Code::Unimplemented => Self::Unimplemented(message),
-            Code::DeadlineExceeded => Self::DeadlineExceeded(Duration::ZERO),
-            // The library calls whatever it cannot read an internal error; it is the caller's.
-            _ if message.contains("EOF") => Self::Truncated {
-                problem: "its message is not whole".to_owned(),
-                limit_bytes,
-            },
-            _ => Self::Malformed { message, field: None },
-        }
-    }
-
-    fn retry_after(&self) -> Option<Duration> {
-        match self {
-            Self::QueueFull { retry_after, .. } => Some(*retry_after),
-            _ => None,
-        }
-    }
-}
-
-/// The code of an answer, noted on it for the metrics.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct CodeLabel(pub(super) &'static str);
-
-impl IntoResponse for ApiError {
-    fn into_response(self) -> Response {
-        let mut response = (self.codes().1, Json(self.body())).into_response();
-        if let Some(after) = self.retry_after() {
-            // The header knows whole seconds only; the body has the milliseconds.
-            let seconds = after.as_millis().div_ceil(1000).max(1) as u64;
-            response
-                .headers_mut()
-                .insert(header::RETRY_AFTER, HeaderValue::from(seconds));
-        }
-        response.extensions_mut().insert(CodeLabel(self.label()));
-        response
-    }
-}
-
-/// Every error over HTTP.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct ErrorBody {
-    /// What went wrong.
-    pub error: ErrorDetail,
-}
-
-/// What went wrong.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct ErrorDetail {
-    /// Name of the gRPC code that says the same, such as `INVALID_ARGUMENT`.
-    pub code: String,
-    /// A word for the kind of error, finer than its code, such as `SESSION_EXPIRED`.
-    #[serde(default)]
-    pub reason: String,
-    /// What went wrong, for people.
-    pub message: String,
-    /// The field that is wrong, such as `characters[0].context[2].pose.rotations[8]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub field: Option<String>,
-    /// What the field may be, such as `12 to 64`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub allowed: Option<String>,
-    /// When it is worth to try again, in milliseconds.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub retry_after_ms: Option<u64>,
-}
-
 #[cfg(test)]
 mod tests {
+    use axum::response::IntoResponse as _;
+    use http::StatusCode;
+    use tonic::Code;
+
     use super::*;
 
     #[test]
@@ -496,6 +267,30 @@ mod tests {
         assert_eq!(cut("naïve", 3), "naï…");
         assert_eq!(cut("naïve", 5), "naïve");
         assert_eq!(cut("", 0), "");
+    }
+
+    #[test]
+    fn documents_name_their_place_and_echo_little() {
+        let error = ApiError::from(DocumentError {
+            source: crate::document::Source::Text("scene"),
+            place: Some((7, 3)),
+            field: "x".repeat(1000),
+            message: "y".repeat(1000),
+            allowed: "0 to 1".to_owned(),
+        });
+        let detail = error.body().error;
+        assert_eq!((detail.line, detail.column), (Some(7), Some(3)));
+        assert_eq!(
+            (detail.code.as_str(), detail.reason.as_str()),
+            ("INVALID_ARGUMENT", "INVALID_DOCUMENT")
+        );
+        assert!(
+            detail.message.starts_with("scene: line 7, column 3: xxx"),
+            "{}",
+            detail.message
+        );
+        assert!(detail.message.len() < 1000 && detail.field.unwrap().chars().count() == MAX_PATH + 1);
+        assert_eq!(detail.allowed.as_deref(), Some("0 to 1"));
     }
 
     #[test]

@@ -1,5 +1,6 @@
-//! gRPC: the Motion and Sessions services, health and reflection.
+//! gRPC: the Motion, Sessions and Scenes services, health and reflection.
 
+mod scenes;
 mod sessions;
 
 use std::convert::Infallible;
@@ -15,11 +16,13 @@ use tonic_health::server::{HealthReporter, HealthService};
 use tonic_reflection::server::{Builder, Error};
 use troupe_proto::v1;
 use troupe_proto::v1::motion_server::{Motion, MotionServer};
+use troupe_proto::v1::scenes_server::ScenesServer;
 use troupe_proto::v1::sessions_server::SessionsServer;
 
+use self::scenes::ScenesApi;
 use self::sessions::SessionsApi;
-use super::MAX_STREAM_MESSAGE_BYTES;
 use super::track::{self, Tracker};
+use super::{ApiError, MAX_STREAM_MESSAGE_BYTES};
 use crate::config::Config;
 use crate::service::Service;
 
@@ -34,8 +37,17 @@ pub async fn set_serving(health: &HealthReporter, serving: bool) {
         "",
         MotionServer::<MotionApi>::NAME,
         SessionsServer::<SessionsApi>::NAME,
+        ScenesServer::<ScenesApi>::NAME,
     ] {
         health.set_service_status(service, status).await;
+    }
+}
+
+/// An answer as gRPC gives it.
+fn answer<T>(result: Result<T, ApiError>) -> Result<Response<T>, Status> {
+    match result {
+        Ok(answer) => Ok(Response::new(answer)),
+        Err(error) => Err(error.status()),
     }
 }
 
@@ -48,27 +60,18 @@ impl Motion for MotionApi {
         &self,
         request: Request<v1::InBetweenRequest>,
     ) -> Result<Response<v1::InBetweenResponse>, Status> {
-        match self.0.in_between(request.into_inner()).await {
-            Ok(answer) => Ok(Response::new(answer)),
-            Err(error) => Err(error.status()),
-        }
+        answer(self.0.in_between(request.into_inner()).await)
     }
 
     async fn list_packs(
         &self,
         _: Request<v1::ListPacksRequest>,
     ) -> Result<Response<v1::ListPacksResponse>, Status> {
-        match self.0.list_packs() {
-            Ok(answer) => Ok(Response::new(answer)),
-            Err(error) => Err(error.status()),
-        }
+        answer(self.0.list_packs())
     }
 
     async fn get_pack(&self, request: Request<v1::GetPackRequest>) -> Result<Response<v1::Pack>, Status> {
-        match self.0.get_pack(&request.into_inner().name) {
-            Ok(answer) => Ok(Response::new(answer)),
-            Err(error) => Err(error.status()),
-        }
+        answer(self.0.get_pack(&request.into_inner().name))
     }
 }
 
@@ -97,6 +100,10 @@ pub(super) fn router(
     let drive = format!("/{}/Drive", SessionsServer::<SessionsApi>::NAME);
     let stream_limit = config.max_message_bytes.min(MAX_STREAM_MESSAGE_BYTES);
     let router = router.route_service(&drive, sessions(stream_limit));
+    let scenes = ScenesServer::new(ScenesApi(service.clone()))
+        .max_decoding_message_size(config.max_message_bytes)
+        .max_encoding_message_size(usize::MAX);
+    let router = mount(router, scenes);
     let router = mount(router, sessions(config.max_message_bytes))
         .layer(middleware::from_fn_with_state(tracker, track::grpc));
     let router = mount(

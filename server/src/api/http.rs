@@ -1,17 +1,19 @@
 //! HTTP: the same messages as JSON, and what operators need.
 
 pub(super) mod json;
+pub(super) mod scenes;
 pub(super) mod sessions;
 
 use std::sync::Arc;
 
 use axum::body::Body;
-use axum::extract::rejection::PathRejection;
-use axum::extract::{DefaultBodyLimit, Path, Request, State};
+use axum::extract::rejection::{PathRejection, QueryRejection};
+use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router, middleware};
 use http::{HeaderMap, header};
+use serde::de::DeserializeOwned;
 use troupe_proto::v1;
 use utoipa_swagger_ui::SwaggerUi;
 
@@ -32,6 +34,10 @@ pub(super) fn router(service: &Arc<Service>, config: &Config) -> Router {
         shapes: Arc::new(Shapes::new(config)),
     };
     let style = get(sessions::get_style).put(sessions::put_style);
+    let scene = get(scenes::get).put(scenes::put).delete(scenes::delete);
+    let object = get(scenes::get_object)
+        .put(scenes::put_object)
+        .delete(scenes::delete_object);
     let api = Router::new()
         .route("/v1/inbetween", post(in_between))
         .route("/v1/packs", get(list_packs))
@@ -44,6 +50,14 @@ pub(super) fn router(service: &Arc<Service>, config: &Config) -> Router {
         .route("/v1/commands", post(sessions::command))
         .route("/v1/step", post(sessions::step))
         .route("/v1/drive", get(ws::drive))
+        .route("/v1/scenes", get(scenes::list))
+        .route("/v1/scenes/{name}", scene)
+        .route("/v1/scenes/{name}/add", post(scenes::add))
+        .route("/v1/scenes/{name}/move", post(scenes::move_objects))
+        .route("/v1/scenes/{name}/remove", post(scenes::remove))
+        .route("/v1/objects", get(scenes::list_objects))
+        .route("/v1/objects/{name}", object)
+        .route("/v1/detect", post(scenes::detect))
         .method_not_allowed_fallback(wrong_method)
         .layer(middleware::from_fn_with_state(tracker, track::http))
         .layer(DefaultBodyLimit::max(config.max_message_bytes))
@@ -123,6 +137,19 @@ pub(super) async fn get_pack(
     name: Result<Path<String>, PathRejection>,
 ) -> Result<Json<v1::Pack>, ApiError> {
     service.get_pack(&named("name", name)?).map(Json)
+}
+
+type Named<T> = Result<Path<T>, PathRejection>;
+type Asked<T> = Result<Query<T>, QueryRejection>;
+
+/// The parameters after a path's question mark.
+fn asked<T: DeserializeOwned>(query: Asked<T>) -> Result<T, FieldError> {
+    let Query(asked) = query.map_err(|rejection| FieldError {
+        field: "query".to_owned(),
+        message: cut(&rejection.body_text(), MAX_MESSAGE),
+        allowed: "the parameters of this path".to_owned(),
+    })?;
+    Ok(asked)
 }
 
 /// The part of a path that names something.

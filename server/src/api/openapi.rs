@@ -10,7 +10,7 @@ use super::{http, ws};
         title = "Troupe",
         description = "Live characters and motion in-betweening, for many characters at once. Right-handed, Y up, +Z forward; \
                        metres, seconds, radians; quaternions as w, x, y, z. Sessions may have another convention. The \
-                       same messages travel over gRPC as troupe.v1.Motion and troupe.v1.Sessions on the same port. A \
+                       same messages travel over gRPC as troupe.v1.Motion, troupe.v1.Sessions and troupe.v1.Scenes on the same port. A \
                        missing field takes its default (0, false or empty); unknown fields are refused.",
     ),
     paths(
@@ -28,6 +28,18 @@ use super::{http, ws};
         http::sessions::list_styles,
         http::sessions::get_style,
         http::sessions::put_style,
+        http::scenes::list,
+        http::scenes::put,
+        http::scenes::get,
+        http::scenes::delete,
+        http::scenes::add,
+        http::scenes::move_objects,
+        http::scenes::remove,
+        http::scenes::detect,
+        http::scenes::list_objects,
+        http::scenes::put_object,
+        http::scenes::get_object,
+        http::scenes::delete_object,
         http::healthz,
         http::readyz,
         http::metrics
@@ -37,6 +49,8 @@ use super::{http, ws};
         (name = "motion", description = "Single requests: motion between keyframes"),
         (name = "sessions", description = "Live characters"),
         (name = "styles", description = "Ways to move"),
+        (name = "scenes", description = "What characters stand on, run into and use"),
+        (name = "objects", description = "What characters can do with things"),
         (name = "operations", description = "What operators need"),
     )
 )]

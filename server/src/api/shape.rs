@@ -23,6 +23,14 @@ const MAX_JSON_PARTS: usize = 1024;
 /// The same of a command.
 const MAX_COMMAND_JSON_PARTS: usize = 64;
 
+/// Most shapes of a scene, and points of a shape, that are decoded; the smaller limits are checked later.
+const MAX_COLLIDERS: usize = 2048;
+const MAX_POINTS: usize = 256;
+/// Most objects of a scene, or changes of objects, that are decoded; the smaller limit is checked later.
+const MAX_OBJECTS: usize = 8192;
+/// Most objects and arrays of an object of a scene in JSON: place, rotation and itself, and signs in its id.
+const MAX_OBJECT_JSON_PARTS: usize = 160;
+
 /// Where a list is: field numbers and names from the request down. A name that ends in `[]` is a list's on the way.
 type Steps = &'static [(u32, &'static str)];
 
@@ -95,6 +103,48 @@ impl Shapes {
             (
                 "Drive",
                 shape(&[commands(&[(4, "command"), (1, "commands")])], command_parts),
+            ),
+            (
+                "PutScene",
+                shape(
+                    &[
+                        rule(&[(1, "scene"), (5, "objects")], "objects", MAX_OBJECTS),
+                        rule(&[(1, "scene"), (4, "colliders")], "colliders", MAX_COLLIDERS),
+                        rule(
+                            &[
+                                (1, "scene"),
+                                (4, "colliders[]"),
+                                (5, "shape"),
+                                (2, "convex"),
+                                (1, "points"),
+                            ],
+                            "points",
+                            MAX_POINTS,
+                        ),
+                    ],
+                    MAX_OBJECT_JSON_PARTS * MAX_OBJECTS,
+                ),
+            ),
+            (
+                "AddObjects",
+                shape(
+                    &[rule(&[(3, "objects")], "objects", MAX_OBJECTS)],
+                    MAX_OBJECT_JSON_PARTS * MAX_OBJECTS,
+                ),
+            ),
+            (
+                "MoveObjects",
+                shape(
+                    &[rule(&[(3, "moves")], "moves", MAX_OBJECTS)],
+                    MAX_OBJECT_JSON_PARTS * MAX_OBJECTS,
+                ),
+            ),
+            (
+                "RemoveObjects",
+                shape(
+                    &[rule(&[(2, "ids")], "ids", MAX_OBJECTS)],
+                    MAX_OBJECTS * MAX_OBJECT_JSON_PARTS,
+                ),
             ),
             (
                 "PutStyle",
@@ -310,6 +360,43 @@ mod tests {
         assert_eq!(refused("PutStyle", &put), None);
         put.style.as_mut().unwrap().gaits[1].keys = vec![v1::GaitKey::default(); 257];
         assert_eq!(refused("PutStyle", &put), at("style.gaits[1].keys", "1 to 256"));
+    }
+
+    #[test]
+    fn parts_of_scenes_are_counted() {
+        let points = |count| v1::ColliderShape {
+            convex: Some(v1::ConvexShape {
+                points: vec![v1::Vec3::default(); count],
+            }),
+            ..v1::ColliderShape::default()
+        };
+        let with = |objects, points| v1::PutSceneRequest {
+            scene: Some(v1::Scene {
+                objects: vec![v1::SceneObject::default(); objects],
+                colliders: vec![v1::Collider {
+                    shape: Some(points),
+                    ..v1::Collider::default()
+                }],
+                ..v1::Scene::default()
+            }),
+            ..v1::PutSceneRequest::default()
+        };
+        assert_eq!(refused("PutScene", &with(8192, points(256))), None);
+        assert_eq!(
+            refused("PutScene", &with(8193, points(4))),
+            at("scene.objects", "1 to 8192")
+        );
+        assert_eq!(
+            refused("PutScene", &with(1, points(257))),
+            at("scene.colliders[0].shape.convex.points", "1 to 256")
+        );
+        let add = v1::AddObjectsRequest {
+            objects: vec![v1::SceneObject::default(); 8193],
+            ..v1::AddObjectsRequest::default()
+        };
+        assert_eq!(refused("AddObjects", &add), at("objects", "1 to 8192"));
+        let full = serde_json::to_vec(&with(4096, points(64))).unwrap();
+        shape("PutScene").check_json(&full).unwrap();
     }
 
     #[test]

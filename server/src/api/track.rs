@@ -87,12 +87,24 @@ fn http_rpc(method: &Method, path: &str) -> &'static str {
         ("/v1/packs/{name}/styles", _) => "ListStyles",
         ("/v1/packs/{name}/styles/{style}", &Method::PUT) => "PutStyle",
         ("/v1/packs/{name}/styles/{style}", _) => "GetStyle",
+        ("/v1/scenes", _) => "ListScenes",
+        ("/v1/scenes/{name}", &Method::PUT) => "PutScene",
+        ("/v1/scenes/{name}", &Method::DELETE) => "DeleteScene",
+        ("/v1/scenes/{name}", _) => "GetScene",
+        ("/v1/scenes/{name}/add", _) => "AddObjects",
+        ("/v1/scenes/{name}/move", _) => "MoveObjects",
+        ("/v1/scenes/{name}/remove", _) => "RemoveObjects",
+        ("/v1/objects", _) => "ListObjectDefinitions",
+        ("/v1/objects/{name}", &Method::PUT) => "PutObjectDefinition",
+        ("/v1/objects/{name}", &Method::DELETE) => "DeleteObjectDefinition",
+        ("/v1/objects/{name}", _) => "GetObjectDefinition",
+        ("/v1/detect", _) => "Detect",
         _ => "unknown",
     }
 }
 
 /// The methods of the gRPC services, as metrics name them.
-const GRPC_METHODS: [&str; 14] = [
+const GRPC_METHODS: [&str; 26] = [
     "InBetween",
     "ListPacks",
     "GetPack",
@@ -107,6 +119,18 @@ const GRPC_METHODS: [&str; 14] = [
     "ListStyles",
     "GetStyle",
     "PutStyle",
+    "PutScene",
+    "GetScene",
+    "ListScenes",
+    "DeleteScene",
+    "AddObjects",
+    "MoveObjects",
+    "RemoveObjects",
+    "PutObjectDefinition",
+    "GetObjectDefinition",
+    "ListObjectDefinitions",
+    "DeleteObjectDefinition",
+    "Detect",
 ];
 
 /// The method that a gRPC path names.

@@ -5,13 +5,15 @@
 //! ([`crate::scene`]) are such documents.
 
 pub(crate) mod check;
+mod folder;
 mod locate;
 mod read;
 #[cfg(test)]
 pub(crate) mod testing;
 
 pub use check::MAX_NAME_CHARS;
-pub use read::{Document, DocumentError, Format, Source, parse, read, read_file, read_folder};
+pub use folder::{forget, keep, read_folder, read_kept};
+pub use read::{Document, DocumentError, Format, Source, parse, read, read_file};
 
 /// For serde: a field that is left out where it says what it says anyway.
 pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {

@@ -19,6 +19,14 @@ pub enum Format {
 }
 
 impl Format {
+    /// What files of this format end in.
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Toml => "toml",
+            Self::Json => "json",
+        }
+    }
+
     /// The format of files with this ending.
     pub fn of_file(file: &FilePath) -> Option<Self> {
         match file.extension().and_then(OsStr::to_str) {
@@ -71,7 +79,7 @@ pub struct DocumentError {
 }
 
 impl DocumentError {
-    fn whole<D: Document>(message: impl Into<String>, allowed: impl Into<String>) -> Self {
+    pub(super) fn whole<D: Document>(message: impl Into<String>, allowed: impl Into<String>) -> Self {
         Self {
             source: Source::Text(D::WHAT),
             place: None,
@@ -101,7 +109,7 @@ impl DocumentError {
         }
     }
 
-    fn in_file(mut self, file: &FilePath) -> Self {
+    pub(super) fn in_file(mut self, file: &FilePath) -> Self {
         self.source = Source::File(file.to_owned());
         self
     }
@@ -213,50 +221,6 @@ pub fn read_file<D: Document, T>(
     work().map_err(|error| error.in_file(file))
 }
 
-/// Reads every `*.toml` and `*.json` of `folder` and makes of each what `check` does; sorted by name. A folder that is not
-/// there has none.
-///
-/// # Errors
-/// [`DocumentError`] for the first file that cannot be used, or has the name of another.
-pub fn read_folder<D: Document, T>(
-    folder: &FilePath,
-    check: impl Fn(D) -> Result<T, FieldError>,
-    name_of: impl Fn(&T) -> &str,
-) -> Result<Vec<T>, DocumentError> {
-    let unreadable = |cause| unreadable::<D>(cause).in_file(folder);
-    let entries = match std::fs::read_dir(folder) {
-        Ok(entries) => entries,
-        Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(cause) => return Err(unreadable(cause)),
-    };
-    let mut files = Vec::new();
-    for entry in entries {
-        let path = entry.map_err(unreadable)?.path();
-        if Format::of_file(&path).is_some() {
-            files.push(path);
-        }
-    }
-    files.sort();
-    let mut all: Vec<T> = Vec::with_capacity(files.len());
-    for file in &files {
-        let one = read_file(file, &check)?;
-        let name = name_of(&one);
-        if all.iter().any(|before| name_of(before) == name) {
-            let error = DocumentError {
-                field: "name".to_owned(),
-                ..DocumentError::whole::<D>(
-                    format!("is {name:?}, which another file's {} has", D::WHAT),
-                    "a name of its own for each",
-                )
-            };
-            return Err(error.in_file(file));
-        }
-        all.push(one);
-    }
-    all.sort_by(|a, b| name_of(a).cmp(name_of(b)));
-    Ok(all)
-}
-
-fn unreadable<D: Document>(cause: std::io::Error) -> DocumentError {
+pub(super) fn unreadable<D: Document>(cause: std::io::Error) -> DocumentError {
     DocumentError::whole::<D>(format!("cannot be read: {cause}"), "")
 }

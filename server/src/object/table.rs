@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use arc_swap::ArcSwap;
 
 use super::{Definition, MAX_DEFINITIONS};
+use crate::document::MAX_NAME_CHARS;
+use crate::document::check::listed;
 use crate::scene::{Bodies, Body, Scene, SceneTable};
 
 /// A definition of the table.
@@ -32,7 +34,7 @@ impl DefinitionList {
     /// [`DefinitionsError::Unknown`].
     pub fn get(&self, name: &str) -> Result<&Listed, DefinitionsError> {
         self.by_name.get(name).ok_or_else(|| DefinitionsError::Unknown {
-            name: name.to_owned(),
+            name: name.chars().take(MAX_NAME_CHARS).collect(),
             known: self.by_name.keys().cloned().collect(),
         })
     }
@@ -69,7 +71,7 @@ impl Bodies for DefinitionList {
 #[non_exhaustive]
 pub enum DefinitionsError {
     /// A name that is no definition's.
-    #[error("there is no object definition {name:?}; there are: {}", known.join(", "))]
+    #[error("there is no object definition {name:?}; there are: {}", listed(known.iter().map(String::as_str)))]
     Unknown {
         /// The name.
         name: String,
@@ -80,7 +82,7 @@ pub enum DefinitionsError {
     #[error("there are {MAX_DEFINITIONS} object definitions, the most that there may be")]
     Full,
     /// Objects of this definition are in scenes.
-    #[error("object definition {name:?} is used in {}; allowed: one of which no scene has an object", scenes.join(", "))]
+    #[error("object definition {name:?} is used in {}; allowed: one of which no scene has an object", listed(scenes.iter().map(String::as_str)))]
     InUse {
         /// The definition.
         name: String,

@@ -5,12 +5,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use arc_swap::ArcSwap;
 
+use super::resident::{Resident, Residents};
 use super::{Holder, MAX_ID_BYTES, MAX_SCENES, Scene};
+use crate::document::check::listed;
 
 /// A scene that many read and some change. Reading takes no lock and sees a scene wholly as it was or wholly as it is.
 #[derive(Debug, Default)]
 pub struct SceneCell {
     scene: ArcSwap<Scene>,
+    pub(super) residents: Residents,
     /// One writer at a time.
     writing: Mutex<()>,
 }
@@ -20,8 +23,14 @@ impl SceneCell {
     pub fn new(scene: Scene) -> Self {
         Self {
             scene: ArcSwap::from_pointee(scene),
+            residents: Residents::default(),
             writing: Mutex::new(()),
         }
+    }
+
+    /// How many sessions are in it.
+    pub fn residents(&self) -> usize {
+        self.residents.count()
     }
 
     /// The scene as it is now; it does not change under its reader.
@@ -71,12 +80,20 @@ pub enum TableError {
     #[error("there is a scene {0:?} already")]
     Exists(String),
     /// A name that is no scene's.
-    #[error("there is no scene {name:?}; there are: {}", known.join(", "))]
+    #[error("there is no scene {name:?}; there are: {}", listed(known.iter().map(String::as_str)))]
     Unknown {
         /// The name.
         name: String,
         /// The scenes that there are.
         known: Vec<String>,
+    },
+    /// Sessions are in the scene.
+    #[error("{sessions} sessions are in scene {name:?}; allowed: a scene without sessions")]
+    InUse {
+        /// The scene.
+        name: String,
+        /// How many sessions.
+        sessions: usize,
     },
     /// As many scenes as there may be.
     #[error("there are {MAX_SCENES} scenes, the most that there may be")]
@@ -100,10 +117,29 @@ impl SceneTable {
     /// [`TableError::Unknown`].
     pub fn get(&self, name: &str) -> Result<Arc<SceneCell>, TableError> {
         let scenes = self.scenes.load();
-        scenes.get(name).cloned().ok_or_else(|| TableError::Unknown {
-            name: name.to_owned(),
-            known: scenes.keys().cloned().collect(),
-        })
+        scenes.get(name).cloned().ok_or_else(|| unknown(name, &scenes))
+    }
+
+    /// A place in the scene of this name, which is not removed while somebody has one.
+    ///
+    /// # Errors
+    /// [`TableError::Unknown`].
+    pub fn enter(&self, name: &str) -> Result<Resident, TableError> {
+        let cell = self.get(name)?;
+        Resident::enter(name, &cell).ok_or_else(|| unknown(name, &self.scenes.load()))
+    }
+
+    /// Whether there is a scene of this name, or room for one.
+    ///
+    /// # Errors
+    /// [`TableError::Name`] or [`TableError::Full`].
+    pub fn room_for(&self, name: &str) -> Result<(), TableError> {
+        let scenes = self.scenes.load();
+        match name.len() {
+            1..=MAX_ID_BYTES if scenes.contains_key(name) || scenes.len() < MAX_SCENES => Ok(()),
+            1..=MAX_ID_BYTES => Err(TableError::Full),
+            length => Err(TableError::Name(length)),
+        }
     }
 
     /// Adds a scene.
@@ -112,31 +148,29 @@ impl SceneTable {
     /// [`TableError::Exists`], [`TableError::Name`] or [`TableError::Full`].
     pub fn add(&self, name: &str, scene: Scene) -> Result<Arc<SceneCell>, TableError> {
         self.change(|scenes| {
-            if !(1..=MAX_ID_BYTES).contains(&name.len()) {
-                return Err(TableError::Name(name.len()));
-            }
             if scenes.contains_key(name) {
                 return Err(TableError::Exists(name.to_owned()));
             }
-            if scenes.len() >= MAX_SCENES {
-                return Err(TableError::Full);
-            }
+            self.room_for(name)?;
             let cell = Arc::new(SceneCell::new(scene));
             scenes.insert(name.to_owned(), Arc::clone(&cell));
             Ok(cell)
         })
     }
 
-    /// Takes a scene out. Sessions that live in it keep it; nobody new finds it.
+    /// Takes out a scene in which there are no sessions.
     ///
     /// # Errors
-    /// [`TableError::Unknown`].
+    /// [`TableError::Unknown`] or [`TableError::InUse`].
     pub fn remove(&self, name: &str) -> Result<Arc<SceneCell>, TableError> {
         self.change(|scenes| {
-            scenes.remove(name).ok_or_else(|| TableError::Unknown {
+            let cell = scenes.get(name).ok_or_else(|| unknown(name, scenes))?;
+            let in_use = |sessions| TableError::InUse {
                 name: name.to_owned(),
-                known: scenes.keys().cloned().collect(),
-            })
+                sessions,
+            };
+            cell.residents.close().map_err(in_use)?;
+            scenes.remove(name).ok_or_else(|| unknown(name, scenes))
         })
     }
 
@@ -149,6 +183,13 @@ impl SceneTable {
         let answer = change(&mut scenes)?;
         self.scenes.store(Arc::new(scenes));
         Ok(answer)
+    }
+}
+
+fn unknown(name: &str, scenes: &BTreeMap<String, Arc<SceneCell>>) -> TableError {
+    TableError::Unknown {
+        name: name.chars().take(MAX_ID_BYTES).collect(),
+        known: scenes.keys().cloned().collect(),
     }
 }
 
@@ -222,5 +263,24 @@ mod tests {
         assert_eq!(table.add("more", Scene::default()).unwrap_err(), TableError::Full);
         table.remove("yard").unwrap();
         assert!(table.get("yard").is_err() && table.names().len() == MAX_SCENES - 1);
+    }
+
+    #[test]
+    fn a_scene_with_sessions_stays() {
+        let table = SceneTable::default();
+        table.add("yard", Scene::default()).unwrap();
+        let (one, other) = (table.enter("yard").unwrap(), table.enter("yard").unwrap());
+        assert_eq!((&**one.name(), one.cell().residents()), ("yard", 2));
+        drop(one);
+        let in_use = TableError::InUse {
+            name: "yard".to_owned(),
+            sessions: 1,
+        };
+        assert_eq!(table.remove("yard").unwrap_err(), in_use);
+        drop(other);
+        let cell = table.remove("yard").unwrap();
+        assert!(matches!(table.enter("yard"), Err(TableError::Unknown { .. })));
+        // Who found it just before it was removed does not get in any more.
+        assert!(Resident::enter("yard", &cell).is_none() && cell.residents() == 0);
     }
 }

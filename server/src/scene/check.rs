@@ -68,21 +68,30 @@ impl InstanceDoc {
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted; then nothing has changed.
     pub fn add_to(&self, scene: &mut Scene, path: &Path<'_>, bodies: &impl Bodies) -> Result<(), FieldError> {
-        let body = bodies.body(&self.definition).ok_or_else(|| {
-            let known = listed(bodies.names());
-            path.field("definition").error(
-                format!("is {:?}, which is no object definition", self.definition),
-                match known.is_empty() {
-                    true => "the name of a definition, of which there are none".to_owned(),
-                    false => known,
-                },
-            )
-        })?;
+        let body = body_of(&path.field("definition"), &self.definition, bodies)?;
         let transform = place(path, self.position_m, self.heading_deg, self.rotation)?;
         scene
             .add(&self.id, &self.definition, body, transform)
             .map_err(|error| field_error(&path.field("id"), error))
     }
+}
+
+/// The body of the definition that is named at `path`.
+pub(crate) fn body_of(
+    path: &Path<'_>,
+    definition: &str,
+    bodies: &impl Bodies,
+) -> Result<Arc<Body>, FieldError> {
+    bodies.body(definition).ok_or_else(|| {
+        let known = listed(bodies.names());
+        path.error(
+            format!("is {definition:?}, which is no object definition"),
+            match known.is_empty() {
+                true => "the name of a definition, of which there are none".to_owned(),
+                false => known,
+            },
+        )
+    })
 }
 
 impl ColliderDoc {
@@ -107,7 +116,7 @@ impl ColliderDoc {
             shape,
             transform: place(path, self.position_m, self.heading_deg, self.rotation)?,
         };
-        Placed::new(&collider).map_err(|error| match error {
+        Placed::new(Arc::new(collider)).map_err(|error| match error {
             SceneError::Shape { cause, .. } => shape_error(&path.field("shape"), kind, cause),
             tilted => field_error(&path.field("rotation"), tilted),
         })
@@ -139,7 +148,7 @@ fn place(
 }
 
 /// The error of the value at `path`.
-fn field_error(path: &Path<'_>, error: SceneError) -> FieldError {
+pub(crate) fn field_error(path: &Path<'_>, error: SceneError) -> FieldError {
     match error {
         SceneError::Value { found, allowed, .. } => path.error(format!("is {found}"), allowed),
         SceneError::Exists { id, .. } => {

@@ -71,6 +71,8 @@ impl ColliderShape {
 /// One static collider, ready for queries.
 #[derive(Debug, Clone)]
 pub(super) struct Placed {
+    /// As it was written.
+    pub(super) source: Arc<Collider>,
     pub(super) id: Arc<str>,
     pub(super) volume: Volume,
     pub(super) transform: Transform,
@@ -79,7 +81,7 @@ pub(super) struct Placed {
 
 impl Placed {
     /// Checks and prepares a collider.
-    pub(super) fn new(collider: &Collider) -> Result<Self, SceneError> {
+    pub(super) fn new(collider: Arc<Collider>) -> Result<Self, SceneError> {
         error::id("the id of a collider", &collider.id)?;
         let of = |cause| SceneError::Shape {
             what: format!("collider {:?}", collider.id),
@@ -90,6 +92,7 @@ impl Placed {
             volume: collider.shape.volume().map_err(of)?,
             transform: collider.place()?,
             samples: collider.shape.samples(),
+            source: collider,
         })
     }
 }
@@ -102,8 +105,18 @@ pub(super) struct Colliders {
 }
 
 impl Colliders {
-    /// Checks and prepares colliders.
-    pub(super) fn prepare(colliders: &[Collider]) -> Result<Vec<Placed>, SceneError> {
+    /// Checks and prepares colliders. An error comes with the index of the collider that it is about, where it is about
+    /// one.
+    pub(super) fn prepare(colliders: &[Collider]) -> Result<Vec<Placed>, (Option<usize>, SceneError)> {
+        Self::check_together(colliders).map_err(|error| (None, error))?;
+        let place = |(index, collider): (usize, &Collider)| {
+            Placed::new(Arc::new(collider.clone())).map_err(|error| (Some(index), error))
+        };
+        colliders.iter().enumerate().map(place).collect()
+    }
+
+    /// Checks what does not concern one collider alone.
+    fn check_together(colliders: &[Collider]) -> Result<(), SceneError> {
         if colliders.len() > MAX_COLLIDERS {
             return Err(SceneError::value(
                 "colliders",
@@ -126,7 +139,7 @@ impl Colliders {
                 id: twice.id.clone(),
             });
         }
-        colliders.iter().map(Placed::new).collect()
+        Ok(())
     }
 
     /// Of colliders that have been checked.

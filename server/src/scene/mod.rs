@@ -23,10 +23,13 @@ mod heightfield;
 mod instance;
 mod query;
 mod read;
+mod replace;
+mod resident;
 mod shape;
 mod trace;
 mod transform;
 mod world;
+mod write;
 
 #[cfg(test)]
 mod query_tests;
@@ -39,7 +42,7 @@ mod world_tests;
 
 pub use cell::{SceneCell, SceneTable, TableError};
 pub use check::Bodies;
-pub(crate) use check::shape_error;
+pub(crate) use check::{body_of, field_error, shape_error};
 pub use collider::{Collider, ColliderShape};
 pub use doc::{
     BoxDoc, ColliderDoc, ColliderShapeDoc, ConvexDoc, HeightfieldDoc, InstanceDoc, SceneDoc, ShapeDoc,
@@ -49,6 +52,7 @@ pub use heightfield::Heightfield;
 pub use instance::{Body, Holder, Instance, State};
 pub use query::{Detected, RayHit, Surface};
 pub use read::{NamedScene, load_file, load_folder};
+pub use resident::Resident;
 pub use shape::{Shape, Volume};
 pub use trace::BoxTrace;
 pub use transform::Transform;

@@ -340,6 +340,30 @@ fn files_and_folders() {
 }
 
 #[test]
+fn what_is_written_back_is_the_same_scene() {
+    let NamedScene { name, scene } = NamedScene::read(YARD, Format::Toml, &crates()).unwrap();
+    let text = scene.to_doc(&name).to_toml().unwrap();
+    let again = NamedScene::read(&text, Format::Toml, &crates()).unwrap();
+    assert_eq!(again.name, name);
+    let (was, is) = (scene.to_doc(&name), again.scene.to_doc(&name));
+    assert_eq!((was.ground_m, was.objects.len()), (is.ground_m, is.objects.len()));
+    for (was, is) in was.colliders.iter().zip(&is.colliders) {
+        assert_eq!(
+            (&was.id, was.position_m, &was.shape),
+            (&is.id, is.position_m, &is.shape)
+        );
+    }
+    for was in scene.instances() {
+        let is = again.scene.instance(&was.id).unwrap();
+        assert_eq!(
+            (&was.object, was.transform.position),
+            (&is.object, is.transform.position)
+        );
+        assert!(was.transform.rotation.dot(is.transform.rotation).abs() > 0.999_999);
+    }
+}
+
+#[test]
 fn the_examples_are_scenes() {
     let root = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let pack = Pack::load(&root.join("models/human")).unwrap();

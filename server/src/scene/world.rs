@@ -56,9 +56,9 @@ impl Scene {
         self.by_id.is_empty()
     }
 
-    /// Ids of the static colliders, in the order in which they were given.
-    pub fn colliders(&self) -> impl Iterator<Item = &Arc<str>> {
-        self.colliders.list.iter().map(|placed| &placed.id)
+    /// The static colliders as they were given, in that order.
+    pub fn colliders(&self) -> impl ExactSizeIterator<Item = &Arc<Collider>> {
+        self.colliders.list.iter().map(|placed| &placed.source)
     }
 
     /// Samples of all heightfields together.
@@ -110,6 +110,14 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] for the first that cannot be used; then nothing has changed.
     pub fn set_colliders(&mut self, colliders: &[Collider]) -> Result<(), SceneError> {
+        self.set_colliders_each(colliders).map_err(|(_, error)| error)
+    }
+
+    /// [`Scene::set_colliders`], whose error comes with the index of the collider that it is about, where it is about one.
+    pub(crate) fn set_colliders_each(
+        &mut self,
+        colliders: &[Collider],
+    ) -> Result<(), (Option<usize>, SceneError)> {
         self.place_colliders(Colliders::prepare(colliders)?);
         Ok(())
     }
@@ -291,6 +299,20 @@ impl Scene {
             }
         }
         slots.len()
+    }
+
+    /// Changes place or body of an object, if there is one.
+    pub(super) fn change_instance(&mut self, id: &str, change: impl FnOnce(&mut Instance)) {
+        if let Ok((slot, instance)) = self.find(id) {
+            self.change(slot, &instance, change);
+        }
+    }
+
+    /// Takes over ground and colliders of another scene.
+    pub(super) fn take_ground_and_colliders(&mut self, other: &Self) {
+        self.ground_y_m = other.ground_y_m;
+        self.colliders = Arc::clone(&other.colliders);
+        self.revision += 1;
     }
 
     fn find(&self, id: &str) -> Result<(u32, Arc<Instance>), SceneError> {

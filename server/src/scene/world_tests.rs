@@ -164,7 +164,10 @@ fn colliders_are_replaced_together_or_not_at_all() {
         Err(SceneError::Exists { .. })
     ));
     assert!(scene.set_colliders(&vec![floor("a"); MAX_COLLIDERS + 1]).is_err());
-    assert_eq!(scene.colliders().map(|id| &**id).collect::<Vec<_>>(), ["a", "b"]);
+    assert_eq!(
+        scene.colliders().map(|c| c.id.as_str()).collect::<Vec<_>>(),
+        ["a", "b"]
+    );
 }
 
 #[test]

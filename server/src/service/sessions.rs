@@ -22,7 +22,8 @@ impl Service {
         &self,
         request: v1::CreateSessionsRequest,
     ) -> Result<v1::CreateSessionsResponse, ApiError> {
-        self.sessions.create(self.table()?, request).await
+        let (packs, store) = self.opened()?;
+        self.sessions.create(packs, store, request).await
     }
 
     /// `troupe.v1.Sessions/ListStyles`.

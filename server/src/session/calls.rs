@@ -8,11 +8,12 @@ use troupe_proto::v1;
 
 use super::cell::SessionCell;
 use super::drive::{Place, Roster};
-use super::{Registry, TimeSource, commands, describe, options, peek, step, units};
+use super::{Refusal, Registry, TimeSource, commands, describe, options, peek, step, units};
 use crate::api::ApiError;
 use crate::inbetween::Path;
 use crate::service::PackTable;
 use crate::telemetry::Telemetry;
+use crate::world::{Standing, Store};
 
 /// Most sessions of a page of the list, and how many where nothing is said.
 const PAGE: (u32, u32) = (1000, 100);
@@ -131,24 +132,33 @@ impl Sessions {
     pub async fn create(
         self: &Arc<Self>,
         packs: &PackTable,
+        store: &Arc<Store>,
         request: v1::CreateSessionsRequest,
     ) -> Result<v1::CreateSessionsResponse, ApiError> {
         let count = request.sessions.len();
         units::length(&Path::root().field("sessions"), count, 1, self.limits.per_request)?;
         self.registry.room_for(count, self.time.now())?;
-        let (this, packs) = (self.clone(), packs.clone());
-        crate::service::offload(count, INLINE_SESSIONS, move || this.create_now(&packs, &request)).await?
+        let (this, packs, store) = (self.clone(), packs.clone(), store.clone());
+        let work = move || this.create_now(&packs, &store, &request);
+        crate::service::offload(count, INLINE_SESSIONS, work).await?
     }
 
     fn create_now(
         &self,
         packs: &PackTable,
+        store: &Store,
         request: &v1::CreateSessionsRequest,
     ) -> Result<v1::CreateSessionsResponse, ApiError> {
         let root = Path::root();
         let mut cells = Vec::with_capacity(request.sessions.len());
         for (index, wanted) in request.sessions.iter().enumerate() {
-            let parts = options::parts(&root.element("sessions", index), wanted, packs, &self.limits)?;
+            let parts = options::parts(
+                &root.element("sessions", index),
+                wanted,
+                packs,
+                store,
+                &self.limits,
+            )?;
             cells.push(Arc::new(SessionCell::new(parts, self.time.clone())));
         }
         let now = self.time.now();
@@ -243,8 +253,30 @@ impl Sessions {
             blocks: stepped.blocks,
             command_results,
             problems: step::problems(&request.session_ids, &stepped.problems),
+            events: stepped.events,
+            held: stepped.held,
             total_us: arrived.elapsed().as_micros() as u64,
             waited_us: stepped.waited.as_micros() as u64,
+        })
+    }
+
+    /// Where the character of a session in a scene is. The request gave its id in `field`.
+    ///
+    /// # Errors
+    /// [`ApiError`] where the session is not open, or in no scene.
+    pub fn standing(&self, id: &str, field: &str) -> Result<Standing, ApiError> {
+        let cell = self.registry.get(id, self.time.now(), &|| field.to_owned())?;
+        let live = cell.live();
+        let resident = live.resident().ok_or_else(|| ApiError::Refused {
+            refusal: Refusal::NoScene,
+            field: field.to_owned(),
+        })?;
+        Ok(Standing {
+            scene: resident.name().clone(),
+            cell: resident.cell().clone(),
+            root: live.character.view().root,
+            convention: cell.convention(),
+            pack: cell.pack().pack.name().to_owned(),
         })
     }
 

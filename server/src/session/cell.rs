@@ -9,9 +9,10 @@ use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
 use super::time::TimeSource;
-use super::{Character, PlanRequest, Stats};
+use super::{Character, EventQueue, PlanRequest, Stats};
 use crate::api::ApiError;
 use crate::batch::{OwnerId, SubmitError};
+use crate::scene::Resident;
 use crate::service::LoadedPack;
 use crate::style::Style;
 
@@ -74,6 +75,10 @@ pub struct Live {
     pub priority: f32,
     /// Why plans failed since the last that did not, and how many.
     pub trouble: Option<(u32, SubmitError)>,
+    /// What happened to the character that nobody has taken yet.
+    pub events: EventQueue,
+    /// Its place in its scene, until it ends.
+    resident: Option<Resident>,
     /// What the metrics know of the character.
     counted: Stats,
 }
@@ -86,6 +91,8 @@ pub struct SessionCell {
     pack: Arc<LoadedPack>,
     convention: Convention,
     seed: u64,
+    /// Name of its scene.
+    scene: Option<Arc<str>>,
     ttl: Duration,
     time: TimeSource,
     born: Instant,
@@ -116,6 +123,15 @@ pub struct Parts {
     pub style: Arc<Style>,
     /// Its priority at first, 0 to 1.
     pub priority: f32,
+    /// Its place in its scene, where it lives in one; then its character does too.
+    pub resident: Option<Resident>,
+}
+
+impl Live {
+    /// The place in its scene; none in no scene, or where the session has ended.
+    pub fn resident(&self) -> Option<&Resident> {
+        self.resident.as_ref()
+    }
 }
 
 impl SessionCell {
@@ -128,6 +144,7 @@ impl SessionCell {
             pack: parts.pack,
             convention: parts.convention,
             seed: parts.seed,
+            scene: parts.resident.as_ref().map(|resident| resident.name().clone()),
             ttl: parts.ttl,
             time,
             born,
@@ -139,6 +156,8 @@ impl SessionCell {
                 style: parts.style,
                 priority: parts.priority,
                 trouble: None,
+                events: EventQueue::default(),
+                resident: parts.resident,
                 counted: Stats::default(),
             }),
             changed: Notify::new(),
@@ -168,6 +187,11 @@ impl SessionCell {
     /// Its seed.
     pub fn seed(&self) -> u64 {
         self.seed
+    }
+
+    /// Name of the scene that it lives in.
+    pub fn scene(&self) -> Option<&Arc<str>> {
+        self.scene.as_ref()
     }
 
     /// Time without a sign of life after which it expires.
@@ -242,9 +266,19 @@ impl SessionCell {
             .compare_exchange(0, end as u8, Ordering::AcqRel, Ordering::Acquire)
             .is_ok();
         if first {
+            self.leave_scene();
             self.changed.notify_one();
         }
         first
+    }
+
+    /// Gives up what its character has in its scene, and its place there.
+    fn leave_scene(&self) {
+        if self.scene.is_some() {
+            let mut live = self.live();
+            live.character.leave();
+            live.resident = None;
+        }
     }
 
     /// Takes the session's clock for `owner`, until the guard is dropped.
@@ -306,8 +340,15 @@ impl SessionCell {
         self.changed.notify_one();
     }
 
-    /// Takes the request that the character has, where there is one, and counts what it has done meanwhile.
+    /// Takes the request that the character has, where there is one, and what happened to it; counts what it has done
+    /// meanwhile.
     pub fn settle(&self, live: &mut Live) -> Option<PlanRequest> {
+        if self.scene.is_some() {
+            let Live {
+                character, events, ..
+            } = live;
+            events.collect(|fresh| character.take_events(fresh), &self.pack.sessions);
+        }
         let stats = live.character.stats();
         if stats != live.counted {
             self.pack.sessions.progressed(&live.counted, &stats);

@@ -11,8 +11,10 @@ use super::options::unknown_style;
 use super::units;
 use super::{CommandOutcome, Intent, Refusal, Registry};
 use crate::api::ApiError;
+use crate::document::MAX_NAME_CHARS;
 use crate::inbetween::{FieldError, MAX_HEIGHT_M, Path};
 use crate::primitives::LocomotionCommand;
+use crate::scene::MAX_ID_BYTES;
 use crate::session::TimeSource;
 use crate::style::Style;
 
@@ -71,22 +73,24 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
     if let Some(at) = command.at_frame {
         check_at(path, at, live.character.frame())?;
     }
-    let outcome = match &command.intent {
-        Some(Asked::Locomote(locomote)) => {
-            let locomotion = locomotion(&path.field("locomote"), locomote, cell, &live)?;
-            let style = locomotion.style.clone();
-            let intent = Intent::Locomote(locomotion);
+    let outcome = match intent(path, command, cell, &live)? {
+        Some(intent) => {
+            let style = match &intent {
+                Intent::Locomote(locomotion) => Some(locomotion.style.clone()),
+                _ => None,
+            };
             let outcome = (live.character)
                 .give(command.sequence, command.at_frame, intent)
                 .map_err(|refusal| refused(path, refusal))?;
-            if outcome == CommandOutcome::Accepted {
+            if let (CommandOutcome::Accepted, Some(style)) = (outcome, style) {
                 live.style = style;
             }
             outcome
         }
         None if priority.is_some() => live.character.note_command(command.sequence),
         None => {
-            let wanted = "locomote, or a priority without an intent";
+            let wanted =
+                "locomote, interact, end_interaction, cancel or drop, or a priority without an intent";
             return Err(path.field("intent").error("is missing", wanted).into());
         }
     };
@@ -96,6 +100,49 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
     drop(live);
     cell.touch();
     Ok(outcome)
+}
+
+/// What a command asks for, in the native convention.
+fn intent(
+    path: &Path<'_>,
+    command: &v1::Command,
+    cell: &SessionCell,
+    live: &Live,
+) -> Result<Option<Intent>, ApiError> {
+    Ok(match &command.intent {
+        Some(Asked::Locomote(asked)) => {
+            let locomotion = locomotion(&path.field("locomote"), asked, cell, live)?;
+            Some(Intent::Locomote(locomotion))
+        }
+        Some(Asked::Interact(asked)) => Some(interact(&path.field("interact"), asked)?),
+        Some(Asked::EndInteraction(_)) => Some(Intent::EndInteraction),
+        Some(Asked::Cancel(_)) => Some(Intent::Cancel),
+        Some(Asked::Drop(_)) => Some(Intent::Drop),
+        None => None,
+    })
+}
+
+fn interact(path: &Path<'_>, asked: &v1::Interact) -> Result<Intent, FieldError> {
+    let length = asked.instance.len();
+    if !(1..=MAX_ID_BYTES).contains(&length) {
+        return Err(path.field("instance").error(
+            format!("has {length} bytes"),
+            format!("1 to {MAX_ID_BYTES} bytes"),
+        ));
+    }
+    let chosen = |field, name: &str| match name.chars().count() {
+        0 => Ok(None),
+        1..=MAX_NAME_CHARS => Ok(Some(name.to_owned())),
+        found => Err(path.field(field).error(
+            format!("has {found} characters"),
+            format!("at most {MAX_NAME_CHARS}, or none"),
+        )),
+    };
+    Ok(Intent::Interact {
+        instance: Arc::from(asked.instance.as_str()),
+        variant: chosen("variant", &asked.variant)?,
+        approach: chosen("approach", &asked.approach)?,
+    })
 }
 
 /// The error of a command that the character could not carry out.

@@ -8,8 +8,8 @@ use troupe_motion::root::wrap_angle;
 use troupe_proto::v1;
 
 use super::cell::{Live, SessionCell};
-use super::units;
 use super::{Stats, View};
+use super::{events, units};
 
 /// The session as it stands at `now`.
 pub(super) fn session(cell: &SessionCell, now: Instant) -> v1::Session {
@@ -42,8 +42,11 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
         ttl_ms: cell.ttl().as_millis() as u32,
         expires_in_ms: cell.left(now).as_millis() as u32,
         buffered_frames,
-        stats: Some(stats_of(&stats)),
+        stats: Some(stats_of(&stats, live.events.dropped())),
         priority: live.priority,
+        scene: cell.scene().map(ToString::to_string).unwrap_or_default(),
+        activity: Some(events::activity(live.character.activity())),
+        held: events::held(live, 0, convention),
     }
 }
 
@@ -52,7 +55,7 @@ pub(super) fn heading(root: GlobalRoot, convention: Convention) -> f32 {
     convention.heading_from_native(wrap_angle(root.heading))
 }
 
-fn stats_of(stats: &Stats) -> v1::SessionStats {
+fn stats_of(stats: &Stats, events_dropped: u64) -> v1::SessionStats {
     v1::SessionStats {
         plans_for_command: stats.plans_for_command,
         plans_for_low_buffer: stats.plans_for_low_buffer,
@@ -60,5 +63,7 @@ fn stats_of(stats: &Stats) -> v1::SessionStats {
         late_plans: stats.late_plans,
         underruns: stats.underruns,
         failed_plans: stats.failed_plans,
+        events_dropped,
+        plans_for_object: stats.plans_for_object,
     }
 }

@@ -11,13 +11,15 @@ use troupe_proto::v1;
 
 use super::cell::Parts;
 use super::units;
-use super::{Character, CharacterOptions, SessionLimits, Start};
+use super::{Character, CharacterOptions, SessionLimits, Start, World};
 use crate::api::ApiError;
 use crate::inbetween::{ContextFrame, FieldError, MAX_DISTANCE_M, MAX_TEMPERATURE, Path, check_context};
 use crate::pack::Pack;
 use crate::primitives::LocomotionCommand;
+use crate::scene::{Holder, Resident};
 use crate::service::{LoadedPack, PackTable};
 use crate::style::Style;
+use crate::world::Store;
 
 /// Most characters of a session's id.
 pub const MAX_ID_CHARS: usize = 64;
@@ -37,6 +39,7 @@ pub(super) fn parts(
     path: &Path<'_>,
     options: &v1::SessionOptions,
     packs: &PackTable,
+    store: &Store,
     limits: &SessionLimits,
 ) -> Result<Parts, ApiError> {
     let id = id(&path.field("id"), &options.id)?;
@@ -48,6 +51,12 @@ pub(super) fn parts(
     let priority = options.priority.unwrap_or(DEFAULT_PRIORITY);
     let priority = units::priority(&path.field("priority"), priority)?;
     let character = character_options(path, options)?;
+    let resident = resident(&path.field("scene"), &options.scene, store)?;
+    let world = resident.as_ref().map(|resident| World {
+        scene: resident.cell().clone(),
+        definitions: store.definitions().clone(),
+        holder: Holder::new(id.clone()),
+    });
     let command = LocomotionCommand {
         velocity: Vec3::ZERO,
         facing: None,
@@ -60,10 +69,23 @@ pub(super) fn parts(
         convention,
         seed: options.seed,
         ttl,
-        character: Character::new(pack.pack.clone(), character, start, command),
+        character: Character::in_world(pack.pack.clone(), character, start, command, world),
         style,
         priority,
         pack,
+        resident,
+    })
+}
+
+/// A place in the scene of that name; none where it is empty.
+fn resident(path: &Path<'_>, name: &str, store: &Store) -> Result<Option<Resident>, ApiError> {
+    if name.is_empty() {
+        return Ok(None);
+    }
+    let entered = store.scenes().enter(name);
+    entered.map(Some).map_err(|error| ApiError::Scenes {
+        error,
+        field: path.to_string(),
     })
 }
 

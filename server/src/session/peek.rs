@@ -166,10 +166,21 @@ fn command(cell: &SessionCell, waiting: &WaitingCommand) -> v1::Command {
         sequence: waiting.sequence,
         at_frame: Some(waiting.frame),
         priority: None,
-        intent: match &waiting.intent {
-            Intent::Locomote(command) => Some(Asked::Locomote(locomote(command, cell.convention()))),
-            _ => None,
-        },
+        intent: Some(match &waiting.intent {
+            Intent::Locomote(command) => Asked::Locomote(locomote(command, cell.convention())),
+            Intent::Interact {
+                instance,
+                variant,
+                approach,
+            } => Asked::Interact(v1::Interact {
+                instance: instance.to_string(),
+                variant: variant.clone().unwrap_or_default(),
+                approach: approach.clone().unwrap_or_default(),
+            }),
+            Intent::EndInteraction => Asked::EndInteraction(v1::EndInteraction {}),
+            Intent::Cancel => Asked::Cancel(v1::Cancel {}),
+            Intent::Drop => Asked::Drop(v1::DropHeld {}),
+        }),
     }
 }
 

@@ -8,13 +8,15 @@ use troupe_motion::{GlobalRoot, Vec3};
 
 use super::super::cell::{Held, Owner, Parts};
 use super::super::load::PlanLoad;
-use super::super::{Character, CharacterOptions, Start, TimeSource};
+use super::super::{Character, CharacterOptions, Start, TimeSource, World};
 use super::*;
 use crate::batch::{Batcher, EngineFactory};
 use crate::config::Config;
 use crate::engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, TokenInput};
 use crate::engine::{EngineError, Pipeline, Stages};
 use crate::primitives::LocomotionCommand;
+use crate::scene::testing::{boxed, place};
+use crate::scene::{Holder, Resident, Scene, SceneTable, State};
 use crate::service::LoadedPack;
 use crate::style::StyleTable;
 use crate::style::testing::{walker_pack, walker_style};
@@ -84,6 +86,16 @@ impl Setup {
     }
 
     pub(in super::super) fn cell(&self, id: &str) -> Arc<SessionCell> {
+        self.cell_in(id, None)
+    }
+
+    /// A session that lives in a scene.
+    pub(in super::super) fn cell_in(&self, id: &str, resident: Option<Resident>) -> Arc<SessionCell> {
+        let world = resident.as_ref().map(|resident| World {
+            scene: resident.cell().clone(),
+            definitions: Arc::default(),
+            holder: Holder::new(id),
+        });
         let style = Arc::new(walker_style());
         let options = CharacterOptions {
             seed: 0,
@@ -108,9 +120,10 @@ impl Setup {
             convention: Convention::Native,
             seed: 0,
             ttl: TTL,
-            character: Character::new(self.pack.pack.clone(), options, start, command),
+            character: Character::in_world(self.pack.pack.clone(), options, start, command, world),
             style,
             priority: 0.5,
+            resident,
         };
         Arc::new(SessionCell::new(parts, time))
     }
@@ -378,4 +391,45 @@ fn an_id_that_is_used_again_is_not_forgotten_early() {
     // The first "a" makes room, which must not take the second with it.
     tombstones.add(Arc::from("c"));
     assert!(tombstones.knows("a") && tombstones.knows("b") && tombstones.knows("c"));
+}
+
+#[tokio::test]
+async fn a_session_that_ends_leaves_its_scene_and_all_that_it_has_there() {
+    let scenes = SceneTable::default();
+    let yard = scenes.add("yard", Scene::default()).unwrap();
+    for (id, x) in [("chair", 0.0), ("cup", 3.0), ("sign", 6.0)] {
+        yard.update(|scene| scene.add(id, "thing", boxed(0.5), place(x, 0.0, 0.0)))
+            .unwrap();
+    }
+    let setup = Setup::new(2).await;
+    for (id, taken) in [("a", "chair"), ("b", "sign")] {
+        let cell = setup.cell_in(id, Some(scenes.enter("yard").unwrap()));
+        let by = Holder::new(id);
+        yard.update(|scene| scene.reserve(taken, &by)).unwrap();
+        setup
+            .registry
+            .insert(&[cell], setup.now(), |_| "id".to_owned())
+            .unwrap();
+    }
+    yard.update(|scene| scene.hold("cup", &Holder::new("a"))).unwrap();
+    let taken = || {
+        let scene = yard.snapshot();
+        let mut taken: Vec<String> = (scene.instances())
+            .filter(|instance| instance.state != State::Free)
+            .map(|instance| instance.id.to_string())
+            .collect();
+        taken.sort();
+        taken
+    };
+    assert_eq!((taken().len(), yard.residents()), (3, 2));
+    // Who advances it, or looks at it, may have it for a while yet.
+    let held = setup.take("a", Owner::Step).unwrap();
+    assert!(setup.registry.close("a", setup.now()));
+    assert_eq!((taken(), yard.residents()), (vec!["sign".to_owned()], 1));
+    assert!(held.cell().live().resident().is_none());
+    assert_eq!(held.cell().scene().map(|name| &**name), Some("yard"));
+    setup.pass(TTL);
+    assert_eq!(setup.registry.sweep(setup.now()), 1);
+    assert_eq!((taken().len(), yard.residents()), (0, 0));
+    scenes.remove("yard").unwrap();
 }

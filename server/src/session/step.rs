@@ -12,7 +12,9 @@ use troupe_proto::v1;
 use super::cell::{Held, Owner};
 use super::encode::{BlockWriter, Form};
 use super::planner::{self, Patience};
-use super::{Advance, Clock, FrameOut, Registry, SUB_FRAMES, SessionLimits, Strain, TimeSource, units};
+use super::{
+    Advance, Clock, FrameOut, Registry, SUB_FRAMES, SessionLimits, Strain, TimeSource, events, units,
+};
 use crate::api::ApiError;
 use crate::batch::SubmitError;
 use crate::engine::EngineError;
@@ -97,6 +99,8 @@ pub(super) struct Stepped {
     /// By place in the request, sorted.
     pub(super) problems: Vec<(usize, ApiError)>,
     pub(super) waited: Duration,
+    pub(super) events: Vec<v1::SessionEvents>,
+    pub(super) held: Vec<v1::HeldObject>,
 }
 
 /// Advances the sessions. Those that cannot be served are among the problems.
@@ -248,9 +252,12 @@ fn finish(
 ) {
     let mut good: Vec<Vec<bool>> = blocks.iter().map(|(_, count)| vec![true; *count]).collect();
     for walker in walkers {
-        if let Some(error) = walker.trouble {
-            good[walker.block][walker.place] = false;
-            stepped.problems.push((walker.slot, error));
+        match walker.trouble {
+            Some(error) => {
+                good[walker.block][walker.place] = false;
+                stepped.problems.push((walker.slot, error));
+            }
+            None => report(&walker, stepped),
         }
     }
     stepped.problems.sort_by_key(|(slot, _)| *slot);
@@ -261,6 +268,20 @@ fn finish(
             stepped.blocks.push(block);
         }
     }
+}
+
+/// Notes what happened to the session, and what is in its hand.
+fn report(walker: &Walker, stepped: &mut Stepped) {
+    let cell = walker.held.cell();
+    if cell.scene().is_none() {
+        return;
+    }
+    let (slot, convention) = (walker.slot as u32, cell.convention());
+    let mut live = cell.live();
+    stepped
+        .events
+        .extend(live.events.take(slot, cell.id(), convention));
+    stepped.held.extend(events::held(&live, slot, convention));
 }
 
 /// Problems as messages.

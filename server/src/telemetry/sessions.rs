@@ -3,7 +3,7 @@
 use metrics::{Counter, Gauge, Histogram, Key, Label, Recorder as _};
 
 use super::{METADATA, Telemetry};
-use crate::session::{PlanCause, Stats};
+use crate::session::{EventKind, FailReason, PlanCause, Stats};
 
 pub(super) const ACTIVE: &str = "troupe_sessions_active";
 pub(super) const STREAMS: &str = "troupe_streams_active";
@@ -15,6 +15,10 @@ const REPLANS: &str = "troupe_replans_total";
 const LATE_PLANS: &str = "troupe_late_plans_total";
 const FAILED_PLANS: &str = "troupe_failed_plans_total";
 const UNDERRUNS: &str = "troupe_underruns_total";
+const INTERACTIONS: &str = "troupe_interactions_total";
+const FAILED_INTERACTIONS: &str = "troupe_failed_interactions_total";
+const FALLS: &str = "troupe_falls_total";
+const DROPPED_EVENTS: &str = "troupe_dropped_events_total";
 const PRESSURE: &str = "troupe_crowd_pressure";
 pub(super) const PLAN_INTERVAL: &str = "troupe_plan_interval_frames";
 pub(super) const PLAN_LENGTH: &str = "troupe_plan_length_frames";
@@ -27,7 +31,7 @@ pub(super) const FRAME_BUCKETS: [f64; 14] = [
 /// Bands of priority as metric labels: below a third, below two, and above.
 const BANDS: [&str; 3] = ["low", "middle", "high"];
 
-pub(super) const DESCRIPTIONS: [(&str, &str); 13] = [
+pub(super) const DESCRIPTIONS: [(&str, &str); 17] = [
     (ACTIVE, "Open sessions"),
     (STREAMS, "Open streams"),
     (EVICTIONS, "Sessions that ended, by reason: closed or expired"),
@@ -48,6 +52,19 @@ pub(super) const DESCRIPTIONS: [(&str, &str); 13] = [
     (
         UNDERRUNS,
         "Times that a character had to slow down because its plan was late",
+    ),
+    (
+        INTERACTIONS,
+        "Interactions with objects, by what became of them: started, done, failed or interrupted",
+    ),
+    (
+        FAILED_INTERACTIONS,
+        "Interactions that could not go on, by reason",
+    ),
+    (FALLS, "Times that the ground ended under a character"),
+    (
+        DROPPED_EVENTS,
+        "Events of sessions that were dropped because nobody took them",
     ),
     (
         PRESSURE,
@@ -85,6 +102,10 @@ pub struct SessionMetrics {
     late_plans: Counter,
     failed_plans: Counter,
     underruns: Counter,
+    interactions: [Counter; 4],
+    failed_interactions: [Counter; FailReason::ALL.len()],
+    falls: Counter,
+    dropped_events: Counter,
     lead_time: Histogram,
     pressure: Gauge,
     bands: [Band; 3],
@@ -145,6 +166,34 @@ impl SessionMetrics {
         }
     }
 
+    /// Something happened to a character.
+    pub fn happened(&self, kind: &EventKind) {
+        let [started, done, failed, interrupted] = &self.interactions;
+        match kind {
+            EventKind::Started { .. } => started.increment(1),
+            EventKind::Done { .. } => done.increment(1),
+            EventKind::Interrupted { .. } => interrupted.increment(1),
+            EventKind::Failed { reason, .. } => {
+                failed.increment(1);
+                let each = FailReason::ALL.iter().zip(&self.failed_interactions);
+                for (_, counter) in each.filter(|(known, _)| *known == reason) {
+                    counter.increment(1);
+                }
+            }
+            EventKind::Fell { .. } => self.falls.increment(1),
+            EventKind::Entered { .. }
+            | EventKind::Reached { .. }
+            | EventKind::Attached { .. }
+            | EventKind::Released { .. }
+            | EventKind::Landed { .. } => {}
+        }
+    }
+
+    /// An event was dropped because nobody took it.
+    pub fn event_dropped(&self) {
+        self.dropped_events.increment(1);
+    }
+
     /// The pressure on the crowd has changed.
     pub fn pressed(&self, pressure: f32) {
         self.pressure.set(f64::from(pressure));
@@ -200,6 +249,12 @@ impl Telemetry {
             late_plans: counter(LATE_PLANS, None),
             failed_plans: counter(FAILED_PLANS, None),
             underruns: counter(UNDERRUNS, None),
+            interactions: ["started", "done", "failed", "interrupted"]
+                .map(|outcome| counter(INTERACTIONS, Some(("outcome", outcome)))),
+            failed_interactions: FailReason::ALL
+                .map(|reason| counter(FAILED_INTERACTIONS, Some(("reason", reason.word())))),
+            falls: counter(FALLS, None),
+            dropped_events: counter(DROPPED_EVENTS, None),
             lead_time: self.recorder.register_histogram(&lead_time, &METADATA),
             pressure: self.recorder.register_gauge(&pressure, &METADATA),
             bands: BANDS.map(|band| Band {
@@ -245,8 +300,24 @@ mod tests {
             ..Stats::default()
         };
         sessions.progressed(&before, &now);
+        let instance: std::sync::Arc<str> = "chair".into();
+        for reason in FailReason::ALL {
+            sessions.happened(&EventKind::Failed {
+                instance: instance.clone(),
+                reason,
+                message: String::new(),
+            });
+        }
+        sessions.happened(&EventKind::Done { instance });
+        sessions.happened(&EventKind::Fell { height_m: None });
+        sessions.event_dropped();
         telemetry.streams(4);
         let text = telemetry.render();
+        let failed = r#"troupe_interactions_total{model="human",version="1.0",outcome="failed"}"#;
+        assert!(
+            text.contains(&format!("{failed} {}", FailReason::ALL.len())),
+            "{text}"
+        );
         for line in [
             r#"troupe_sessions_active{model="human",version="1.0"} 2"#,
             r#"troupe_session_evictions_total{model="human",version="1.0",reason="expired"} 1"#,
@@ -261,6 +332,11 @@ mod tests {
             r#"troupe_plan_length_frames_sum{model="human",version="1.0",priority="low"} 64"#,
             r#"troupe_plan_interval_frames_count{model="human",version="1.0",priority="high"} 1"#,
             r#"troupe_crowd_pressure{model="human",version="1.0"} 0.25"#,
+            r#"troupe_interactions_total{model="human",version="1.0",outcome="done"} 1"#,
+            r#"troupe_interactions_total{model="human",version="1.0",outcome="started"} 0"#,
+            r#"troupe_failed_interactions_total{model="human",version="1.0",reason="NOT_REACHED"} 1"#,
+            r#"troupe_falls_total{model="human",version="1.0"} 1"#,
+            r#"troupe_dropped_events_total{model="human",version="1.0"} 1"#,
             "troupe_streams_active 4",
         ] {
             assert!(text.contains(line), "{line} is missing in\n{text}");

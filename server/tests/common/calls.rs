@@ -52,7 +52,7 @@ pub fn walk(id: &str, sequence: u64, (x, z): (f32, f32)) -> v1::Command {
 pub fn locomote(command: &mut v1::Command) -> &mut v1::Locomote {
     match &mut command.intent {
         Some(Intent::Locomote(locomote)) => locomote,
-        None => panic!("no intent"),
+        other => panic!("{other:?}"),
     }
 }
 

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)] // Only tests use it.
 
 pub mod calls;
+pub mod scenes;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

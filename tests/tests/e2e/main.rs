@@ -14,5 +14,6 @@ mod live;
 mod motion;
 mod real;
 mod robustness;
+mod scene;
 mod server;
 mod style;

@@ -196,6 +196,8 @@ impl Stage {
         match event {
             DriveEvent::Attached { .. } => self.view.note = "the character is there".to_owned(),
             DriveEvent::Refused { problem, .. } => self.view.note = problem.to_string(),
+            // It is in no scene.
+            DriveEvent::Happened { .. } => {}
             DriveEvent::NotAttached { problem, id, .. } | DriveEvent::Left { problem, id, .. } => {
                 return Err(crate::error::ClientError::session(&id, problem).into());
             }

@@ -8,6 +8,7 @@ use tonic::{Request, Response, Status, Streaming};
 use troupe_proto::v1;
 use troupe_proto::v1::sessions_server::Sessions;
 
+use super::answer;
 use crate::api::ApiError;
 use crate::service::Service;
 use crate::session::drive::{Outlet, outbox};
@@ -17,14 +18,6 @@ pub(super) struct SessionsApi {
     pub(super) service: Arc<Service>,
     /// Most bytes of a message on a stream, for errors.
     pub(super) stream_message_bytes: usize,
-}
-
-/// An answer as gRPC gives it.
-fn answer<T>(result: Result<T, ApiError>) -> Result<Response<T>, Status> {
-    match result {
-        Ok(answer) => Ok(Response::new(answer)),
-        Err(error) => Err(error.status()),
-    }
 }
 
 #[tonic::async_trait]

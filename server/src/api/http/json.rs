@@ -49,6 +49,30 @@ impl Message for v1::DriveRequest {
     const RPC: &'static str = "Drive";
 }
 
+impl Message for v1::PutSceneRequest {
+    const RPC: &'static str = "PutScene";
+}
+
+impl Message for v1::AddObjectsRequest {
+    const RPC: &'static str = "AddObjects";
+}
+
+impl Message for v1::MoveObjectsRequest {
+    const RPC: &'static str = "MoveObjects";
+}
+
+impl Message for v1::RemoveObjectsRequest {
+    const RPC: &'static str = "RemoveObjects";
+}
+
+impl Message for v1::PutObjectDefinitionRequest {
+    const RPC: &'static str = "PutObjectDefinition";
+}
+
+impl Message for v1::DetectRequest {
+    const RPC: &'static str = "Detect";
+}
+
 /// Reads a message.
 pub(in crate::api) fn read<T: Message>(bytes: &[u8], limits: &BodyLimits) -> Result<T, ApiError> {
     if let Some(shape) = limits.shapes.of(T::RPC) {

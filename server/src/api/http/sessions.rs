@@ -3,31 +3,17 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::extract::rejection::{PathRejection, QueryRejection};
-use axum::extract::{Path, Query, State};
+use axum::extract::State;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use troupe_proto::v1;
 
 use super::json::JsonBody;
-use super::named;
-use crate::api::error::{ApiError, ErrorBody, MAX_MESSAGE, cut};
+use super::{Asked, Named, asked, named};
+use crate::api::error::{ApiError, ErrorBody, cut};
 use crate::inbetween::FieldError;
 use crate::service::Service;
 
 type Server = State<Arc<Service>>;
-type Named<T> = Result<Path<T>, PathRejection>;
-type Asked<T> = Result<Query<T>, QueryRejection>;
-
-/// The numbers after a path's question mark.
-fn asked<T: DeserializeOwned>(query: Asked<T>) -> Result<T, FieldError> {
-    let Query(asked) = query.map_err(|rejection| FieldError {
-        field: "query".to_owned(),
-        message: cut(&rejection.body_text(), MAX_MESSAGE),
-        allowed: "the parameters of this path".to_owned(),
-    })?;
-    Ok(asked)
-}
 
 /// Open sessions, all or none
 #[utoipa::path(

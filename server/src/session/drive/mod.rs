@@ -262,7 +262,14 @@ impl Driving {
             return;
         }
         let ticks = 1 + tick.missed.min(self.ticker.most_missed()) as u32;
-        let mut frames = self.roster.tick(self.sub_frames * ticks, self.form);
+        // Where there is no room for what happened, it waits in the sessions, so many events for each.
+        let mut happened = outbox.has_room().then(Vec::new);
+        let mut frames = self
+            .roster
+            .tick(self.sub_frames * ticks, self.form, happened.as_mut());
+        if let Some(sessions) = happened.filter(|happened| !happened.is_empty()) {
+            outbox.say(Say::Events(v1::DriveEvents { sessions }));
+        }
         frames.frames.tick = tick.number;
         frames.frames.dropped_ticks = self.dropped_ticks;
         if outbox.send(frames) {

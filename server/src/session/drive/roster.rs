@@ -13,7 +13,7 @@ use crate::session::budget;
 use crate::session::cell::{End, Held, Owner, SessionCell};
 use crate::session::encode::{BlockWriter, Form};
 use crate::session::planner::{self, Patience};
-use crate::session::{Clock, FrameOut, Registry, Strain, TimeSource};
+use crate::session::{Clock, FrameOut, Registry, Strain, TimeSource, events};
 
 /// A session on the stream.
 #[derive(Debug)]
@@ -140,14 +140,20 @@ impl Roster {
     }
 
     /// Advances everybody by `sub_frames` and writes the frames. The tick's number and count of dropped ones are left to
-    /// the stream.
-    pub fn tick(&mut self, sub_frames: u32, form: Form) -> Tick {
+    /// the stream. `happened` is where to put what happened; without it, it goes on waiting.
+    pub fn tick(
+        &mut self,
+        sub_frames: u32,
+        form: Form,
+        mut happened: Option<&mut Vec<v1::SessionEvents>>,
+    ) -> Tick {
         let counts = self.counts();
         let mut writers: Vec<(BlockWriter, usize)> = counts
             .iter()
             .map(|(pack, count)| (BlockWriter::new(&pack.pack, form, *count, 1), 0))
             .collect();
         let mut underruns = 0;
+        let mut in_hands = Vec::new();
         self.read_load();
         for member in &self.members {
             let cell = member.held.cell();
@@ -158,7 +164,14 @@ impl Roster {
                 live.character.under_load(strain);
                 live.character.advance(sub_frames, Clock::Runs);
                 live.character.sample(&mut self.out);
-                cell.settle(&mut live)
+                let request = cell.settle(&mut live);
+                if cell.scene().is_some() {
+                    in_hands.extend(events::held(&live, member.slot, cell.convention()));
+                    if let Some(happened) = &mut happened {
+                        happened.extend(live.events.take(member.slot, cell.id(), cell.convention()));
+                    }
+                }
+                request
             };
             if let Some(request) = request {
                 planner::ask(cell, request, Patience::Fails);
@@ -179,6 +192,7 @@ impl Roster {
             frames: v1::DriveFrames {
                 blocks: blocks.map(|(writer, _)| writer.finish(|_| true)).collect(),
                 underruns,
+                held: in_hands,
                 ..v1::DriveFrames::default()
             },
             counts,

@@ -1,0 +1,82 @@
+//! What a character can do beside moving over the ground.
+
+use troupe_proto::v1;
+
+/// Something that a character in a scene does once. It goes to the server with the next step or tick, or when it is sent.
+///
+/// ```
+/// use troupe_client::Act;
+///
+/// let sit = Act::interact("chair-3").variant("slowly").approach("front");
+/// # assert_ne!(sit, Act::Cancel);
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Act {
+    /// Go to an object and use it.
+    Interact {
+        /// Its id in the scene.
+        instance: String,
+        /// Name of the way to use it. None: one by weight and seed.
+        variant: Option<String>,
+        /// Name of the side to come from. None: the nearest.
+        approach: Option<String>,
+    },
+    /// Leave an interaction that is held, such as sitting, by its exit.
+    EndInteraction,
+    /// Break off whatever it does, at once, and stand.
+    Cancel,
+    /// Put down what is in the hand.
+    Drop,
+}
+
+impl Act {
+    /// Go to the object of this id and use it.
+    pub fn interact(instance: impl Into<String>) -> Self {
+        Self::Interact {
+            instance: instance.into(),
+            variant: None,
+            approach: None,
+        }
+    }
+
+    /// In this way. Nothing changes where it is no interaction.
+    #[must_use]
+    pub fn variant(mut self, name: impl Into<String>) -> Self {
+        if let Self::Interact { variant, .. } = &mut self {
+            *variant = Some(name.into());
+        }
+        self
+    }
+
+    /// From this side. Nothing changes where it is no interaction.
+    #[must_use]
+    pub fn approach(mut self, name: impl Into<String>) -> Self {
+        if let Self::Interact { approach, .. } = &mut self {
+            *approach = Some(name.into());
+        }
+        self
+    }
+
+    /// Whether the character goes on moving as it did.
+    pub(crate) fn lets_move(&self) -> bool {
+        matches!(self, Self::Drop)
+    }
+
+    pub(crate) fn to_message(&self) -> v1::command::Intent {
+        use v1::command::Intent;
+        match self {
+            Self::Interact {
+                instance,
+                variant,
+                approach,
+            } => Intent::Interact(v1::Interact {
+                instance: instance.clone(),
+                variant: variant.clone().unwrap_or_default(),
+                approach: approach.clone().unwrap_or_default(),
+            }),
+            Self::EndInteraction => Intent::EndInteraction(v1::EndInteraction {}),
+            Self::Cancel => Intent::Cancel(v1::Cancel {}),
+            Self::Drop => Intent::Drop(v1::DropHeld {}),
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! Scenes and what their objects can be used for.
+
+use std::future::Future;
+
+use troupe_motion::conventions::Convention;
+use troupe_proto::v1;
+
+use crate::connection::{Client, ScenesRpc};
+use crate::error::ClientError;
+use crate::live::convention_to_wire;
+use crate::pack::Pack;
+
+impl Client {
+    /// Creates a scene, or replaces the one of its name: sessions that are in it go on in the new one. It is given in the
+    /// convention that it names.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn put_scene(&self, scene: v1::Scene) -> Result<v1::SceneSummary, ClientError> {
+        let request = v1::PutSceneRequest {
+            scene: Some(scene),
+            ..v1::PutSceneRequest::default()
+        };
+        self.scenes_call(|mut rpc| async move { rpc.put_scene(request).await })
+            .await
+    }
+
+    /// [`Client::put_scene`], for one that is written as text.
+    ///
+    /// # Errors
+    /// See [`ClientError`]; a refusal names line, column and field.
+    pub async fn put_scene_document(&self, document: v1::Document) -> Result<v1::SceneSummary, ClientError> {
+        let request = v1::PutSceneRequest {
+            document: Some(document),
+            ..v1::PutSceneRequest::default()
+        };
+        self.scenes_call(|mut rpc| async move { rpc.put_scene(request).await })
+            .await
+    }
+
+    /// A scene as it is now, in a convention.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn scene(&self, name: &str, convention: Convention) -> Result<v1::Scene, ClientError> {
+        let request = v1::GetSceneRequest {
+            name: name.to_owned(),
+            convention: convention_to_wire(convention).into(),
+            without_colliders: false,
+        };
+        self.scenes_call(|mut rpc| async move { rpc.get_scene(request).await })
+            .await
+    }
+
+    /// All scenes of the server, by name.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn scenes(&self) -> Result<Vec<v1::SceneSummary>, ClientError> {
+        let request = v1::ListScenesRequest {};
+        let answer = self.scenes_call(|mut rpc| async move { rpc.list_scenes(request).await });
+        Ok(answer.await?.scenes)
+    }
+
+    /// Deletes a scene in which there are no sessions.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn delete_scene(&self, name: &str) -> Result<(), ClientError> {
+        let request = v1::DeleteSceneRequest {
+            name: name.to_owned(),
+        };
+        self.scenes_call(|mut rpc| async move { rpc.delete_scene(request).await })
+            .await
+            .map(|_| ())
+    }
+
+    /// Puts objects into a scene. The answer says what became of each.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn add_objects(
+        &self,
+        scene: &str,
+        convention: Convention,
+        objects: Vec<v1::SceneObject>,
+    ) -> Result<v1::ObjectsResponse, ClientError> {
+        let request = v1::AddObjectsRequest {
+            scene: scene.to_owned(),
+            convention: convention_to_wire(convention).into(),
+            objects,
+        };
+        self.scenes_call(|mut rpc| async move { rpc.add_objects(request).await })
+            .await
+    }
+
+    /// Moves objects of a scene. The answer says what became of each.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn move_objects(
+        &self,
+        scene: &str,
+        convention: Convention,
+        moves: Vec<v1::ObjectMove>,
+    ) -> Result<v1::ObjectsResponse, ClientError> {
+        let request = v1::MoveObjectsRequest {
+            scene: scene.to_owned(),
+            convention: convention_to_wire(convention).into(),
+            moves,
+        };
+        self.scenes_call(|mut rpc| async move { rpc.move_objects(request).await })
+            .await
+    }
+
+    /// Takes objects out of a scene. The answer says what became of each.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn remove_objects(
+        &self,
+        scene: &str,
+        ids: impl IntoIterator<Item = impl Into<String>>,
+    ) -> Result<v1::ObjectsResponse, ClientError> {
+        let request = v1::RemoveObjectsRequest {
+            scene: scene.to_owned(),
+            ids: ids.into_iter().map(Into::into).collect(),
+        };
+        self.scenes_call(|mut rpc| async move { rpc.remove_objects(request).await })
+            .await
+    }
+
+    /// Adds an object definition for the characters of a pack, or replaces the one of its name.
+    ///
+    /// # Errors
+    /// See [`ClientError`]; a refusal names line, column and field.
+    pub async fn put_object(
+        &self,
+        pack: &Pack,
+        document: v1::Document,
+    ) -> Result<v1::PutObjectDefinitionResponse, ClientError> {
+        self.upload_object(pack, document, false).await
+    }
+
+    /// Checks an object definition for the characters of a pack. Nothing changes.
+    ///
+    /// # Errors
+    /// As [`Client::put_object`].
+    pub async fn check_object(
+        &self,
+        pack: &Pack,
+        document: v1::Document,
+    ) -> Result<v1::PutObjectDefinitionResponse, ClientError> {
+        self.upload_object(pack, document, true).await
+    }
+
+    async fn upload_object(
+        &self,
+        pack: &Pack,
+        document: v1::Document,
+        check_only: bool,
+    ) -> Result<v1::PutObjectDefinitionResponse, ClientError> {
+        let request = v1::PutObjectDefinitionRequest {
+            pack: pack.name().to_owned(),
+            document: Some(document),
+            name: String::new(),
+            check_only,
+        };
+        self.scenes_call(|mut rpc| async move { rpc.put_object_definition(request).await })
+            .await
+    }
+
+    /// One object definition with its document.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn object(
+        &self,
+        name: &str,
+        format: v1::DocumentFormat,
+    ) -> Result<v1::GetObjectDefinitionResponse, ClientError> {
+        let request = v1::GetObjectDefinitionRequest {
+            name: name.to_owned(),
+            format: format.into(),
+        };
+        self.scenes_call(|mut rpc| async move { rpc.get_object_definition(request).await })
+            .await
+    }
+
+    /// All object definitions of the server, by name.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn objects(&self) -> Result<Vec<v1::ObjectDefinition>, ClientError> {
+        let request = v1::ListObjectDefinitionsRequest {};
+        let answer = self.scenes_call(|mut rpc| async move { rpc.list_object_definitions(request).await });
+        Ok(answer.await?.definitions)
+    }
+
+    /// Deletes an object definition of which no scene has an object.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn delete_object(&self, name: &str) -> Result<(), ClientError> {
+        let request = v1::DeleteObjectDefinitionRequest {
+            name: name.to_owned(),
+        };
+        self.scenes_call(|mut rpc| async move { rpc.delete_object_definition(request).await })
+            .await
+            .map(|_| ())
+    }
+
+    /// What a character, or any box, reaches in its scene.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn detect(&self, request: v1::DetectRequest) -> Result<v1::DetectResponse, ClientError> {
+        self.scenes_call(|mut rpc| async move { rpc.detect(request).await })
+            .await
+    }
+
+    async fn scenes_call<T, F>(&self, call: impl FnOnce(ScenesRpc) -> F) -> Result<T, ClientError>
+    where
+        F: Future<Output = Result<tonic::Response<T>, tonic::Status>>,
+    {
+        match call(self.scenes_rpc()).await {
+            Ok(answer) => Ok(answer.into_inner()),
+            Err(status) => Err(self.sort(&status)),
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! How an error looks: as JSON, as a part of an answer, as a gRPC status.
+
+use std::time::Duration;
+
+use axum::Json;
+use axum::response::{IntoResponse, Response};
+use http::{HeaderValue, header};
+use serde::{Deserialize, Serialize};
+use tonic::{Code, Status};
+use tonic_types::{ErrorDetails, StatusExt as _};
+use troupe_proto::v1;
+use utoipa::ToSchema;
+
+use super::{ApiError, DOMAIN, MAX_MESSAGE, cut};
+
+impl ApiError {
+    /// The error as JSON.
+    pub fn body(&self) -> ErrorBody {
+        ErrorBody {
+            error: ErrorDetail {
+                code: self.label().to_owned(),
+                reason: self.reason().to_owned(),
+                message: self.to_string(),
+                field: self.field().map(str::to_owned),
+                allowed: self.allowed(),
+                line: self.place().map(|(line, _)| line as u32),
+                column: self.place().map(|(_, column)| column as u32),
+                retry_after_ms: self.retry_after().map(|after| after.as_millis() as u64),
+            },
+        }
+    }
+
+    /// The error as part of an answer that serves others.
+    pub fn problem(&self) -> v1::Problem {
+        v1::Problem {
+            reason: self.reason().to_owned(),
+            message: self.to_string(),
+            field: self.field().unwrap_or_default().to_owned(),
+            allowed: self.allowed().unwrap_or_default(),
+        }
+    }
+
+    /// The error as a gRPC status with `google.rpc` details.
+    pub fn status(&self) -> Status {
+        let mut details = ErrorDetails::new();
+        let mut metadata = std::collections::HashMap::new();
+        metadata.extend(self.field().map(|field| ("field".to_owned(), field.to_owned())));
+        metadata.extend(self.allowed().map(|allowed| ("allowed".to_owned(), allowed)));
+        if let Some((line, column)) = self.place() {
+            metadata.insert("line".to_owned(), line.to_string());
+            metadata.insert("column".to_owned(), column.to_string());
+        }
+        details.set_error_info(self.reason(), DOMAIN, metadata);
+        if let (Code::InvalidArgument, Some(field)) = (self.codes().0, self.field()) {
+            details.add_bad_request_violation(field, self.description());
+        }
+        if let Some(after) = self.retry_after() {
+            details.set_retry_info(Some(after));
+        }
+        let mut status = Status::with_error_details(self.codes().0, self.to_string(), details);
+        status.set_source(std::sync::Arc::new(self.clone()));
+        status
+    }
+
+    /// The error behind a gRPC status: our own, or one that the gRPC library made while it read the request.
+    pub fn of_status(status: &Status, limit_bytes: usize) -> Self {
+        let own = std::error::Error::source(status).and_then(|source| source.downcast_ref::<Self>());
+        if let Some(own) = own {
+            return own.clone();
+        }
+        let message = cut(status.message(), MAX_MESSAGE);
+        match status.code() {
+            Code::OutOfRange | Code::ResourceExhausted => Self::TooLarge { limit_bytes },
+            Code::Unimplemented => Self::Unimplemented(message),
+            Code::DeadlineExceeded => Self::DeadlineExceeded(Duration::ZERO),
+            // The library calls whatever it cannot read an internal error; it is the caller's.
+            _ if message.contains("EOF") => Self::Truncated {
+                problem: "its message is not whole".to_owned(),
+                limit_bytes,
+            },
+            _ => Self::Malformed { message, field: None },
+        }
+    }
+}
+
+/// The code of an answer, noted on it for the metrics.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::api) struct CodeLabel(pub(in crate::api) &'static str);
+
+impl IntoResponse for ApiError {
+    fn into_response(self) -> Response {
+        let mut response = (self.codes().1, Json(self.body())).into_response();
+        if let Some(after) = self.retry_after() {
+            // The header knows whole seconds only; the body has the milliseconds.
+            let seconds = after.as_millis().div_ceil(1000).max(1) as u64;
+            response
+                .headers_mut()
+                .insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
+        response.extensions_mut().insert(CodeLabel(self.label()));
+        response
+    }
+}
+
+/// Every error over HTTP.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct ErrorBody {
+    /// What went wrong.
+    pub error: ErrorDetail,
+}
+
+/// What went wrong.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct ErrorDetail {
+    /// Name of the gRPC code that says the same, such as `INVALID_ARGUMENT`.
+    pub code: String,
+    /// A word for the kind of error, finer than its code, such as `SESSION_EXPIRED`.
+    #[serde(default)]
+    pub reason: String,
+    /// What went wrong, for people.
+    pub message: String,
+    /// The field that is wrong, such as `characters[0].context[2].pose.rotations[8]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
+    /// What the field may be, such as `12 to 64`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub allowed: Option<String>,
+    /// Line of a document, from 1, where what is wrong is in one and has such a place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub line: Option<u32>,
+    /// Column in that line, from 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub column: Option<u32>,
+    /// When it is worth to try again, in milliseconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub retry_after_ms: Option<u64>,
+}

@@ -1,0 +1,353 @@
+//! Scenes and object definitions over HTTP.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::State;
+use serde::Deserialize;
+use troupe_proto::v1;
+
+use super::json::JsonBody;
+use super::{Asked, Named, asked, named};
+use crate::api::error::{ApiError, ErrorBody, cut};
+use crate::inbetween::FieldError;
+use crate::service::Service;
+
+type Server = State<Arc<Service>>;
+
+/// The name in a body that also is in the path: the same, or none.
+fn same_name(field: &str, body: &str, path: &str) -> Result<(), FieldError> {
+    match body.is_empty() || body == path {
+        true => Ok(()),
+        false => Err(FieldError {
+            field: field.to_owned(),
+            message: format!("is {:?}, but the path names {:?}", cut(body, 64), cut(path, 64)),
+            allowed: "the name in the path, or none".to_owned(),
+        }),
+    }
+}
+
+/// List scenes
+#[utoipa::path(
+    get,
+    path = "/v1/scenes",
+    tag = "scenes",
+    responses(
+        (status = 200, description = "All scenes, sorted by name", body = v1::ListScenesResponse),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn list(State(service): Server) -> Result<Json<v1::ListScenesResponse>, ApiError> {
+    service.list_scenes().map(Json)
+}
+
+/// Create a scene, or replace one as a whole
+///
+/// Either `scene` or `document`. The names in the body are that of the path, or left out.
+#[utoipa::path(
+    put,
+    path = "/v1/scenes/{name}",
+    tag = "scenes",
+    params(("name" = String, Path, description = "The scene's name")),
+    request_body = v1::PutSceneRequest,
+    responses(
+        (status = 200, description = "The scene as it is now", body = v1::SceneSummary),
+        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
+        (status = 413, description = "The body is too large", body = ErrorBody),
+        (status = 429, description = "As many scenes as there may be", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn put(
+    State(service): Server,
+    name: Named<String>,
+    JsonBody(mut request): JsonBody<v1::PutSceneRequest>,
+) -> Result<Json<v1::SceneSummary>, ApiError> {
+    let name = named("name", name)?;
+    same_name("name", &request.name, &name)?;
+    if let Some(scene) = &mut request.scene {
+        same_name("scene.name", &scene.name, &name)?;
+        scene.name.clone_from(&name);
+    }
+    request.name = name;
+    service.put_scene(request).await.map(Json)
+}
+
+/// How the scene is to be given.
+#[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
+#[serde(default, deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct SceneForm {
+    /// Convention of the answer: `native` (where left out), `unreal`, `unity` or `ros`.
+    #[serde(with = "troupe_proto::json::convention")]
+    #[param(value_type = String)]
+    convention: i32,
+    /// Leave the colliders out.
+    without_colliders: bool,
+}
+
+/// A scene as it is now
+#[utoipa::path(
+    get,
+    path = "/v1/scenes/{name}",
+    tag = "scenes",
+    params(("name" = String, Path, description = "The scene's name"), SceneForm),
+    responses(
+        (status = 200, description = "The scene", body = v1::Scene),
+        (status = 400, description = "A value that is not accepted", body = ErrorBody),
+        (status = 404, description = "No such scene", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn get(
+    State(service): Server,
+    name: Named<String>,
+    form: Asked<SceneForm>,
+) -> Result<Json<v1::Scene>, ApiError> {
+    let SceneForm {
+        convention,
+        without_colliders,
+    } = asked(form)?;
+    let request = v1::GetSceneRequest {
+        name: named("name", name)?,
+        convention,
+        without_colliders,
+    };
+    service.get_scene(request).await.map(Json)
+}
+
+/// Delete a scene in which there are no sessions
+#[utoipa::path(
+    delete,
+    path = "/v1/scenes/{name}",
+    tag = "scenes",
+    params(("name" = String, Path, description = "The scene's name")),
+    responses(
+        (status = 200, description = "The scene is gone", body = v1::DeleteSceneResponse),
+        (status = 404, description = "No such scene", body = ErrorBody),
+        (status = 409, description = "Sessions are in it", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn delete(
+    State(service): Server,
+    name: Named<String>,
+) -> Result<Json<v1::DeleteSceneResponse>, ApiError> {
+    let request = v1::DeleteSceneRequest {
+        name: named("name", name)?,
+    };
+    service.delete_scene(request).await.map(Json)
+}
+
+/// Put objects into a scene
+///
+/// What became of each is in its result; one that is refused does not hold up the others. `scene` in the body is the name in the path,
+/// or left out.
+#[utoipa::path(
+    post,
+    path = "/v1/scenes/{name}/add",
+    tag = "scenes",
+    params(("name" = String, Path, description = "The scene's name")),
+    request_body = v1::AddObjectsRequest,
+    responses(
+        (status = 200, description = "What became of the objects", body = v1::ObjectsResponse),
+        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
+        (status = 404, description = "No such scene", body = ErrorBody),
+        (status = 413, description = "The body is too large", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn add(
+    State(service): Server,
+    name: Named<String>,
+    JsonBody(mut request): JsonBody<v1::AddObjectsRequest>,
+) -> Result<Json<v1::ObjectsResponse>, ApiError> {
+    let name = named("name", name)?;
+    same_name("scene", &request.scene, &name)?;
+    request.scene = name;
+    service.add_objects(request).await.map(Json)
+}
+
+/// Move objects of a scene
+///
+/// What became of each is in its result; one that is refused does not hold up the others. `scene` in the body is the name in the path,
+/// or left out.
+#[utoipa::path(
+    post,
+    path = "/v1/scenes/{name}/move",
+    tag = "scenes",
+    params(("name" = String, Path, description = "The scene's name")),
+    request_body = v1::MoveObjectsRequest,
+    responses(
+        (status = 200, description = "What became of the objects", body = v1::ObjectsResponse),
+        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
+        (status = 404, description = "No such scene", body = ErrorBody),
+        (status = 413, description = "The body is too large", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn move_objects(
+    State(service): Server,
+    name: Named<String>,
+    JsonBody(mut request): JsonBody<v1::MoveObjectsRequest>,
+) -> Result<Json<v1::ObjectsResponse>, ApiError> {
+    let name = named("name", name)?;
+    same_name("scene", &request.scene, &name)?;
+    request.scene = name;
+    service.move_objects(request).await.map(Json)
+}
+
+/// Take objects out of a scene, whoever has them
+///
+/// What became of each is in its result; one that is refused does not hold up the others. `scene` in the body is the name in the path,
+/// or left out.
+#[utoipa::path(
+    post,
+    path = "/v1/scenes/{name}/remove",
+    tag = "scenes",
+    params(("name" = String, Path, description = "The scene's name")),
+    request_body = v1::RemoveObjectsRequest,
+    responses(
+        (status = 200, description = "What became of the objects", body = v1::ObjectsResponse),
+        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
+        (status = 404, description = "No such scene", body = ErrorBody),
+        (status = 413, description = "The body is too large", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn remove(
+    State(service): Server,
+    name: Named<String>,
+    JsonBody(mut request): JsonBody<v1::RemoveObjectsRequest>,
+) -> Result<Json<v1::ObjectsResponse>, ApiError> {
+    let name = named("name", name)?;
+    same_name("scene", &request.scene, &name)?;
+    request.scene = name;
+    service.remove_objects(request).await.map(Json)
+}
+
+/// What a character, or any box, reaches
+#[utoipa::path(
+    post,
+    path = "/v1/detect",
+    tag = "scenes",
+    request_body = v1::DetectRequest,
+    responses(
+        (status = 200, description = "The objects in reach", body = v1::DetectResponse),
+        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
+        (status = 404, description = "No such session or scene", body = ErrorBody),
+        (status = 409, description = "The session is in no scene", body = ErrorBody),
+        (status = 410, description = "The session has expired", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn detect(
+    State(service): Server,
+    JsonBody(request): JsonBody<v1::DetectRequest>,
+) -> Result<Json<v1::DetectResponse>, ApiError> {
+    service.detect(&request).map(Json)
+}
+
+/// List object definitions
+#[utoipa::path(
+    get,
+    path = "/v1/objects",
+    tag = "objects",
+    responses(
+        (status = 200, description = "All definitions, sorted by name", body = v1::ListObjectDefinitionsResponse),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn list_objects(
+    State(service): Server,
+) -> Result<Json<v1::ListObjectDefinitionsResponse>, ApiError> {
+    service.list_object_definitions().await.map(Json)
+}
+
+/// Add an object definition, or replace one
+///
+/// An error of the document names its line, column and field. `name` in the body is the name in the path, or left out.
+#[utoipa::path(
+    put,
+    path = "/v1/objects/{name}",
+    tag = "objects",
+    params(("name" = String, Path, description = "The definition's name")),
+    request_body = v1::PutObjectDefinitionRequest,
+    responses(
+        (status = 200, description = "What the upload did", body = v1::PutObjectDefinitionResponse),
+        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
+        (status = 404, description = "No such pack", body = ErrorBody),
+        (status = 413, description = "The body is too large", body = ErrorBody),
+        (status = 429, description = "As many definitions as there may be", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn put_object(
+    State(service): Server,
+    name: Named<String>,
+    JsonBody(mut request): JsonBody<v1::PutObjectDefinitionRequest>,
+) -> Result<Json<v1::PutObjectDefinitionResponse>, ApiError> {
+    let name = named("name", name)?;
+    same_name("name", &request.name, &name)?;
+    request.name = name;
+    service.put_object_definition(request).await.map(Json)
+}
+
+/// How the definition is to be written.
+#[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
+#[serde(default, deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct ObjectForm {
+    /// Format of the document: `toml` (where left out) or `json`.
+    #[serde(with = "troupe_proto::json::document_format")]
+    #[param(value_type = String)]
+    format: i32,
+}
+
+/// One object definition with its document
+#[utoipa::path(
+    get,
+    path = "/v1/objects/{name}",
+    tag = "objects",
+    params(("name" = String, Path, description = "The definition's name"), ObjectForm),
+    responses(
+        (status = 200, description = "The definition", body = v1::GetObjectDefinitionResponse),
+        (status = 400, description = "A value that is not accepted", body = ErrorBody),
+        (status = 404, description = "No such definition", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn get_object(
+    State(service): Server,
+    name: Named<String>,
+    form: Asked<ObjectForm>,
+) -> Result<Json<v1::GetObjectDefinitionResponse>, ApiError> {
+    let request = v1::GetObjectDefinitionRequest {
+        name: named("name", name)?,
+        format: asked(form)?.format,
+    };
+    service.get_object_definition(request).await.map(Json)
+}
+
+/// Delete an object definition of which no scene has an object
+#[utoipa::path(
+    delete,
+    path = "/v1/objects/{name}",
+    tag = "objects",
+    params(("name" = String, Path, description = "The definition's name")),
+    responses(
+        (status = 200, description = "The definition is gone", body = v1::DeleteObjectDefinitionResponse),
+        (status = 404, description = "No such definition", body = ErrorBody),
+        (status = 409, description = "Scenes have objects of it", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(in crate::api) async fn delete_object(
+    State(service): Server,
+    name: Named<String>,
+) -> Result<Json<v1::DeleteObjectDefinitionResponse>, ApiError> {
+    let request = v1::DeleteObjectDefinitionRequest {
+        name: named("name", name)?,
+    };
+    service.delete_object_definition(request).await.map(Json)
+}

@@ -1,0 +1,176 @@
+//! Events of a session that wait for somebody to take them, and how they look as messages.
+
+use std::collections::VecDeque;
+
+use troupe_motion::conventions::Convention;
+use troupe_proto::v1;
+use troupe_proto::v1::session_event::Kind;
+
+use super::cell::Live;
+use super::{Activity, CharacterEvent, EventKind, HeldObject, KeyframeError};
+use crate::telemetry::SessionMetrics;
+use crate::world::{position, quat};
+
+/// Most events of a session that wait; of more, the oldest are dropped.
+pub const MAX_WAITING_EVENTS: usize = 64;
+
+/// The events of a session that nobody has taken yet.
+#[derive(Debug, Default)]
+pub struct EventQueue {
+    waiting: VecDeque<CharacterEvent>,
+    dropped: u64,
+    /// For what comes from the character, used again.
+    fresh: Vec<CharacterEvent>,
+}
+
+impl EventQueue {
+    /// Takes what happened to the character, and counts it.
+    pub(super) fn collect(
+        &mut self,
+        take_events: impl FnOnce(&mut Vec<CharacterEvent>),
+        metrics: &SessionMetrics,
+    ) {
+        take_events(&mut self.fresh);
+        for event in self.fresh.drain(..) {
+            metrics.happened(&event.kind);
+            if self.waiting.len() >= MAX_WAITING_EVENTS {
+                self.waiting.pop_front();
+                self.dropped += 1;
+                metrics.event_dropped();
+            }
+            self.waiting.push_back(event);
+        }
+    }
+
+    /// Events that were dropped so far.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    /// All that wait, as a message for the session in `slot`. `None`: nothing has happened.
+    pub(super) fn take(&mut self, slot: u32, id: &str, convention: Convention) -> Option<v1::SessionEvents> {
+        if self.waiting.is_empty() {
+            return None;
+        }
+        let events = self.waiting.drain(..).map(|event| message(event, convention));
+        Some(v1::SessionEvents {
+            slot,
+            session_id: id.to_owned(),
+            events: events.collect(),
+            events_dropped: self.dropped,
+        })
+    }
+}
+
+/// What is in the hand of the character of the session in `slot`.
+pub(super) fn held(live: &Live, slot: u32, convention: Convention) -> Option<v1::HeldObject> {
+    let HeldObject { instance, transform } = live.character.held()?;
+    Some(v1::HeldObject {
+        slot,
+        instance: instance.to_string(),
+        position: Some(position(transform.position, convention)),
+        rotation: Some(quat(transform.rotation, convention)),
+    })
+}
+
+/// What a character is about, as a message.
+pub(super) fn activity(activity: Activity) -> v1::Activity {
+    let of = |kind: v1::ActivityKind, instance: &str, set: String| v1::Activity {
+        kind: kind.into(),
+        instance: instance.to_owned(),
+        set,
+    };
+    match activity {
+        Activity::Locomotion => v1::Activity::default(),
+        Activity::Approaching { instance } => of(v1::ActivityKind::Approaching, &instance, String::new()),
+        Activity::Interacting { instance, set } => of(v1::ActivityKind::Interacting, &instance, set),
+        Activity::Held { instance, set } => of(v1::ActivityKind::Held, &instance, set),
+        Activity::Falling => of(v1::ActivityKind::Falling, "", String::new()),
+    }
+}
+
+fn message(event: CharacterEvent, convention: Convention) -> v1::SessionEvent {
+    v1::SessionEvent {
+        frame: event.frame,
+        kind: Some(kind(event.kind, convention)),
+    }
+}
+
+fn kind(kind: EventKind, convention: Convention) -> Kind {
+    let unit = convention.units_per_metre();
+    match kind {
+        EventKind::Started {
+            instance,
+            definition,
+            variant,
+            approach,
+            seed,
+        } => Kind::Started(v1::InteractionStarted {
+            instance: instance.to_string(),
+            definition,
+            variant,
+            approach: approach.unwrap_or_default(),
+            seed,
+        }),
+        EventKind::Entered { instance, set } => Kind::Entered(v1::SetEntered {
+            instance: instance.to_string(),
+            set,
+        }),
+        EventKind::Reached {
+            instance,
+            set,
+            keyframe,
+            before,
+            after,
+        } => Kind::Reached(v1::KeyframeReached {
+            instance: instance.to_string(),
+            set,
+            keyframe,
+            before: Some(keyframe_error(before)),
+            after: Some(keyframe_error(after)),
+        }),
+        EventKind::Attached { instance, socket } => Kind::Attached(v1::ObjectAttached {
+            instance: instance.to_string(),
+            socket,
+        }),
+        EventKind::Released { instance, transform } => Kind::Released(v1::ObjectReleased {
+            instance: instance.to_string(),
+            position: Some(position(transform.position, convention)),
+            rotation: Some(quat(transform.rotation, convention)),
+        }),
+        EventKind::Done { instance } => Kind::Done(v1::InteractionDone {
+            instance: instance.to_string(),
+        }),
+        EventKind::Failed {
+            instance,
+            reason,
+            message,
+        } => Kind::Failed(v1::InteractionFailed {
+            instance: instance.to_string(),
+            reason: reason.word().to_owned(),
+            message,
+        }),
+        EventKind::Interrupted { instance } => Kind::Interrupted(v1::InteractionInterrupted {
+            instance: instance.to_string(),
+        }),
+        EventKind::Fell { height_m } => Kind::Fell(v1::CharacterFell {
+            height: height_m.map(|height| height * unit),
+        }),
+        EventKind::Landed { height_m, speed_mps } => Kind::Landed(v1::CharacterLanded {
+            height: height_m * unit,
+            speed: speed_mps,
+        }),
+    }
+}
+
+fn keyframe_error(error: KeyframeError) -> v1::KeyframeError {
+    v1::KeyframeError {
+        root_m: error.root_m,
+        heading_deg: error.heading.to_degrees(),
+        joint_m: error.joint_m,
+    }
+}
+
+#[cfg(test)]
+#[path = "events_tests.rs"]
+mod tests;

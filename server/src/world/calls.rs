@@ -1,0 +1,325 @@
+//! The calls of `troupe.v1.Scenes`, apart from how they travel. Those that write files block.
+
+use std::sync::Arc;
+
+use troupe_motion::conventions::Convention;
+use troupe_proto::v1;
+
+use super::{Store, StoreError, definition, message};
+use crate::api::ApiError;
+use crate::document::{Format, read};
+use crate::inbetween::Path;
+use crate::object::Listed;
+use crate::pack::Pack;
+use crate::scene::{MAX_INSTANCES, NamedScene, Scene, SceneCell, SceneDoc, SceneError};
+use crate::session::units;
+
+impl From<StoreError> for ApiError {
+    fn from(error: StoreError) -> Self {
+        let field = || "name".to_owned();
+        match error {
+            StoreError::Scenes(error) => Self::Scenes {
+                error,
+                field: field(),
+            },
+            StoreError::Definitions(error) => Self::Definitions {
+                error,
+                field: field(),
+            },
+            StoreError::TooLong { .. } => {
+                let path = Path::root();
+                path.field("scene")
+                    .error(error.to_string(), "a smaller scene")
+                    .into()
+            }
+            StoreError::Keep { .. } => {
+                tracing::error!(%error, "a file was not written");
+                Self::Internal(error.to_string())
+            }
+        }
+    }
+}
+
+impl Store {
+    /// The scene of this name, which the request gave at `path`.
+    pub(super) fn scene(&self, name: &str, path: &Path<'_>) -> Result<Arc<SceneCell>, ApiError> {
+        self.scenes().get(name).map_err(|error| ApiError::Scenes {
+            error,
+            field: path.to_string(),
+        })
+    }
+
+    /// `troupe.v1.Scenes/PutScene`.
+    ///
+    /// # Errors
+    /// [`ApiError`] for the first value that is not accepted, or where the scene cannot be kept; then nothing has changed.
+    pub fn put(&self, request: &v1::PutSceneRequest) -> Result<v1::SceneSummary, ApiError> {
+        let root = Path::root();
+        let name = match (&request.scene, &request.document) {
+            (Some(scene), None) => self.put_scene(None, |definitions| {
+                let path = root.field("scene");
+                definition::check_name(&scene.name, &request.name)?;
+                message::read_scene(&path, scene, definitions)
+            })?,
+            (None, Some(document)) => {
+                let (text, format) = definition::document(&root.field("document"), Some(document))?;
+                self.put_text(text, format, &request.name)?
+            }
+            (None, None) => {
+                let path = root.field("scene");
+                return Err(path.error("is missing", "a scene, or a document").into());
+            }
+            (Some(_), Some(_)) => {
+                let path = root.field("document");
+                return Err(path.error("is given beside scene", "one of the two").into());
+            }
+        };
+        let cell = self.scene(&name, &root.field("name"))?;
+        Ok(message::summary(&name, &cell))
+    }
+
+    fn put_text(&self, text: &str, format: Format, wanted: &str) -> Result<String, ApiError> {
+        self.put_scene(Some((text, format)), |definitions| {
+            let scene = read(text, format, |doc: SceneDoc| {
+                definition::check_name(&doc.name, wanted)?;
+                NamedScene::from_doc(doc, definitions)
+            });
+            Ok::<_, ApiError>(scene?)
+        })
+    }
+
+    /// `troupe.v1.Scenes/GetScene`.
+    ///
+    /// # Errors
+    /// [`ApiError`] where there is no such scene, or convention.
+    pub fn get(&self, request: &v1::GetSceneRequest) -> Result<v1::Scene, ApiError> {
+        let root = Path::root();
+        let convention = units::convention(&root.field("convention"), request.convention)?;
+        let cell = self.scene(&request.name, &root.field("name"))?;
+        Ok(message::write_scene(
+            &request.name,
+            &cell,
+            convention,
+            !request.without_colliders,
+        ))
+    }
+
+    /// `troupe.v1.Scenes/ListScenes`.
+    pub fn list(&self) -> v1::ListScenesResponse {
+        let scenes = self.scenes().all();
+        let each = scenes.iter().map(|(name, cell)| message::summary(name, cell));
+        v1::ListScenesResponse {
+            scenes: each.collect(),
+        }
+    }
+
+    /// `troupe.v1.Scenes/DeleteScene`.
+    ///
+    /// # Errors
+    /// [`ApiError`] where there is no such scene, or where sessions are in it.
+    pub fn delete(&self, request: &v1::DeleteSceneRequest) -> Result<v1::DeleteSceneResponse, ApiError> {
+        self.delete_scene(&request.name)?;
+        Ok(v1::DeleteSceneResponse {})
+    }
+
+    /// `troupe.v1.Scenes/AddObjects`.
+    ///
+    /// # Errors
+    /// [`ApiError`] for the request as a whole; what is wrong with one object is in its result.
+    pub fn add_objects(&self, request: &v1::AddObjectsRequest) -> Result<v1::ObjectsResponse, ApiError> {
+        let root = Path::root();
+        let (cell, convention) = self.place_of(&root, &request.scene, request.convention)?;
+        units::length(&root.field("objects"), request.objects.len(), 1, MAX_INSTANCES)?;
+        Ok(self.definitions().while_unchanged(|definitions| {
+            change_each(
+                &cell,
+                &request.objects,
+                |object| &object.id,
+                |index, object, scene| {
+                    let path = root.element("objects", index);
+                    message::add_object(&path, object, convention, definitions, scene)
+                },
+            )
+        }))
+    }
+
+    /// `troupe.v1.Scenes/MoveObjects`.
+    ///
+    /// # Errors
+    /// [`ApiError`] for the request as a whole; what is wrong with one move is in its result.
+    pub fn move_objects(&self, request: &v1::MoveObjectsRequest) -> Result<v1::ObjectsResponse, ApiError> {
+        let root = Path::root();
+        let (cell, convention) = self.place_of(&root, &request.scene, request.convention)?;
+        units::length(&root.field("moves"), request.moves.len(), 1, MAX_INSTANCES)?;
+        Ok(change_each(
+            &cell,
+            &request.moves,
+            |one| &one.id,
+            |index, one, scene| move_object(&root.element("moves", index), one, convention, scene),
+        ))
+    }
+
+    /// `troupe.v1.Scenes/RemoveObjects`.
+    ///
+    /// # Errors
+    /// [`ApiError`] for the request as a whole; what is wrong with one id is in its result.
+    pub fn remove_objects(
+        &self,
+        request: &v1::RemoveObjectsRequest,
+    ) -> Result<v1::ObjectsResponse, ApiError> {
+        let root = Path::root();
+        let cell = self.scene(&request.scene, &root.field("scene"))?;
+        units::length(&root.field("ids"), request.ids.len(), 1, MAX_INSTANCES)?;
+        Ok(change_each(
+            &cell,
+            &request.ids,
+            |id| id,
+            |index, id, scene| {
+                let path = root.element("ids", index);
+                message::check_id(&path, id)?;
+                scene.remove(id).map(drop).map_err(|error| at(&path, error))
+            },
+        ))
+    }
+
+    fn place_of(
+        &self,
+        root: &Path<'_>,
+        scene: &str,
+        convention: i32,
+    ) -> Result<(Arc<SceneCell>, Convention), ApiError> {
+        let convention = units::convention(&root.field("convention"), convention)?;
+        Ok((self.scene(scene, &root.field("scene"))?, convention))
+    }
+
+    /// `troupe.v1.Scenes/PutObjectDefinition`, for `pack`.
+    ///
+    /// # Errors
+    /// [`ApiError`] for the first thing that is wrong with the document, or where it cannot be kept; then nothing has changed.
+    pub fn put_object(
+        &self,
+        request: &v1::PutObjectDefinitionRequest,
+        pack: &Pack,
+    ) -> Result<v1::PutObjectDefinitionResponse, ApiError> {
+        let path = Path::root();
+        let (text, format) = definition::document(&path.field("document"), request.document.as_ref())?;
+        let read = definition::read_definition(text, format, &request.name, pack)?;
+        if request.check_only {
+            return Ok(v1::PutObjectDefinitionResponse {
+                definition: Some(definition::write(&read, 0, 0)),
+                replaced: self.definitions().get(&read.name).is_ok(),
+                rebound: 0,
+            });
+        }
+        let uploaded = self.put_definition(read, text, format)?;
+        let objects = self.objects_of(&uploaded.definition.name);
+        Ok(v1::PutObjectDefinitionResponse {
+            definition: Some(definition::write(
+                &uploaded.definition,
+                uploaded.revision,
+                objects,
+            )),
+            replaced: uploaded.replaced.is_some(),
+            rebound: uploaded.rebound as u32,
+        })
+    }
+
+    /// `troupe.v1.Scenes/GetObjectDefinition`.
+    ///
+    /// # Errors
+    /// [`ApiError`] where there is no such definition, or format.
+    pub fn get_object(
+        &self,
+        request: &v1::GetObjectDefinitionRequest,
+    ) -> Result<v1::GetObjectDefinitionResponse, ApiError> {
+        let path = Path::root();
+        let format = definition::format(&path.field("format"), request.format)?;
+        let Listed { definition, revision } =
+            self.definitions().get(&request.name).map_err(StoreError::from)?;
+        let objects = self.objects_of(&definition.name);
+        Ok(v1::GetObjectDefinitionResponse {
+            definition: Some(definition::write(&definition, revision, objects)),
+            document: Some(definition::write_document(&definition, format)?),
+        })
+    }
+
+    /// `troupe.v1.Scenes/ListObjectDefinitions`.
+    pub fn list_objects(&self) -> v1::ListObjectDefinitionsResponse {
+        let counts = definition::count_objects(self.scenes());
+        let list = self.definitions().snapshot();
+        let each = list
+            .iter()
+            .map(|listed| definition::write_listed(listed, &counts));
+        v1::ListObjectDefinitionsResponse {
+            definitions: each.collect(),
+        }
+    }
+
+    /// `troupe.v1.Scenes/DeleteObjectDefinition`.
+    ///
+    /// # Errors
+    /// [`ApiError`] where there is no such definition, or where scenes have objects of it.
+    pub fn delete_object(
+        &self,
+        request: &v1::DeleteObjectDefinitionRequest,
+    ) -> Result<v1::DeleteObjectDefinitionResponse, ApiError> {
+        self.delete_definition(&request.name)?;
+        Ok(v1::DeleteObjectDefinitionResponse {})
+    }
+
+    fn objects_of(&self, name: &str) -> u32 {
+        let counts = definition::count_objects(self.scenes());
+        counts.get(name).copied().unwrap_or(0)
+    }
+}
+
+/// Moves an object of a scene.
+fn move_object(
+    path: &Path<'_>,
+    one: &v1::ObjectMove,
+    convention: Convention,
+    scene: &mut Scene,
+) -> Result<(), ApiError> {
+    let id = path.field("id");
+    message::check_id(&id, &one.id)?;
+    let unknown = || SceneError::Unknown {
+        what: "object",
+        id: one.id.clone(),
+    };
+    let now = scene
+        .instance(&one.id)
+        .ok_or_else(|| at(&id, unknown()))?
+        .transform;
+    let given = (one.position, one.heading, one.rotation);
+    let then = message::place(path, given, convention, now)?;
+    scene.move_to(&one.id, then).map_err(|error| at(&id, error))
+}
+
+fn at(path: &Path<'_>, error: SceneError) -> ApiError {
+    ApiError::Objects {
+        error,
+        field: path.to_string(),
+    }
+}
+
+/// Does `change` with each of `list`, all in one change of the scene, and says what became of each.
+fn change_each<T>(
+    cell: &SceneCell,
+    list: &[T],
+    id: impl Fn(&T) -> &String,
+    change: impl Fn(usize, &T, &mut Scene) -> Result<(), ApiError>,
+) -> v1::ObjectsResponse {
+    let done: Result<_, std::convert::Infallible> = cell.update(|scene| {
+        let each = list.iter().enumerate().map(|(index, one)| v1::ObjectResult {
+            id: id(one).chars().take(crate::scene::MAX_ID_BYTES).collect(),
+            problem: change(index, one, scene).err().map(|error| error.problem()),
+        });
+        let results = each.collect();
+        Ok(v1::ObjectsResponse {
+            results,
+            revision: scene.revision(),
+        })
+    });
+    let Ok(response) = done;
+    response
+}

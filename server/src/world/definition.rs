@@ -1,0 +1,121 @@
+//! Object definitions as messages, and back.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use troupe_proto::v1;
+
+use crate::api::ApiError;
+use crate::document::{DocumentError, Format, read};
+use crate::inbetween::{FieldError, Path};
+use crate::object::{Definition, Listed, ObjectDoc};
+use crate::pack::Pack;
+use crate::scene::SceneTable;
+
+/// Checks that a document is there, and how it is written.
+pub(super) fn document<'a>(
+    path: &Path<'_>,
+    document: Option<&'a v1::Document>,
+) -> Result<(&'a str, Format), FieldError> {
+    let Some(document) = document else {
+        return Err(path.error("is missing", "a text and its format"));
+    };
+    Ok((&document.text, format(&path.field("format"), document.format)?))
+}
+
+/// The format that a message names.
+pub(super) fn format(path: &Path<'_>, value: i32) -> Result<Format, FieldError> {
+    match v1::DocumentFormat::try_from(value) {
+        Ok(v1::DocumentFormat::Toml) => Ok(Format::Toml),
+        Ok(v1::DocumentFormat::Json) => Ok(Format::Json),
+        Err(_) => Err(path.error(format!("is {value}"), "toml (0) or json (1)")),
+    }
+}
+
+/// Checks that what a document says is its name is the one that the request wants.
+pub(super) fn check_name(name: &str, wanted: &str) -> Result<(), FieldError> {
+    if wanted.is_empty() || wanted == name {
+        return Ok(());
+    }
+    let wanted: String = wanted.chars().take(crate::document::MAX_NAME_CHARS).collect();
+    Err(Path::root().field("name").error(
+        format!("is {name:?}, but the request names {wanted:?}"),
+        "the name in the request",
+    ))
+}
+
+/// Reads and checks a definition for `pack`.
+pub(super) fn read_definition(
+    text: &str,
+    format: Format,
+    wanted: &str,
+    pack: &Pack,
+) -> Result<Definition, DocumentError> {
+    read(text, format, |doc: ObjectDoc| {
+        check_name(&doc.name, wanted)?;
+        Definition::from_doc(doc, pack)
+    })
+}
+
+/// A definition in short. `objects` are those of it in all scenes.
+pub(super) fn write(definition: &Definition, revision: u64, objects: u32) -> v1::ObjectDefinition {
+    let names = |names: &mut dyn Iterator<Item = &String>| names.cloned().collect();
+    v1::ObjectDefinition {
+        name: definition.name.clone(),
+        pack: definition.pack.clone(),
+        description: definition.description.clone(),
+        revision,
+        solid: definition.body.solid,
+        shared: definition.body.shared,
+        variants: variants(definition),
+        approaches: names(&mut definition.approaches.iter().map(|approach| &approach.name)),
+        sockets: names(&mut definition.sockets.iter().map(|socket| &socket.name)),
+        sets: names(&mut definition.sets.iter().map(|set| &set.name)),
+        objects,
+    }
+}
+
+/// The ways to use an object.
+pub(super) fn variants(definition: &Definition) -> Vec<v1::ObjectVariant> {
+    let each = definition.variants.iter().map(|variant| v1::ObjectVariant {
+        name: variant.name.clone(),
+        weight: variant.weight,
+    });
+    each.collect()
+}
+
+/// All of a definition, as text.
+pub(super) fn write_document(definition: &Definition, format: Format) -> Result<v1::Document, ApiError> {
+    let (text, format) = match format {
+        Format::Toml => (
+            definition.doc.to_toml().map_err(|error| error.to_string()),
+            v1::DocumentFormat::Toml,
+        ),
+        Format::Json => (
+            serde_json::to_string_pretty(&*definition.doc).map_err(|error| error.to_string()),
+            v1::DocumentFormat::Json,
+        ),
+    };
+    Ok(v1::Document {
+        format: format.into(),
+        text: text.map_err(ApiError::Internal)?,
+    })
+}
+
+/// How many objects of each definition all scenes have.
+pub(super) fn count_objects(scenes: &SceneTable) -> HashMap<Arc<str>, u32> {
+    let mut counts = HashMap::new();
+    for cell in scenes.all().values() {
+        for instance in cell.snapshot().instances() {
+            *counts.entry(Arc::clone(&instance.object)).or_default() += 1;
+        }
+    }
+    counts
+}
+
+/// A listed definition in short.
+pub(super) fn write_listed(listed: &Listed, counts: &HashMap<Arc<str>, u32>) -> v1::ObjectDefinition {
+    let definition = &listed.definition;
+    let objects = counts.get(definition.name.as_str()).copied().unwrap_or(0);
+    write(definition, listed.revision, objects)
+}

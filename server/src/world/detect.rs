@@ -1,0 +1,166 @@
+//! What a character, or any box, reaches.
+
+use std::sync::Arc;
+
+use troupe_motion::conventions::Convention;
+use troupe_motion::rotation::yaw;
+use troupe_motion::{GlobalRoot, Vec3};
+use troupe_proto::v1;
+
+use super::message::write_object;
+use super::{Store, definition, shape};
+use crate::api::ApiError;
+use crate::inbetween::{FieldError, Path};
+use crate::object::DefinitionList;
+use crate::scene::{self, BoxTrace, MAX_COORDINATE_M, SceneCell, State, Transform};
+use crate::session::units;
+
+/// Half the size of a character's box: to the sides, up and down, and to front and back, metres.
+const CHARACTER_HALF_EXTENTS_M: Vec3 = Vec3::new(0.25, 0.9, 0.25);
+/// Farthest that a character's box is moved ahead, metres.
+const MAX_AHEAD_M: f32 = 100.0;
+
+/// Where a session's character is.
+#[derive(Debug)]
+pub struct Standing {
+    /// Name of its scene.
+    pub scene: Arc<str>,
+    /// Its scene.
+    pub cell: Arc<SceneCell>,
+    /// Its root.
+    pub root: GlobalRoot,
+    /// The convention of the session.
+    pub convention: Convention,
+    /// Name of its pack.
+    pub pack: String,
+}
+
+/// A question, all of it checked.
+struct Question {
+    scene: Arc<str>,
+    cell: Arc<SceneCell>,
+    trace: BoxTrace,
+    convention: Convention,
+    /// The pack of the character that asks.
+    pack: Option<String>,
+    only_free: bool,
+}
+
+impl Store {
+    /// `troupe.v1.Scenes/Detect`. `standing` says where the character of a session is.
+    ///
+    /// # Errors
+    /// [`ApiError`] for a value that is not accepted, and for a session or scene that is not there.
+    pub fn detect(
+        &self,
+        request: &v1::DetectRequest,
+        standing: impl FnOnce(&str) -> Result<Standing, ApiError>,
+    ) -> Result<v1::DetectResponse, ApiError> {
+        let root = Path::root();
+        let question = match (&request.r#box, request.session_id.as_str()) {
+            (None, "") => {
+                return Err(root
+                    .field("session_id")
+                    .error("is empty", "a session, or a box")
+                    .into());
+            }
+            (None, id) => of_session(&root, request, standing(id)?)?,
+            (Some(given), "") => self.of_box(&root, request, given)?,
+            (Some(_), _) => {
+                let error = root
+                    .field("box")
+                    .error("is given beside session_id", "one of the two");
+                return Err(error.into());
+            }
+        };
+        Ok(question.answer(&self.definitions().snapshot()))
+    }
+
+    fn of_box(
+        &self,
+        root: &Path<'_>,
+        request: &v1::DetectRequest,
+        given: &v1::DetectBox,
+    ) -> Result<Question, ApiError> {
+        let convention = units::convention(&root.field("convention"), request.convention)?;
+        let path = root.field("box");
+        let cell = self.scene(&given.scene, &path.field("scene"))?;
+        let vector = |name, value: Option<v1::Vec3>| {
+            let value = value.unwrap_or_default();
+            units::vector(&path.field(name), value, MAX_COORDINATE_M, convention)
+        };
+        let heading = units::heading(&path.field("heading"), given.heading, convention)?;
+        let start = Transform::upright(vector("center", given.center)?, heading);
+        let half = shape::half_extents(&path.field("half_extents"), given.half_extents, convention)?;
+        let trace = BoxTrace::new(start, half, vector("sweep", given.sweep)?);
+        Ok(Question {
+            scene: Arc::from(given.scene.as_str()),
+            cell,
+            trace: trace.map_err(|error| scene::field_error(&path, error))?,
+            convention,
+            pack: None,
+            only_free: request.only_free,
+        })
+    }
+}
+
+fn of_session(
+    root: &Path<'_>,
+    request: &v1::DetectRequest,
+    standing: Standing,
+) -> Result<Question, FieldError> {
+    let path = root.field("ahead");
+    let unit = standing.convention.units_per_metre();
+    let ahead_m = units::within(&path, request.ahead, 0.0, MAX_AHEAD_M * unit)? / unit;
+    let start = Transform::upright(standing.root.position, standing.root.heading);
+    let sweep = yaw(standing.root.heading) * Vec3::Z * ahead_m;
+    Ok(Question {
+        trace: BoxTrace::new(start, CHARACTER_HALF_EXTENTS_M, sweep)
+            .map_err(|error| scene::field_error(&path, error))?,
+        scene: standing.scene,
+        cell: standing.cell,
+        convention: standing.convention,
+        pack: Some(standing.pack),
+        only_free: request.only_free,
+    })
+}
+
+impl Question {
+    fn answer(&self, definitions: &DefinitionList) -> v1::DetectResponse {
+        let scene = self.cell.snapshot();
+        let found = scene.detect(&self.trace);
+        let objects = found
+            .iter()
+            .filter(|found| !self.only_free || found.instance.state == State::Free)
+            .map(|found| self.detected(found, definitions));
+        v1::DetectResponse {
+            objects: objects.collect(),
+            revision: scene.revision(),
+            scene: self.scene.to_string(),
+        }
+    }
+
+    fn detected(&self, found: &scene::Detected, definitions: &DefinitionList) -> v1::Detected {
+        let (instance, convention) = (&found.instance, self.convention);
+        let mut message = v1::Detected {
+            object: Some(write_object(instance, convention)),
+            distance: found.distance_m * convention.units_per_metre(),
+            share: found.share,
+            free: instance.state == State::Free,
+            ..v1::Detected::default()
+        };
+        // A definition is not removed while there are objects of it; this scene may be a moment old.
+        if let Ok(listed) = definitions.get(&instance.object) {
+            let definition = &listed.definition;
+            let side = definition.side_of(instance.transform, self.trace.center());
+            let choice = definition.approach_from(side);
+            let approach = choice.index.and_then(|index| definition.approaches.get(index));
+            message.side = convention.heading_from_native(side);
+            message.approach = approach.map(|approach| approach.name.clone()).unwrap_or_default();
+            message.off = choice.off;
+            message.variants = definition::variants(definition);
+            message.usable = self.pack.as_ref().is_none_or(|pack| *pack == definition.pack);
+        }
+        message
+    }
+}

@@ -1,0 +1,289 @@
+//! The scenes and definitions of a server, and the folders that they are kept in.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::convert::Infallible;
+use std::path::{Path as FilePath, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use crate::document::{Document as _, DocumentError, Format, forget, keep, read_kept};
+use crate::object::{Definition, DefinitionList, Definitions, DefinitionsError, MAX_DEFINITIONS, Uploaded};
+use crate::pack::Pack;
+use crate::scene::{NamedScene, Scene, SceneDoc, SceneTable, TableError};
+
+/// Where scenes and definitions are read from as the server starts, and kept when they are uploaded.
+#[derive(Debug, Clone, Default)]
+pub struct Folders {
+    /// Scenes, a file each. `None`: uploaded ones last until the server stops.
+    pub scenes: Option<PathBuf>,
+    /// Definitions: a folder for each pack, named as the pack, with a file each. `None`: uploaded ones last until the server
+    /// stops.
+    pub objects: Option<PathBuf>,
+}
+
+/// The scenes and definitions of a server.
+#[derive(Debug, Default)]
+pub struct Store {
+    scenes: SceneTable,
+    definitions: Arc<Definitions>,
+    folders: Folders,
+    /// The definitions that the kept files of scenes name. One upload or deletion at a time has it.
+    kept: Mutex<Kept>,
+}
+
+/// By scene, the definitions that its file names.
+type Kept = BTreeMap<String, BTreeSet<String>>;
+
+/// A file as the server starts that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LoadError {
+    /// It is not what it should be.
+    #[error(transparent)]
+    Document(#[from] DocumentError),
+    /// Two packs have a definition of one name.
+    #[error("{}: object definition {name:?} is that of another pack too; allowed: a name of its own for each", folder.display())]
+    Twice {
+        /// The folder with the second.
+        folder: PathBuf,
+        /// The name.
+        name: String,
+    },
+    /// More definitions than a server may have.
+    #[error(transparent)]
+    Definitions(#[from] DefinitionsError),
+    /// More scenes than a server may have.
+    #[error(transparent)]
+    Scenes(#[from] TableError),
+}
+
+/// Why nothing was uploaded or deleted.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StoreError {
+    /// A definition that is not there, cannot be there, or cannot go.
+    #[error(transparent)]
+    Definitions(#[from] DefinitionsError),
+    /// A scene that is not there, cannot be there, or cannot go.
+    #[error(transparent)]
+    Scenes(#[from] TableError),
+    /// A scene that takes more room as a file than can be read again.
+    #[error(
+        "scene {name:?} takes {bytes} bytes as a file, of at most {}",
+        SceneDoc::MAX_BYTES
+    )]
+    TooLong {
+        /// The scene.
+        name: String,
+        /// How long it is.
+        bytes: usize,
+    },
+    /// It could not be written to its folder, or removed from there.
+    #[error("{what} {name:?} could not be kept: {cause}")]
+    Keep {
+        /// What it is.
+        what: &'static str,
+        /// Its name.
+        name: String,
+        /// Why.
+        cause: String,
+    },
+}
+
+impl Store {
+    /// Reads all files of `folders`. Definitions are checked for that of `packs` whose folder they are in.
+    ///
+    /// # Errors
+    /// [`LoadError`], which names the file and what is wrong with it.
+    pub fn load<'a>(folders: Folders, packs: impl IntoIterator<Item = &'a Pack>) -> Result<Self, LoadError> {
+        let mut definitions: Vec<Definition> = Vec::new();
+        if let Some(folder) = &folders.objects {
+            for pack in packs {
+                read_definitions(&folder.join(pack.name()), pack, &mut definitions)?;
+            }
+        }
+        let definitions = Definitions::new(definitions)?;
+        let (scenes, mut kept) = (SceneTable::default(), Kept::new());
+        if let Some(folder) = &folders.scenes {
+            let bodies = definitions.snapshot();
+            let check = |doc| NamedScene::from_doc(doc, &*bodies);
+            for NamedScene { name, scene } in read_kept(folder, check, |named| &named.name)? {
+                kept.insert(name.clone(), used_by(&scene));
+                scenes.add(&name, scene)?;
+            }
+        }
+        Ok(Self {
+            scenes,
+            definitions: Arc::new(definitions),
+            folders,
+            kept: Mutex::new(kept),
+        })
+    }
+
+    /// The scenes.
+    pub fn scenes(&self) -> &SceneTable {
+        &self.scenes
+    }
+
+    /// The definitions.
+    pub fn definitions(&self) -> &Arc<Definitions> {
+        &self.definitions
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds a scene, or replaces the one of its name: those who are in it are in the new one at once. `make` makes it, of the
+    /// definitions as they are and will be until this is done; `text` is what it was made from, where it was from a text.
+    /// Writes it to the folder of scenes, where there is one: this blocks. Gives the scene's name.
+    ///
+    /// # Errors
+    /// That of `make`, or [`StoreError`]; then nothing has changed.
+    pub fn put_scene<E: From<StoreError>>(
+        &self,
+        text: Option<(&str, Format)>,
+        make: impl FnOnce(&DefinitionList) -> Result<NamedScene, E>,
+    ) -> Result<String, E> {
+        let mut kept = self.kept();
+        self.definitions.while_unchanged(|definitions| {
+            let NamedScene { name, scene } = make(definitions)?;
+            self.scenes.room_for(&name).map_err(StoreError::from)?;
+            if let Some(folder) = &self.folders.scenes {
+                keep_scene(folder, &name, &scene, text)?;
+                kept.insert(name.clone(), used_by(&scene));
+            }
+            match self.scenes.get(&name) {
+                Ok(cell) => {
+                    let Ok(()) = cell.update(|before| -> Result<(), Infallible> {
+                        before.become_scene(scene);
+                        Ok(())
+                    });
+                }
+                Err(_) => {
+                    self.scenes.add(&name, scene).map_err(StoreError::from)?;
+                }
+            }
+            Ok(name)
+        })
+    }
+
+    /// Takes out a scene in which there are no sessions, and its file. This blocks.
+    ///
+    /// # Errors
+    /// [`StoreError::Scenes`]; then nothing has changed. [`StoreError::Keep`] where its file could not be removed: then it comes
+    /// back when the server starts again.
+    pub fn delete_scene(&self, name: &str) -> Result<(), StoreError> {
+        let mut kept = self.kept();
+        self.scenes.remove(name)?;
+        if let Some(folder) = &self.folders.scenes {
+            forget(folder, name).map_err(|cause| not_kept("scene", name, &cause))?;
+        }
+        kept.remove(name);
+        Ok(())
+    }
+
+    /// Adds a definition that was read from `text`, or replaces the one of its name. Writes it to the folder of definitions,
+    /// where there is one: this blocks.
+    ///
+    /// # Errors
+    /// [`StoreError`]; then nothing has changed.
+    pub fn put_definition(
+        &self,
+        definition: Definition,
+        text: &str,
+        format: Format,
+    ) -> Result<Uploaded, StoreError> {
+        let _one = self.kept();
+        let before = self.definitions.snapshot();
+        let replaced = before.get(&definition.name).ok();
+        if replaced.is_none() && before.iter().len() >= MAX_DEFINITIONS {
+            return Err(DefinitionsError::Full.into());
+        }
+        if let Some(folder) = &self.folders.objects {
+            let name = &definition.name;
+            let not_kept = |cause| not_kept("object definition", name, &cause);
+            keep(&folder.join(&definition.pack), name, format, text).map_err(not_kept)?;
+            if let Some(other) = replaced.filter(|other| other.definition.pack != definition.pack) {
+                forget(&folder.join(&other.definition.pack), name).map_err(not_kept)?;
+            }
+        }
+        Ok(self.definitions.upload(definition, &self.scenes)?)
+    }
+
+    /// Takes out a definition of which no scene has an object, as it is or as it is kept, and its file. This blocks.
+    ///
+    /// # Errors
+    /// [`StoreError::Definitions`]; then nothing has changed. [`StoreError::Keep`] where its file could not be removed: then it
+    /// comes back when the server starts again.
+    pub fn delete_definition(&self, name: &str) -> Result<(), StoreError> {
+        let kept = self.kept();
+        let names = |(scene, used): (&String, &BTreeSet<String>)| used.contains(name).then(|| scene.clone());
+        let scenes: Vec<String> = kept.iter().filter_map(names).collect();
+        if !scenes.is_empty() {
+            let name = name.to_owned();
+            return Err(DefinitionsError::InUse { name, scenes }.into());
+        }
+        let removed = self.definitions.remove(name, &self.scenes)?;
+        if let Some(folder) = &self.folders.objects {
+            forget(&folder.join(&removed.pack), name)
+                .map_err(|cause| not_kept("object definition", name, &cause))?;
+        }
+        Ok(())
+    }
+}
+
+/// Reads the definitions of one pack.
+fn read_definitions(folder: &FilePath, pack: &Pack, all: &mut Vec<Definition>) -> Result<(), LoadError> {
+    let check = |doc| Definition::from_doc(doc, pack);
+    for definition in read_kept(folder, check, |definition| &definition.name)? {
+        if all.iter().any(|before| before.name == definition.name) {
+            return Err(LoadError::Twice {
+                folder: folder.to_owned(),
+                name: definition.name,
+            });
+        }
+        all.push(definition);
+    }
+    Ok(())
+}
+
+/// The definitions that a scene names.
+fn used_by(scene: &Scene) -> BTreeSet<String> {
+    scene
+        .instances()
+        .map(|instance| instance.object.to_string())
+        .collect()
+}
+
+fn keep_scene(
+    folder: &FilePath,
+    name: &str,
+    scene: &Scene,
+    text: Option<(&str, Format)>,
+) -> Result<(), StoreError> {
+    let kept = match text {
+        Some((text, format)) => keep(folder, name, format, text),
+        None => {
+            let text = scene
+                .to_doc(name)
+                .to_toml()
+                .map_err(|cause| not_kept("scene", name, &cause))?;
+            if text.len() > SceneDoc::MAX_BYTES {
+                return Err(StoreError::TooLong {
+                    name: name.to_owned(),
+                    bytes: text.len(),
+                });
+            }
+            keep(folder, name, Format::Toml, &text)
+        }
+    };
+    kept.map_err(|cause| not_kept("scene", name, &cause))
+}
+
+fn not_kept(what: &'static str, name: &str, cause: &dyn std::fmt::Display) -> StoreError {
+    StoreError::Keep {
+        what,
+        name: name.to_owned(),
+        cause: cause.to_string(),
+    }
+}
