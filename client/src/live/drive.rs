@@ -11,6 +11,7 @@ use v1::drive_request::Message as Ask;
 use v1::drive_response::Message as Told;
 
 use super::act::Act;
+use super::drive_event::DriveEvent;
 use super::frames::{Block, Frames};
 use super::locomotion::Locomotion;
 use super::options::FrameOptions;
@@ -32,50 +33,6 @@ pub struct DriveOptions {
     pub every_tick: bool,
     /// Close the sessions of the stream when it ends. By default they wait for their time to live.
     pub close_sessions: bool,
-}
-
-/// Something that happened to a stream's sessions.
-#[derive(Debug)]
-pub enum DriveEvent {
-    /// The session is on the stream now.
-    Attached {
-        /// Its name.
-        session: String,
-    },
-    /// The session could not be taken onto the stream. It is given back, unless it is gone.
-    NotAttached {
-        /// Its name.
-        id: String,
-        /// It.
-        session: Option<Box<Session>>,
-        /// Why.
-        problem: Problem,
-    },
-    /// Something happened to a character in a scene. It comes before the tick in which it did.
-    Happened {
-        /// Its session.
-        session: String,
-        /// What, in order.
-        events: Vec<v1::SessionEvent>,
-        /// Events of the session that were dropped so far, because this client was slow to take them.
-        dropped: u64,
-    },
-    /// The session left the stream: detached, closed or expired. It is given back, unless it is gone.
-    Left {
-        /// Its name.
-        id: String,
-        /// It.
-        session: Option<Box<Session>>,
-        /// Why.
-        problem: Problem,
-    },
-    /// What the session should do was refused; it goes on as before.
-    Refused {
-        /// Its name.
-        session: String,
-        /// Why.
-        problem: Problem,
-    },
 }
 
 /// A stream on which the server advances many characters at 30, 50 or 60 Hz, opened by [`Client::drive`].

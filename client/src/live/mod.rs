@@ -17,6 +17,7 @@ mod act;
 mod calls;
 mod crowd;
 mod drive;
+mod drive_event;
 mod frames;
 mod locomotion;
 mod options;
@@ -27,7 +28,8 @@ mod testing;
 
 pub use act::Act;
 pub use crowd::{Crowd, CrowdOptions, CrowdStep, Fault, MemberId};
-pub use drive::{Drive, DriveEvent, DriveOptions, Tick, Update};
+pub use drive::{Drive, DriveOptions, Tick, Update};
+pub use drive_event::DriveEvent;
 pub use frames::{Contacts, Frame, Frames};
 pub use locomotion::Locomotion;
 pub(crate) use options::convention_to_wire;
