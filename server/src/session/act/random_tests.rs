@@ -73,7 +73,7 @@ fn carry_out(rig: &mut Rig, event: &Event) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(ProptestConfig::with_cases(5000))]
 
     #[test]
     fn whatever_happens_it_goes_on(events in prop::collection::vec(event(), 1..40), runs: bool) {
@@ -86,7 +86,9 @@ proptest! {
             let scene = rig.scene.snapshot();
             let mine: Vec<_> = scene.of_holder(&own).collect();
             prop_assert!(mine.len() <= 2, "{mine:?}");
-            if let Some(held) = rig.character.held()
+            // What happens to the scene it sees at its next frame.
+            if matches!(event, Event::Frames(_))
+                && let Some(held) = rig.character.held()
                 && let Some(there) = scene.instance(&held.instance)
             {
                 prop_assert_eq!(&there.state, &State::Held(own.clone()));
@@ -99,7 +101,7 @@ proptest! {
         prop_assert!(rig.character.held().is_none());
         prop_assert_eq!(rig.scene.snapshot().of_holder(&Holder::new("a")).count(), 0);
         let (acceleration, step) = rig.roughness(0);
-        prop_assert!(acceleration < 400.0 && step < 0.3, "{} m/s², {} m", acceleration, step);
+        prop_assert!(acceleration < 400.0 && step < 0.5, "{} m/s², {} m", acceleration, step);
         // What happened is told in order, and every interaction that began came to an end.
         let mut last = 0;
         let mut open = 0;
