@@ -35,6 +35,27 @@ impl Approach {
 }
 
 impl Definition {
+    /// Index of the approach of this name.
+    pub fn approach_named(&self, name: &str) -> Option<usize> {
+        self.approaches.iter().position(|approach| approach.name == name)
+    }
+
+    /// The approach of this index, from the side of it that is nearest to `side`; with `None`, or where there is no such, as
+    /// [`Definition::approach_from`].
+    pub fn approach_by(&self, index: Option<usize>, side: f32) -> Choice {
+        let Some((index, approach)) = index.and_then(|index| Some((index, self.approaches.get(index)?)))
+        else {
+            return self.approach_from(side);
+        };
+        let (nearest, off) = approach.nearest(side);
+        Choice {
+            index: Some(index),
+            side: nearest,
+            off,
+            distance_m: approach.distance_m,
+        }
+    }
+
     /// The approach nearest to `side` (see [`Definition::side_of`]), the first of those as near.
     pub fn approach_from(&self, side: f32) -> Choice {
         let mut best = None::<Choice>;

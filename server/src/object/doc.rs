@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Align, MAX_BYTES, Moment, Origin};
+use super::{Align, MAX_BYTES, Moment, Motion, Origin};
 use crate::document::{Document, is_default};
 use crate::scene::ShapeDoc;
 
@@ -214,6 +214,12 @@ pub struct SetDoc {
     /// What keyframes are given from: `object` (default) or `character`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub origin: Origin,
+    /// How its motion is made. Left out: as it suits the keyframes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Motion>,
+    /// Whether a character that comes for it stops before it begins. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub from_stand: bool,
     /// Frames from the last frame before the set to its last keyframe. Left out: as many as the pack thinks right.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<u32>,

@@ -181,6 +181,10 @@ pub struct Set {
     pub origin: Origin,
     /// One to four consecutive frames, oldest first.
     pub keyframes: Vec<Keyframe>,
+    /// How its motion is made. `None`: as it suits the keyframes.
+    pub motion: Option<Motion>,
+    /// Whether a character that comes for it stops before it begins.
+    pub from_stand: bool,
     /// Frames from the last frame before the set to its last keyframe. `None`: as many as the pack thinks right.
     pub frames: Option<u32>,
     /// τ: how many frames before its last keyframe the next phase may begin. 0: the keyframe must be reached.
@@ -196,6 +200,11 @@ impl Set {
     pub fn is_hard(&self) -> bool {
         self.drop_frames == 0
     }
+
+    /// Whether the character comes to rest in its last keyframe: it must be reached, or is held.
+    pub fn comes_to_rest(&self) -> bool {
+        self.is_hard() || self.hold != Hold::Frames(0)
+    }
 }
 
 /// What a set's keyframes are given from.
@@ -207,6 +216,16 @@ pub enum Origin {
     Object,
     /// The place under the character's root, and its heading, as the set begins.
     Character,
+}
+
+/// How a set's motion is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Motion {
+    /// By the networks, drawn to the keyframes.
+    Plan,
+    /// Without the networks, the feet held where they stand: for poses that the networks do not know.
+    Stance,
 }
 
 /// How long a set's last keyframe is held.

@@ -104,6 +104,13 @@ impl Locomotion {
         self.take_up(frame);
     }
 
+    /// Has a character that stands do so at `place` over the ground, rather than where it comes to rest.
+    pub fn stand_at(&mut self, place: Vec3) {
+        if let Some(standing) = &mut self.stand {
+            standing.anchor = Some(place);
+        }
+    }
+
     fn take_up(&mut self, frame: u64) {
         let LocomotionCommand {
             velocity,

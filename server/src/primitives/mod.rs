@@ -4,6 +4,7 @@ mod blend;
 mod heading;
 mod locomotion;
 mod matching;
+pub mod object;
 mod reach;
 pub mod recipe;
 
@@ -31,6 +32,19 @@ pub struct LocomotionCommand {
     pub gait: Option<String>,
     /// Height of the root joint, metres.
     pub height_m: Option<f32>,
+}
+
+impl LocomotionCommand {
+    /// The command to stand, in `style`.
+    pub fn standing(style: &Arc<Style>) -> Self {
+        Self {
+            velocity: Vec3::ZERO,
+            facing: None,
+            style: Arc::clone(style),
+            gait: None,
+            height_m: None,
+        }
+    }
 }
 
 /// The state that a plan starts from: four consecutive frames in the world.

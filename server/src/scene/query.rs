@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use parry3d::bounding_volume::Aabb;
 use parry3d::query::Ray;
 use troupe_motion::Vec3;
 
@@ -171,6 +172,13 @@ impl Scene {
     /// What is under `point` within `depth_m` metres straight down: what a foot or a root stands over.
     pub fn support(&self, point: Vec3, depth_m: f32, ignore: Option<&str>) -> Option<RayHit> {
         self.cast_ray(point, Vec3::NEG_Y, depth_m, ignore)
+    }
+
+    /// Whether nothing solid is, even in part, in the box from `low` to `high`: nothing but the ground plane, if that.
+    pub fn is_bare(&self, low: Vec3, high: Vec3) -> bool {
+        let bounds = Aabb::new(vector(low), vector(high));
+        let mut colliders = self.colliders.tree.intersect_aabb(&bounds);
+        colliders.next().is_none() && self.solids.intersect_aabb(&bounds).next().is_none()
     }
 
     fn ground_distance(&self, origin: Vec3, direction: Vec3) -> Option<f32> {

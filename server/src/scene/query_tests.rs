@@ -428,3 +428,24 @@ fn questions_to_a_large_scene_are_quick() {
         assert!(moving < Duration::from_micros(20), "{moving:?}");
     }
 }
+
+#[test]
+fn a_place_is_bare_where_nothing_solid_is() {
+    let mut scene = Scene::new(0.0).unwrap();
+    let bare =
+        |scene: &Scene, x: f32| scene.is_bare(Vec3::new(x - 0.5, -1.0, -0.5), Vec3::new(x + 0.5, 2.0, 0.5));
+    assert!(bare(&scene, 0.0), "the ground is no obstacle");
+    scene
+        .add("crate", "crate", boxed(0.5), place(3.0, 0.5, 0.0))
+        .unwrap();
+    assert!(bare(&scene, 0.0) && !bare(&scene, 2.2));
+    scene.hold("crate", &Holder::new("a")).unwrap();
+    assert!(bare(&scene, 2.2), "it is in a hand");
+    let wall = Collider {
+        id: "wall".to_owned(),
+        shape: ColliderShape::Solid(box_shape(Vec3::new(0.1, 1.0, 5.0))),
+        transform: place(-2.0, 1.0, 0.0),
+    };
+    scene.set_colliders(&[wall]).unwrap();
+    assert!(bare(&scene, 0.0) && !bare(&scene, -1.8));
+}

@@ -135,6 +135,26 @@ impl MotionBuffer {
         }
     }
 
+    /// Adds frames up to number `to`, all like the last.
+    pub(super) fn hold(&mut self, to: i64) {
+        let last = self.roots.len() - 1;
+        while self.last() < to {
+            self.roots.push(self.roots[last]);
+            self.rotations
+                .extend_from_within(last * self.joints..(last + 1) * self.joints);
+            self.contacts.push(self.contacts[last]);
+        }
+    }
+
+    /// Replaces what comes behind frame `at`, which must be there, by `frames`, at once.
+    pub(super) fn replace(&mut self, at: i64, frames: Frames<'_>) {
+        let start = self.index(at) + 1;
+        self.roots.truncate(start);
+        self.rotations.truncate(start * self.joints);
+        self.contacts.truncate(start);
+        self.append(frames);
+    }
+
     /// Replaces what comes behind frame `at` by `plan`, which fades in over the first [`CROSSFADE_FRAMES`]. Where the old
     /// motion is too short for that it is drawn out.
     pub(super) fn splice(&mut self, at: i64, plan: Frames<'_>) {

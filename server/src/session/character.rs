@@ -1,11 +1,16 @@
 //! A character's state machine: commands, ticks and plans in; requests for plans and frames out. It knows no clock, no
 //! thread and no engine, so the same events give the same frames.
+//!
+//! In a scene, [`Act`] has the first word about every frame, and [`Footing`] lifts frames onto what is there to stand on: the
+//! buffer's heights count from a flat ground.
 
 use std::sync::Arc;
 
+use troupe_motion::ik::Posed;
 use troupe_motion::rotation::yaw;
-use troupe_motion::{GlobalRoot, Vec3};
+use troupe_motion::{GlobalRoot, Quat, Vec3};
 
+use super::act::{Act, Body, Footing, Next, SetPlan};
 use super::budget::Pace;
 use super::buffer::{Frames, MotionBuffer};
 use super::inbox::Inbox;
@@ -14,12 +19,12 @@ use super::request::{self, Context};
 use super::timeline::{Stop, Ticket, Timeline};
 use super::{
     Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
-    FrameOut, HeldObject, Intent, LivePlan, LiveShape, Peek, PlanFailed, PlanRecord, PlanRequest, Refusal,
-    SUB_FRAMES, Start, Stats, Strain, View, WaitingCommand, World,
+    FrameOut, HeldObject, Intent, LivePlan, LiveShape, Meets, Peek, PlanFailed, PlanRecord, PlanRequest,
+    Refusal, SUB_FRAMES, Start, Stats, Strain, View, WaitingCommand, World,
 };
 use crate::pack::Pack;
 use crate::primitives::recipe::VELOCITY_FRAMES;
-use crate::primitives::{Locomotion, LocomotionCommand, PlanContext};
+use crate::primitives::{Locomotion, LocomotionCommand, PlanContext, PlanTargets};
 use crate::style::Style;
 
 /// Frame of the first context frame of a new character.
@@ -30,7 +35,10 @@ const FIRST_FRAME: i64 = 1 - CONTEXT_FRAMES as i64;
 pub struct Character {
     pack: Arc<Pack>,
     options: CharacterOptions,
-    world: Option<World>,
+    /// What it does in its scene; none without one.
+    act: Option<Act>,
+    /// What it stands on; none where that is the ground at height 0 always.
+    footing: Option<Footing>,
     timeline: Timeline,
     /// How much of the crowd's pressure falls on it.
     stretch: f32,
@@ -63,9 +71,14 @@ impl Character {
         world: Option<World>,
     ) -> Self {
         let moving = matches!(start, Start::Context { .. });
-        let context = match start {
-            Start::Standing(root) => standing(&command.style, root),
-            Start::Context { roots, rotations } => Context { roots, rotations },
+        let level = |place| world.as_ref().map_or(0.0, |world| Act::floor_under(world, place));
+        let (context, level) = match start {
+            Start::Standing(root) => (standing(&command.style, root), level(root.position)),
+            Start::Context { roots, rotations } => {
+                let level = level(roots[CONTEXT_FRAMES - 1]);
+                let roots = roots.map(|root| root.with_y(root.y - level));
+                (Context { roots, rotations }, level)
+            }
         };
         let buffer = MotionBuffer::new(
             pack.skeleton.joint_count(),
@@ -87,9 +100,10 @@ impl Character {
             outbox: None,
             asked: None,
             newest: None,
+            footing: world.is_some().then(|| Footing::new(&pack.skeleton, level)),
+            act: world.map(Act::new),
             pack,
             options,
-            world,
         };
         if moving {
             let ticket = character.timeline.ask_first();
@@ -111,7 +125,32 @@ impl Character {
     ) -> Result<CommandOutcome, Refusal> {
         let now = self.timeline.frame() as u64;
         let at = at_frame.unwrap_or(now).max(now);
+        if sequence > self.inbox.last_sequence() {
+            self.check(&intent)?;
+        }
         Ok(self.inbox.offer(sequence, at, intent))
+    }
+
+    /// Whether a command could be carried out now.
+    fn check(&mut self, intent: &Intent) -> Result<(), Refusal> {
+        match (self.acting(), intent) {
+            (Some((act, body)), intent) => act.check(intent, &body),
+            (None, Intent::Interact { .. }) => Err(Refusal::NoScene),
+            (None, _) => Ok(()),
+        }
+    }
+
+    /// What the character does in its scene, and what that works on.
+    fn acting(&mut self) -> Option<(&mut Act, Body<'_>)> {
+        let (act, footing) = (self.act.as_mut()?, self.footing.as_mut()?);
+        let body = Body {
+            pack: &self.pack,
+            options: &self.options,
+            timeline: &mut self.timeline,
+            locomotion: &mut self.locomotion,
+            footing,
+        };
+        Some((act, body))
     }
 
     /// [`Character::give`] for a command that moves the character over the ground.
@@ -128,26 +167,29 @@ impl Character {
 
     /// Moves what happened since the last call to the end of `into`, in order; to be called after every other call.
     pub fn take_events(&mut self, into: &mut Vec<CharacterEvent>) {
-        let _ = into;
+        if let Some(act) = &mut self.act {
+            act.take_events(into);
+        }
     }
 
     /// What the character is about.
     pub fn activity(&self) -> Activity {
-        Activity::Locomotion
+        self.act.as_ref().map(Act::activity).unwrap_or_default()
     }
 
     /// What is in its hand, where that is something.
     pub fn held(&self) -> Option<HeldObject> {
-        None
+        let act = self.act.as_ref().filter(|act| act.holds())?;
+        let mut rotations = Vec::new();
+        let (root, _) = self.shown(self.timeline.cursor(), &mut rotations);
+        let rotations = rotations.as_slice();
+        act.held(&self.pack, self.timeline.cursor(), Posed { root, rotations })
     }
 
     /// Takes the character out of its scene for good, as its session ends: whatever it reserved or holds there is free.
     pub fn leave(&mut self) {
-        let Some(World { scene, holder, .. }) = self.world.take() else {
-            return;
-        };
-        if scene.snapshot().of_holder(&holder).next().is_some() {
-            scene.free_all(&holder);
+        if let Some(act) = self.act.take() {
+            act.leave();
         }
     }
 
@@ -182,12 +224,19 @@ impl Character {
     /// A plan that was asked for has come, or will not.
     pub fn plan_arrived(&mut self, number: u64, plan: Result<LivePlan, PlanFailed>) -> Arrival {
         let Ok(plan) = plan else {
-            return self.timeline.fail(number);
+            let arrival = self.timeline.fail(number);
+            self.lost(number, arrival);
+            return arrival;
         };
         let arrival = self.timeline.land(number, &plan);
-        if matches!(arrival, Arrival::InTime { .. } | Arrival::Late)
-            && let Some((ticket, shape)) = self.asked.take_if(|(ticket, _)| ticket.number == number)
-        {
+        self.lost(number, arrival);
+        if !matches!(arrival, Arrival::InTime { .. } | Arrival::Late) {
+            return arrival;
+        }
+        if let Some((act, mut body)) = self.acting() {
+            act.landed(number, &plan.trace.off, &mut body);
+        }
+        if let Some((ticket, shape)) = self.asked.take_if(|(ticket, _)| ticket.number == number) {
             self.newest = Some(Arc::new(PlanRecord {
                 number: ticket.number,
                 cause: ticket.cause,
@@ -200,12 +249,31 @@ impl Character {
         arrival
     }
 
+    fn lost(&mut self, number: u64, arrival: Arrival) {
+        if matches!(arrival, Arrival::Failed | Arrival::Dropped)
+            && let Some((act, mut body)) = self.acting()
+        {
+            act.lost(number, &mut body);
+        }
+    }
+
     /// The frame at the cursor.
     pub fn sample(&self, out: &mut FrameOut) {
-        let cursor = self.timeline.cursor();
-        (out.root, out.contacts) = self.timeline.buffer().sample(cursor, &mut out.rotations);
+        (out.root, out.contacts) = self.shown(self.timeline.cursor(), &mut out.rotations);
         out.frame = self.timeline.frame() as u64;
         out.underrun = self.timeline.slowing();
+    }
+
+    /// The motion at `cursor`, in sub-frames, as it is shown: the buffer's, lifted onto what the character stands on.
+    fn shown(&self, cursor: i64, rotations: &mut Vec<Quat>) -> (Vec3, u8) {
+        let (mut root, contacts) = self.timeline.buffer().sample(cursor, rotations);
+        if let Some(footing) = &self.footing {
+            let sub_frames = i64::from(SUB_FRAMES);
+            let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
+            let part = rest as f32 / SUB_FRAMES as f32;
+            footing.lift(&self.pack.skeleton, frame, part, &mut root, rotations);
+        }
+        (root, contacts)
     }
 
     /// The frame that the cursor has reached.
@@ -220,10 +288,10 @@ impl Character {
 
     /// The character as it stands.
     pub fn view(&self) -> View {
-        let (buffer, cursor) = (self.timeline.buffer(), self.timeline.cursor());
+        let cursor = self.timeline.cursor();
         let mut pose = Vec::new();
-        let (position, _) = buffer.sample(cursor, &mut pose);
-        let (before, _) = buffer.sample(cursor - i64::from(SUB_FRAMES), &mut Vec::new());
+        let (position, _) = self.shown(cursor, &mut pose);
+        let (before, _) = self.shown(cursor - i64::from(SUB_FRAMES), &mut Vec::new());
         let way = (position - before).with_y(0.0).length();
         let pelvis = pose.first().copied().unwrap_or_default();
         View {
@@ -241,10 +309,17 @@ impl Character {
         let first = self.timeline.frame() + 1;
         let last = first.saturating_add_unsigned(frames as u64).saturating_sub(1);
         let future = self.timeline.buffer().range(first, last);
+        let (mut roots, mut rotations) = (future.roots.to_vec(), future.rotations.to_vec());
+        if let Some(footing) = &self.footing {
+            let poses = rotations.chunks_exact_mut(self.pack.skeleton.joint_count());
+            for (frame, (root, pose)) in (first..).zip(roots.iter_mut().zip(poses)) {
+                footing.lift(&self.pack.skeleton, frame, 0.0, root, pose);
+            }
+        }
         Peek {
             first_frame: first as u64,
-            roots: future.roots.to_vec(),
-            rotations: future.rotations.to_vec(),
+            roots,
+            rotations,
             contacts: future.contacts.to_vec(),
             plan: self.newest.clone(),
             in_flight: self.timeline.awaits_plan(),
@@ -267,13 +342,57 @@ impl Character {
     /// Decides about the frame that the cursor is at: which command holds, and whether to ask for a plan.
     fn settle(&mut self, frame: i64, clock: Clock) {
         if let Some(due) = self.inbox.take_due(frame as u64)
-            && let Intent::Locomote(command) = due.intent
-            && !same(self.locomotion.command(), &command)
+            && self.take_up(due.intent, frame)
         {
             self.current = (due.sequence, frame as u64);
-            self.locomotion.set_command(frame as u64, command);
-            self.timeline.command_changed();
         }
+        let next = match self.acting() {
+            Some((act, mut body)) => act.settle(frame, &mut body),
+            None => Next::Locomotion,
+        };
+        match next {
+            Next::Locomotion => self.settle_locomotion(clock),
+            Next::Wait => {
+                self.timeline.settle_for(None);
+            }
+            Next::Ask(plan) => self.settle_set(*plan),
+        }
+    }
+
+    /// Takes up a command. Answers whether locomotion goes by another from now on.
+    fn take_up(&mut self, intent: Intent, frame: i64) -> bool {
+        if let Some((act, mut body)) = self.acting() {
+            return act.take_up(intent, frame, &mut body);
+        }
+        let now = self.locomotion.command();
+        let command = match intent {
+            Intent::Locomote(command) => command,
+            Intent::Cancel => LocomotionCommand::standing(&now.style),
+            Intent::Interact { .. } | Intent::EndInteraction | Intent::Drop => return false,
+        };
+        if same(now, &command) {
+            return false;
+        }
+        self.locomotion.set_command(frame as u64, command);
+        self.timeline.command_changed();
+        true
+    }
+
+    /// Asks for the plan to the keyframes of an object.
+    fn settle_set(&mut self, plan: SetPlan) {
+        let Some(ticket) = self.timeline.settle_for(Some(plan.wish)) else {
+            return;
+        };
+        if let Some(act) = &mut self.act {
+            act.asked(ticket.number);
+        }
+        let context = self.context(ticket.splice);
+        self.unfinished = false;
+        self.send(ticket, context, plan.targets, Some(Arc::new(plan.meets)));
+    }
+
+    /// Leaves the frame that the cursor is at to locomotion.
+    fn settle_locomotion(&mut self, clock: Clock) {
         let style = &self.locomotion.command().style;
         let interval = self
             .options
@@ -309,6 +428,10 @@ impl Character {
             plan_frames: pace.map(|pace| pace.plan_frames as usize),
         });
         self.unfinished = targets.unfinished;
+        self.send(ticket, context, targets, None);
+    }
+
+    fn send(&mut self, ticket: Ticket, context: Context, targets: PlanTargets, meets: Option<Arc<Meets>>) {
         let (item, shape) = request::build(&self.pack, &self.options, ticket.number, context, targets);
         let shape = Arc::new(shape);
         self.asked = Some((ticket, Arc::clone(&shape)));
@@ -317,6 +440,7 @@ impl Character {
             cause: ticket.cause,
             item,
             shape,
+            meets,
             splice_in_frames: (ticket.splice - ticket.asked_at) as u32,
             due_in_frames: (ticket.due - ticket.asked_at) as u32,
             spacing_frames: ticket.spacing.map(|frames| frames.max(0) as u32),
@@ -360,7 +484,7 @@ fn standing(style: &Style, root: GlobalRoot) -> Context {
 }
 
 /// Whether two commands ask for the same.
-fn same(a: &LocomotionCommand, b: &LocomotionCommand) -> bool {
+pub(super) fn same(a: &LocomotionCommand, b: &LocomotionCommand) -> bool {
     (Arc::ptr_eq(&a.style, &b.style) || a.style == b.style)
         && (a.velocity, a.facing, &a.gait, a.height_m) == (b.velocity, b.facing, &b.gait, b.height_m)
 }

@@ -77,7 +77,7 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
         Some(intent) => {
             let style = match &intent {
                 Intent::Locomote(locomotion) => Some(locomotion.style.clone()),
-                _ => return Err(ApiError::Unimplemented("not yet".to_owned())), // until characters act
+                _ => None,
             };
             let outcome = (live.character)
                 .give(command.sequence, command.at_frame, intent)

@@ -64,6 +64,6 @@ fn stats_of(stats: &Stats, events_dropped: u64) -> v1::SessionStats {
         underruns: stats.underruns,
         failed_plans: stats.failed_plans,
         events_dropped,
-        plans_for_object: 0, // until characters act
+        plans_for_object: stats.plans_for_object,
     }
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+pub use crate::primitives::object::KeyframeError;
 use crate::scene::Transform;
 
 /// What a character is about.
@@ -134,17 +135,6 @@ pub enum EventKind {
     },
 }
 
-/// How far a motion is from a keyframe; 0 for what the keyframe does not say.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct KeyframeError {
-    /// Root joint, metres.
-    pub root_m: f32,
-    /// Heading, radians.
-    pub heading: f32,
-    /// The farthest of all joints that the keyframe places, metres.
-    pub joint_m: f32,
-}
-
 /// Why an interaction could not go on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -161,19 +151,22 @@ pub enum FailReason {
     Removed,
     /// There is no place to put the object down.
     NoPlace,
+    /// A keyframe has a joint where it cannot come to.
+    OutOfReach,
     /// The networks gave no motion.
     NoPlan,
 }
 
 impl FailReason {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::NotReached,
         Self::Blocked,
         Self::Taken,
         Self::Moved,
         Self::Removed,
         Self::NoPlace,
+        Self::OutOfReach,
         Self::NoPlan,
     ];
 
@@ -186,6 +179,7 @@ impl FailReason {
             Self::Moved => "MOVED",
             Self::Removed => "REMOVED",
             Self::NoPlace => "NO_PLACE",
+            Self::OutOfReach => "OUT_OF_REACH",
             Self::NoPlan => "NO_PLAN",
         }
     }

@@ -46,6 +46,7 @@ pub fn finish_live(raw: &RawMotion, shape: &LiveShape, pack: &Pack) -> Result<Li
             r_g4,
             tokens: raw.tokens.clone(),
             count_probs: raw.count_probs.clone(),
+            off: Vec::new(),
         },
     })
 }

@@ -3,6 +3,9 @@
 //! A [`Character`] is pure: it knows no clock, no thread and no engine. A [`cell`] holds one behind a lock, the
 //! [`Registry`] holds all cells, and [`Sessions`] has the calls. Plans go through the pack's batcher ([`planner`]).
 
+mod act;
+#[cfg(test)]
+pub(crate) use act::testing as act_testing;
 pub mod budget;
 mod buffer;
 mod calls;
@@ -18,6 +21,7 @@ mod inbox;
 mod intent;
 mod live;
 pub mod load;
+mod meet;
 mod options;
 mod peek;
 mod planner;
@@ -40,6 +44,7 @@ pub use event::{Activity, CharacterEvent, EventKind, FailReason, HeldObject, Key
 pub use events::{EventQueue, MAX_WAITING_EVENTS};
 pub use intent::{Intent, Refusal, World};
 pub use live::finish_live;
+pub use meet::Meets;
 pub use options::{MAX_ID_CHARS, TTL_RANGE_MS};
 pub use registry::Registry;
 pub use time::TimeSource;

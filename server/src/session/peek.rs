@@ -83,6 +83,7 @@ fn plan_view(plan: &PlanRecord, pack: &Pack, convention: Convention) -> v1::Plan
             PlanCause::Command => "command",
             PlanCause::LowBuffer => "low_buffer",
             PlanCause::Interval => "interval",
+            PlanCause::Object => "object",
         }
         .to_owned(),
         asked_at_frame: plan.asked_at,

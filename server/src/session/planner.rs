@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::cell::SessionCell;
-use super::{Arrival, LivePlan, PlanFailed, PlanRequest, finish_live};
+use super::{Arrival, LivePlan, LiveShape, Meets, PlanFailed, PlanRequest, finish_live};
 use crate::batch::{Order, SubmitError};
 use crate::engine::{EngineError, RawMotion};
 use crate::service::LoadedPack;
@@ -34,7 +34,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let spare = (patience == Patience::Waits).then(|| request.item.clone());
     let order = Order::live(cell.owner_id(), deadline(&cell, &request));
     let place = cell.pack().batcher.enqueue(vec![request.item], order);
-    let shape = request.shape;
+    let (shape, meets) = (request.shape, request.meets);
     tokio::spawn(async move {
         let mut result = match place {
             Ok(answer) => answer.await,
@@ -58,7 +58,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
                     .next()
                     .ok_or(EngineError::Stopped.into())
             })
-            .and_then(|raw| finish(&raw, &shape, cell.pack()));
+            .and_then(|raw| finish(&raw, &shape, meets.as_deref(), cell.pack()));
         awaited.arrived(plan);
     });
 }
@@ -110,13 +110,21 @@ fn deadline(cell: &SessionCell, request: &PlanRequest) -> Instant {
     Instant::now() + Duration::from_secs_f32(frames / cell.pack().pack.manifest.fps)
 }
 
-fn finish(raw: &RawMotion, shape: &super::LiveShape, pack: &LoadedPack) -> Result<LivePlan, SubmitError> {
-    let plan = finish_live(raw, shape, &pack.pack).map_err(|_| {
+fn finish(
+    raw: &RawMotion,
+    shape: &LiveShape,
+    meets: Option<&Meets>,
+    pack: &LoadedPack,
+) -> Result<LivePlan, SubmitError> {
+    let mut plan = finish_live(raw, shape, &pack.pack).map_err(|_| {
         SubmitError::Engine(EngineError::Output {
             stage: crate::pack::Stage::Decoder,
             problem: "frames that are not finite".to_owned(),
         })
     })?;
+    if let Some(meets) = meets {
+        meets.meet(&mut plan, &pack.pack.skeleton);
+    }
     pack.metrics.planned(plan.roots.len());
     Ok(plan)
 }

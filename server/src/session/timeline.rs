@@ -4,11 +4,19 @@
 //! Frames are decided about one by one: [`Timeline::run`] stops at every frame for [`Timeline::settle`]. A plan that is asked
 //! for at frame f takes over at its splice frame, `look_ahead` frames on, and stays in flight until the cursor is
 //! there, however early it comes. So frames do not depend on how long plans take, as long as none is late.
+//!
+//! While a character uses an object, or falls, what it does next is not the policy's: [`Timeline::settle_for`] asks for the
+//! plan that is wished for and no other, [`Timeline::hold`] and [`Timeline::put`] write motion that no plan made.
 
 use super::buffer::{CROSSFADE_FRAMES, Frames, MotionBuffer};
 use super::policy::{INTERVAL_GRACE, MARGIN_FRAMES, Policy};
 use super::{Arrival, CONTEXT_FRAMES, Clock, LivePlan, PlanCause, SUB_FRAMES, Stats};
 use crate::primitives::recipe::VELOCITY_FRAMES;
+
+#[path = "timeline_wish.rs"]
+mod wish;
+
+pub(super) use wish::Wish;
 
 /// Sub-frames of a frame, as the cursor counts.
 const SUB: i64 = SUB_FRAMES as i64;
@@ -47,6 +55,8 @@ pub(super) struct Ticket {
     pub(super) due: i64,
     /// Frames since the splice frame of the plan before; none for the first.
     pub(super) spacing: Option<i64>,
+    /// The character stands still there: should the plan be late, nothing of it is lost.
+    still: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -266,16 +276,7 @@ impl Timeline {
     /// Decides about the frame that the cursor is at: ends the flight of a plan whose splice frame it is, and asks for
     /// the next where the policy says so.
     pub(super) fn settle(&mut self, clock: Clock, policy: Policy) -> Option<Ticket> {
-        let frame = self.frame();
-        self.settled = Some(frame);
-        if let Some(Flight {
-            ticket,
-            arrived: true,
-        }) = self.flight
-            && ticket.splice <= frame
-        {
-            self.flight = None;
-        }
+        let frame = self.begin_to_settle();
         // One that was asked for further ahead than the look-ahead is no reason for a command to wait: what it brought is
         // replaced from the new plan's splice frame on.
         self.flight.take_if(|flight| {
@@ -305,9 +306,18 @@ impl Timeline {
         let slack = (self.buffer.last() - policy.margin() - splice).max(0);
         let grace = match cause {
             PlanCause::Interval => slack.min(INTERVAL_GRACE),
-            PlanCause::Command | PlanCause::LowBuffer => 0,
+            PlanCause::Command | PlanCause::LowBuffer | PlanCause::Object => 0,
         };
         Some(self.ask(cause, frame, splice, grace))
+    }
+
+    /// The frame at the cursor, which is settled now; the flight of a plan that has come ends where the plan takes over.
+    fn begin_to_settle(&mut self) -> i64 {
+        let frame = self.frame();
+        self.settled = Some(frame);
+        self.flight
+            .take_if(|flight| flight.arrived && flight.ticket.splice <= frame);
+        frame
     }
 
     /// What calls for a plan that would take over at `splice`. What waits at the moment makes no difference to that, or a
@@ -338,7 +348,7 @@ impl Timeline {
                 let most = self.last_expected.min(interval / 2).max(usual / 2);
                 interval - self.spread(most as u32 + 1)
             }
-            PlanCause::LowBuffer | PlanCause::Interval => interval,
+            PlanCause::LowBuffer | PlanCause::Interval | PlanCause::Object => interval,
         }
     }
 
@@ -361,6 +371,7 @@ impl Timeline {
             splice,
             due: splice + grace,
             spacing: self.last_splice.map(|last| splice - last),
+            still: false,
         };
         self.next_number += 1;
         self.last_expected = self.expected;
@@ -395,9 +406,11 @@ impl Timeline {
         let at = ticket.splice.max(self.next_frame());
         let late = at > ticket.splice;
         self.stats.late_plans += u64::from(late);
-        let used = CONTEXT_FRAMES + (at - ticket.splice) as usize;
+        let missed = if ticket.still { 0 } else { at - ticket.splice };
+        let used = CONTEXT_FRAMES + missed as usize;
         let usable = plan.roots.len().saturating_sub(used);
-        if usable < CROSSFADE_FRAMES {
+        // A keyframe at the end must lie behind the frames that it fades in over.
+        if usable < CROSSFADE_FRAMES + usize::from(ticket.cause == PlanCause::Object) {
             self.give_up(ticket);
             return Arrival::Dropped;
         }
@@ -427,6 +440,7 @@ impl Timeline {
             PlanCause::Command => &mut self.stats.plans_for_command,
             PlanCause::LowBuffer => &mut self.stats.plans_for_low_buffer,
             PlanCause::Interval => &mut self.stats.plans_for_interval,
+            PlanCause::Object => &mut self.stats.plans_for_object,
         } += 1;
         if self.goes_on_without(ticket) {
             return;

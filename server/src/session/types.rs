@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 
-use super::Intent;
+use super::{Intent, Meets};
 use crate::engine::WorkItem;
 use crate::primitives::PlanTargets;
+use crate::primitives::object::KeyframeError;
 
 /// Parts that a frame of the timeline is counted in: 30, 50 and 60 Hz all take whole numbers of them.
 pub const SUB_FRAMES: u32 = 300;
@@ -93,6 +94,8 @@ pub enum PlanCause {
     LowBuffer,
     /// The style's interval went by.
     Interval,
+    /// The next keyframes of an object.
+    Object,
 }
 
 /// A plan to ask the networks for.
@@ -106,6 +109,8 @@ pub struct PlanRequest {
     pub item: WorkItem,
     /// What it takes to turn the answer into frames.
     pub shape: Arc<LiveShape>,
+    /// The keyframes that the answer is to meet; none for locomotion, whose targets are guidance.
+    pub meets: Option<Arc<Meets>>,
     /// Frames until the plan is to take over; after that it is late.
     pub splice_in_frames: u32,
     /// Frames until it is missed: the scheduler's deadline.
@@ -151,6 +156,8 @@ pub struct PlanTrace {
     pub tokens: Vec<u32>,
     /// Probability of each token count.
     pub count_probs: Vec<f32>,
+    /// How far the answer was from each keyframe that it was to meet, before it was drawn to them.
+    pub off: Vec<KeyframeError>,
 }
 
 /// A plan that could not be made.
@@ -199,6 +206,8 @@ pub struct Stats {
     pub plans_for_low_buffer: u64,
     /// For the interval.
     pub plans_for_interval: u64,
+    /// For the keyframes of objects.
+    pub plans_for_object: u64,
     /// Plans that came after their splice frame.
     pub late_plans: u64,
     /// Times that the character had to slow down.

@@ -98,7 +98,7 @@ pub struct SessionMetrics {
     expired: Counter,
     frames_sent: Counter,
     dropped_frames: Counter,
-    replans: [Counter; 3],
+    replans: [Counter; 4],
     late_plans: Counter,
     failed_plans: Counter,
     underruns: Counter,
@@ -148,6 +148,7 @@ impl SessionMetrics {
             PlanCause::Command => 0,
             PlanCause::LowBuffer => 1,
             PlanCause::Interval => 2,
+            PlanCause::Object => 3,
         };
         self.replans[index].increment(1);
     }
@@ -243,7 +244,7 @@ impl Telemetry {
             expired: counter(EVICTIONS, Some(("reason", "expired"))),
             frames_sent: counter(FRAMES_SENT, None),
             dropped_frames: counter(DROPPED_FRAMES, None),
-            replans: ["command", "low_buffer", "interval"]
+            replans: ["command", "low_buffer", "interval", "object"]
                 .map(|cause| counter(REPLANS, Some(("cause", cause)))),
             late_plans: counter(LATE_PLANS, None),
             failed_plans: counter(FAILED_PLANS, None),

@@ -1,0 +1,134 @@
+//! Falling: where the ground ends, the character goes the way of a thrown body and lands.
+
+use troupe_motion::Vec3;
+use troupe_motion::ballistic::{Drop, Landing, MAX_FALL_S, Throw, fall_motion};
+use troupe_motion::ik::Posed;
+
+use super::super::buffer::Frames;
+use super::super::{EventKind, FailReason};
+use super::hand::Refused;
+use super::{Act, Body, Doing, Next};
+use crate::scene::Scene;
+
+/// Frames over which the velocity at the edge is measured.
+const VELOCITY_FRAMES: i64 = 3;
+
+/// A fall, from the frame behind the edge to when the character is upright again.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fall {
+    /// First frame with the feet on the ground.
+    touches: i64,
+    landed: bool,
+    /// Last frame, from which locomotion goes on.
+    upright: i64,
+    height_m: f32,
+    impact_mps: f32,
+}
+
+impl Act {
+    /// Writes the fall into the buffer, from frame `frame` on. Answers whether there is one: not where nothing is below.
+    pub(super) fn begin_fall(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
+        let (fps, level) = (body.pack.manifest.fps, body.footing.level());
+        let shown = body.shown(frame);
+        let velocity = body.speed(frame, VELOCITY_FRAMES);
+        let Some(landing) = landing(scene, shown.root.with_y(level), velocity, fps) else {
+            return false;
+        };
+        let floor = landing.place.y;
+        let style = &body.locomotion.command().style;
+        let idle = style.idle();
+        let drop = Drop {
+            velocity,
+            floor_m: floor,
+            standing: Posed {
+                root: Vec3::Y * idle.height_m,
+                rotations: &idle.rotations,
+            },
+            air: None,
+            fps,
+        };
+        let legs = body.footing.legs();
+        let mut fall = fall_motion(&body.pack.skeleton, legs, shown.posed(), &drop);
+        if fall.motion.roots.is_empty() {
+            return false;
+        }
+        for root in &mut fall.motion.roots {
+            root.y -= floor;
+        }
+        self.fall_on_the_way(frame, body);
+        let frames = Frames {
+            roots: &fall.motion.roots,
+            rotations: &fall.motion.rotations,
+            contacts: &fall.motion.contacts,
+        };
+        body.timeline.forget_flight();
+        body.timeline.put(frame, frames, false);
+        body.footing.level_from(frame, floor);
+        let height_m = level - floor;
+        self.tell(
+            frame,
+            EventKind::Fell {
+                height_m: Some(height_m),
+            },
+        );
+        self.doing = Doing::Falling(Fall {
+            touches: frame + 1 + fall.touch_down as i64,
+            landed: false,
+            upright: frame + fall.motion.roots.len() as i64,
+            height_m,
+            impact_mps: fall.impact_mps,
+        });
+        body.hold(frame.max(self.upright() - body.timeline.look_ahead()));
+        true
+    }
+
+    fn upright(&self) -> i64 {
+        match &self.doing {
+            Doing::Falling(fall) => fall.upright,
+            _ => i64::MIN,
+        }
+    }
+
+    /// A character that falls on its way to an object does not come there.
+    fn fall_on_the_way(&mut self, frame: i64, body: &mut Body<'_>) {
+        let message = "the ground ended on the way".to_owned();
+        let reason = FailReason::NotReached;
+        self.fail(frame, body, Refused { reason, message });
+    }
+
+    /// Nothing is asked for before the character is upright; then locomotion goes on with its command, and with what came
+    /// during the fall.
+    pub(super) fn settle_fall(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
+        let Doing::Falling(fall) = &mut self.doing else {
+            return Next::Locomotion;
+        };
+        if !fall.landed && frame >= fall.touches {
+            fall.landed = true;
+            let (touches, height_m, speed_mps) = (fall.touches, fall.height_m, fall.impact_mps);
+            self.tell(touches, EventKind::Landed { height_m, speed_mps });
+        }
+        if frame + body.timeline.look_ahead() < self.upright() {
+            return Next::Wait;
+        }
+        self.doing = Doing::Locomotion;
+        let command = body.locomotion.command().clone();
+        body.move_on(frame, command, false);
+        if let Some(intent) = self.waiting.take() {
+            self.take_up(intent, frame, body);
+        }
+        Next::Locomotion
+    }
+}
+
+/// Where a body that is thrown from `foot`, the floor point under its root, lands.
+fn landing(scene: &Scene, foot: Vec3, velocity: Vec3, fps: f32) -> Option<Landing> {
+    let throw = Throw {
+        position: foot,
+        velocity,
+    };
+    let ground = |a: Vec3, b: Vec3| {
+        let hit = scene.cast_ray(a, b - a, a.distance(b), None)?;
+        (!hit.is_inside()).then_some(hit.point.y)
+    };
+    throw.lands(fps, MAX_FALL_S, ground)
+}

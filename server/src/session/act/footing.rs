@@ -1,0 +1,234 @@
+//! What a character stands on: how far each of its frames is lifted from the flat ground that the networks know.
+//!
+//! The buffer holds motion over a flat ground at height 0. Beside it, every frame has a [`Lift`]: the height of the ground
+//! under each foot, and how far the root is lifted with them. Frames are lifted as they are shown, so plans never see a step.
+
+use std::sync::Arc;
+
+use troupe_motion::ik::{Leg, MAX_LEGS, legs};
+use troupe_motion::terrain::{Lift, Terrain, lift_frame, lifts};
+use troupe_motion::{Quat, Skeleton, Vec3};
+
+use super::super::buffer::MotionBuffer;
+use crate::scene::Scene;
+
+/// Highest step up or down that a character takes in its stride, metres: knees bend by 134 degrees at that height.
+pub(super) const STEP_M: f32 = 0.4;
+/// How far down a surface is looked for, metres.
+pub(super) const DEEPEST_M: f32 = 2.0e4;
+/// Height over the ground from which it is looked for downwards, metres: the hips'. Higher things are walls.
+const LOOK_FROM_M: f32 = 0.9;
+/// Frames before the first new one that lifts are worked out with.
+const BEFORE_FRAMES: i64 = 12;
+/// Ground that is nearer to where the character stands than this makes no difference, metres.
+const LEVEL_M: f32 = 0.005;
+
+/// Height of what is under a place, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Support {
+    /// Something to stand on, within a step.
+    At(f32),
+    /// It is farther down: this high. `None`: there is nothing.
+    Below(Option<f32>),
+    /// A wall.
+    Above,
+}
+
+/// What is at `place` (x and z count) for a character that stands at height `level`.
+pub(super) fn support(scene: &Scene, place: Vec3, level: f32) -> Support {
+    let from = place.with_y(level + LOOK_FROM_M);
+    match scene.support(from, DEEPEST_M, None) {
+        None => Support::Below(None),
+        Some(hit) if hit.is_inside() || hit.point.y > level + STEP_M => Support::Above,
+        Some(hit) if hit.point.y < level - STEP_M => Support::Below(Some(hit.point.y)),
+        Some(hit) => Support::At(hit.point.y),
+    }
+}
+
+/// The lifts of a character's frames.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct Footing {
+    legs: Arc<[Leg]>,
+    /// Frame of the first lift. Frames before and behind are lifted as the nearest that is there.
+    first: i64,
+    lifts: Vec<Lift>,
+    /// Height of what it stands on at the frame that was settled last, metres.
+    level: f32,
+    scratch: Vec<Lift>,
+    levels: Vec<(Vec3, f32)>,
+}
+
+impl Footing {
+    /// A character that stands at height `level`.
+    pub(in crate::session) fn new(skeleton: &Skeleton, level: f32) -> Self {
+        Self {
+            legs: legs(skeleton).into(),
+            first: 0,
+            lifts: vec![Lift::even(level)],
+            level,
+            scratch: Vec::new(),
+            levels: Vec::new(),
+        }
+    }
+
+    /// The legs of the skeleton.
+    pub(super) fn legs(&self) -> &Arc<[Leg]> {
+        &self.legs
+    }
+
+    /// Height of what it stands on, metres.
+    pub(super) fn level(&self) -> f32 {
+        self.level
+    }
+
+    /// What it stands on is this high now. Less than [`LEVEL_M`] is no step.
+    pub(super) fn step_to(&mut self, height: f32) {
+        if (height - self.level).abs() > LEVEL_M {
+            self.level = height;
+        }
+    }
+
+    fn at(&self, frame: i64) -> Lift {
+        let last = self.lifts.len() as i64 - 1;
+        self.lifts[(frame - self.first).clamp(0, last) as usize]
+    }
+
+    /// Lifts a frame of the buffer, `part` of the way (0 to 1) from `frame` to the next.
+    pub(in crate::session) fn lift(
+        &self,
+        skeleton: &Skeleton,
+        frame: i64,
+        part: f32,
+        root: &mut Vec3,
+        rotations: &mut [Quat],
+    ) {
+        let (a, b) = (self.at(frame), self.at(frame + 1));
+        let between = |a: f32, b: f32| a + (b - a) * part;
+        let mut lift = Lift {
+            root_m: between(a.root_m, b.root_m),
+            feet_m: [0.0; MAX_LEGS],
+        };
+        for (to, (a, b)) in lift.feet_m.iter_mut().zip(a.feet_m.into_iter().zip(b.feet_m)) {
+            *to = between(a, b);
+        }
+        lift_frame(skeleton, &self.legs, root, rotations, &lift);
+    }
+
+    /// Frames behind `shown` are lifted evenly, by `level`: they are in the air or come to stand there.
+    pub(super) fn level_from(&mut self, shown: i64, level: f32) {
+        self.keep(shown);
+        self.lifts.push(Lift::even(level));
+        self.level = level;
+    }
+
+    /// Keeps lifts up to frame `shown`, and not more of those before than are needed.
+    fn keep(&mut self, shown: i64) {
+        let from = self.first.clamp(shown - BEFORE_FRAMES, shown);
+        let mut kept = std::mem::take(&mut self.scratch);
+        kept.clear();
+        kept.extend((from..=shown).map(|frame| self.at(frame)));
+        self.scratch = kept;
+        std::mem::swap(&mut self.lifts, &mut self.scratch);
+        self.first = from;
+    }
+
+    /// Works out the lifts of the frames behind `shown`, which have changed, or the ground has.
+    pub(super) fn renew(&mut self, shown: i64, buffer: &MotionBuffer, scene: &Scene, skeleton: &Skeleton) {
+        self.keep(shown);
+        let from = self.first.max(buffer.first()).min(shown);
+        let (level, last) = (self.level, buffer.last());
+        let uneven = self.look_ahead(from, last, buffer, scene);
+        let known = &self.lifts[(from - self.first) as usize..];
+        let is_even = |lift: &Lift| *lift == Lift::even(level);
+        if !uneven && known.iter().all(is_even) {
+            self.lifts.clear();
+            self.lifts.push(Lift::even(level));
+            self.first = shown;
+            return;
+        }
+        let frames = buffer.range(from, last);
+        let levels = &self.levels;
+        let ground = |x: f32, z: f32| ground(scene, levels, level, x, z);
+        lifts(
+            skeleton,
+            &self.legs,
+            frames.roots,
+            frames.rotations,
+            frames.contacts,
+            known,
+            ground,
+            &Terrain::default(),
+            &mut self.scratch,
+        );
+        self.first = from;
+        std::mem::swap(&mut self.lifts, &mut self.scratch);
+        if self.lifts.is_empty() {
+            self.lifts.push(Lift::even(level));
+        }
+    }
+
+    /// Notes what is under the root at the frames to come, step by step; says whether any of it, or near it, is at another height
+    /// than where the character stands now.
+    fn look_ahead(&mut self, from: i64, last: i64, buffer: &MotionBuffer, scene: &Scene) -> bool {
+        self.levels.clear();
+        let roots = buffer.range(from, last).roots;
+        if self.is_plain(roots, scene) {
+            return false;
+        }
+        let mut uneven = false;
+        let mut level = self.level;
+        for &root in roots {
+            match support(scene, root, level) {
+                Support::At(height) => {
+                    level = height;
+                    self.levels.push((root, height));
+                    uneven |= (height - self.level).abs() > LEVEL_M;
+                }
+                Support::Above => uneven = true,
+                Support::Below(_) => {
+                    uneven = true;
+                    break;
+                }
+            }
+        }
+        uneven || self.near_steps(scene)
+    }
+
+    /// Whether there is nothing but the ground plane along the way, which is where the character stands: most often so.
+    fn is_plain(&self, roots: &[Vec3], scene: &Scene) -> bool {
+        const AROUND: Vec3 = Vec3::new(1.0, STEP_M, 1.0);
+        let low = roots.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+        let high = roots.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+        let (ground, level) = (scene.ground_y_m(), self.level);
+        (ground - level).abs() <= LEVEL_M
+            && scene.is_bare(
+                low.with_y(ground) - AROUND,
+                high.with_y(level + LOOK_FROM_M) + AROUND,
+            )
+    }
+
+    /// Whether the ground beside the way is at another height: a foot may stand there.
+    fn near_steps(&self, scene: &Scene) -> bool {
+        const ASIDE_M: f32 = 0.3;
+        let around = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z];
+        self.levels.iter().step_by(4).any(|&(root, height)| {
+            around.iter().any(|&way| {
+                let beside = support(scene, root + way * ASIDE_M, height);
+                !matches!(beside, Support::At(at) if (at - height).abs() <= LEVEL_M)
+            })
+        })
+    }
+}
+
+/// Height of the ground under a foot: within a step of what the root is over when it is nearest. NaN where there is none.
+fn ground(scene: &Scene, levels: &[(Vec3, f32)], level: f32, x: f32, z: f32) -> f32 {
+    let foot = Vec3::new(x, 0.0, z);
+    let nearest = (levels.iter()).min_by(|a, b| {
+        let far = |(root, _): &(Vec3, f32)| (root.with_y(0.0) - foot).length_squared();
+        far(a).total_cmp(&far(b))
+    });
+    match support(scene, foot, nearest.map_or(level, |&(_, height)| height)) {
+        Support::At(height) => height,
+        Support::Below(_) | Support::Above => f32::NAN,
+    }
+}

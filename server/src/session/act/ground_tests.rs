@@ -1,0 +1,200 @@
+//! Steps and falls, with plans that go straight (see [`super::testing`]).
+
+use std::sync::Arc;
+
+use troupe_motion::{GlobalRoot, Quat, Vec3};
+
+use super::super::{Activity, Character, Clock, EventKind, Start};
+use super::testing::*;
+use crate::primitives::LocomotionCommand;
+use crate::scene::{Scene, State, Surface, Transform};
+
+#[test]
+fn an_empty_scene_on_flat_ground_changes_no_bit() {
+    let script = |rig: &mut Rig| {
+        for (x, z) in [(0.0, 1.2), (1.0, 0.3), (0.0, 0.0), (-0.5, -0.9)] {
+            rig.walk(x, z);
+            rig.run(25);
+        }
+        let frames: Vec<_> = rig
+            .frames
+            .iter()
+            .map(|f| (f.frame, f.root, f.rotations.clone(), f.contacts))
+            .collect();
+        (frames, rig.character.view(), rig.character.peek(20).roots)
+    };
+    for clock in [Clock::Waits, Clock::Runs] {
+        let mut with = Rig::new();
+        with.clock = clock;
+        let bare = Scene::new(0.0).unwrap();
+        with.scene
+            .update(|scene| {
+                *scene = bare;
+                Ok::<(), ()>(())
+            })
+            .unwrap();
+        let mut without = Rig::new();
+        without.clock = clock;
+        let start = Start::Standing(GlobalRoot::new(Vec3::ZERO, 0.0));
+        let standing = LocomotionCommand::standing(&without.style);
+        without.character = Character::new(doll_pack(), options(), start, standing);
+        assert!(script(&mut with) == script(&mut without));
+    }
+}
+
+/// A rig on a platform of this height, which ends half a metre ahead; lower ground is at 0.
+fn on_platform(height: f32) -> Rig {
+    let rig = Rig::new();
+    let platform = block("platform", [0.0, 0.5 * height, -1.5], [2.0, 0.5 * height, 2.0]);
+    rig.scene
+        .update(|scene| {
+            *scene = Scene::new(0.0)?;
+            scene.set_colliders(&[platform])
+        })
+        .unwrap();
+    let scene = Arc::clone(&rig.scene);
+    let definitions = Arc::clone(&rig.definitions);
+    Rig::in_scene(scene, definitions, "a", Vec3::new(0.0, height, 0.0))
+}
+
+#[test]
+fn falls_end_when_the_projectile_lands() {
+    for height in [0.5_f32, 1.0, 2.0] {
+        for clock in [Clock::Waits, Clock::Runs] {
+            let mut rig = on_platform(height);
+            rig.clock = clock;
+            rig.run(1);
+            assert!((rig.frames[0].root.y - 0.9 - height).abs() < 1e-4);
+            rig.walk(0.0, 1.2);
+            let fell = rig
+                .until(120, |kind| matches!(kind, EventKind::Fell { .. }))
+                .unwrap();
+            assert_eq!(rig.character.activity(), Activity::Falling);
+            let landed = rig
+                .until(120, |kind| matches!(kind, EventKind::Landed { .. }))
+                .unwrap();
+            let EventKind::Landed { height_m, speed_mps } = rig.events.last().unwrap().kind else {
+                panic!("{:?}", rig.events);
+            };
+            assert!((height_m - height).abs() < 1e-3);
+            let seconds = (2.0 * height / 9.81).sqrt();
+            let want = fell as f32 + seconds * 30.0;
+            assert!(
+                (landed as f32 - want).abs() <= 1.5,
+                "{height} m: {landed}, not {want}"
+            );
+            assert!((speed_mps - 9.81 * seconds).abs() < 0.6, "{speed_mps}");
+            // Feet come to the ground and not below it, and it walks on.
+            rig.run(120);
+            for index in 0..rig.frames.len() {
+                let low = rig.joints(index)[12].y.min(rig.joints(index)[15].y);
+                assert!(low > 0.03, "foot at {low} in frame {index}");
+            }
+            let (a, b) = (&rig.frames[rig.frames.len() - 30], rig.frames.last().unwrap());
+            assert!(b.root.z - a.root.z > 0.8, "the command holds after it");
+            assert!((b.root.y - 0.9).abs() < 0.03, "{}", b.root);
+            let (_, step) = rig.roughness(0);
+            assert!(step < 9.81 * seconds / 30.0 + 0.15, "{step}");
+        }
+    }
+}
+
+#[test]
+fn a_command_during_a_fall_holds_after_it() {
+    let mut rig = on_platform(2.0);
+    rig.walk(0.0, 1.2);
+    rig.until(120, |kind| matches!(kind, EventKind::Fell { .. }))
+        .unwrap();
+    rig.walk(-1.2, 0.0);
+    let landed = rig
+        .until(60, |kind| matches!(kind, EventKind::Landed { .. }))
+        .unwrap() as usize;
+    let x = rig.frames[landed - 1].root.x;
+    assert!(x.abs() < 0.02, "not before");
+    rig.run(90);
+    assert!(rig.frames.last().unwrap().root.x < -0.8);
+}
+
+#[test]
+fn one_whose_ground_is_taken_away_falls_where_it_stands() {
+    let mut rig = on_platform(1.0);
+    rig.run(40);
+    rig.scene.update(|scene| scene.set_colliders(&[])).unwrap();
+    rig.run(90);
+    assert_eq!(rig.words(), ["fell", "landed"]);
+    let root = rig.frames.last().unwrap().root;
+    assert!((root - Vec3::new(0.0, 0.9, 0.0)).length() < 0.03, "{root}");
+}
+
+#[test]
+fn an_approach_that_falls_fails() {
+    let mut rig = on_platform(1.0);
+    let cup = rig.definitions.get("cup").unwrap().definition;
+    rig.scene
+        .update(|scene| {
+            let at = Transform::new(Vec3::new(0.0, 0.3, 4.0), Quat::IDENTITY);
+            scene.add("cup", "cup", Arc::clone(&cup.body), at)
+        })
+        .unwrap();
+    rig.interact("cup", "right").unwrap();
+    rig.until(150, |kind| matches!(kind, EventKind::Landed { .. }))
+        .unwrap();
+    assert_eq!(rig.words(), ["started", "failed", "fell", "landed"]);
+    assert_eq!(rig.object("cup").state, State::Free);
+}
+
+#[test]
+fn steps_are_taken_in_stride() {
+    for height in [0.15_f32, 0.3, -0.15, -0.3] {
+        let mut rig = Rig::new();
+        let (ground, top) = (height.min(0.0), height.max(0.0));
+        let upper = block(
+            "upper",
+            [0.0, 0.5 * (ground + top), if height > 0.0 { 3.0 } else { -1.0 }],
+            [2.0, 0.5 * (top - ground), 2.0],
+        );
+        rig.scene
+            .update(|scene| {
+                *scene = Scene::new(ground)?;
+                scene.set_colliders(&[upper])
+            })
+            .unwrap();
+        let scene = Arc::clone(&rig.scene);
+        let definitions = Arc::clone(&rig.definitions);
+        rig = Rig::in_scene(scene, definitions, "a", Vec3::ZERO);
+        rig.walk(0.0, 1.0);
+        rig.run(90);
+        assert!(rig.events.is_empty(), "{height} m: {:?}", rig.events);
+        let last = rig.frames.last().unwrap().root;
+        assert!(
+            last.z > 1.5 && (last.y - 0.9 - height).abs() < 0.05,
+            "{height} m: {last}"
+        );
+        let (_, step) = rig.roughness(0);
+        assert!(step < 0.2, "{height} m: {step}");
+    }
+}
+
+#[test]
+fn a_wall_is_no_step() {
+    let mut rig = Rig::new();
+    let wall = block("wall", [0.0, 1.0, 1.5], [2.0, 1.0, 0.2]);
+    rig.scene
+        .update(|scene| {
+            *scene = Scene::new(0.0)?;
+            scene.set_colliders(&[wall])
+        })
+        .unwrap();
+    rig.walk(0.0, 1.0);
+    rig.run(90);
+    assert!(rig.events.is_empty());
+    for frame in &rig.frames {
+        assert!((frame.root.y - 0.9).abs() < 0.05, "{}", frame.root);
+    }
+    let hit = rig
+        .scene
+        .snapshot()
+        .support(Vec3::new(0.0, 3.0, 1.5), 5.0, None)
+        .unwrap();
+    assert_eq!(hit.surface, Surface::Collider("wall".into()));
+}

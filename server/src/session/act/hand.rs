@@ -1,0 +1,143 @@
+//! An object in a character's hand: where it is from frame to frame, and how it is put down.
+
+use std::sync::Arc;
+
+use troupe_motion::fk::joint_transform;
+use troupe_motion::ik::Posed;
+use troupe_motion::{Skeleton, Vec3};
+
+use super::super::{FailReason, World};
+use crate::object::{Definition, Socket};
+use crate::scene::{SceneError, Transform};
+
+/// What a character holds.
+#[derive(Debug, Clone)]
+pub(super) struct Hand {
+    pub(super) instance: Arc<str>,
+    pub(super) definition: Arc<Definition>,
+    /// Index of the variant by which it was taken.
+    pub(super) variant: usize,
+    /// Index of the socket in the definition.
+    socket: usize,
+    /// The frame at which it was attached.
+    since: i64,
+    /// Where it was then, in the joint's frame.
+    from: Transform,
+}
+
+/// Why an object could not be taken or put down.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Refused {
+    pub(super) reason: FailReason,
+    pub(super) message: String,
+}
+
+impl Hand {
+    /// Takes the object `instance` to socket `socket`, at frame `frame` of which `posed` is what is shown.
+    ///
+    /// # Errors
+    /// [`Refused`] where the scene does not have it, or somebody else does.
+    pub(super) fn take(
+        world: &World,
+        skeleton: &Skeleton,
+        instance: &Arc<str>,
+        (definition, variant): (&Arc<Definition>, usize),
+        socket: usize,
+        frame: i64,
+        posed: Posed<'_>,
+    ) -> Result<Self, Refused> {
+        let of = definition.sockets.get(socket).ok_or_else(|| Refused {
+            reason: FailReason::Removed,
+            message: format!("the definition {:?} has no socket {socket}", definition.name),
+        })?;
+        let taken = world.scene.update(|scene| {
+            scene.hold(instance, &world.holder)?;
+            scene
+                .instance(instance)
+                .map(|there| there.transform)
+                .ok_or_else(|| SceneError::Unknown {
+                    what: "object",
+                    id: instance.to_string(),
+                })
+        });
+        let there = taken.map_err(|error| Refused {
+            reason: match error {
+                SceneError::Unknown { .. } => FailReason::Removed,
+                _ => FailReason::Taken,
+            },
+            message: error.to_string(),
+        })?;
+        Ok(Self {
+            instance: Arc::clone(instance),
+            definition: Arc::clone(definition),
+            variant,
+            socket,
+            since: frame,
+            from: joint(skeleton, of, posed).inverse() * there,
+        })
+    }
+
+    pub(super) fn socket(&self) -> Option<&Socket> {
+        self.definition.sockets.get(self.socket)
+    }
+
+    /// Where the object is in a frame, which may lie between two of the timeline; `posed` is what is shown.
+    pub(super) fn transform(&self, skeleton: &Skeleton, frame: f32, posed: Posed<'_>) -> Transform {
+        let Some(socket) = self.socket() else {
+            return self.from;
+        };
+        joint(skeleton, socket, posed) * socket.offset_at(self.from, frame - self.since as f32)
+    }
+
+    /// Puts the object down from `at` by its definition's rule. Where it is now comes back.
+    ///
+    /// # Errors
+    /// [`Refused`] where there is no place, or the scene does not have it any more.
+    pub(super) fn put_down(&self, world: &World, at: Transform) -> Result<Transform, Refused> {
+        let scene = world.scene.snapshot();
+        let placement = self
+            .definition
+            .place(&scene, &self.instance, at)
+            .map_err(|error| Refused {
+                reason: FailReason::NoPlace,
+                message: error.to_string(),
+            })?;
+        self.release(world, placement.transform)
+    }
+
+    /// Lets go of the object: it is put down by the rule, or, where there is no place for it, on whatever is below it.
+    pub(super) fn let_go(&self, world: &World, at: Transform) -> Option<Transform> {
+        if let Ok(transform) = self.put_down(world, at) {
+            return Some(transform);
+        }
+        let scene = world.scene.snapshot();
+        let from = at.position + Vec3::Y * self.definition.release.lift_m;
+        let below = scene.support(from, super::footing::DEEPEST_M, Some(&self.instance));
+        let upright = Transform::upright(at.position, at.heading());
+        let transform = match below {
+            Some(hit) if !hit.is_inside() => {
+                let lowest = self.definition.body.volume.lowest_along(upright, Vec3::Y);
+                let lift = lowest.map_or(0.0, |lowest| upright.position.y - lowest);
+                Transform::new(hit.point + Vec3::Y * lift, upright.rotation)
+            }
+            _ => upright,
+        };
+        self.release(world, transform).ok()
+    }
+
+    fn release(&self, world: &World, transform: Transform) -> Result<Transform, Refused> {
+        let release =
+            |scene: &mut crate::scene::Scene| scene.release(&self.instance, &world.holder, transform);
+        world.scene.update(release).map_err(|error| Refused {
+            reason: FailReason::Removed,
+            message: error.to_string(),
+        })?;
+        Ok(transform)
+    }
+}
+
+/// The socket's joint in the world.
+fn joint(skeleton: &Skeleton, socket: &Socket, posed: Posed<'_>) -> Transform {
+    let (position, rotation) = joint_transform(skeleton, posed.root, posed.rotations, socket.joint);
+    Transform::new(position, rotation)
+}

@@ -1,0 +1,120 @@
+//! Anything at any time: commands, a scene that changes, plans that are late or fail.
+
+use std::sync::Arc;
+
+use proptest::prelude::*;
+use troupe_motion::Vec3;
+
+use super::super::{Activity, Clock, EventKind, Intent};
+use super::testing::*;
+use crate::scene::{Holder, State, Transform};
+
+#[derive(Debug, Clone)]
+enum Event {
+    Frames(usize),
+    Walk(i8, i8),
+    Interact(&'static str),
+    End,
+    Cancel,
+    Drop,
+    Plans(Plans),
+    Move(&'static str, i8),
+    Remove(&'static str),
+    Back,
+}
+
+fn event() -> impl Strategy<Value = Event> {
+    let object = || prop::sample::select(vec!["cup", "sign", "bench"]);
+    let speed = || -12i8..=12;
+    prop_oneof![
+        10 => (1usize..60).prop_map(Event::Frames),
+        2 => (speed(), speed()).prop_map(|(x, z)| Event::Walk(x, z)),
+        4 => object().prop_map(Event::Interact),
+        2 => Just(Event::End),
+        1 => Just(Event::Cancel),
+        1 => Just(Event::Drop),
+        2 => prop_oneof![
+            Just(Plans::AtOnce),
+            (0u32..20).prop_map(Plans::After),
+            Just(Plans::Never),
+        ].prop_map(Event::Plans),
+        2 => (object(), -20i8..20).prop_map(|(object, by)| Event::Move(object, by)),
+        1 => object().prop_map(Event::Remove),
+        1 => Just(Event::Back),
+    ]
+}
+
+fn carry_out(rig: &mut Rig, event: &Event) {
+    // What is refused is as good as not asked for.
+    match *event {
+        Event::Frames(frames) => rig.run(frames),
+        Event::Walk(x, z) => rig.walk(f32::from(x) / 10.0, f32::from(z) / 10.0),
+        Event::Interact(object) => drop(rig.interact(object, "")),
+        Event::End => drop(rig.give(Intent::EndInteraction)),
+        Event::Cancel => drop(rig.give(Intent::Cancel)),
+        Event::Drop => drop(rig.give(Intent::Drop)),
+        Event::Plans(plans) => rig.plans = plans,
+        Event::Move(object, by) => drop(rig.scene.update(|scene| {
+            let there = scene.instance(object).map(|it| it.transform).unwrap_or_default();
+            let to = there.position + Vec3::X * f32::from(by) / 100.0;
+            scene.move_to(object, Transform::new(to, there.rotation))
+        })),
+        Event::Remove(object) => drop(rig.scene.update(|scene| scene.remove(object))),
+        Event::Back => drop(rig.scene.update(|scene| {
+            let body = Arc::clone(&rig.definitions.get("cup").unwrap().definition.body);
+            scene.add(
+                "cup",
+                "cup",
+                body,
+                Transform::new(Vec3::new(0.0, 0.8, 3.0), Default::default()),
+            )
+        })),
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(5000))]
+
+    #[test]
+    fn whatever_happens_it_goes_on(events in prop::collection::vec(event(), 1..40), runs: bool) {
+        let mut rig = Rig::new();
+        rig.clock = if runs { Clock::Runs } else { Clock::Waits };
+        rig.run(1);
+        for event in &events {
+            carry_out(&mut rig, event);
+            let own = Holder::new("a");
+            let scene = rig.scene.snapshot();
+            let mine: Vec<_> = scene.of_holder(&own).collect();
+            prop_assert!(mine.len() <= 2, "{mine:?}");
+            // What happens to the scene it sees at its next frame.
+            if matches!(event, Event::Frames(_))
+                && let Some(held) = rig.character.held()
+                && let Some(there) = scene.instance(&held.instance)
+            {
+                prop_assert_eq!(&there.state, &State::Held(own.clone()));
+            }
+        }
+        rig.plans = Plans::AtOnce;
+        rig.give(Intent::Cancel).unwrap();
+        rig.run(150);
+        prop_assert_eq!(rig.character.activity(), Activity::Locomotion);
+        prop_assert!(rig.character.held().is_none());
+        prop_assert_eq!(rig.scene.snapshot().of_holder(&Holder::new("a")).count(), 0);
+        let (acceleration, step) = rig.roughness(0);
+        prop_assert!(acceleration < 400.0 && step < 0.5, "{} m/s², {} m", acceleration, step);
+        // What happened is told in order, and every interaction that began came to an end.
+        let mut last = 0;
+        let mut open = 0;
+        for event in &rig.events {
+            prop_assert!(event.frame + 8 >= last, "{:?}", rig.told());
+            last = last.max(event.frame);
+            match event.kind {
+                EventKind::Started { .. } => open += 1,
+                EventKind::Done { .. } | EventKind::Interrupted { .. } => open -= 1,
+                EventKind::Failed { .. } if open > 0 => open -= 1,
+                _ => {}
+            }
+        }
+        prop_assert!(open <= 0, "{:?}", rig.told());
+    }
+}

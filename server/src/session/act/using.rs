@@ -1,0 +1,496 @@
+//! Using an object: the approach, the sets one after the other, and what happens in them.
+
+use std::sync::Arc;
+
+use troupe_motion::rotation::angle_between;
+use troupe_motion::{GlobalRoot, Vec3};
+
+use super::super::{Activity, FailReason};
+use super::hand::Refused;
+use super::sets::Prepared;
+use super::{Act, Body, Doing, Next};
+use crate::object::{Anchor, Definition, Hold, Motion, Origin, Set};
+use crate::primitives::object::recipe::{LOW_HIPS_M, REPLAN_LEFT_FRAMES};
+use crate::primitives::object::{
+    Approach, Entry, Going, Here, Input, Interaction, Key, KeyframeError, Output, Stretch, Want,
+};
+use crate::primitives::recipe::VELOCITY_FRAMES;
+use crate::scene::{Instance, Scene, State, Transform};
+
+/// An object that moves by more than this has moved: metres and radians.
+const MOVED: (f32, f32) = (0.02, 0.035);
+/// Plans that may fail one after the other.
+const MAX_FAILURES: u32 = 3;
+/// Frames between looks for what has come in the way.
+const LOOK_FRAMES: i64 = 10;
+
+/// One use of an object.
+#[derive(Debug)]
+pub(super) struct Using {
+    pub(super) instance: Arc<str>,
+    pub(super) interaction: Interaction,
+    /// Where the object is for the motion that was made last.
+    object: Transform,
+    /// Index of the approach that was asked for.
+    wanted_approach: Option<usize>,
+    /// Index of the approach that is taken, and the side that it is from, radians.
+    approach_index: Option<usize>,
+    side: f32,
+    /// The way to the object; none on the way out.
+    approach: Option<Approach>,
+    /// The scene as it was when it was last looked for what is in the way, and the frame.
+    looked: (u64, i64),
+    /// The plan that was asked for.
+    asked: Option<Asked>,
+    failures: u32,
+    /// The motion of the set that it is in, and of the one that takes over later.
+    pub(super) made: Vec<Made>,
+    pub(super) outputs: Vec<Output>,
+}
+
+/// A plan on its way.
+#[derive(Debug)]
+struct Asked {
+    /// Its number, once it is known.
+    number: Option<u64>,
+    prepared: Prepared,
+}
+
+/// The motion of a set, made.
+#[derive(Debug)]
+pub(super) struct Made {
+    pub(super) stretch: Stretch,
+    pub(super) keys: Vec<Key>,
+    /// Height of the ground at the keyframes, metres.
+    pub(super) ground: f32,
+    /// How far off it was before it was drawn to them.
+    pub(super) off: Vec<KeyframeError>,
+}
+
+impl Using {
+    /// A use that begins at `frame` with the approach, for a character whose root is at `root`.
+    pub(super) fn new(
+        instance: &Instance,
+        interaction: Interaction,
+        wanted_approach: Option<usize>,
+        root: Vec3,
+        frame: i64,
+        body: &Body<'_>,
+    ) -> Self {
+        let mut using = Self::idle(Arc::clone(&instance.id), interaction, wanted_approach);
+        let entry = using.aim(instance.transform, root, body);
+        let style = Arc::clone(&body.locomotion.command().style);
+        using.approach = Some(Approach::new(entry, style, frame));
+        using
+    }
+
+    /// A use that goes on with the way out of an object in the hand, once the character stands.
+    pub(super) fn way_out(instance: Arc<str>, interaction: Interaction, frame: i64, body: &Body<'_>) -> Self {
+        let mut using = Self::idle(instance, interaction, None);
+        let entry = Entry {
+            key: body.root(frame),
+            via: None,
+            from_stand: true,
+            anywhere: true,
+        };
+        let style = Arc::clone(&body.locomotion.command().style);
+        using.approach = Some(Approach::new(entry, style, frame));
+        using
+    }
+
+    fn idle(instance: Arc<str>, interaction: Interaction, wanted_approach: Option<usize>) -> Self {
+        Self {
+            instance,
+            interaction,
+            object: Transform::IDENTITY,
+            wanted_approach,
+            approach_index: None,
+            side: 0.0,
+            approach: None,
+            looked: (0, 0),
+            asked: None,
+            failures: 0,
+            made: Vec::new(),
+            outputs: Vec::new(),
+        }
+    }
+
+    pub(super) fn instance(&self) -> &Arc<str> {
+        &self.instance
+    }
+
+    pub(super) fn definition(&self) -> &Arc<Definition> {
+        self.interaction.definition()
+    }
+
+    /// The set of this index in the definition.
+    pub(super) fn set(&self, index: usize) -> Option<&Set> {
+        self.definition().sets.get(index)
+    }
+
+    pub(super) fn set_name(&self, index: usize) -> String {
+        self.set(index).map(|set| set.name.clone()).unwrap_or_default()
+    }
+
+    pub(super) fn approaches(&self) -> bool {
+        self.interaction.approaches()
+    }
+
+    /// Locomotion takes over, or has.
+    pub(super) fn leaves(&self) -> bool {
+        self.interaction.leaves()
+    }
+
+    pub(super) fn approach_name(&self) -> Option<String> {
+        let approach = self.definition().approaches.get(self.approach_index?)?;
+        Some(approach.name.clone())
+    }
+
+    pub(super) fn activity(&self) -> Activity {
+        let instance = Arc::clone(&self.instance);
+        match self.interaction.now() {
+            None => Activity::Approaching { instance },
+            Some((stretch, reached)) => {
+                let set = self.set_name(stretch.set);
+                let holds = self
+                    .set(stretch.set)
+                    .is_some_and(|set| set.hold != Hold::Frames(0));
+                match reached && holds {
+                    true => Activity::Held { instance, set },
+                    false => Activity::Interacting { instance, set },
+                }
+            }
+        }
+    }
+
+    /// A command ends what is held.
+    pub(super) fn end(&mut self) {
+        self.interaction.on(Input::End, &mut self.outputs);
+    }
+
+    /// Chooses side and approach for an object at `object` and a character at `root`: where that leads.
+    fn aim(&mut self, object: Transform, root: Vec3, body: &Body<'_>) -> Entry {
+        let definition = Arc::clone(self.definition());
+        let choice = definition.approach_by(self.wanted_approach, definition.side_of(object, root));
+        (self.object, self.side, self.approach_index) = (object, choice.side, choice.index);
+        let anchor = self.anchor(body.footing.level());
+        let start = choice.distance_m.map(|distance| anchor.start(distance));
+        let here = body.root(body.timeline.frame());
+        let set = self.interaction.coming();
+        let from_object = set.filter(|set| set.origin == Origin::Object);
+        let key = from_object.and_then(|set| set.keyframes.first());
+        let key = key.map(|key| anchor.keyframe(key)).unwrap_or_default();
+        let place = key.place.map(|[x, z]| Vec3::new(x, 0.0, z));
+        let there = start.unwrap_or(here);
+        Entry {
+            key: GlobalRoot::new(
+                place.unwrap_or(there.position),
+                key.heading.unwrap_or(there.heading),
+            ),
+            via: place.and(start).map(|start| start.position),
+            from_stand: set.is_some_and(stops),
+            anywhere: place.is_none() && start.is_none(),
+        }
+    }
+
+    /// The anchor of sets that are given from the object.
+    pub(super) fn anchor(&self, ground_y: f32) -> Anchor {
+        self.definition().anchor(self.object, self.side, ground_y)
+    }
+
+    /// Where the approach leads.
+    pub(super) fn entry(&self) -> Option<&Entry> {
+        self.approach.as_ref().map(Approach::entry)
+    }
+
+    /// The plan that was asked for last has this number.
+    pub(super) fn asked(&mut self, number: u64) {
+        if let Some(asked) = &mut self.asked {
+            asked.number = Some(number);
+        }
+    }
+
+    fn take_asked(&mut self, number: u64) -> Option<Prepared> {
+        let asked = self.asked.take_if(|asked| asked.number == Some(number))?;
+        Some(asked.prepared)
+    }
+
+    /// A plan took over, and goes from the first of these frames on to its last keyframe at the other.
+    pub(super) fn landed(&mut self, number: u64, off: &[KeyframeError], (from, key): (i64, i64)) {
+        let Some(prepared) = self.take_asked(number) else {
+            return;
+        };
+        self.failures = 0;
+        self.made(prepared, off.to_vec(), from, key);
+    }
+
+    fn made(&mut self, prepared: Prepared, off: Vec<KeyframeError>, from: i64, key: i64) {
+        let set = prepared.set;
+        self.interaction
+            .on(Input::Planned { from, key }, &mut self.outputs);
+        let kept = self.interaction.now().map(|(now, _)| now);
+        self.made.retain(|made| Some(made.stretch) == kept);
+        self.made.push(Made {
+            stretch: Stretch { set, from, key },
+            keys: prepared.keys,
+            ground: prepared.ground,
+            off,
+        });
+    }
+
+    /// A plan will not come. Why it is no use to ask again, where it is none.
+    pub(super) fn lost(&mut self, number: u64) -> Option<Refused> {
+        self.take_asked(number)?;
+        self.failures += 1;
+        (self.failures >= MAX_FAILURES).then(|| Refused {
+            reason: FailReason::NoPlan,
+            message: format!("{} plans failed one after the other", self.failures),
+        })
+    }
+
+    /// Motion that follows where the object is: whether any is under way, and its last keyframe.
+    fn follows(&self) -> Option<i64> {
+        let from_object = |set: usize| self.set(set).is_some_and(|set| set.origin == Origin::Object);
+        let next = self.interaction.next().filter(|next| from_object(next.set));
+        let now = self.interaction.now();
+        let now = now.filter(|(now, reached)| !reached && from_object(now.set));
+        next.or(now.map(|(now, _)| now)).map(|stretch| stretch.key)
+    }
+
+    /// Whether the plan that is on its way follows where the object is.
+    fn awaits_motion_that_follows(&self) -> bool {
+        let set = self.asked.as_ref().and_then(|asked| self.set(asked.prepared.set));
+        set.is_some_and(|set| set.origin == Origin::Object)
+    }
+}
+
+/// Whether a character stops before it begins this set.
+fn stops(set: &Set) -> bool {
+    let low = set.keyframes.iter().filter(|key| key.from_ground);
+    let low = low
+        .filter_map(|key| key.height_m)
+        .any(|height| height < LOW_HIPS_M);
+    set.from_stand || set.motion == Some(Motion::Stance) || (low && set.motion.is_none())
+}
+
+fn has_moved(from: Transform, to: Transform) -> bool {
+    let (metres, radians) = MOVED;
+    from.position.distance(to.position) > metres || angle_between(from.rotation, to.rotation) > radians
+}
+
+impl Act {
+    /// Carries out an interaction at the frame that the cursor is at.
+    pub(super) fn settle_using(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> Next {
+        match self.go_on_using(scene, frame, body) {
+            Ok(next) => next,
+            Err(refused) => {
+                self.fail(frame, body, refused);
+                Next::Locomotion
+            }
+        }
+    }
+
+    fn go_on_using(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> Result<Next, Refused> {
+        self.pass(frame, body)?;
+        let Doing::Using(using) = &mut self.doing else {
+            return Ok(Next::Locomotion);
+        };
+        if using.leaves() {
+            return Ok(Next::Locomotion);
+        }
+        let held = self
+            .hand
+            .as_ref()
+            .is_some_and(|hand| hand.instance == using.instance);
+        if !held {
+            let there = using.there(scene, &self.world.holder)?;
+            using.follow(there, frame, body)?;
+        }
+        if using.approaches() && !using.approach(scene, frame, body)? {
+            return Ok(Next::Locomotion);
+        }
+        using.next(scene, frame, body)
+    }
+}
+
+impl Using {
+    /// The object, where it is there and nobody else's.
+    fn there<'a>(&self, scene: &'a Scene, own: &crate::scene::Holder) -> Result<&'a Arc<Instance>, Refused> {
+        let there = scene.instance(&self.instance).ok_or_else(|| Refused {
+            reason: FailReason::Removed,
+            message: format!("object {:?} was taken out of the scene", self.instance),
+        })?;
+        match &there.state {
+            State::Reserved(by) | State::Held(by) if by != own => Err(Refused {
+                reason: FailReason::Taken,
+                message: format!("object {:?} is taken by {by}", self.instance),
+            }),
+            _ => Ok(there),
+        }
+    }
+
+    /// Follows the object, where it has moved: the approach leads elsewhere, or the motion to its keyframes is made anew.
+    fn follow(&mut self, there: &Instance, frame: i64, body: &Body<'_>) -> Result<(), Refused> {
+        if !has_moved(self.object, there.transform) {
+            return Ok(());
+        }
+        if self.approaches() {
+            let root = body.timeline.buffer().root(frame);
+            let entry = self.aim(there.transform, root, body);
+            if let Some(approach) = &mut self.approach {
+                approach.redirect(entry);
+            }
+            return Ok(());
+        }
+        if self.awaits_motion_that_follows() {
+            // It is known when it comes which frames it has.
+            return Ok(());
+        }
+        let Some(key) = self.follows() else {
+            self.object = there.transform;
+            return Ok(());
+        };
+        if key - (frame + body.timeline.look_ahead()) < REPLAN_LEFT_FRAMES {
+            return Err(Refused {
+                reason: FailReason::Moved,
+                message: format!("object {:?} was moved too late to follow it", self.instance),
+            });
+        }
+        self.interaction.on(Input::Again, &mut self.outputs);
+        // Where the set before is under way too, the next look has it made anew as well.
+        if self.follows().is_none() {
+            self.object = there.transform;
+        }
+        Ok(())
+    }
+
+    /// Goes a frame further on the way to the object; whether the first set may begin.
+    fn approach(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> Result<bool, Refused> {
+        self.look(scene, frame, body)?;
+        let at = body.timeline.soonest(frame);
+        let here = Here {
+            frame: at,
+            root: body.root(at),
+            velocity: body.speed(at, VELOCITY_FRAMES as i64),
+        };
+        let Some(approach) = &mut self.approach else {
+            return Ok(true);
+        };
+        match approach.step(&here) {
+            Going::On => Ok(false),
+            Going::Command {
+                command,
+                anew,
+                stand_at,
+            } => {
+                body.locomotion.set_command(frame as u64, command);
+                if let Some(place) = stand_at {
+                    body.locomotion.stand_at(place);
+                }
+                if anew {
+                    body.timeline.command_changed();
+                }
+                Ok(false)
+            }
+            Going::HandOver => {
+                // A plan on its way is waited for: it comes within the look-ahead.
+                if body.timeline.is_free() {
+                    self.interaction.on(Input::Arrived, &mut self.outputs);
+                    let anywhere = self
+                        .approach
+                        .take()
+                        .is_some_and(|approach| approach.entry().anywhere);
+                    if let Some(there) = scene.instance(&self.instance).filter(|_| anywhere) {
+                        // It may have come to stand on another side than it was on.
+                        self.aim(there.transform, here.root.position, body);
+                    }
+                }
+                Ok(!self.approaches())
+            }
+            Going::TimedOut => Err(Refused {
+                reason: FailReason::NotReached,
+                message: format!("object {:?} was not reached in time", self.instance),
+            }),
+        }
+    }
+
+    /// Looks whether something has come in the way.
+    fn look(&mut self, scene: &Scene, frame: i64, body: &Body<'_>) -> Result<(), Refused> {
+        let (revision, looked_at) = self.looked;
+        if scene.revision() == revision || frame - looked_at < LOOK_FRAMES {
+            return Ok(());
+        }
+        self.looked = (scene.revision(), frame);
+        let root = body.timeline.buffer().root(frame);
+        match self.blocked(scene, root, body.footing.level()) {
+            None => Ok(()),
+            Some(by) => Err(Refused {
+                reason: FailReason::Blocked,
+                message: format!("the way to object {:?} is blocked by {by}", self.instance),
+            }),
+        }
+    }
+
+    /// What is to be done for the motion that comes next.
+    fn next(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> Result<Next, Refused> {
+        if self.interaction.now().is_some() {
+            body.hold(frame);
+        }
+        if !body.timeline.is_free() {
+            return Ok(Next::Wait);
+        }
+        let (look_ahead, ahead) = (body.timeline.look_ahead(), body.timeline.ahead());
+        match self.interaction.want() {
+            None => Ok(Next::Wait),
+            Some(Want::Leave(from)) if from > frame + look_ahead => Ok(Next::Wait),
+            Some(Want::Leave(from)) => {
+                let at = from.max(frame + look_ahead);
+                self.interaction.on(Input::Leaving(at), &mut self.outputs);
+                let command = body.standing();
+                body.move_on(frame, command, false);
+                Ok(Next::Locomotion)
+            }
+            Some(Want::Set { from: Some(from), .. }) if from > frame + ahead => Ok(Next::Wait),
+            Some(Want::Set { set, from }) => {
+                let splice = match from {
+                    Some(from) => from.max(frame + look_ahead),
+                    None => body.timeline.soonest(frame),
+                };
+                self.begin_set(scene, set, splice, body)
+            }
+        }
+    }
+
+    /// Makes the motion of a set, or says what to ask the networks for.
+    fn begin_set(
+        &mut self,
+        scene: &Scene,
+        set: usize,
+        splice: i64,
+        body: &mut Body<'_>,
+    ) -> Result<Next, Refused> {
+        if let Some(there) = scene.instance(&self.instance) {
+            self.object = there.transform;
+        }
+        let still = self.interaction.now().is_some_and(|(now, _)| splice >= now.key);
+        let prepared = self.prepare(scene, set, splice, body)?;
+        let definition = Arc::clone(self.definition());
+        let Some(set) = definition.sets.get(set) else {
+            return Ok(Next::Wait);
+        };
+        if prepared.is_stance(set, body) {
+            let key = prepared.write(set, still, body);
+            body.renew_footing(splice, scene);
+            self.made(prepared, Vec::new(), splice, key);
+            body.hold(splice);
+            return Ok(Next::Wait);
+        }
+        let first = self.interaction.now().is_none();
+        let plan = prepared.plan(set, still, first, body);
+        self.asked = Some(Asked {
+            number: None,
+            prepared,
+        });
+        Ok(Next::Ask(Box::new(plan)))
+    }
+}
