@@ -12,8 +12,3 @@ pub(crate) mod testing;
 
 pub use check::MAX_NAME_CHARS;
 pub use read::{Document, DocumentError, Format, Source, parse, read, read_file, read_folder};
-
-/// For serde: a field that is left out where it says what it says anyway.
-pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
-}

@@ -17,7 +17,6 @@ mod cell;
 mod check;
 mod collider;
 mod convert;
-mod doc;
 mod error;
 mod heightfield;
 mod instance;
@@ -41,9 +40,6 @@ pub use cell::{SceneCell, SceneTable, TableError};
 pub use check::Bodies;
 pub(crate) use check::shape_error;
 pub use collider::{Collider, ColliderShape};
-pub use doc::{
-    BoxDoc, ColliderDoc, ColliderShapeDoc, ConvexDoc, HeightfieldDoc, InstanceDoc, SceneDoc, ShapeDoc,
-};
 pub use error::{SceneError, ShapeError};
 pub use heightfield::Heightfield;
 pub use instance::{Body, Holder, Instance, State};
@@ -52,6 +48,9 @@ pub use read::{NamedScene, load_file, load_folder};
 pub use shape::{Shape, Volume};
 pub use trace::BoxTrace;
 pub use transform::Transform;
+pub use troupe_proto::docs::{
+    BoxDoc, ColliderDoc, ColliderShapeDoc, ConvexDoc, HeightfieldDoc, InstanceDoc, SceneDoc, ShapeDoc,
+};
 pub use world::Scene;
 
 /// Version of the scene format that this server reads.
