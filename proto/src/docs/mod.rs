@@ -7,8 +7,8 @@ mod object;
 mod scene;
 
 pub use object::{
-    Align, AnchorDoc, ApproachDoc, EventDoc, KeyframeDoc, Moment, ObjectDoc, Origin, PointDoc, ReleaseDoc,
-    SetDoc, SocketDoc, TriggerDoc, VariantDoc,
+    Align, AnchorDoc, ApproachDoc, EventDoc, KeyframeDoc, Moment, Motion, ObjectDoc, Origin, PointDoc,
+    ReleaseDoc, SetDoc, SocketDoc, TriggerDoc, VariantDoc,
 };
 pub use scene::{
     BoxDoc, ColliderDoc, ColliderShapeDoc, ConvexDoc, HeightfieldDoc, InstanceDoc, SceneDoc, ShapeDoc,

@@ -207,6 +207,12 @@ pub struct SetDoc {
     /// What keyframes are given from: `object` (default) or `character`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub origin: Origin,
+    /// How its motion is made. Left out: as it suits the keyframes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Motion>,
+    /// Whether a character that comes for it stops before it begins. Default false.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub from_stand: bool,
     /// Frames from the last frame before the set to its last keyframe. Left out: as many as the pack thinks right.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<u32>,
@@ -235,6 +241,16 @@ pub enum Origin {
     Object,
     /// The place under the character's root, and its heading, as the set begins.
     Character,
+}
+
+/// How a set's motion is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Motion {
+    /// By the networks, drawn to the keyframes.
+    Plan,
+    /// Without the networks, the feet held where they stand: for poses that the networks do not know.
+    Stance,
 }
 
 /// Something that happens in a set: exactly one of `attach` and `release`.

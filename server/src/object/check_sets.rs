@@ -63,6 +63,8 @@ fn check_set(path: &Path<'_>, doc: &SetDoc, sockets: &[Socket], pack: &Pack) -> 
         name: doc.name.clone(),
         origin: doc.origin,
         keyframes,
+        motion: doc.motion,
+        from_stand: doc.from_stand,
         frames: doc.frames,
         drop_frames: doc.drop_frames,
         hold,

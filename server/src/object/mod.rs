@@ -44,8 +44,8 @@ pub use place::{PlaceError, Placement};
 pub use read::{load_file, load_folder};
 pub use table::{DefinitionList, Definitions, DefinitionsError, Listed, Uploaded};
 pub use troupe_proto::docs::{
-    Align, AnchorDoc, ApproachDoc, EventDoc, KeyframeDoc, Moment, ObjectDoc, Origin, PointDoc, ReleaseDoc,
-    SetDoc, SocketDoc, TriggerDoc, VariantDoc,
+    Align, AnchorDoc, ApproachDoc, EventDoc, KeyframeDoc, Moment, Motion, ObjectDoc, Origin, PointDoc,
+    ReleaseDoc, SetDoc, SocketDoc, TriggerDoc, VariantDoc,
 };
 
 /// Version of the definition format that this server reads.
@@ -167,6 +167,10 @@ pub struct Set {
     pub origin: Origin,
     /// One to four consecutive frames, oldest first.
     pub keyframes: Vec<Keyframe>,
+    /// How its motion is made. `None`: as it suits the keyframes.
+    pub motion: Option<Motion>,
+    /// Whether a character that comes for it stops before it begins.
+    pub from_stand: bool,
     /// Frames from the last frame before the set to its last keyframe. `None`: as many as the pack thinks right.
     pub frames: Option<u32>,
     /// τ: how many frames before its last keyframe the next phase may begin. 0: the keyframe must be reached.

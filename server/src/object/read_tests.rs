@@ -48,6 +48,12 @@ fn everything_is_read() {
         (cup.sets[2].origin, cup.sets[2].keyframes.len()),
         (Origin::Character, 2)
     );
+    let put_down = cup.set("put-down").unwrap();
+    assert_eq!(
+        (put_down.motion, put_down.from_stand),
+        (Some(Motion::Stance), true)
+    );
+    assert_eq!((reach.motion, reach.from_stand), (None, false));
     assert_eq!(cup.socket("foot").unwrap().joint, 5);
     assert!((cup.approaches[0].span.to_degrees() - 140.0).abs() < 1e-3);
 }
@@ -232,6 +238,16 @@ const WRONG: &[(&str, &str, &str)] = &[
         "joint = \"Foot_R\", position_m = [0.0",
         "joint = \"Foot\", position_m = [0.0",
         "sets[0].keyframes[0].points[0].joint: is \"Foot\", which is no joint",
+    ),
+    (
+        "motion = \"stance\"",
+        "motion = \"walk\"",
+        "line 79, column 10: sets[3].motion: unknown variant `walk`, expected `plan` or `stance`",
+    ),
+    (
+        "from_stand = true",
+        "from_stand = 1",
+        "sets[3].from_stand: invalid type: integer `1`, expected a boolean",
     ),
     (
         "drop_frames = 6",
