@@ -8,6 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::eval::Live;
 use super::live_args::{Drive, Film, Sessions};
+use super::object::Object;
 use super::style::Style;
 
 /// Drive characters and fill gaps in motion clips on a Troupe server, and measure how well it does.
@@ -68,6 +69,7 @@ pub(super) enum Command {
     Film(Film),
     Sessions(Sessions),
     Style(Style),
+    Object(Object),
 }
 
 /// Replace what lies between two frames of a clip by generated motion.

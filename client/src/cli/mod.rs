@@ -9,6 +9,8 @@ mod files;
 mod film;
 mod inbetween;
 mod live_args;
+mod object;
+mod pack_folder;
 mod packs;
 mod path;
 mod sessions;
@@ -61,6 +63,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Drive(command) => drive::run(&session, &command).await,
         Command::Film(command) => film::run(&session, &command).await,
         Command::Sessions(command) => sessions::run(&session, &command).await,
+        Command::Object(command) => object::run(&session, &command).await,
         Command::Style(command) => style::run(&session, &command).await,
     }
 }
