@@ -35,6 +35,27 @@ pub fn world_transforms(
     }
 }
 
+/// World position (metres) and rotation of one joint, in time that grows with its depth. Does not allocate.
+///
+/// The same as [`world_transforms`] gives it, to rounding.
+///
+/// # Panics
+/// If the skeleton has no such joint or `local` is shorter than the skeleton.
+pub fn joint_transform(skeleton: &Skeleton, root: Vec3, local: &[Quat], joint: usize) -> (Vec3, Quat) {
+    let (mut position, mut rotation) = (Vec3::ZERO, Quat::IDENTITY);
+    let mut at = joint;
+    // From the frame of each joint into that of its parent.
+    loop {
+        let parent = skeleton.joints[at].parent;
+        let offset = parent.map_or(root, |_| skeleton.joints[at].offset_m);
+        (position, rotation) = (offset + local[at] * position, local[at] * rotation);
+        match parent {
+            Some(parent) => at = parent,
+            None => return (position, rotation),
+        }
+    }
+}
+
 /// Pose (joint 0 in the world, others parent-relative) from world rotations. Does not allocate.
 ///
 /// # Panics
@@ -150,6 +171,19 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn one_joint_is_where_all_joints_put_it(local in proptest::collection::vec(any_quat(), 8)) {
+            let skeleton = biped();
+            let mut p = [Vec3::ZERO; 8];
+            let mut world = [Quat::IDENTITY; 8];
+            world_transforms(&skeleton, Vec3::ONE, &local, &mut p, &mut world);
+            for j in 0..8 {
+                let (position, rotation) = joint_transform(&skeleton, Vec3::ONE, &local, j);
+                prop_assert!(position.abs_diff_eq(p[j], 1e-5));
+                prop_assert!(angle_between(rotation, world[j]) < 1e-5);
+            }
+        }
+
         #[test]
         fn local_rotations_come_back(local in proptest::collection::vec(any_quat(), 8)) {
             let skeleton = biped();

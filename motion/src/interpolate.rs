@@ -18,6 +18,14 @@ pub fn smoothstep(t: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
+/// `10t³ - 15t⁴ + 6t⁵`: from 0 to 1 with speed and acceleration 0 at both ends, as a hand or a hip moves (the path of least
+/// jerk, Flash and Hogan 1985). `t` outside 0 to 1 counts as the nearer end.
+#[inline]
+pub fn min_jerk(t: f32) -> f32 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * t * (10.0 - t * (15.0 - 6.0 * t))
+}
+
 /// A copy of `clip` whose frames strictly between `from` and `to` are interpolated between these two.
 ///
 /// # Errors
@@ -67,6 +75,15 @@ mod tests {
             );
             assert_eq!(filled.root_positions[f], clip.root_positions[f]);
         }
+    }
+
+    #[test]
+    fn the_path_of_least_jerk_is_flat_at_its_ends() {
+        assert_eq!(
+            [-1.0, 0.0, 0.5, 1.0, 2.0].map(min_jerk),
+            [0.0, 0.0, 0.5, 1.0, 1.0]
+        );
+        assert!(min_jerk(0.01) < 1.1e-5 && 1.0 - min_jerk(0.99) < 1.1e-5);
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! ([`root::LocalRoot`]), joint positions relative to the projected root and 6D rotations in the world
 //! ([`features`]), joint velocities, and foot contacts ([`contacts`]).
 
+pub mod ballistic;
 pub mod bvh;
 pub mod clip;
 pub mod codec;
@@ -18,6 +19,7 @@ pub mod features;
 pub mod fk;
 pub mod gait;
 pub mod glb;
+pub mod ik;
 pub mod inspect;
 pub mod interpolate;
 pub mod metrics;
@@ -27,6 +29,8 @@ pub mod rotation;
 pub mod segment;
 pub mod skeleton;
 pub mod spring;
+pub mod stance;
+pub mod terrain;
 
 #[cfg(test)]
 mod testing;

@@ -1,0 +1,455 @@
+//! Falling: the path of a throw, and the motion of a character on it until it stands again.
+
+use glam::{Quat, Vec3};
+
+use crate::fk::joint_transform;
+use crate::ik::{Leg, Motion, Posed, Trunk, arms, forward, turn_in_world, two_bone};
+use crate::interpolate::{min_jerk, smoothstep};
+use crate::root::heading_of;
+use crate::rotation::{slerp, yaw};
+use crate::skeleton::Skeleton;
+
+/// Acceleration of free fall, m/s².
+pub const GRAVITY_MPS2: f32 = 9.81;
+/// The longest fall, seconds: 2 km.
+pub const MAX_FALL_S: f32 = 20.0;
+/// The most frames a second that a fall is made of.
+const MAX_FPS: f32 = 240.0;
+
+/// A point on its way through the air.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Throw {
+    /// Where it starts, metres.
+    pub position: Vec3,
+    /// Its velocity there, m/s.
+    pub velocity: Vec3,
+}
+
+/// Where a throw comes down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Landing {
+    /// When, seconds.
+    pub seconds: f32,
+    /// Where, on the ground, metres.
+    pub place: Vec3,
+    /// How fast, m/s.
+    pub velocity: Vec3,
+}
+
+impl Throw {
+    /// Where it is after `s` seconds.
+    pub fn at(&self, s: f32) -> Vec3 {
+        self.position + self.velocity * s - Vec3::Y * (0.5 * GRAVITY_MPS2 * s * s)
+    }
+
+    /// Its velocity after `s` seconds.
+    pub fn velocity_at(&self, s: f32) -> Vec3 {
+        self.velocity - Vec3::Y * (GRAVITY_MPS2 * s)
+    }
+
+    /// When it passes `height` on its way down, seconds. Above its summit: `None`; negative where that was before it started.
+    fn falls_to(&self, height: f32) -> Option<f32> {
+        let up = self.velocity.y;
+        let root = up * up + 2.0 * GRAVITY_MPS2 * (self.position.y - height);
+        (root >= 0.0).then(|| (up + root.sqrt()) / GRAVITY_MPS2)
+    }
+
+    /// Where it meets the ground.
+    ///
+    /// `ground` is asked once for each frame (`fps`) of the way down, with where the point was and where it is then, and
+    /// answers the height of the ground that it meets in between, if any. `None` where nothing is met within `max_s` seconds,
+    /// of which 20 count ([`MAX_FALL_S`]), or something is not finite.
+    pub fn lands(
+        &self,
+        fps: f32,
+        max_s: f32,
+        mut ground: impl FnMut(Vec3, Vec3) -> Option<f32>,
+    ) -> Option<Landing> {
+        if !usable_rate(fps) || !self.position.is_finite() || !self.velocity.is_finite() {
+            return None;
+        }
+        let steps = (max_s.clamp(0.0, MAX_FALL_S) * fps).ceil() as usize;
+        let mut before = self.position;
+        for step in 1..=steps {
+            let [start, end] = [step - 1, step].map(|step| step as f32 / fps);
+            let now = self.at(end);
+            if now.y < before.y
+                && let Some(height) = ground(before, now).filter(|height| height.is_finite())
+            {
+                let seconds = self.falls_to(height).unwrap_or(start).max(start).min(end);
+                let place = self.at(seconds);
+                return Some(Landing {
+                    seconds,
+                    place: Vec3::new(place.x, height, place.z),
+                    velocity: self.velocity_at(seconds),
+                });
+            }
+            before = now;
+        }
+        None
+    }
+}
+
+fn usable_rate(fps: f32) -> bool {
+    fps > 0.0 && fps <= MAX_FPS
+}
+
+/// A fall to be made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drop<'a> {
+    /// Velocity at the start, m/s.
+    pub velocity: Vec3,
+    /// Height of the ground that it ends on, metres in the world.
+    pub floor_m: f32,
+    /// How the character stands afterwards: `root.y` over the ground; its place and heading over the ground do not count.
+    pub standing: Posed<'a>,
+    /// The pose in the air; `None`: `standing` with arms raised and legs drawn up a little.
+    pub air: Option<&'a [Quat]>,
+    /// Frames a second.
+    pub fps: f32,
+}
+
+/// A fall.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Fall {
+    /// Frames after the one that it starts from; none where the fall cannot be made.
+    pub motion: Motion,
+    /// The first frame with the feet on the ground.
+    pub touch_down: usize,
+    /// The frame with the root at its lowest.
+    pub lowest: usize,
+    /// Speed downwards at touch-down, m/s.
+    pub impact_mps: f32,
+    /// How far below standing the root comes, metres.
+    pub depth_m: f32,
+}
+
+/// How far below standing the root of a character with legs of `leg_m` metres comes when it lands at `impact_mps`: the
+/// faster the deeper, up to 0.45 of its legs.
+pub fn landing_depth(impact_mps: f32, leg_m: f32) -> f32 {
+    (0.04 + 0.05 * impact_mps.max(0.0)).min(0.45 * leg_m.max(0.0))
+}
+
+/// Feet touch the ground this far before the root is at its standing height, as a share of the legs: straight legs could
+/// not reach ahead.
+const GIVE_SHARE: f32 = 0.04;
+/// Shortest and longest time in which the way over the ground is braked, seconds.
+const BRAKE_S: (f32, f32) = (0.1, 0.35);
+/// Time in which the pose goes over into that in the air, seconds, and the legs into the landing.
+const INTO_AIR_S: f32 = 0.27;
+const LEGS_OUT_S: f32 = 0.2;
+/// Time around touch-down in which the pose goes over into the crouch, seconds before and after.
+const CROUCH_S: (f32, f32) = (0.1, 0.25);
+/// Bow of the deepest crouch, radians, and the depth at which it is reached, metres.
+const CROUCH_BOW: f32 = 0.9;
+const FULL_BOW_DEPTH_M: f32 = 0.34;
+/// Below this speed a landing is not braked, m/s.
+const SOFT_MPS: f32 = 0.1;
+/// Pose in the air: arms raised by so many radians, feet drawn up by shares of the legs, up and forward.
+const ARMS_UP: f32 = 0.6;
+const FEET_UP_SHARE: f32 = 0.10;
+const FEET_AHEAD_SHARE: f32 = 0.05;
+
+/// Falls from a pose and stands up again.
+///
+/// The root flies as a [`Throw`] until the legs meet the ground, is braked evenly within [`landing_depth`], and comes up on
+/// the path of least jerk. What is left of its way over the ground is braked too, feet set down ahead by as much as the
+/// legs reach. From touch-down on the feet stand. The last frame is `standing` exactly, turned to the heading of `from`,
+/// over its feet. A character that is lower than it would touch the ground, or nearly there, sets its feet down within 0.2 s.
+///
+/// There are no frames where a pose lacks rotations, something is not finite, `fps` is not in (0, 240], or the way down
+/// takes more than [`MAX_FALL_S`].
+pub fn fall_motion(skeleton: &Skeleton, legs: &[Leg], from: Posed<'_>, drop: &Drop<'_>) -> Fall {
+    let joints = skeleton.joint_count();
+    let air_fits = drop
+        .air
+        .is_none_or(|air| air.len() >= joints && air.iter().all(|q| q.is_finite()));
+    let fits = from.fits(skeleton) && drop.standing.fits(skeleton) && air_fits;
+    let finite = from.is_finite()
+        && drop.standing.is_finite()
+        && drop.velocity.is_finite()
+        && drop.floor_m.is_finite();
+    if !fits || !finite || !usable_rate(drop.fps) {
+        return Fall::default();
+    }
+    match Course::new(skeleton, legs, from, drop) {
+        Some(course) => Faller::new(skeleton, legs, from, drop, course).fall(),
+        None => Fall::default(),
+    }
+}
+
+/// Where the root is at any time.
+#[derive(Clone, Copy, Debug)]
+struct Course {
+    throw: Throw,
+    /// Height of the root at rest.
+    stand: f32,
+    /// Height of the root where it is lowest.
+    bottom: f32,
+    /// Height and time of touch-down, and how fast the root comes down then.
+    touch: f32,
+    touch_s: f32,
+    impact: f32,
+    /// Time to brake the way down and the way over the ground.
+    brake_s: f32,
+    slide_s: f32,
+    recover_s: f32,
+}
+
+impl Course {
+    fn new(skeleton: &Skeleton, legs: &[Leg], from: Posed<'_>, drop: &Drop<'_>) -> Option<Self> {
+        let throw = Throw {
+            position: from.root,
+            velocity: drop.velocity,
+        };
+        let stand = drop.floor_m + drop.standing.root.y;
+        let leg_m = legs
+            .iter()
+            .map(|leg| leg.length_m(skeleton))
+            .fold(f32::INFINITY, f32::min);
+        let leg_m = if leg_m.is_finite() { leg_m } else { 0.0 };
+        let give = GIVE_SHARE * leg_m;
+        let touch_s = throw.falls_to(stand - give).unwrap_or(0.0).max(0.0);
+        if touch_s > MAX_FALL_S {
+            return None;
+        }
+        let touch = throw.at(touch_s).y;
+        let impact = (-throw.velocity_at(touch_s).y).max(0.0);
+        let soft = impact < SOFT_MPS;
+        let bottom = match soft {
+            true => touch,
+            false => (stand - landing_depth(impact, leg_m)).min(touch - 0.01),
+        };
+        let over_ground = Vec3::new(drop.velocity.x, 0.0, drop.velocity.z).length();
+        let lead = lead(skeleton, legs, drop.standing, stand - touch);
+        let height = impact * impact / (2.0 * GRAVITY_MPS2);
+        Some(Self {
+            throw,
+            stand,
+            bottom,
+            touch,
+            touch_s,
+            impact,
+            brake_s: if soft {
+                0.0
+            } else {
+                2.0 * (touch - bottom) / impact
+            },
+            slide_s: (2.0 * lead / over_ground.max(1e-3)).clamp(BRAKE_S.0, BRAKE_S.1),
+            recover_s: 0.8 + 0.4 * height.min(1.0),
+        })
+    }
+
+    fn end_s(&self) -> f32 {
+        self.touch_s + self.brake_s.max(self.slide_s) + self.recover_s
+    }
+
+    fn root(&self, s: f32) -> Vec3 {
+        if s <= self.touch_s {
+            return self.throw.at(s);
+        }
+        let since = s - self.touch_s;
+        let slid = since.min(self.slide_s);
+        let way = self.touch_s + slid - slid * slid / (2.0 * self.slide_s);
+        let mut root = self.throw.position + self.throw.velocity * way;
+        root.y = if since < self.brake_s {
+            self.touch - self.impact * since * (1.0 - 0.5 * since / self.brake_s)
+        } else {
+            let up = min_jerk((since - self.brake_s) / self.recover_s);
+            self.bottom + (self.stand - self.bottom) * up
+        };
+        root
+    }
+}
+
+/// How far ahead of the hips feet can be set down when the root is `lower` than in `standing`, metres.
+fn lead(skeleton: &Skeleton, legs: &[Leg], standing: Posed<'_>, lower: f32) -> f32 {
+    let place = |joint: usize| joint_transform(skeleton, standing.root, standing.rotations, joint).0;
+    let lead = legs.iter().map(|leg| {
+        let leg_m = leg.length_m(skeleton) * 0.9985;
+        let over = place(leg.upper) - place(leg.foot);
+        let height = over.y - lower;
+        let aside = Vec3::new(over.x, 0.0, over.z).length();
+        (leg_m * leg_m - height * height).max(0.0).sqrt() - aside
+    });
+    lead.fold(f32::INFINITY, f32::min).clamp(0.0, 1.0)
+}
+
+/// The character on its course.
+struct Faller<'a> {
+    skeleton: &'a Skeleton,
+    legs: &'a [Leg],
+    from: Posed<'a>,
+    fps: f32,
+    course: Course,
+    standing: Vec<Quat>,
+    air: Vec<Quat>,
+    trunk: Trunk,
+    /// Where the feet stand after the landing.
+    feet: Vec<(Vec3, Quat)>,
+}
+
+impl<'a> Faller<'a> {
+    fn new(
+        skeleton: &'a Skeleton,
+        legs: &'a [Leg],
+        from: Posed<'a>,
+        drop: &Drop<'a>,
+        course: Course,
+    ) -> Self {
+        let joints = skeleton.joint_count();
+        let turn = |pose: &[Quat]| {
+            let heading = |pose: &[Quat]| heading_of(pose[0], skeleton.left_axis);
+            let mut turned = pose[..joints].to_vec();
+            turned[0] = (yaw(heading(from.rotations) - heading(pose)) * turned[0]).normalize();
+            turned
+        };
+        let standing = turn(drop.standing.rotations);
+        let air = match drop.air {
+            Some(air) => turn(air),
+            None => air_pose(skeleton, legs, &standing),
+        };
+        let end = course.root(course.end_s());
+        let feet = legs
+            .iter()
+            .map(|leg| joint_transform(skeleton, end, &standing, leg.foot))
+            .collect();
+        Self {
+            skeleton,
+            legs,
+            from,
+            fps: drop.fps,
+            course,
+            standing,
+            air,
+            trunk: Trunk::of(skeleton),
+            feet,
+        }
+    }
+
+    fn fall(&self) -> Fall {
+        let (joints, course) = (self.skeleton.joint_count(), &self.course);
+        let count = ((course.end_s() * self.fps).ceil() as usize).max(1);
+        // Frames are counted from 1: frame 0 is what it starts from.
+        // However near the ground is, legs take their time.
+        let touch_s = course.touch_s.max(LEGS_OUT_S);
+        let touch = ((touch_s * self.fps).ceil() as usize).clamp(1, count);
+        let mut fall = Fall {
+            motion: Motion::with_capacity(count, joints),
+            touch_down: touch - 1,
+            impact_mps: course.impact,
+            depth_m: course.stand - course.bottom,
+            ..Fall::default()
+        };
+        let mut landing = vec![Quat::IDENTITY; joints];
+        self.landed(touch_s, &mut landing, &mut 0.0);
+        let down = self.legs.iter().fold(0, |bits, leg| bits | leg.contact_bits());
+        let mut pose = landing.clone();
+        for frame in 1..=count {
+            let s = frame as f32 / self.fps;
+            let root = course.root(s);
+            let contacts = if frame < touch {
+                self.flying(s, touch_s, &landing, &mut pose);
+                0
+            } else {
+                self.landed(s, &mut pose, &mut fall.motion.short_m);
+                down
+            };
+            let (root, pose) = match frame == count {
+                true => (course.root(course.end_s()), &self.standing),
+                false => (root, &pose),
+            };
+            fall.motion
+                .push(root, pose, contacts, &self.from.rotations[..joints]);
+        }
+        let height = |frame: &usize| fall.motion.roots[*frame].y;
+        let landed = fall.touch_down..count;
+        fall.lowest = landed
+            .min_by(|a, b| height(a).total_cmp(&height(b)))
+            .unwrap_or_default();
+        fall
+    }
+
+    /// The pose of a frame in the air: into the pose of the air, before the end into the landing, and not below the ground.
+    fn flying(&self, s: f32, touch_s: f32, landing: &[Quat], pose: &mut [Quat]) {
+        self.body(s, pose);
+        let weight = smoothstep(1.0 - ((touch_s - s) / LEGS_OUT_S).clamp(0.0, 1.0));
+        for (made, &landing) in pose.iter_mut().zip(landing) {
+            *made = slerp(*made, landing, weight);
+        }
+        let root = self.course.root(s);
+        for (leg, &(on_ground, _)) in self.legs.iter().zip(&self.feet) {
+            let foot = joint_transform(self.skeleton, root, pose, leg.foot).0;
+            if foot.y < on_ground.y {
+                let goal = Vec3::new(foot.x, on_ground.y, foot.z);
+                two_bone(
+                    self.skeleton,
+                    root,
+                    pose,
+                    leg.chain(),
+                    goal,
+                    forward(self.skeleton, pose),
+                    true,
+                );
+            }
+        }
+    }
+
+    /// The pose of a frame with the feet on the ground.
+    fn landed(&self, s: f32, pose: &mut [Quat], short_m: &mut f32) {
+        self.body(s, pose);
+        let root = self.course.root(s);
+        let pole = forward(self.skeleton, pose);
+        for (leg, &(place, rotation)) in self.legs.iter().zip(&self.feet) {
+            let short = two_bone(self.skeleton, root, pose, leg.chain(), place, pole, false);
+            *short_m = short_m.max(short);
+            turn_in_world(self.skeleton, pose, leg.foot, rotation);
+        }
+    }
+
+    /// The pose of a frame but for the legs.
+    fn body(&self, s: f32, pose: &mut [Quat]) {
+        let course = &self.course;
+        let ramp = |from: f32, to: f32| smoothstep(((s - from) / (to - from).max(1e-3)).clamp(0.0, 1.0));
+        let touch = course.touch_s;
+        let crouch_end = touch + CROUCH_S.1.max(course.brake_s);
+        let into_air = ramp(0.0, INTO_AIR_S);
+        let into_stand = ramp((touch - CROUCH_S.0).max(0.0), crouch_end);
+        for (joint, made) in pose.iter_mut().enumerate() {
+            let flying = slerp(self.from.rotations[joint], self.air[joint], into_air);
+            *made = slerp(flying, self.standing[joint], into_stand);
+        }
+        let depth = (course.stand - course.bottom) / FULL_BOW_DEPTH_M;
+        let down = ramp(touch, crouch_end) - min_jerk((s - crouch_end) / (course.end_s() - crouch_end));
+        let angle = CROUCH_BOW * depth.min(1.0) * down.max(0.0);
+        self.trunk.bow(self.skeleton, pose, angle);
+    }
+}
+
+/// `standing` with its arms raised to the sides and its feet drawn up a little.
+fn air_pose(skeleton: &Skeleton, legs: &[Leg], standing: &[Quat]) -> Vec<Quat> {
+    let forward = forward(skeleton, standing);
+    let left = Vec3::Y.cross(forward);
+    let mut pose = standing.to_vec();
+    for leg in legs {
+        let length = leg.length_m(skeleton);
+        let foot = joint_transform(skeleton, Vec3::ZERO, standing, leg.foot).0;
+        let goal = foot + (Vec3::Y * FEET_UP_SHARE + forward * FEET_AHEAD_SHARE) * length;
+        two_bone(skeleton, Vec3::ZERO, &mut pose, leg.chain(), goal, forward, true);
+    }
+    for [upper, _, end] in arms(skeleton) {
+        let [shoulder, hand] =
+            [upper, end].map(|joint| joint_transform(skeleton, Vec3::ZERO, standing, joint));
+        let down = hand.0 - shoulder.0;
+        if down.y < 0.0 {
+            // About the forward axis the left arm, at the side that `left` points to, comes up with a positive turn.
+            let side = if shoulder.0.dot(left) < 0.0 { -1.0 } else { 1.0 };
+            let turn = Quat::from_axis_angle(forward, ARMS_UP * side);
+            turn_in_world(skeleton, &mut pose, upper, turn * shoulder.1);
+        }
+    }
+    pose
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,181 @@
+//! Which joints are legs and arms: told from contact joints and the lengths of bones.
+
+use crate::skeleton::Skeleton;
+
+use super::two_bone::SHORTEST_BONE_M;
+
+/// The most legs that are found.
+pub const MAX_LEGS: usize = 4;
+
+/// Of two bones that make a leg the shorter is at least this share of the longer.
+const LEAST_LEG_RATIO: f32 = 0.4;
+/// Of two bones that make an arm.
+const LEAST_ARM_RATIO: f32 = 0.4;
+/// Contacts have one byte a frame.
+const MOST_CONTACTS: usize = 8;
+
+/// A leg: hip, knee and foot, and what touches the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    /// The hip joint, which turns the thigh.
+    pub upper: usize,
+    /// The knee.
+    pub lower: usize,
+    /// The ankle, which the foot hangs from.
+    pub foot: usize,
+    /// The contact joint below the foot, where there is one.
+    pub toe: Option<usize>,
+    /// Which contact joints the foot and the toe are: the bits of a frame's contacts.
+    pub contacts: [Option<usize>; 2],
+    /// Height of the foot and of the toe over the ground that they stand on, metres; 0 where it is no contact joint.
+    pub clearance_m: [f32; 2],
+}
+
+impl Leg {
+    /// Hip, knee and foot, for [`super::two_bone`].
+    pub fn chain(&self) -> [usize; 3] {
+        [self.upper, self.lower, self.foot]
+    }
+
+    /// The bits of a frame's contacts that are this leg's.
+    pub fn contact_bits(&self) -> u8 {
+        self.contacts
+            .iter()
+            .flatten()
+            .fold(0, |bits, &bit| bits | 1 << bit)
+    }
+
+    /// Length of thigh and shin together, metres.
+    pub fn length_m(&self, skeleton: &Skeleton) -> f32 {
+        bone(skeleton, self.lower) + bone(skeleton, self.foot)
+    }
+
+    /// Whether foot or toe are in contact; without contact joints of its own it never is.
+    pub(crate) fn stands(&self, contacts: u8) -> bool {
+        contacts & self.contact_bits() != 0
+    }
+}
+
+/// The legs of a skeleton, in the order of its contact joints, at most [`MAX_LEGS`].
+///
+/// From the lowest contact joint of a limb up to the pelvis, thigh and shin are the two bones in a row of which the shorter
+/// is longest. None are found without contact joints or where no two bones in a row are of similar length: a skeleton
+/// without knees. Only the first eight contact joints count, for a frame's contacts are one byte.
+pub fn legs(skeleton: &Skeleton) -> Vec<Leg> {
+    let mut legs: Vec<Leg> = Vec::new();
+    let Some(contacts) = &skeleton.contacts else {
+        return legs;
+    };
+    let joints = &contacts.joints[..contacts.len().min(MOST_CONTACTS)];
+    for &lowest in joints {
+        if joints.iter().any(|&other| is_below(skeleton, other, lowest)) {
+            continue;
+        }
+        let path: Vec<usize> = upwards(skeleton, lowest).collect();
+        let Some(chain) = longest_pair(skeleton, &path, LEAST_LEG_RATIO) else {
+            continue;
+        };
+        let bit = |joint| joints.iter().position(|&j| j == joint);
+        let toe = Some(lowest).filter(|&joint| joint != chain[2]);
+        match legs.iter_mut().find(|leg| leg.foot == chain[2]) {
+            // Heel and toes that hang from one ankle: in the order of the pack.
+            Some(leg) if leg.contacts[0].is_none() => {
+                leg.contacts = [leg.contacts[1], bit(lowest)];
+                leg.toe = toe;
+            }
+            Some(_) => {}
+            None => legs.push(Leg {
+                upper: chain[0],
+                lower: chain[1],
+                foot: chain[2],
+                toe,
+                contacts: [bit(chain[2]), toe.and_then(bit)],
+                clearance_m: [0.0; 2],
+            }),
+        }
+    }
+    for leg in &mut legs {
+        leg.clearance_m = leg
+            .contacts
+            .map(|bit| bit.map_or(0.0, |bit| contacts.clearance_m[bit]));
+    }
+    legs.truncate(MAX_LEGS);
+    legs
+}
+
+/// The arms of a skeleton: limbs of two bones that hang from the body and are no legs, by their upper, middle and end joint,
+/// in the order of joints.
+pub fn arms(skeleton: &Skeleton) -> Vec<[usize; 3]> {
+    let legs = legs(skeleton);
+    let mut arms: Vec<[usize; 3]> = Vec::new();
+    for leaf in (1..skeleton.joint_count()).filter(|&joint| is_leaf(skeleton, joint)) {
+        let path: Vec<usize> = upwards(skeleton, leaf).collect();
+        let of_leg = legs.iter().any(|leg| path.contains(&leg.upper));
+        if let Some(chain) = longest_pair(skeleton, &path, LEAST_ARM_RATIO)
+            && !of_leg
+            && arm_of(skeleton, chain[2]).is_some()
+            && !arms.contains(&chain)
+        {
+            arms.push(chain);
+        }
+    }
+    arms
+}
+
+/// The limb of two bones that ends in `joint`, if it can be bent without moving other limbs: `joint`, its parent and its
+/// grandparent, which is not the pelvis, with bones of some length between them, and nothing but single joints (twists)
+/// hanging from them besides. A foot has one too, the leg.
+pub fn arm_of(skeleton: &Skeleton, joint: usize) -> Option<[usize; 3]> {
+    let middle = skeleton.joints.get(joint)?.parent?;
+    let upper = skeleton.joints[middle].parent?;
+    skeleton.joints[upper].parent?;
+    let alone = |parent: usize, child: usize| {
+        let children =
+            (parent + 1..skeleton.joint_count()).filter(|&j| skeleton.joints[j].parent == Some(parent));
+        children
+            .filter(|&j| j != child)
+            .all(|other| is_leaf(skeleton, other))
+    };
+    let long = |joint| bone(skeleton, joint) >= SHORTEST_BONE_M;
+    (long(middle) && long(joint) && alone(upper, middle) && alone(middle, joint))
+        .then_some([upper, middle, joint])
+}
+
+/// The joints of the trunk from the pelvis to the one that the arms hang from; the pelvis alone where there are no arms.
+pub(super) fn spine(skeleton: &Skeleton) -> Vec<usize> {
+    let mut spine = vec![0];
+    let arms = arms(skeleton);
+    if let [first, rest @ ..] = &arms[..] {
+        let mut above: Vec<usize> = upwards(skeleton, first[0]).skip(1).collect();
+        above.retain(|&joint| rest.iter().all(|arm| is_below(skeleton, arm[0], joint)));
+        spine.extend(above.iter().rev());
+    }
+    spine
+}
+
+/// Whether `joint` is below `other`: a child, a child's child and so on.
+pub(super) fn is_below(skeleton: &Skeleton, joint: usize, other: usize) -> bool {
+    upwards(skeleton, joint).skip(1).any(|j| j == other) || (other == 0 && joint != 0)
+}
+
+/// `joint`, its parent and so on, without the pelvis.
+fn upwards(skeleton: &Skeleton, joint: usize) -> impl Iterator<Item = usize> + '_ {
+    std::iter::successors(Some(joint), |&j| skeleton.joints[j].parent).filter(|&j| j != 0)
+}
+
+/// Upper, middle and end joint of the two bones in a row of which the shorter is longest, on a path upwards.
+fn longest_pair(skeleton: &Skeleton, path: &[usize], least_ratio: f32) -> Option<[usize; 3]> {
+    let shorter = |chain: &&[usize]| bone(skeleton, chain[0]).min(bone(skeleton, chain[1]));
+    let chain = path.windows(3).max_by(|a, b| shorter(a).total_cmp(&shorter(b)))?;
+    let longer = bone(skeleton, chain[0]).max(bone(skeleton, chain[1]));
+    let shorter = shorter(&chain);
+    (shorter >= SHORTEST_BONE_M && shorter >= least_ratio * longer).then(|| [chain[2], chain[1], chain[0]])
+}
+
+fn bone(skeleton: &Skeleton, joint: usize) -> f32 {
+    skeleton.joints[joint].offset_m.length()
+}
+
+fn is_leaf(skeleton: &Skeleton, joint: usize) -> bool {
+    skeleton.joints.iter().all(|j| j.parent != Some(joint))
+}
