@@ -50,7 +50,7 @@ struct Manifest {
 }
 
 /// Reads the `pack.toml` of a folder; the networks beside it are not looked at.
-fn read(folder: &Path) -> Result<Pack, Failure> {
+pub(super) fn read(folder: &Path) -> Result<Pack, Failure> {
     let file = folder.join("pack.toml");
     let text = std::fs::read_to_string(&file).map_err(|e| Failure::file(&file, e))?;
     let manifest: Manifest = toml::from_str(&text).map_err(|e| Failure::file(&file, e))?;

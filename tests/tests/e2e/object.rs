@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use troupe_server::object::{Definition, Hold, Origin, load_file};
+use troupe_server::document::Format;
+use troupe_server::object::{Definition, Definitions, Hold, Motion, Origin, load_file};
 use troupe_server::pack::Pack;
+use troupe_server::scene::NamedScene;
 
 use crate::cli::{Folder, failed, printed, text, troupe};
 use crate::server::pack_folder;
@@ -99,6 +101,55 @@ fn a_thing_for_the_hand_is_one_of_the_server() {
         "{text}"
     );
     assert!(text.contains("# Variant hand, made from walk.bvh"), "{text}");
+}
+
+#[test]
+fn a_seat_is_one_of_the_server() {
+    let made = printed(&offline(
+        "--frames 0,2,4 --sets turn,sit,rise --name stool --pivot false --seat 2=0.45 --hold 2 --from-stand",
+    ));
+    let stool = Definition::from_toml(&made, &pack()).unwrap();
+    let [turn, sit, rise] = &stool.sets[..] else {
+        panic!("{made}")
+    };
+    assert!(turn.from_stand && turn.motion.is_none());
+    assert_eq!(
+        (sit.motion, rise.motion),
+        (Some(Motion::Stance), Some(Motion::Stance))
+    );
+    assert!((sit.keyframes[0].height_m.unwrap() - 0.55).abs() < 1e-4);
+    assert_eq!(stool.approaches.len(), 1);
+    // It stands before the stool with its back to it, and sits on its middle.
+    let [x, z] = turn.keyframes[0].place_m.unwrap();
+    assert!(x.abs() < 0.05 && (0.3..0.6).contains(&z), "{x} {z}");
+    assert!(turn.keyframes[0].heading.unwrap().abs() < 0.1);
+    assert_eq!(sit.keyframes[0].place_m, Some([0.0, 0.0]));
+}
+
+/// The first steps of the tutorial in docs/objects.md, with the walk of the examples for its clip.
+#[test]
+fn the_tutorial_leads_to_an_object_in_a_scene() {
+    let docs = std::fs::read_to_string(repository("docs/objects.md")).unwrap();
+    let folder = Folder::new("tutorial");
+    let file = folder.file("shrine.toml");
+    for command in ["new --from bow.bvh", "new --from curt-bow.bvh"] {
+        let (_, rest) = docs.split_once(command).unwrap();
+        let (line, _) = rest.split_once(" --pack-folder").unwrap();
+        let line = line
+            .replace('\\', " ")
+            .replace("shrine.toml", file.to_str().unwrap());
+        printed(&offline(&line));
+    }
+    let shrine = load_file(&file, &pack()).unwrap();
+    assert_eq!(
+        (shrine.name.as_str(), shrine.variants.len(), shrine.body.shared),
+        ("shrine", 2, true)
+    );
+    let (_, rest) = docs.split_once("```toml\n").unwrap();
+    let (garden, _) = rest.split_once("```").unwrap();
+    let definitions = Definitions::new([shrine]).unwrap().snapshot();
+    let garden = NamedScene::read(garden, Format::Toml, &*definitions).unwrap();
+    assert_eq!((garden.name.as_str(), garden.scene.len()), ("garden", 1));
 }
 
 #[tokio::test]

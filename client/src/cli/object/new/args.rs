@@ -46,8 +46,8 @@ pub(in crate::cli) struct New {
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true, help_heading = THING)]
     pub(super) description: String,
 
-    /// Size of the object, metres: width, height and depth of a box that stands on its origin. Without it 0.4,0.9,0.4, or
-    /// 0.08,0.12,0.08 for what a hand takes.
+    /// Size of the object, metres: width, height and depth of a box that stands on its origin. Without it 0.4,0.9,0.4; for what a
+    /// hand takes 0.08,0.12,0.08, and 0.45,M,0.45 for a seat.
     #[arg(long, value_name = "box:W,H,D", help_heading = THING)]
     pub(super) shape: Option<Size>,
 
@@ -120,6 +120,17 @@ pub(in crate::cli) struct New {
     /// The set of this frame need not be reached: what follows may begin up to TAU frames before it. May be given again.
     #[arg(long, value_name = "FRAME=TAU", value_parser = at::<u32>, help_heading = USE)]
     pub(super) soft: Vec<At<u32>>,
+
+    /// Sit at this frame, on a seat of this height in metres (0.3 to 0.7), for clips without one: the hips of the clip's pose go down
+    /// and back, the feet stay, the hands lie on the thighs. The object is the seat, and the character's back is to it.
+    #[arg(
+        long,
+        value_name = "FRAME=M",
+        value_parser = at::<f32>,
+        conflicts_with_all = ["hand", "points", "distance", "height", "object_frame"],
+        help_heading = USE
+    )]
+    pub(super) seat: Option<At<f32>>,
 
     /// Stop before the first set: calmer, and about a second slower.
     #[arg(long, help_heading = USE)]

@@ -2,7 +2,9 @@
 
 mod args;
 mod draft;
+mod seat;
 mod stage;
+mod wish;
 mod write;
 
 #[cfg(test)]

@@ -69,6 +69,14 @@ impl Stage {
         }
     }
 
+    /// A seat on the ground under the hips, which faces the way that the character does.
+    pub(super) fn under(skeleton: &Skeleton, pose: &Pose) -> Self {
+        Self {
+            origin: pose.root.position.with_y(skeleton.ground_y_m),
+            heading: pose.root.heading,
+        }
+    }
+
     /// An object whose middle, `middle` metres over its origin, is `grip` metres beyond a joint along its bone. It faces the character.
     pub(super) fn in_hand(skeleton: &Skeleton, pose: &Pose, joint: usize, grip: f32, middle: f32) -> Self {
         let at = pose.positions[joint] + pose.turned[joint] * bone(skeleton, joint) * grip;

@@ -309,6 +309,13 @@ fn what_is_wrong_is_named_with_what_would_do() {
         ("--frames 0 --distance 21", "-20 to 20 metres"),
         ("--frames 0 --hand Hand --distance 1", "cannot be used with"),
         ("--frames 0 --release 0", "--hand"),
+        (
+            "--frames 0 --seat 0=0.2",
+            "--seat: a seat of 0.2 m; allowed: 0.3 to 0.7 m",
+        ),
+        ("--frames 0 --seat 5=0.4", "--seat: frame 5 is none of --frames"),
+        ("--frames 0 --seat 0=0.4", "no legs that can be bent"),
+        ("--frames 0 --seat 0=0.4 --distance 1", "cannot be used with"),
         ("", "--frames"),
     ] {
         let said = wrong(line);
@@ -366,4 +373,36 @@ fn the_text_is_as_documented() {
         "--frames 0,20,80,45 --hold 80 --soft 20=6 --shared --not-solid --pivot false --description=Quoted",
     );
     insta::assert_snapshot!(written(&draft, &[0, 20, 80, 45]));
+}
+
+/// The words of a shell's line, with double quotes.
+fn words(line: &str) -> Vec<String> {
+    let parts = line.split('"').enumerate();
+    let words = parts.flat_map(|(nth, part)| match nth % 2 {
+        0 => part.split_whitespace().map(str::to_owned).collect(),
+        _ => vec![part.to_owned()],
+    });
+    words.collect()
+}
+
+#[test]
+fn documented_commands_are_understood() {
+    let repository = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for (file, begins, count) in [
+        ("docs/objects.md", "troupe object new --", 4),
+        ("examples/objects/README.md", "new --from", 13),
+    ] {
+        let text = std::fs::read_to_string(repository.join(file)).unwrap();
+        let text = text.replace("\\\n", " ");
+        let lines = text
+            .lines()
+            .map(str::trim)
+            .filter(|line| line.starts_with(begins));
+        let commands: Vec<_> = lines.filter_map(|line| line.split_once("new ")).collect();
+        assert_eq!(commands.len(), count, "{file}: {commands:?}");
+        for (_, arguments) in commands {
+            let line = Line::try_parse_from(words(&format!("new {arguments}")));
+            assert!(line.is_ok(), "{file}: {arguments}: {}", line.unwrap_err());
+        }
+    }
 }
