@@ -17,6 +17,15 @@ pub struct Pack {
 }
 
 impl Pack {
+    /// A pack whose skeleton is known already; that of the message is not looked at.
+    #[cfg(feature = "cli")]
+    pub(crate) fn with_skeleton(message: v1::Pack, skeleton: Skeleton) -> Self {
+        Self {
+            message: Arc::new(message),
+            skeleton: Arc::new(skeleton),
+        }
+    }
+
     /// The pack's name.
     pub fn name(&self) -> &str {
         &self.message.name

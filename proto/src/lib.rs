@@ -3,7 +3,10 @@
 //!
 //! A message missing a JSON field reads as protobuf does: the field takes its default. Requests refuse unknown
 //! fields, answers tolerate them.
+//!
+//! [`docs`] has the documents that people write: smart objects and scenes.
 
+pub mod docs;
 pub mod json;
 
 /// Version 1 of the API.

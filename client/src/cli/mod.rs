@@ -10,6 +10,7 @@ mod film;
 mod inbetween;
 mod live_args;
 mod object;
+mod pack_folder;
 mod packs;
 mod path;
 mod scene;

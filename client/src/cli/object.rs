@@ -1,18 +1,22 @@
 //! `troupe object`.
 
+mod new;
+
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use comfy_table::{Cell, Table};
 use troupe_proto::v1;
 
+use self::new::New;
 use super::failure::Failure;
 use super::files::{document_failure, read_document};
 use super::packs::table;
 use super::scene::to_json;
 use super::{Session, print};
 
-/// Put definitions of smart objects on the server, check them, and show those that it has.
+/// Make smart objects (things, and what characters can do with them), put them on the server, check them, and show those
+/// that it has.
 #[derive(Debug, Args)]
 pub(super) struct Object {
     #[command(subcommand)]
@@ -21,6 +25,7 @@ pub(super) struct Object {
 
 #[derive(Debug, Subcommand)]
 enum Action {
+    New(Box<New>),
     Put(Put),
     Check(Check),
     Get(Get),
@@ -93,6 +98,7 @@ struct Delete {
 
 pub(super) async fn run(session: &Session, command: &Object) -> Result<(), Failure> {
     match &command.action {
+        Action::New(command) => new::run(session, command).await,
         Action::Put(command) => upload(session, &command.files, false).await,
         Action::Check(command) => upload(session, &command.files, true).await,
         Action::Get(command) => get(session, command).await,

@@ -110,6 +110,11 @@ fn help_of_sessions_close() {
 }
 
 #[test]
+fn help_of_object_new() {
+    insta::assert_snapshot!(help(&["object", "new"]));
+}
+
+#[test]
 fn arguments_are_consistent() {
     Arguments::command().debug_assert();
 }

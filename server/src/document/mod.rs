@@ -14,8 +14,3 @@ pub(crate) mod testing;
 pub use check::MAX_NAME_CHARS;
 pub use folder::{forget, keep, read_folder, read_kept};
 pub use read::{Document, DocumentError, Format, Source, parse, read, read_file};
-
-/// For serde: a field that is left out where it says what it says anyway.
-pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
-}

@@ -32,7 +32,7 @@ impl Definition {
                 format!("at most {MAX_DESCRIPTION_CHARS}"),
             ));
         }
-        let shape = doc.shape.to_shape();
+        let shape = Shape::from(&doc.shape);
         let body = check_body(&path, &doc, &shape)?;
         let anchor = path.field("anchor");
         let pivot_m = vector(&anchor, "pivot_m", doc.anchor.pivot_m, MAX_DISTANCE_M)?;
@@ -70,7 +70,7 @@ fn check_body(path: &Path<'_>, doc: &ObjectDoc, shape: &Shape) -> Result<Body, F
     let volume =
         Volume::new(shape).map_err(|error| shape_error(&path.field("shape"), doc.shape.kind(), error))?;
     let trigger = match &doc.trigger.shape {
-        Some(own) => Volume::grown(&own.to_shape(), doc.trigger.reach_m)
+        Some(own) => Volume::grown(&Shape::from(own), doc.trigger.reach_m)
             .map_err(|error| shape_error(&trigger.field("shape"), own.kind(), error))?,
         None => Volume::grown(shape, doc.trigger.reach_m)
             .map_err(|error| shape_error(&path.field("shape"), doc.shape.kind(), error))?,

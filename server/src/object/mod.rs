@@ -15,7 +15,6 @@ mod anchor;
 mod approach;
 mod check;
 mod check_sets;
-mod doc;
 mod place;
 mod read;
 mod socket;
@@ -41,13 +40,13 @@ use crate::scene::{Body, Shape};
 
 pub use anchor::{Anchor, WorldKeyframe, WorldPoint};
 pub use approach::Choice;
-pub use doc::{
-    AnchorDoc, ApproachDoc, EventDoc, KeyframeDoc, ObjectDoc, PointDoc, ReleaseDoc, SetDoc, SocketDoc,
-    TriggerDoc, VariantDoc,
-};
 pub use place::{PlaceError, Placement};
 pub use read::{load_file, load_folder};
 pub use table::{DefinitionList, Definitions, DefinitionsError, Listed, Uploaded};
+pub use troupe_proto::docs::{
+    Align, AnchorDoc, ApproachDoc, EventDoc, KeyframeDoc, Moment, Motion, ObjectDoc, Origin, PointDoc,
+    ReleaseDoc, SetDoc, SocketDoc, TriggerDoc, VariantDoc,
+};
 
 /// Version of the definition format that this server reads.
 pub const FORMAT: u32 = 1;
@@ -159,19 +158,6 @@ pub struct Release {
     pub align: Align,
 }
 
-/// How an object is turned when it is put down.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Align {
-    /// Upright, with the heading that it has.
-    #[default]
-    Upright,
-    /// Its +Y along the surface's normal, with the heading that it has.
-    Surface,
-    /// As it is.
-    Keep,
-}
-
 /// One phase: keyframes that end one stretch of motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Set {
@@ -207,27 +193,6 @@ impl Set {
     }
 }
 
-/// What a set's keyframes are given from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Origin {
-    /// The object, about its pivot.
-    #[default]
-    Object,
-    /// The place under the character's root, and its heading, as the set begins.
-    Character,
-}
-
-/// How a set's motion is made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Motion {
-    /// By the networks, drawn to the keyframes.
-    Plan,
-    /// Without the networks, the feet held where they stand: for poses that the networks do not know.
-    Stance,
-}
-
 /// How long a set's last keyframe is held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hold {
@@ -244,19 +209,6 @@ pub struct Event {
     pub at: Moment,
     /// What.
     pub action: Action,
-}
-
-/// A moment of a set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Moment {
-    /// As it begins.
-    Start,
-    /// At its last keyframe, or where a soft set is left early.
-    #[default]
-    Reached,
-    /// When it has been held.
-    End,
 }
 
 /// What an event does.

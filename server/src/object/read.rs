@@ -2,9 +2,14 @@
 
 use std::path::Path as FilePath;
 
-use super::Definition;
-use crate::document::{DocumentError, Format, read, read_file, read_folder};
+use super::{Definition, MAX_BYTES, ObjectDoc};
+use crate::document::{Document, DocumentError, Format, read, read_file, read_folder};
 use crate::pack::Pack;
+
+impl Document for ObjectDoc {
+    const WHAT: &'static str = "object definition";
+    const MAX_BYTES: usize = MAX_BYTES;
+}
 
 impl Definition {
     /// Reads and checks a TOML text for `pack`.

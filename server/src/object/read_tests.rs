@@ -2,9 +2,13 @@
 
 use std::path::Path as FilePath;
 
+use troupe_motion::GlobalRoot;
+use troupe_motion::ik::{Posed, ReachOptions, legs, reach_pose};
+
 use super::testing::{CUP, definition};
 use super::*;
 use crate::pack::Pack;
+use crate::style::StyleTable;
 use crate::style::testing::{TempFolder, walker_pack};
 
 fn json() -> String {
@@ -48,6 +52,12 @@ fn everything_is_read() {
         (cup.sets[2].origin, cup.sets[2].keyframes.len()),
         (Origin::Character, 2)
     );
+    let put_down = cup.set("put-down").unwrap();
+    assert_eq!(
+        (put_down.motion, put_down.from_stand),
+        (Some(Motion::Stance), true)
+    );
+    assert_eq!((reach.motion, reach.from_stand), (None, false));
     assert_eq!(cup.socket("foot").unwrap().joint, 5);
     assert!((cup.approaches[0].span.to_degrees() - 140.0).abs() < 1e-3);
 }
@@ -232,6 +242,16 @@ const WRONG: &[(&str, &str, &str)] = &[
         "joint = \"Foot_R\", position_m = [0.0",
         "joint = \"Foot\", position_m = [0.0",
         "sets[0].keyframes[0].points[0].joint: is \"Foot\", which is no joint",
+    ),
+    (
+        "motion = \"stance\"",
+        "motion = \"walk\"",
+        "line 79, column 10: sets[3].motion: unknown variant `walk`, expected `plan` or `stance`",
+    ),
+    (
+        "from_stand = true",
+        "from_stand = 1",
+        "sets[3].from_stand: invalid type: integer `1`, expected a boolean",
     ),
     (
         "drop_frames = 6",
@@ -454,15 +474,114 @@ fn the_examples_are_definitions_of_the_default_pack() {
     let pack = Pack::load(&root.join("models/human")).unwrap();
     let objects = load_folder(&root.join("examples/objects"), &pack).unwrap();
     let names: Vec<_> = objects.iter().map(|object| object.name.as_str()).collect();
-    assert_eq!(names, ["cup", "greeter", "sign"]);
+    assert_eq!(names, ["cup", "greeter", "seat", "shrine", "sign"]);
     let object = |name: &str| objects.iter().find(|object| object.name == name).unwrap();
-    assert!(object("sign").body.shared && !object("greeter").body.solid);
-    let cup = object("cup");
-    let sets = |list: &[usize]| {
+    assert!(object("sign").body.shared && object("shrine").body.shared && !object("greeter").body.solid);
+    let sets = |object: &Definition, list: &[usize]| {
         list.iter()
-            .map(|&index| cup.sets[index].name.clone())
+            .map(|&index| object.sets[index].name.clone())
             .collect::<Vec<_>>()
     };
-    assert_eq!(sets(&cup.variants[0].exit), ["put-down"]);
-    assert!(cup.variants.len() > 1);
+    let cup = object("cup");
+    assert_eq!(sets(cup, &cup.variants[0].exit), ["put-down"]);
+    for variant in &cup.variants {
+        let event = |list: &[usize], action: fn(&Action) -> bool| {
+            let mut events = list.iter().flat_map(|&set| &cup.sets[set].events);
+            events.any(|event| action(&event.action))
+        };
+        assert!(event(&variant.entry, |action| matches!(
+            action,
+            Action::Attach(_)
+        )));
+        assert!(event(&variant.exit, |action| *action == Action::Release));
+        // Whatever holds the cup goes with the character, so its way out is given from there.
+        assert!(
+            variant
+                .exit
+                .iter()
+                .all(|&set| cup.sets[set].origin == Origin::Character)
+        );
+    }
+    let seat = object("seat");
+    for variant in &seat.variants {
+        let (&turn, &sit) = (variant.entry.first().unwrap(), variant.entry.last().unwrap());
+        let (sit, rise) = (&seat.sets[sit], &seat.sets[variant.exit[0]]);
+        assert!(seat.sets[turn].from_stand && seat.sets[turn].motion.is_none());
+        assert_eq!(
+            (sit.motion, rise.motion),
+            (Some(Motion::Stance), Some(Motion::Stance))
+        );
+        assert_eq!(sit.hold, Hold::UntilEnded);
+        assert!(sit.keyframes[0].height_m.unwrap() < 0.7);
+    }
+    for name in ["greeter", "shrine", "cup"] {
+        assert!(
+            object(name)
+                .variants
+                .iter()
+                .filter(|variant| variant.weight > 0.0)
+                .count()
+                > 2
+        );
+        assert!(object(name).approaches.is_empty(), "any side will do");
+    }
+}
+
+/// Of every variant that is chosen by weight: whatever the table, the hand comes to the cup, and to where it is taken then.
+#[test]
+fn the_cup_is_in_reach_on_tables_of_70_to_100_cm() {
+    let root = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let pack = Pack::load(&root.join("models/human")).unwrap();
+    let cup = load_file(&root.join("examples/objects/cup.toml"), &pack).unwrap();
+    let skeleton = &pack.skeleton;
+    let legs = legs(skeleton);
+    let style = StyleTable::load(&pack, None).unwrap().default_style().unwrap();
+    let standing = style.idle();
+    let base = Posed {
+        root: Vec3::Y * standing.height_m,
+        rotations: &standing.rotations,
+    };
+    for variant in cup.variants.iter().filter(|variant| variant.weight > 0.0) {
+        for (table, &set) in [0.7, 0.85, 1.0].into_iter().flat_map(|table| {
+            variant
+                .entry
+                .iter()
+                .chain(&variant.exit)
+                .map(move |set| (table, set))
+        }) {
+            let set = &cup.sets[set];
+            let key = &set.keyframes[0];
+            // Seen from the character, which stands at the origin and faces ahead.
+            let anchor = match (set.origin, key.place_m) {
+                (Origin::Object, Some([x, z])) => Anchor {
+                    pivot: Vec3::new(x, table, z),
+                    local_pivot_m: Vec3::ZERO,
+                    heading: std::f32::consts::PI,
+                    side: 0.0,
+                    ground_y: 0.0,
+                },
+                _ => Anchor::of_character(GlobalRoot::new(base.root, 0.0), 0.0),
+            };
+            let points: Vec<_> = (anchor.keyframe(key).points.iter())
+                .map(|point| (point.joint, point.position))
+                .collect();
+            let reached = reach_pose(skeleton, &legs, base, &points, &ReachOptions::default());
+            let off = reached.errors_m.iter().copied().fold(0.0, f32::max);
+            assert!(
+                off < 0.02 && reached.short_m < 0.01,
+                "{}, table of {table} m: {off} m off, bow {}, crouch {}, {points:?}",
+                set.name,
+                reached.bow,
+                reached.crouch_m
+            );
+            // Deeper bows are in no clip.
+            assert!(
+                reached.bow < 1.5 && reached.crouch_m < 0.25,
+                "{}: {} {}",
+                set.name,
+                reached.bow,
+                reached.crouch_m
+            );
+        }
+    }
 }

@@ -82,6 +82,8 @@ keyframes = [{ height_m = 0.7 }, { height_m = 0.75, place_m = [0.0, 0.1] }]
 [[sets]]
 name = "put-down"
 origin = "character"
+motion = "stance"
+from_stand = true
 events = [{ release = true }]
 keyframes = [{ points = [{ joint = "Foot_R", position_m = [0.1, 0.3, 0.4] }] }]
 "#;

@@ -23,55 +23,39 @@ pub trait Bodies {
     fn names(&self) -> Vec<&str>;
 }
 
-impl SceneDoc {
+impl Scene {
     /// Checks what is written and makes the scene.
     ///
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted.
-    pub fn to_scene(&self, bodies: &impl Bodies) -> Result<Scene, FieldError> {
+    pub fn from_doc(doc: &SceneDoc, bodies: &impl Bodies) -> Result<Self, FieldError> {
         let path = Path::root();
-        format(&path, self.format, FORMAT)?;
-        name(&path.field("name"), &self.name)?;
+        format(&path, doc.format, FORMAT)?;
+        name(&path.field("name"), &doc.name)?;
         let mut scene =
-            Scene::new(self.ground_m).map_err(|error| field_error(&path.field("ground_m"), error))?;
-        scene.place_colliders(self.check_colliders(&path)?);
-        entries(&path.field("objects"), self.objects.len(), 0, MAX_INSTANCES)?;
-        unique(&path, "objects", &self.objects, "id", |object| &object.id)?;
-        for (index, object) in self.objects.iter().enumerate() {
-            object.add_to(&mut scene, &path.element("objects", index), bodies)?;
+            Self::new(doc.ground_m).map_err(|error| field_error(&path.field("ground_m"), error))?;
+        scene.place_colliders(check_colliders(&path, &doc.colliders)?);
+        entries(&path.field("objects"), doc.objects.len(), 0, MAX_INSTANCES)?;
+        unique(&path, "objects", &doc.objects, "id", |object| &object.id)?;
+        for (index, object) in doc.objects.iter().enumerate() {
+            scene.add_doc(object, &path.element("objects", index), bodies)?;
         }
         Ok(scene)
     }
 
-    fn check_colliders(&self, path: &Path<'_>) -> Result<Vec<Placed>, FieldError> {
-        entries(&path.field("colliders"), self.colliders.len(), 0, MAX_COLLIDERS)?;
-        unique(path, "colliders", &self.colliders, "id", |collider| &collider.id)?;
-        let mut samples = 0;
-        let check = |(index, collider): (usize, &ColliderDoc)| {
-            let path = path.element("colliders", index);
-            samples += collider.samples();
-            if samples > MAX_HEIGHT_SAMPLES {
-                return Err(path.field("shape").field("heightfield").field("heights_m").error(
-                    format!("brings the samples of the scene's heightfields to {samples}"),
-                    format!("at most {MAX_HEIGHT_SAMPLES} together"),
-                ));
-            }
-            collider.check(&path)
-        };
-        self.colliders.iter().enumerate().map(check).collect()
-    }
-}
-
-impl InstanceDoc {
-    /// Checks what is written, which is at `path`, and puts the object into `scene`.
+    /// Checks an object, which is written at `path`, and puts it into the scene.
     ///
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted; then nothing has changed.
-    pub fn add_to(&self, scene: &mut Scene, path: &Path<'_>, bodies: &impl Bodies) -> Result<(), FieldError> {
-        let body = body_of(&path.field("definition"), &self.definition, bodies)?;
-        let transform = place(path, self.position_m, self.heading_deg, self.rotation)?;
-        scene
-            .add(&self.id, &self.definition, body, transform)
+    pub fn add_doc(
+        &mut self,
+        doc: &InstanceDoc,
+        path: &Path<'_>,
+        bodies: &impl Bodies,
+    ) -> Result<(), FieldError> {
+        let body = body_of(&path.field("definition"), &doc.definition, bodies)?;
+        let transform = place(path, doc.position_m, doc.heading_deg, doc.rotation)?;
+        self.add(&doc.id, &doc.definition, body, transform)
             .map_err(|error| field_error(&path.field("id"), error))
     }
 }
@@ -94,33 +78,48 @@ pub(crate) fn body_of(
     })
 }
 
-impl ColliderDoc {
-    fn samples(&self) -> usize {
-        match &self.shape {
-            ColliderShapeDoc::Heightfield(field) => field.heights_m.len(),
-            _ => 0,
+fn check_colliders(path: &Path<'_>, docs: &[ColliderDoc]) -> Result<Vec<Placed>, FieldError> {
+    entries(&path.field("colliders"), docs.len(), 0, MAX_COLLIDERS)?;
+    unique(path, "colliders", docs, "id", |collider| &collider.id)?;
+    let mut all_samples = 0;
+    let check = |(index, doc): (usize, &ColliderDoc)| {
+        let path = path.element("colliders", index);
+        all_samples += samples(doc);
+        if all_samples > MAX_HEIGHT_SAMPLES {
+            return Err(path.field("shape").field("heightfield").field("heights_m").error(
+                format!("brings the samples of the scene's heightfields to {all_samples}"),
+                format!("at most {MAX_HEIGHT_SAMPLES} together"),
+            ));
         }
-    }
+        check_collider(&path, doc)
+    };
+    docs.iter().enumerate().map(check).collect()
+}
 
-    fn check(&self, path: &Path<'_>) -> Result<Placed, FieldError> {
-        error::id("the id", &self.id).map_err(|error| field_error(&path.field("id"), error))?;
-        let (kind, shape) = match &self.shape {
-            ColliderShapeDoc::Box(shape) => ("box", ColliderShape::Solid(shape.to_shape())),
-            ColliderShapeDoc::Convex(shape) => ("convex", ColliderShape::Solid(shape.to_shape())),
-            ColliderShapeDoc::Heightfield(field) => {
-                ("heightfield", ColliderShape::Heightfield(field.to_heightfield()))
-            }
-        };
-        let collider = Collider {
-            id: self.id.clone(),
-            shape,
-            transform: place(path, self.position_m, self.heading_deg, self.rotation)?,
-        };
-        Placed::new(Arc::new(collider)).map_err(|error| match error {
-            SceneError::Shape { cause, .. } => shape_error(&path.field("shape"), kind, cause),
-            tilted => field_error(&path.field("rotation"), tilted),
-        })
+/// Samples of a collider's heightfield.
+fn samples(doc: &ColliderDoc) -> usize {
+    match &doc.shape {
+        ColliderShapeDoc::Heightfield(field) => field.heights_m.len(),
+        _ => 0,
     }
+}
+
+fn check_collider(path: &Path<'_>, doc: &ColliderDoc) -> Result<Placed, FieldError> {
+    error::id("the id", &doc.id).map_err(|error| field_error(&path.field("id"), error))?;
+    let (kind, shape) = match &doc.shape {
+        ColliderShapeDoc::Box(shape) => ("box", ColliderShape::Solid(shape.into())),
+        ColliderShapeDoc::Convex(shape) => ("convex", ColliderShape::Solid(shape.into())),
+        ColliderShapeDoc::Heightfield(field) => ("heightfield", ColliderShape::Heightfield(field.into())),
+    };
+    let collider = Collider {
+        id: doc.id.clone(),
+        shape,
+        transform: place(path, doc.position_m, doc.heading_deg, doc.rotation)?,
+    };
+    Placed::new(Arc::new(collider)).map_err(|error| match error {
+        SceneError::Shape { cause, .. } => shape_error(&path.field("shape"), kind, cause),
+        tilted => field_error(&path.field("rotation"), tilted),
+    })
 }
 
 /// Checks where a thing is.

@@ -8,7 +8,7 @@ use troupe_motion::Vec3;
 
 use super::convert::vector;
 use super::error::ShapeError;
-use super::{HEIGHTFIELD_SIDE, MAX_SHAPE_COORDINATE_M, Volume};
+use super::{HEIGHTFIELD_SIDE, HeightfieldDoc, MAX_SHAPE_COORDINATE_M, Volume};
 
 /// How far beside a ray others are tried where it finds nothing, metres: less than anything here is placed to.
 const CRACK_M: f32 = 1e-4;
@@ -24,6 +24,18 @@ pub struct Heightfield {
     pub size_m: [f32; 2],
     /// `rows * columns` heights in metres, row by row: the first row is at the least z, its first sample at the least x.
     pub heights_m: Vec<f32>,
+}
+
+impl From<&HeightfieldDoc> for Heightfield {
+    /// The heightfield, unchecked.
+    fn from(doc: &HeightfieldDoc) -> Self {
+        Self {
+            rows: doc.rows,
+            columns: doc.columns,
+            size_m: doc.size_m,
+            heights_m: doc.heights_m.clone(),
+        }
+    }
 }
 
 impl Heightfield {

@@ -17,7 +17,6 @@ mod cell;
 mod check;
 mod collider;
 mod convert;
-mod doc;
 mod error;
 mod heightfield;
 mod instance;
@@ -44,9 +43,6 @@ pub use cell::{SceneCell, SceneTable, TableError};
 pub use check::Bodies;
 pub(crate) use check::{body_of, field_error, shape_error};
 pub use collider::{Collider, ColliderShape};
-pub use doc::{
-    BoxDoc, ColliderDoc, ColliderShapeDoc, ConvexDoc, HeightfieldDoc, InstanceDoc, SceneDoc, ShapeDoc,
-};
 pub use error::{SceneError, ShapeError};
 pub use heightfield::Heightfield;
 pub use instance::{Body, Holder, Instance, State};
@@ -56,6 +52,9 @@ pub use resident::Resident;
 pub use shape::{Shape, Volume};
 pub use trace::BoxTrace;
 pub use transform::Transform;
+pub use troupe_proto::docs::{
+    BoxDoc, ColliderDoc, ColliderShapeDoc, ConvexDoc, HeightfieldDoc, InstanceDoc, SceneDoc, ShapeDoc,
+};
 pub use world::Scene;
 
 /// Version of the scene format that this server reads.

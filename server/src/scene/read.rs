@@ -2,9 +2,14 @@
 
 use std::path::Path as FilePath;
 
-use super::{Bodies, Scene, SceneDoc};
-use crate::document::{DocumentError, Format, read, read_file, read_folder};
+use super::{Bodies, MAX_BYTES, Scene, SceneDoc};
+use crate::document::{Document, DocumentError, Format, read, read_file, read_folder};
 use crate::inbetween::FieldError;
+
+impl Document for SceneDoc {
+    const WHAT: &'static str = "scene";
+    const MAX_BYTES: usize = MAX_BYTES;
+}
 
 /// A scene that was read, and its name.
 #[derive(Debug, Clone)]
@@ -21,7 +26,7 @@ impl NamedScene {
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted.
     pub fn from_doc(doc: SceneDoc, bodies: &impl Bodies) -> Result<Self, FieldError> {
-        let scene = doc.to_scene(bodies)?;
+        let scene = Scene::from_doc(&doc, bodies)?;
         let name = doc.name;
         Ok(Self { name, scene })
     }

@@ -374,7 +374,7 @@ fn the_examples_are_scenes() {
     let NamedScene { name, scene } = &scenes[0];
     assert_eq!(
         (name.as_str(), scene.len(), scene.colliders().count()),
-        ("courtyard", 4, 4)
+        ("courtyard", 6, 4)
     );
     // The cups stand on the table: put down there, they stay.
     let cup = definitions.get("cup").unwrap().definition.clone();

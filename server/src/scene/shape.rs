@@ -9,7 +9,10 @@ use troupe_motion::Vec3;
 
 use super::convert::{pose, vec3, vector};
 use super::error::ShapeError;
-use super::{CONVEX_POINTS, HALF_EXTENT_M, MAX_SHAPE_COORDINATE_M, MIN_THICKNESS_M, Transform};
+use super::{
+    BoxDoc, CONVEX_POINTS, ConvexDoc, HALF_EXTENT_M, MAX_SHAPE_COORDINATE_M, MIN_THICKNESS_M, ShapeDoc,
+    Transform,
+};
 
 /// A convex shape, in the frame of what it belongs to.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +29,35 @@ pub enum Shape {
         /// The points, metres.
         points_m: Vec<Vec3>,
     },
+}
+
+impl From<&BoxDoc> for Shape {
+    /// The shape, unchecked.
+    fn from(doc: &BoxDoc) -> Self {
+        Self::Box {
+            center_m: doc.center_m.into(),
+            half_extents_m: doc.half_extents_m.into(),
+        }
+    }
+}
+
+impl From<&ConvexDoc> for Shape {
+    /// The shape, unchecked.
+    fn from(doc: &ConvexDoc) -> Self {
+        Self::Convex {
+            points_m: doc.points_m.iter().copied().map(Into::into).collect(),
+        }
+    }
+}
+
+impl From<&ShapeDoc> for Shape {
+    /// The shape, unchecked.
+    fn from(doc: &ShapeDoc) -> Self {
+        match doc {
+            ShapeDoc::Box(shape) => shape.into(),
+            ShapeDoc::Convex(shape) => shape.into(),
+        }
+    }
 }
 
 /// A shape ready for queries. Cloning is cheap.

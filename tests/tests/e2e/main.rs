@@ -12,6 +12,7 @@ mod cli;
 mod http;
 mod live;
 mod motion;
+mod object;
 mod real;
 mod robustness;
 mod scene;

@@ -27,7 +27,7 @@ pub struct Server {
 }
 
 /// The folder of the pack to test with: `models/human`, or what TROUPE_TEST_PACK names.
-fn pack_folder() -> Result<PathBuf, String> {
+pub fn pack_folder() -> Result<PathBuf, String> {
     if let Some(folder) = std::env::var_os("TROUPE_TEST_PACK") {
         return Ok(PathBuf::from(folder));
     }

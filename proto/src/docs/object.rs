@@ -1,23 +1,8 @@
-//! Definitions as they are written. The same fields in TOML and JSON; lengths in metres, angles in degrees, rotations as
-//! w, x, y, z. [`super::check`] checks the values.
+//! Definitions of smart objects as they are written.
 
 use serde::{Deserialize, Serialize};
 
-use super::{Align, MAX_BYTES, Moment, Motion, Origin};
-use crate::document::{Document, is_default};
-use crate::scene::ShapeDoc;
-
-fn yes() -> bool {
-    true
-}
-
-fn is_true(value: &bool) -> bool {
-    *value
-}
-
-fn is_false(value: &bool) -> bool {
-    !*value
-}
+use super::{ShapeDoc, is_default, is_false, is_true, yes};
 
 /// A whole definition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,11 +42,6 @@ pub struct ObjectDoc {
     pub variants: Vec<VariantDoc>,
     /// Phases.
     pub sets: Vec<SetDoc>,
-}
-
-impl Document for ObjectDoc {
-    const WHAT: &'static str = "object definition";
-    const MAX_BYTES: usize = MAX_BYTES;
 }
 
 impl ObjectDoc {
@@ -136,6 +116,19 @@ impl Default for ReleaseDoc {
             align: Align::Upright,
         }
     }
+}
+
+/// How an object is turned when it is put down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Align {
+    /// Upright, with the heading that it has.
+    #[default]
+    Upright,
+    /// Its +Y along the surface's normal, with the heading that it has.
+    Surface,
+    /// As it is.
+    Keep,
 }
 
 /// A range of sides.
@@ -239,6 +232,27 @@ pub struct SetDoc {
     pub keyframes: Vec<KeyframeDoc>,
 }
 
+/// What a set's keyframes are given from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// The object, about its pivot.
+    #[default]
+    Object,
+    /// The place under the character's root, and its heading, as the set begins.
+    Character,
+}
+
+/// How a set's motion is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Motion {
+    /// By the networks, drawn to the keyframes.
+    Plan,
+    /// Without the networks, the feet held where they stand: for poses that the networks do not know.
+    Stance,
+}
+
 /// Something that happens in a set: exactly one of `attach` and `release`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -252,6 +266,19 @@ pub struct EventDoc {
     /// The object is put down.
     #[serde(default, skip_serializing_if = "is_false")]
     pub release: bool,
+}
+
+/// A moment of a set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Moment {
+    /// As it begins.
+    Start,
+    /// At its last keyframe, or where a soft set is left early.
+    #[default]
+    Reached,
+    /// When it has been held.
+    End,
 }
 
 /// A keyframe. At least one of place, heading, height, rotations and points.

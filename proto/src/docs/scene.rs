@@ -1,10 +1,8 @@
-//! Scenes as they are written. The same fields in TOML and JSON; lengths in metres, angles in degrees, rotations as
-//! w, x, y, z. [`super::check`] checks the values.
+//! Scenes as they are written, and the shapes that objects have too.
 
 use serde::{Deserialize, Serialize};
 
-use super::{Heightfield, MAX_BYTES, Shape};
-use crate::document::{Document, is_default};
+use super::is_default;
 
 /// A whole scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,11 +21,6 @@ pub struct SceneDoc {
     /// What may be used.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub objects: Vec<InstanceDoc>,
-}
-
-impl Document for SceneDoc {
-    const WHAT: &'static str = "scene";
-    const MAX_BYTES: usize = MAX_BYTES;
 }
 
 impl SceneDoc {
@@ -132,51 +125,12 @@ pub struct HeightfieldDoc {
     pub heights_m: Vec<f32>,
 }
 
-impl BoxDoc {
-    /// The shape, unchecked.
-    pub fn to_shape(&self) -> Shape {
-        Shape::Box {
-            center_m: self.center_m.into(),
-            half_extents_m: self.half_extents_m.into(),
-        }
-    }
-}
-
-impl ConvexDoc {
-    /// The shape, unchecked.
-    pub fn to_shape(&self) -> Shape {
-        Shape::Convex {
-            points_m: self.points_m.iter().copied().map(Into::into).collect(),
-        }
-    }
-}
-
 impl ShapeDoc {
-    /// The shape, unchecked.
-    pub fn to_shape(&self) -> Shape {
-        match self {
-            Self::Box(shape) => shape.to_shape(),
-            Self::Convex(shape) => shape.to_shape(),
-        }
-    }
-
     /// Its name in a document.
-    pub(crate) fn kind(&self) -> &'static str {
+    pub fn kind(&self) -> &'static str {
         match self {
             Self::Box(_) => "box",
             Self::Convex(_) => "convex",
-        }
-    }
-}
-
-impl HeightfieldDoc {
-    /// The heightfield, unchecked.
-    pub fn to_heightfield(&self) -> Heightfield {
-        Heightfield {
-            rows: self.rows,
-            columns: self.columns,
-            size_m: self.size_m,
-            heights_m: self.heights_m.clone(),
         }
     }
 }
