@@ -1,0 +1,123 @@
+//! How well a pack's characters use smart objects: many seeded approaches to each, from varied distances, directions, speeds
+//! and styles, then the same approach from twelve directions. Real networks, no server.
+//!
+//! ```text
+//! cargo run --release -p troupe-server --example object_eval -- --help
+//! ```
+
+mod measure;
+mod report;
+mod runner;
+mod trials;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context as _, ensure};
+use clap::Parser;
+use troupe_server::config::Config;
+use troupe_server::engine::Pipeline;
+use troupe_server::object::{Definition, load_folder};
+use troupe_server::pack::Pack;
+use troupe_server::style::StyleTable;
+
+use self::report::Report;
+use self::runner::Runner;
+use self::trials::{Plan, approaches, directions};
+
+/// Measures how smart objects are used.
+#[derive(Debug, Parser)]
+struct Args {
+    /// Folder of the pack.
+    #[arg(long, default_value = "models/human", value_name = "FOLDER")]
+    pack: PathBuf,
+    /// Folder of the definitions.
+    #[arg(long, default_value = "examples/objects", value_name = "FOLDER")]
+    objects: PathBuf,
+    /// Only these definitions.
+    #[arg(long, value_delimiter = ',', value_name = "NAME,..")]
+    only: Vec<String>,
+    /// Heights that objects stand at, metres; 0 for those not named.
+    #[arg(long, value_delimiter = ',', default_value = "cup=0.85", value_name = "NAME=METRES,..")]
+    height: Vec<String>,
+    /// Approaches of each object.
+    #[arg(long, default_value_t = 200, value_name = "COUNT")]
+    approaches: usize,
+    /// Approaches of each of twelve directions; 0 leaves them out.
+    #[arg(long, default_value_t = 20, value_name = "COUNT")]
+    per_direction: usize,
+    /// Styles to move in; without it every style of the pack that walks.
+    #[arg(long, value_delimiter = ',', value_name = "STYLE,..")]
+    styles: Vec<String>,
+    /// All random choices follow from it.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// Characters at a time.
+    #[arg(long, default_value_t = 64, value_name = "COUNT")]
+    at_once: usize,
+    /// Print one JSON document instead of tables.
+    #[arg(long)]
+    json: bool,
+}
+
+fn main() -> anyhow::Result<()> {
+    let args = Args::parse();
+    ensure!(args.approaches > 0 && args.at_once > 0, "approaches and at-once must be more than 0");
+    let pack = Arc::new(Pack::load(&args.pack)?);
+    let styles = StyleTable::load(&pack, None)?;
+    let definitions = definitions(&args, &pack)?;
+    let config = Config::local(Path::new("."))?;
+    let selector = config.selector()?;
+    let decision = selector.choose(&pack)?;
+    let stages = selector.load(&pack, decision.engine)?;
+    let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), args.at_once.min(32));
+    pipeline.warm_up()?;
+    let mut runner = Runner::new(pack.clone(), pipeline);
+
+    let plan = Plan {
+        styles: trials::walking(&styles, &args.styles)?,
+        seed: args.seed,
+    };
+    let mut report = Report::new(&pack, decision.engine.name(), args.seed);
+    for (definition, height_m) in definitions {
+        let definition = Arc::new(definition);
+        let mut run = |specs: &[trials::Spec]| -> anyhow::Result<Vec<measure::Outcome>> {
+            let mut outcomes = Vec::with_capacity(specs.len());
+            for some in specs.chunks(args.at_once) {
+                outcomes.extend(runner.run(&definition, some)?);
+            }
+            Ok(outcomes)
+        };
+        let varied = run(&approaches(&plan, args.approaches, height_m))?;
+        let around = run(&directions(&plan, args.per_direction, height_m))?;
+        report.add(&definition.name, &varied, &around);
+    }
+    match args.json {
+        true => println!("{}", serde_json::to_string_pretty(&report)?),
+        false => print!("{report}"),
+    }
+    Ok(())
+}
+
+/// The definitions to measure, with the heights that they stand at.
+fn definitions(args: &Args, pack: &Pack) -> anyhow::Result<Vec<(Definition, f32)>> {
+    let mut heights = Vec::new();
+    for given in &args.height {
+        let (name, metres) = given.split_once('=').context("--height wants NAME=METRES")?;
+        heights.push((name, metres.parse::<f32>().with_context(|| format!("--height {given}"))?));
+    }
+    let found = load_folder(&args.objects, pack)?;
+    for name in &args.only {
+        ensure!(found.iter().any(|d| &d.name == name), "there is no definition {name:?}");
+    }
+    let wanted = |d: &Definition| args.only.is_empty() || args.only.contains(&d.name);
+    let height = |d: &Definition| heights.iter().find(|(name, _)| *name == d.name).map_or(0.0, |&(_, m)| m);
+    Ok(found
+        .into_iter()
+        .filter(wanted)
+        .map(|definition| {
+            let height_m = height(&definition);
+            (definition, height_m)
+        })
+        .collect())
+}

@@ -1,0 +1,152 @@
+//! The tables.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::Serialize;
+use troupe_motion::metrics::percentile;
+use troupe_server::pack::Pack;
+
+use super::measure::Outcome;
+use super::trials::DIRECTIONS;
+
+/// All figures.
+#[derive(Serialize)]
+pub struct Report {
+    pack: String,
+    version: String,
+    engine: &'static str,
+    seed: u64,
+    objects: Vec<Object>,
+}
+
+/// Figures of one object. Errors are 95th percentiles over the trials that went through.
+#[derive(Serialize)]
+struct Object {
+    name: String,
+    approaches: usize,
+    done_percent: f64,
+    met_percent: f64,
+    joint_cm: f64,
+    root_cm: f64,
+    heading_deg: f64,
+    before_joint_cm: f64,
+    before_root_cm: f64,
+    seconds: f64,
+    /// Means over trials, millimetres a frame: from the command to the end, and before it.
+    skate_mm: f64,
+    skate_before_mm: f64,
+    acceleration_mps2: f64,
+    variants: BTreeMap<String, usize>,
+    /// Mean distance of a joint between two trials of different variants, at the first keyframe, centimetres.
+    variety_cm: f64,
+    /// Why trials did not go through.
+    failures: BTreeMap<String, usize>,
+    /// Percent met, by direction.
+    directions: Vec<f64>,
+}
+
+impl Report {
+    pub fn new(pack: &Pack, engine: &'static str, seed: u64) -> Self {
+        Self {
+            pack: pack.name().to_owned(),
+            version: pack.manifest.version.clone(),
+            engine,
+            seed,
+            objects: Vec::new(),
+        }
+    }
+
+    pub fn add(&mut self, name: &str, varied: &[Outcome], around: &[Outcome]) {
+        let done: Vec<&Outcome> = varied.iter().filter(|outcome| outcome.done).collect();
+        let high = |value: fn(&Outcome) -> f32| {
+            percentile(done.iter().map(|outcome| f64::from(value(outcome))).collect(), 0.95).unwrap_or(f64::NAN)
+        };
+        let mean = |value: fn(&Outcome) -> f64| {
+            done.iter().map(|outcome| value(outcome)).sum::<f64>() / done.len().max(1) as f64
+        };
+        let mut variants = BTreeMap::new();
+        for outcome in &done {
+            *variants.entry(outcome.variant.clone()).or_insert(0) += 1;
+        }
+        let mut failures = BTreeMap::new();
+        for outcome in varied.iter().filter(|outcome| !outcome.done) {
+            *failures.entry(outcome.why.clone().unwrap_or_else(|| "not ended".to_owned())).or_insert(0) += 1;
+        }
+        let directions = (0..DIRECTIONS).filter_map(|direction| {
+            let of: Vec<_> = around.iter().filter(|outcome| outcome.direction == Some(direction)).collect();
+            (!of.is_empty()).then(|| percent(of.iter().filter(|outcome| outcome.met).count(), of.len()))
+        });
+        self.objects.push(Object {
+            name: name.to_owned(),
+            approaches: varied.len(),
+            done_percent: percent(done.len(), varied.len()),
+            met_percent: percent(varied.iter().filter(|outcome| outcome.met).count(), varied.len()),
+            joint_cm: 100.0 * high(|outcome| outcome.joint_m),
+            root_cm: 100.0 * high(|outcome| outcome.root_m),
+            heading_deg: high(|outcome| outcome.heading_deg),
+            before_joint_cm: 100.0 * high(|outcome| outcome.before_joint_m),
+            before_root_cm: 100.0 * high(|outcome| outcome.before_root_m),
+            seconds: mean(|outcome| f64::from(outcome.seconds)),
+            skate_mm: mean(|outcome| outcome.skate_mm),
+            skate_before_mm: mean(|outcome| outcome.skate_before_mm),
+            acceleration_mps2: mean(|outcome| outcome.acceleration),
+            variants,
+            variety_cm: variety_cm(&done),
+            failures,
+            directions: directions.collect(),
+        });
+    }
+}
+
+fn percent(part: usize, whole: usize) -> f64 {
+    100.0 * part as f64 / whole.max(1) as f64
+}
+
+/// Mean joint distance over the pairs of neighbouring trials of different variants.
+fn variety_cm(done: &[&Outcome]) -> f64 {
+    let pairs = done.windows(2).filter(|pair| pair[0].variant != pair[1].variant);
+    let distances: Vec<f64> = pairs
+        .filter(|pair| !pair[0].pose.is_empty() && pair[0].pose.len() == pair[1].pose.len())
+        .map(|pair| {
+            let joints = pair[0].pose.iter().zip(&pair[1].pose);
+            let sum: f64 = joints.map(|(a, b)| f64::from(a.distance(*b))).sum();
+            sum / pair[0].pose.len() as f64
+        })
+        .collect();
+    match distances.is_empty() {
+        true => 0.0,
+        false => 100.0 * distances.iter().sum::<f64>() / distances.len() as f64,
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "pack {} {}, engine {}, seed {}\n", self.pack, self.version, self.engine, self.seed)?;
+        writeln!(
+            f,
+            "| object | approaches | went through | keyframes met | joints, root (cm), heading (°), 95 % below | before pinning (cm) \
+             | seconds | skate: before, during (mm/frame) | acceleration 99.5 % (m/s²) | variants | variety (cm) |"
+        )?;
+        writeln!(f, "|---|---:|---:|---:|---|---|---:|---|---:|---|---:|")?;
+        for o in &self.objects {
+            let variants: Vec<String> = o.variants.iter().map(|(name, count)| format!("{name} {count}")).collect();
+            writeln!(
+                f,
+                "| {} | {} | {:.1} % | {:.1} % | {:.2}, {:.2}, {:.1} | {:.1}, {:.1} | {:.1} | {:.1}, {:.1} | {:.0} | {} | {:.1} |",
+                o.name, o.approaches, o.done_percent, o.met_percent, o.joint_cm, o.root_cm, o.heading_deg,
+                o.before_joint_cm, o.before_root_cm, o.seconds, o.skate_before_mm, o.skate_mm, o.acceleration_mps2,
+                variants.join(", "), o.variety_cm,
+            )?;
+        }
+        for o in self.objects.iter().filter(|o| !o.failures.is_empty()) {
+            writeln!(f, "\n{}: did not go through: {:?}", o.name, o.failures)?;
+        }
+        writeln!(f, "\nKeyframes met by direction of approach, %:\n")?;
+        for o in self.objects.iter().filter(|o| !o.directions.is_empty()) {
+            let each: Vec<String> = o.directions.iter().map(|percent| format!("{percent:.0}")).collect();
+            writeln!(f, "- {}: {}", o.name, each.join(" "))?;
+        }
+        Ok(())
+    }
+}
