@@ -38,7 +38,12 @@ struct Args {
     #[arg(long, value_delimiter = ',', value_name = "NAME,..")]
     only: Vec<String>,
     /// Heights that objects stand at, metres; 0 for those not named.
-    #[arg(long, value_delimiter = ',', default_value = "cup=0.85", value_name = "NAME=METRES,..")]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "cup=0.85",
+        value_name = "NAME=METRES,.."
+    )]
     height: Vec<String>,
     /// Approaches of each object.
     #[arg(long, default_value_t = 200, value_name = "COUNT")]
@@ -62,7 +67,10 @@ struct Args {
 
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
-    ensure!(args.approaches > 0 && args.at_once > 0, "approaches and at-once must be more than 0");
+    ensure!(
+        args.approaches > 0 && args.at_once > 0,
+        "approaches and at-once must be more than 0"
+    );
     let pack = Arc::new(Pack::load(&args.pack)?);
     let styles = StyleTable::load(&pack, None)?;
     let definitions = definitions(&args, &pack)?;
@@ -104,14 +112,27 @@ fn definitions(args: &Args, pack: &Pack) -> anyhow::Result<Vec<(Definition, f32)
     let mut heights = Vec::new();
     for given in &args.height {
         let (name, metres) = given.split_once('=').context("--height wants NAME=METRES")?;
-        heights.push((name, metres.parse::<f32>().with_context(|| format!("--height {given}"))?));
+        heights.push((
+            name,
+            metres
+                .parse::<f32>()
+                .with_context(|| format!("--height {given}"))?,
+        ));
     }
     let found = load_folder(&args.objects, pack)?;
     for name in &args.only {
-        ensure!(found.iter().any(|d| &d.name == name), "there is no definition {name:?}");
+        ensure!(
+            found.iter().any(|d| &d.name == name),
+            "there is no definition {name:?}"
+        );
     }
     let wanted = |d: &Definition| args.only.is_empty() || args.only.contains(&d.name);
-    let height = |d: &Definition| heights.iter().find(|(name, _)| *name == d.name).map_or(0.0, |&(_, m)| m);
+    let height = |d: &Definition| {
+        heights
+            .iter()
+            .find(|(name, _)| *name == d.name)
+            .map_or(0.0, |&(_, m)| m)
+    };
     Ok(found
         .into_iter()
         .filter(wanted)

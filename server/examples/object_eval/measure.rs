@@ -102,7 +102,12 @@ impl Record {
             return outcome;
         };
         let fps = pack.manifest.fps;
-        let clip = Clip::new(pack.skeleton.clone().into(), fps, self.roots.clone(), self.rotations.clone());
+        let clip = Clip::new(
+            pack.skeleton.clone().into(),
+            fps,
+            self.roots.clone(),
+            self.rotations.clone(),
+        );
         let Ok(clip) = clip else {
             outcome.why = Some("frames that are no motion".to_owned());
             return outcome;
@@ -114,12 +119,20 @@ impl Record {
             let at = (event.frame as usize).saturating_sub(1).min(motion.frames() - 1);
             match &event.kind {
                 EventKind::Started { variant, .. } => outcome.variant.clone_from(variant),
-                EventKind::Reached { set, keyframe, before, .. } => {
+                EventKind::Reached {
+                    set,
+                    keyframe,
+                    before,
+                    ..
+                } => {
                     let Some(set) = definition.set(set) else { continue };
                     if outcome.pose.is_empty() {
                         let joints = motion.joints;
                         let root = motion.positions[at * joints];
-                        outcome.pose = motion.positions[at * joints..][..joints].iter().map(|p| *p - root).collect();
+                        outcome.pose = motion.positions[at * joints..][..joints]
+                            .iter()
+                            .map(|p| *p - root)
+                            .collect();
                     }
                     if !set.is_hard() {
                         continue;
@@ -147,7 +160,8 @@ impl Record {
         let told = (told as usize).min(motion.frames() - 2);
         let range = told..end.max(told + 2).min(motion.frames() - 1);
         outcome.seconds = (end.saturating_sub(told)) as f32 / fps;
-        let skate = |range| foot_skate_m_per_frame(&pack.skeleton, &motion, range).map_or(f64::NAN, |m| 1000.0 * m);
+        let skate =
+            |range| foot_skate_m_per_frame(&pack.skeleton, &motion, range).map_or(f64::NAN, |m| 1000.0 * m);
         outcome.skate_mm = skate(range.clone());
         outcome.skate_before_mm = skate(1..told.max(2));
         outcome.acceleration = joint_accelerations_mps2(&motion, range, fps)
@@ -234,11 +248,21 @@ fn pose_error(pack: &Pack, local: &[Quat], world: &[Quat], heading: f32) -> f32 
     let joints = pack.skeleton.joint_count();
     let place = |rotations: &[Quat]| {
         let (mut positions, mut turns) = (vec![Vec3::ZERO; joints], vec![Quat::IDENTITY; joints]);
-        troupe_motion::fk::world_transforms(&pack.skeleton, Vec3::ZERO, rotations, &mut positions, &mut turns);
+        troupe_motion::fk::world_transforms(
+            &pack.skeleton,
+            Vec3::ZERO,
+            rotations,
+            &mut positions,
+            &mut turns,
+        );
         positions
     };
     let mut meant = local.to_vec();
     meant[0] = troupe_motion::rotation::yaw(heading) * meant[0];
     let (meant, shown) = (place(&meant), place(world));
-    meant.iter().zip(&shown).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max)
+    meant
+        .iter()
+        .zip(&shown)
+        .map(|(a, b)| a.distance(*b))
+        .fold(0.0, f32::max)
 }

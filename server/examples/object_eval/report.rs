@@ -60,7 +60,11 @@ impl Report {
     pub fn add(&mut self, name: &str, varied: &[Outcome], around: &[Outcome]) {
         let done: Vec<&Outcome> = varied.iter().filter(|outcome| outcome.done).collect();
         let high = |value: fn(&Outcome) -> f32| {
-            percentile(done.iter().map(|outcome| f64::from(value(outcome))).collect(), 0.95).unwrap_or(f64::NAN)
+            percentile(
+                done.iter().map(|outcome| f64::from(value(outcome))).collect(),
+                0.95,
+            )
+            .unwrap_or(f64::NAN)
         };
         let mean = |value: fn(&Outcome) -> f64| {
             done.iter().map(|outcome| value(outcome)).sum::<f64>() / done.len().max(1) as f64
@@ -71,10 +75,15 @@ impl Report {
         }
         let mut failures = BTreeMap::new();
         for outcome in varied.iter().filter(|outcome| !outcome.done) {
-            *failures.entry(outcome.why.clone().unwrap_or_else(|| "not ended".to_owned())).or_insert(0) += 1;
+            *failures
+                .entry(outcome.why.clone().unwrap_or_else(|| "not ended".to_owned()))
+                .or_insert(0) += 1;
         }
         let directions = (0..DIRECTIONS).filter_map(|direction| {
-            let of: Vec<_> = around.iter().filter(|outcome| outcome.direction == Some(direction)).collect();
+            let of: Vec<_> = around
+                .iter()
+                .filter(|outcome| outcome.direction == Some(direction))
+                .collect();
             (!of.is_empty()).then(|| percent(of.iter().filter(|outcome| outcome.met).count(), of.len()))
         });
         self.objects.push(Object {
@@ -122,7 +131,11 @@ fn variety_cm(done: &[&Outcome]) -> f64 {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "pack {} {}, engine {}, seed {}\n", self.pack, self.version, self.engine, self.seed)?;
+        writeln!(
+            f,
+            "pack {} {}, engine {}, seed {}\n",
+            self.pack, self.version, self.engine, self.seed
+        )?;
         writeln!(
             f,
             "| object | approaches | went through | keyframes met | joints, root (cm), heading (°), 95 % below | before pinning (cm) \
@@ -130,13 +143,29 @@ impl fmt::Display for Report {
         )?;
         writeln!(f, "|---|---:|---:|---:|---|---|---:|---|---:|---|---:|")?;
         for o in &self.objects {
-            let variants: Vec<String> = o.variants.iter().map(|(name, count)| format!("{name} {count}")).collect();
+            let variants: Vec<String> = o
+                .variants
+                .iter()
+                .map(|(name, count)| format!("{name} {count}"))
+                .collect();
             writeln!(
                 f,
                 "| {} | {} | {:.1} % | {:.1} % | {:.2}, {:.2}, {:.1} | {:.1}, {:.1} | {:.1} | {:.1}, {:.1} | {:.0} | {} | {:.1} |",
-                o.name, o.approaches, o.done_percent, o.met_percent, o.joint_cm, o.root_cm, o.heading_deg,
-                o.before_joint_cm, o.before_root_cm, o.seconds, o.skate_before_mm, o.skate_mm, o.acceleration_mps2,
-                variants.join(", "), o.variety_cm,
+                o.name,
+                o.approaches,
+                o.done_percent,
+                o.met_percent,
+                o.joint_cm,
+                o.root_cm,
+                o.heading_deg,
+                o.before_joint_cm,
+                o.before_root_cm,
+                o.seconds,
+                o.skate_before_mm,
+                o.skate_mm,
+                o.acceleration_mps2,
+                variants.join(", "),
+                o.variety_cm,
             )?;
         }
         for o in self.objects.iter().filter(|o| !o.failures.is_empty()) {
@@ -144,7 +173,11 @@ impl fmt::Display for Report {
         }
         writeln!(f, "\nKeyframes met by direction of approach, %:\n")?;
         for o in self.objects.iter().filter(|o| !o.directions.is_empty()) {
-            let each: Vec<String> = o.directions.iter().map(|percent| format!("{percent:.0}")).collect();
+            let each: Vec<String> = o
+                .directions
+                .iter()
+                .map(|percent| format!("{percent:.0}"))
+                .collect();
             writeln!(f, "- {}: {}", o.name, each.join(" "))?;
         }
         Ok(())

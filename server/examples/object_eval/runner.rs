@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use troupe_motion::Quat;
+use troupe_motion::Vec3;
 use troupe_server::engine::Pipeline;
 use troupe_server::object::{Definition, Definitions};
 use troupe_server::pack::Pack;
@@ -13,7 +14,6 @@ use troupe_server::session::{
     Activity, Advance, Character, CharacterEvent, CharacterOptions, Clock, EventKind, FrameOut, Intent,
     PlanFailed, PlanRequest, SUB_FRAMES, Start, World, finish_live,
 };
-use troupe_motion::Vec3;
 
 use super::measure::{Outcome, Record};
 use super::trials::Spec;
@@ -69,7 +69,10 @@ impl Runner {
                 run.note(frame);
             }
         }
-        Ok(runs.into_iter().map(|run| run.record.outcome(&self.pack, definition, run.spec)).collect())
+        Ok(runs
+            .into_iter()
+            .map(|run| run.record.outcome(&self.pack, definition, run.spec))
+            .collect())
     }
 
     fn begin<'a>(
@@ -84,7 +87,7 @@ impl Runner {
         let world = World {
             scene: Arc::new(SceneCell::new(scene)),
             definitions: definitions.clone(),
-            holder: Holder::new("trial", ""),
+            holder: Holder::new("trial"),
         };
         let options = CharacterOptions {
             seed: spec.seed,
@@ -130,7 +133,10 @@ impl Runner {
             if asked.is_empty() && behind.is_empty() {
                 return Ok(());
             }
-            anyhow::ensure!(!asked.is_empty(), "a character waits for a plan that it did not ask for");
+            anyhow::ensure!(
+                !asked.is_empty(),
+                "a character waits for a plan that it did not ask for"
+            );
             self.plan(asked, runs)?;
             behind.retain(|&index| runs[index].character.advance(0, Clock::Waits) == Advance::NeedsPlan);
         }

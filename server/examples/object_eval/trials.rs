@@ -48,10 +48,18 @@ pub struct Spec {
 /// The styles that walk, or those of these names.
 pub fn walking(table: &StyleTable, names: &[String]) -> anyhow::Result<Vec<Arc<Style>>> {
     let styles = match names.is_empty() {
-        true => table.list().into_iter().filter(|style| !style.is_static).collect(),
+        true => table
+            .list()
+            .into_iter()
+            .filter(|style| !style.is_static)
+            .collect(),
         false => names
             .iter()
-            .map(|name| table.get(name).with_context(|| format!("there is no style {name:?}")))
+            .map(|name| {
+                table
+                    .get(name)
+                    .with_context(|| format!("there is no style {name:?}"))
+            })
             .collect::<anyhow::Result<Vec<_>>>()?,
     };
     ensure!(!styles.is_empty(), "the pack has no style that walks");
@@ -92,7 +100,11 @@ fn generator(seed: u64, index: u64) -> ChaCha8Rng {
 fn spec(plan: &Plan, rng: &mut ChaCha8Rng, bearing: f32, object_height_m: f32) -> Spec {
     let distance = rng.random_range(START_M.0..START_M.1);
     let style = plan.styles[rng.random_range(0..plan.styles.len())].clone();
-    let fastest = style.gaits.iter().map(|gait| gait.forward).fold(style.default_speed, f32::max);
+    let fastest = style
+        .gaits
+        .iter()
+        .map(|gait| gait.forward_mps)
+        .fold(style.default_speed_mps, f32::max);
     // One in five stands, the others go anywhere.
     let speed = match rng.random_range(0..5) {
         0 => 0.0,
