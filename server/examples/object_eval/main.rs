@@ -65,6 +65,9 @@ struct Args {
     json: bool,
 }
 
+/// Trials that are made once more.
+const AGAIN: usize = 20;
+
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
     ensure!(
@@ -96,9 +99,12 @@ fn main() -> anyhow::Result<()> {
             }
             Ok(outcomes)
         };
-        let varied = run(&approaches(&plan, args.approaches, height_m))?;
+        let specs = approaches(&plan, args.approaches, height_m);
+        let varied = run(&specs)?;
+        // Among fewer others, so in other batches.
+        let again = run(&specs[..specs.len().min(AGAIN)])?;
         let around = run(&directions(&plan, args.per_direction, height_m))?;
-        report.add(&definition.name, &varied, &around);
+        report.add(&definition.name, &varied, &again, &around);
     }
     match args.json {
         true => println!("{}", serde_json::to_string_pretty(&report)?),

@@ -1,15 +1,19 @@
 //! What a trial shows, measured on its frames: the character's own word about errors is only reported beside.
 
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+
 use troupe_motion::clip::Clip;
-use troupe_motion::fk::WorldMotion;
+use troupe_motion::fk::{WorldMotion, world_transforms};
 use troupe_motion::metrics::{foot_skate_m_per_frame, joint_accelerations_mps2, percentile};
 use troupe_motion::root::{heading_of, wrap_angle};
-use troupe_motion::{Quat, Vec3};
+use troupe_motion::rotation::yaw;
+use troupe_motion::{Quat, Skeleton, Vec3};
 use troupe_server::object::{Definition, Keyframe, Origin};
 use troupe_server::pack::Pack;
 use troupe_server::scene::Transform;
 use troupe_server::session::{CharacterEvent, EventKind, KeyframeError};
 
+use super::runner::GROUND_M;
 use super::trials::Spec;
 
 /// A keyframe counts as met within this of its joints and root, metres.
@@ -55,9 +59,15 @@ pub struct Outcome {
     pub variant: String,
     /// Which of the twelve directions, of those trials.
     pub direction: Option<usize>,
-    /// The hard keyframes' poses are compared over trials for variety: joints of the frame where the first was reached,
-    /// as seen from the root.
-    pub pose: Vec<Vec3>,
+    /// Soft sets: how many there were, how many were left early, and by how many frames the earliest.
+    pub soft: usize,
+    pub soft_early: usize,
+    pub earliest_frames: u32,
+    /// Joints at every keyframe that was reached, one keyframe after the other, as seen from the root and turned by the
+    /// heading: trials are compared by them for variety.
+    pub poses: Vec<Vec3>,
+    /// A number that differs where any frame or event does.
+    pub digest: u64,
 }
 
 impl Record {
@@ -123,22 +133,28 @@ impl Record {
                     set,
                     keyframe,
                     before,
+                    early_frames,
                     ..
                 } => {
                     let Some(set) = definition.set(set) else { continue };
-                    if outcome.pose.is_empty() {
-                        let joints = motion.joints;
-                        let root = motion.positions[at * joints];
-                        outcome.pose = motion.positions[at * joints..][..joints]
-                            .iter()
-                            .map(|p| *p - root)
-                            .collect();
-                    }
+                    let frame = Frame {
+                        skeleton: &pack.skeleton,
+                        positions: &motion.positions[at * motion.joints..][..motion.joints],
+                        heading: heading_of(clip.rotations_at(at)[0], pack.skeleton.left_axis),
+                    };
+                    let root = frame.positions[0];
+                    let unturned = yaw(-frame.heading);
+                    (outcome.poses).extend(frame.positions.iter().map(|p| unturned * (*p - root)));
                     if !set.is_hard() {
+                        outcome.soft += 1;
+                        outcome.soft_early += usize::from(*early_frames > 0);
+                        outcome.earliest_frames = outcome.earliest_frames.max(*early_frames);
+                        met &= *early_frames <= set.drop_frames;
                         continue;
                     }
+                    met &= *early_frames == 0;
                     let key = &set.keyframes[*keyframe as usize];
-                    let error = self.error(pack, definition, set.origin, key, &clip, &motion, at);
+                    let error = self.error(definition, set.origin, key, &frame);
                     outcome.before_joint_m = outcome.before_joint_m.max(before.joint_m);
                     outcome.before_root_m = outcome.before_root_m.max(before.root_m);
                     outcome.joint_m = outcome.joint_m.max(error.joint_m);
@@ -157,6 +173,7 @@ impl Record {
             }
         }
         outcome.met = outcome.done && met;
+        outcome.digest = self.digest();
         let told = (told as usize).min(motion.frames() - 2);
         let range = told..end.max(told + 2).min(motion.frames() - 1);
         outcome.seconds = (end.saturating_sub(told)) as f32 / fps;
@@ -171,98 +188,107 @@ impl Record {
         outcome
     }
 
-    /// How far the frame `at` is from a keyframe, whatever side it was approached from where the keyframe leaves that open.
-    #[expect(clippy::too_many_arguments, reason = "all of it is what is compared")]
+    fn digest(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        let numbers = |p: &Vec3| p.to_array().map(f32::to_bits);
+        self.roots
+            .iter()
+            .map(numbers)
+            .for_each(|bits| bits.hash(&mut hasher));
+        let turns = self.rotations.iter().map(|q| q.to_array().map(f32::to_bits));
+        turns.for_each(|bits| bits.hash(&mut hasher));
+        for event in &self.events {
+            format!("{event:?}").hash(&mut hasher);
+        }
+        hasher.finish()
+    }
+
+    /// How far a frame is from a keyframe, from whatever side it was approached where the keyframe leaves that open. Joints are
+    /// compared in the world: where a keyframe says where the root is, an error of the root is one of every joint too.
     fn error(
         &self,
-        pack: &Pack,
         definition: &Definition,
         origin: Origin,
         key: &Keyframe,
-        clip: &Clip,
-        motion: &WorldMotion,
-        at: usize,
+        frame: &Frame<'_>,
     ) -> KeyframeError {
-        let joints = motion.joints;
-        let positions = &motion.positions[at * joints..][..joints];
-        let heading = heading_of(clip.rotations_at(at)[0], pack.skeleton.left_axis);
         let mut error = KeyframeError::default();
         if origin == Origin::Character {
             // Its origin is where the set began; its pose is compared below, its place is not known here.
             if let Some(rotations) = &key.rotations {
-                error.joint_m = pose_error(pack, rotations, clip.rotations_at(at), heading);
+                error.joint_m = frame.pose_error(frame.positions[0], frame.heading, rotations);
             }
             return error;
         }
         // A keyframe with ω may be turned to any side: the one that the character is on.
+        let root = frame.positions[0];
         let pivot = definition.pivot(self.place);
         let side = match (key.pivot, key.place_m) {
             (true, Some([x, z])) => {
                 let local = Vec3::new(x, 0.0, z) - definition.pivot_m.with_y(0.0);
-                let there = (positions[0] - pivot).with_y(0.0);
+                let there = (root - pivot).with_y(0.0);
                 wrap_angle(bearing(there) - bearing(local) - self.place.heading())
             }
             (true, None) => {
                 let facing = key.heading.unwrap_or(0.0);
-                wrap_angle(heading - facing - self.place.heading())
+                wrap_angle(frame.heading - facing - self.place.heading())
             }
             (false, _) => 0.0,
         };
-        let ground_y = 0.0;
-        let world = definition.anchor(self.place, side, ground_y).keyframe(key);
+        let world = definition.anchor(self.place, side, GROUND_M).keyframe(key);
+        let mut wanted = root;
         if let Some([x, z]) = world.place {
-            let off = Vec3::new(positions[0].x - x, 0.0, positions[0].z - z);
-            error.root_m = off.length();
+            (wanted.x, wanted.z) = (x, z);
         }
         if let Some(height) = world.height {
-            error.root_m = error.root_m.hypot(positions[0].y - height);
+            wanted.y = height;
         }
-        if let Some(wanted) = world.heading {
+        error.root_m = wanted.distance(root);
+        if let Some(heading) = world.heading {
             error.heading = match (key.pivot, key.place_m) {
                 // The side was taken from the heading: what is left is how well it faces the pivot.
                 (true, None) => {
-                    let to_pivot = bearing(pivot - positions[0]);
+                    let to_pivot = bearing(pivot - root);
                     let meant = wrap_angle(to_pivot + key.heading.unwrap_or(0.0) - std::f32::consts::PI);
-                    wrap_angle(heading - meant).abs()
+                    wrap_angle(frame.heading - meant).abs()
                 }
-                _ => wrap_angle(heading - wanted).abs(),
+                _ => wrap_angle(frame.heading - heading).abs(),
             };
         }
         if let Some(rotations) = &key.rotations {
-            error.joint_m = pose_error(pack, rotations, clip.rotations_at(at), heading);
+            let heading = world.heading.unwrap_or(frame.heading);
+            error.joint_m = frame.pose_error(wanted, heading, rotations);
         }
         for point in &world.points {
-            error.joint_m = error.joint_m.max(positions[point.joint].distance(point.position));
+            error.joint_m = error
+                .joint_m
+                .max(frame.positions[point.joint].distance(point.position));
         }
         error
+    }
+}
+
+/// One frame in the world.
+struct Frame<'a> {
+    skeleton: &'a Skeleton,
+    positions: &'a [Vec3],
+    heading: f32,
+}
+
+impl Frame<'_> {
+    /// The farthest joint from a pose with its heading taken out, put to a root and turned to a heading.
+    fn pose_error(&self, root: Vec3, heading: f32, pose: &[Quat]) -> f32 {
+        let mut pose = pose.to_vec();
+        pose[0] = yaw(heading) * pose[0];
+        let mut meant = vec![Vec3::ZERO; self.positions.len()];
+        let mut turns = vec![Quat::IDENTITY; self.positions.len()];
+        world_transforms(self.skeleton, root, &pose, &mut meant, &mut turns);
+        let far = meant.iter().zip(self.positions).map(|(a, b)| a.distance(*b));
+        far.fold(0.0, f32::max)
     }
 }
 
 /// Angle about +Y of a direction over the ground.
 fn bearing(direction: Vec3) -> f32 {
     direction.x.atan2(direction.z)
-}
-
-/// The farthest joint between a pose with its heading taken out and one in the world, both at one root.
-fn pose_error(pack: &Pack, local: &[Quat], world: &[Quat], heading: f32) -> f32 {
-    let joints = pack.skeleton.joint_count();
-    let place = |rotations: &[Quat]| {
-        let (mut positions, mut turns) = (vec![Vec3::ZERO; joints], vec![Quat::IDENTITY; joints]);
-        troupe_motion::fk::world_transforms(
-            &pack.skeleton,
-            Vec3::ZERO,
-            rotations,
-            &mut positions,
-            &mut turns,
-        );
-        positions
-    };
-    let mut meant = local.to_vec();
-    meant[0] = troupe_motion::rotation::yaw(heading) * meant[0];
-    let (meant, shown) = (place(&meant), place(world));
-    meant
-        .iter()
-        .zip(&shown)
-        .map(|(a, b)| a.distance(*b))
-        .fold(0.0, f32::max)
 }

@@ -38,8 +38,14 @@ struct Object {
     skate_before_mm: f64,
     acceleration_mps2: f64,
     variants: BTreeMap<String, usize>,
-    /// Mean distance of a joint between two trials of different variants, at the first keyframe, centimetres.
+    /// Mean distance of a joint between trials of different variants, over their keyframes, centimetres.
     variety_cm: f64,
+    /// Soft sets that were left early, percent, and by how many frames the earliest.
+    soft_early_percent: f64,
+    earliest_frames: u32,
+    /// Trials that were made twice, and of them those that were the same to the last bit.
+    twice: usize,
+    twice_alike: usize,
     /// Why trials did not go through.
     failures: BTreeMap<String, usize>,
     /// Percent met, by direction.
@@ -57,7 +63,8 @@ impl Report {
         }
     }
 
-    pub fn add(&mut self, name: &str, varied: &[Outcome], around: &[Outcome]) {
+    /// Adds an object: varied approaches, the first of them once more, and approaches from all directions.
+    pub fn add(&mut self, name: &str, varied: &[Outcome], again: &[Outcome], around: &[Outcome]) {
         let done: Vec<&Outcome> = varied.iter().filter(|outcome| outcome.done).collect();
         let high = |value: fn(&Outcome) -> f32| {
             percentile(
@@ -102,6 +109,21 @@ impl Report {
             acceleration_mps2: mean(|outcome| outcome.acceleration),
             variants,
             variety_cm: variety_cm(&done),
+            soft_early_percent: percent(
+                done.iter().map(|outcome| outcome.soft_early).sum(),
+                done.iter().map(|outcome| outcome.soft).sum(),
+            ),
+            earliest_frames: done
+                .iter()
+                .map(|outcome| outcome.earliest_frames)
+                .max()
+                .unwrap_or(0),
+            twice: again.len(),
+            twice_alike: varied
+                .iter()
+                .zip(again)
+                .filter(|(a, b)| a.digest == b.digest)
+                .count(),
             failures,
             directions: directions.collect(),
         });
@@ -116,11 +138,12 @@ fn percent(part: usize, whole: usize) -> f64 {
 fn variety_cm(done: &[&Outcome]) -> f64 {
     let pairs = done.windows(2).filter(|pair| pair[0].variant != pair[1].variant);
     let distances: Vec<f64> = pairs
-        .filter(|pair| !pair[0].pose.is_empty() && pair[0].pose.len() == pair[1].pose.len())
         .map(|pair| {
-            let joints = pair[0].pose.iter().zip(&pair[1].pose);
-            let sum: f64 = joints.map(|(a, b)| f64::from(a.distance(*b))).sum();
-            sum / pair[0].pose.len() as f64
+            let joints = pair[0].poses.iter().zip(&pair[1].poses);
+            let (count, sum) = joints.fold((0, 0.0), |(count, sum), (a, b)| {
+                (count + 1, sum + f64::from(a.distance(*b)))
+            });
+            sum / f64::from(count.max(1))
         })
         .collect();
     match distances.is_empty() {
@@ -138,19 +161,13 @@ impl fmt::Display for Report {
         )?;
         writeln!(
             f,
-            "| object | approaches | went through | keyframes met | joints, root (cm), heading (°), 95 % below | before pinning (cm) \
-             | seconds | skate: before, during (mm/frame) | acceleration 99.5 % (m/s²) | variants | variety (cm) |"
+            "| object | approaches | went through | keyframes met | joints, root (cm), heading (°): 95 % below | before they were drawn to it (cm) | soft sets left early, frames at most |"
         )?;
-        writeln!(f, "|---|---:|---:|---:|---|---|---:|---|---:|---|---:|")?;
+        writeln!(f, "|---|---:|---:|---:|---|---|---|")?;
         for o in &self.objects {
-            let variants: Vec<String> = o
-                .variants
-                .iter()
-                .map(|(name, count)| format!("{name} {count}"))
-                .collect();
             writeln!(
                 f,
-                "| {} | {} | {:.1} % | {:.1} % | {:.2}, {:.2}, {:.1} | {:.1}, {:.1} | {:.1} | {:.1}, {:.1} | {:.0} | {} | {:.1} |",
+                "| {} | {} | {:.1} % | {:.1} % | {:.2}, {:.2}, {:.1} | {:.1}, {:.1} | {:.0} %, {} |",
                 o.name,
                 o.approaches,
                 o.done_percent,
@@ -160,12 +177,33 @@ impl fmt::Display for Report {
                 o.heading_deg,
                 o.before_joint_cm,
                 o.before_root_cm,
+                o.soft_early_percent,
+                o.earliest_frames,
+            )?;
+        }
+        writeln!(
+            f,
+            "\n| object | seconds | skate before, during (mm/frame) | acceleration, 99.5 % below (m/s²) | variants | variety (cm) | the same twice |"
+        )?;
+        writeln!(f, "|---|---:|---|---:|---|---:|---|")?;
+        for o in &self.objects {
+            let variants: Vec<String> = o
+                .variants
+                .iter()
+                .map(|(name, count)| format!("{name} {count}"))
+                .collect();
+            writeln!(
+                f,
+                "| {} | {:.1} | {:.1}, {:.1} | {:.0} | {} | {:.1} | {} of {} |",
+                o.name,
                 o.seconds,
                 o.skate_before_mm,
                 o.skate_mm,
                 o.acceleration_mps2,
                 variants.join(", "),
                 o.variety_cm,
+                o.twice_alike,
+                o.twice,
             )?;
         }
         for o in self.objects.iter().filter(|o| !o.failures.is_empty()) {

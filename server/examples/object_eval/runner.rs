@@ -9,7 +9,7 @@ use troupe_server::engine::Pipeline;
 use troupe_server::object::{Definition, Definitions};
 use troupe_server::pack::Pack;
 use troupe_server::primitives::LocomotionCommand;
-use troupe_server::scene::{Holder, Scene, SceneCell, Transform};
+use troupe_server::scene::{Collider, ColliderShape, Holder, Scene, SceneCell, Shape, Transform};
 use troupe_server::session::{
     Activity, Advance, Character, CharacterEvent, CharacterOptions, Clock, EventKind, FrameOut, Intent,
     PlanFailed, PlanRequest, SUB_FRAMES, Start, World, finish_live,
@@ -25,6 +25,10 @@ const HOLD_FRAMES: u64 = 30;
 /// Frames that are kept after the end: the way back to walking counts too.
 const AFTER_FRAMES: u64 = 30;
 const INSTANCE: &str = "it";
+/// Height of the ground.
+pub const GROUND_M: f32 = 0.0;
+/// Half the width of what objects stand on that do not stand on the ground, metres.
+const STAND_M: f32 = 0.15;
 
 /// Runs trials with one pack.
 pub struct Runner {
@@ -81,7 +85,10 @@ impl Runner {
         definition: &Definition,
         definitions: &Arc<Definitions>,
     ) -> anyhow::Result<Run<'a>> {
-        let mut scene = Scene::new(0.0)?;
+        let mut scene = Scene::new(GROUND_M)?;
+        if spec.object_height_m > GROUND_M {
+            scene.set_colliders(&[stand(spec.object_height_m)])?;
+        }
         let place = Transform::upright(Vec3::Y * spec.object_height_m, spec.object_heading);
         scene.add(INSTANCE, &definition.name, definition.body.clone(), place)?;
         let world = World {
@@ -154,6 +161,19 @@ impl Runner {
             }
         }
         Ok(())
+    }
+}
+
+/// What an object stands on at a height.
+fn stand(height_m: f32) -> Collider {
+    let half = 0.5 * (height_m - GROUND_M);
+    Collider {
+        id: "stand".to_owned(),
+        shape: ColliderShape::Solid(Shape::Box {
+            center_m: Vec3::Y * (GROUND_M + half),
+            half_extents_m: Vec3::new(STAND_M, half, STAND_M),
+        }),
+        transform: Transform::IDENTITY,
     }
 }
 

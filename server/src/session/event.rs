@@ -87,6 +87,8 @@ pub enum EventKind {
         before: KeyframeError,
         /// How far off it is in the frames that were sent.
         after: KeyframeError,
+        /// How many frames before the keyframe's own frame what follows began: 0 for a hard keyframe, up to τ for a soft one.
+        early_frames: u32,
     },
     /// The object went to a socket.
     Attached {

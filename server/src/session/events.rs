@@ -122,12 +122,14 @@ fn kind(kind: EventKind, convention: Convention) -> Kind {
             keyframe,
             before,
             after,
+            early_frames,
         } => Kind::Reached(v1::KeyframeReached {
             instance: instance.to_string(),
             set,
             keyframe,
             before: Some(keyframe_error(before)),
             after: Some(keyframe_error(after)),
+            early_frames,
         }),
         EventKind::Attached { instance, socket } => Kind::Attached(v1::ObjectAttached {
             instance: instance.to_string(),

@@ -94,9 +94,11 @@ fn places_and_heights_are_in_the_sessions_convention_and_errors_in_metres() {
         keyframe: 1,
         before: far,
         after: KeyframeError::default(),
+        early_frames: 3,
     }) else {
         panic!("another kind");
     };
+    assert_eq!(reached.early_frames, 3);
     let before = reached.before.unwrap();
     assert_eq!(
         (before.root_m, before.heading_deg, before.joint_m),

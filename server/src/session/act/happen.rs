@@ -66,9 +66,9 @@ impl Act {
         let last = made.keys.len().saturating_sub(1);
         let name = using.set_name(set);
         let instance = Arc::clone(&using.instance);
-        let early = at < made.stretch.key;
+        let early = (made.stretch.key - at).max(0);
         let told: Vec<_> = (made.keys.iter().enumerate())
-            .skip(if early { last } else { 0 })
+            .skip(if early > 0 { last } else { 0 })
             .map(|(nth, key)| {
                 let frame = at - (last - nth) as i64;
                 let mut shown = body.shown(frame);
@@ -81,6 +81,7 @@ impl Act {
                     keyframe: nth as u32,
                     before,
                     after,
+                    early_frames: early as u32,
                 };
                 (frame, kind)
             })
