@@ -156,7 +156,13 @@ impl Runner {
             for ((index, request), answer) in some.iter().zip(answers) {
                 let plan = answer
                     .map_err(|_| PlanFailed)
-                    .and_then(|raw| finish_live(&raw, &request.shape, &self.pack).map_err(|_| PlanFailed));
+                    .and_then(|raw| finish_live(&raw, &request.shape, &self.pack).map_err(|_| PlanFailed))
+                    .map(|mut plan| {
+                        if let Some(meets) = &request.meets {
+                            meets.meet(&mut plan, &self.pack.skeleton);
+                        }
+                        plan
+                    });
                 runs[*index].character.plan_arrived(request.number, plan);
             }
         }
