@@ -11,9 +11,9 @@ use troupe_motion::{GlobalRoot, Vec3};
 
 use super::Frame;
 use super::recipe::{
-    APPROACH_FRAMES, HAND_OVER_M, HAND_OVER_S, IN_PLACE_M, NEAR_M, NEAR_MPS, PACE_MPS, PASSED, SHARP_TURN,
-    STAND_NEAR_M, STANDS_MPS, STEER_FRAMES, STEER_TURN, STOP_FRAMES, STOP_M, STOP_S, STOPPED_MPS,
-    STOPPED_TURN,
+    APPROACH_FRAMES, HAND_OVER_M, HAND_OVER_MPS, HAND_OVER_S, HAND_OVER_TURN, IN_PLACE_M, NEAR_FRAMES,
+    NEAR_M, NEAR_MPS, PACE_MPS, PASSED, SHARP_TURN, STAND_NEAR_M, STANDS_MPS, STEER_FRAMES, STEER_TURN,
+    STOP_FRAMES, STOP_M, STOP_S, STOPPED_MPS, STOPPED_TURN,
 };
 use crate::primitives::LocomotionCommand;
 use crate::style::Style;
@@ -69,6 +69,8 @@ pub struct Approach {
     style: Arc<Style>,
     began: Frame,
     state: State,
+    /// Since when it has been near.
+    near_since: Option<Frame>,
     /// The command that it goes by, and the frame of the last look at the way.
     commanded: Option<(LocomotionCommand, Frame)>,
 }
@@ -94,6 +96,7 @@ impl Approach {
             style,
             began,
             state: State::New,
+            near_since: None,
             commanded: None,
         }
     }
@@ -144,8 +147,11 @@ impl Approach {
                     if stops && way <= (STOP_S * speed).max(STOP_M) {
                         return self.stop(here.frame);
                     }
-                    if !stops && way <= (HAND_OVER_S * speed).max(HAND_OVER_M) {
+                    if !stops && way <= (HAND_OVER_S * speed).max(HAND_OVER_M) && comes(here.velocity, left) {
                         return Going::HandOver;
+                    }
+                    if self.near_for(here.frame, way) > NEAR_FRAMES {
+                        self.state = State::Going { stops: true };
                     }
                 }
                 self.steer(here, speed)
@@ -160,6 +166,17 @@ impl Approach {
                     true => Going::HandOver,
                     false => Going::On,
                 }
+            }
+        }
+    }
+
+    /// For how many frames it has been near.
+    fn near_for(&mut self, frame: Frame, way: f32) -> Frame {
+        match way <= NEAR_M {
+            true => frame - *self.near_since.get_or_insert(frame),
+            false => {
+                self.near_since = None;
+                0
             }
         }
     }
@@ -230,6 +247,14 @@ impl Approach {
             stand_at: there.map(|key| key.position),
         }
     }
+}
+
+/// Whether a character that moves by `velocity` is on its way to what is `left`, and slow enough to meet it there.
+fn comes(velocity: Vec3, left: Vec3) -> bool {
+    let velocity = flat(velocity);
+    let speed = velocity.length();
+    let there = speed < STANDS_MPS || left.length() < IN_PLACE_M;
+    there || (speed <= HAND_OVER_MPS && velocity.angle_between(left) <= HAND_OVER_TURN)
 }
 
 fn flat(v: Vec3) -> Vec3 {

@@ -15,6 +15,10 @@ use crate::pack::{Dims, Pack};
 use crate::primitives::{CONTEXT_FRAMES, PlanTargets, TargetKey};
 use crate::style::StyleKey;
 
+/// How near hips come to the place that a keyframe says, metres, in at most so many rounds.
+const PLACED_M: f32 = 0.002;
+const PLACE_ROUNDS: usize = 6;
+
 /// What a character is made of, as far as keyframes need it.
 #[derive(Debug, Clone, Copy)]
 pub struct BodyParts<'a> {
@@ -145,16 +149,31 @@ fn key(
             points,
         });
     }
-    let base = Posed {
-        root: root_m,
-        rotations: &rotations,
-    };
     let options = ReachOptions {
         // A height that is given is kept; else the hips go where the hand needs them.
         root: height.map(|_| root_m),
         ..ReachOptions::default()
     };
-    let reached = reach_pose(body.skeleton, body.legs, base, &points, &options);
+    let reach = |root: Vec3| {
+        let base = Posed {
+            root,
+            rotations: &rotations,
+        };
+        reach_pose(body.skeleton, body.legs, base, &points, &options)
+    };
+    let mut reached = reach(root_m);
+    if given.place.is_some() {
+        // Who bows moves the hips back: the feet stand so far ahead that the hips come to the place that is given.
+        let mut base = root_m;
+        for _ in 0..PLACE_ROUNDS {
+            let off = (root_m - reached.root).with_y(0.0);
+            if off.length() < PLACED_M || !off.is_finite() {
+                break;
+            }
+            base += off;
+            reached = reach(base);
+        }
+    }
     for (&(joint, _), &short_m) in points.iter().zip(&reached.errors_m) {
         if short_m.is_nan() || short_m > REACHED_M {
             return Err(Unreachable { joint, short_m });

@@ -15,6 +15,13 @@ pub const PACE_MPS: f32 = 1.2;
 pub const HAND_OVER_S: f32 = 1.4;
 /// And no nearer than this, metres.
 pub const HAND_OVER_M: f32 = 0.3;
+/// But not by a character that is faster than this, m/s, or whose way is off the keyframe's direction by more than this, radians:
+/// plans from there end up to 2 m short. It slows down and turns around first.
+pub const HAND_OVER_MPS: f32 = 1.8;
+/// See [`HAND_OVER_MPS`].
+pub const HAND_OVER_TURN: f32 = 60.0 * DEGREE;
+/// A character that has been near for so many frames, and could not hand over on the way, stops first.
+pub const NEAR_FRAMES: i64 = 150;
 /// A character within this of the keyframe, metres, that is slower than [`STANDS_MPS`] needs no approach: any heading is met
 /// where it stands, 95 % fine.
 pub const IN_PLACE_M: f32 = 0.15;
