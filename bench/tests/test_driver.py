@@ -6,7 +6,7 @@ import pytest
 
 from troupe_bench import instructions
 from troupe_bench.__main__ import parse
-from troupe_bench.report import write_report
+from troupe_bench.report import measured_apart, write_report
 from troupe_bench.settings import Settings, python_settings
 from troupe_bench.store import Store, dig
 
@@ -56,6 +56,32 @@ def test_the_page_has_ratios_and_says_what_is_missing(settings: Settings, tmp_pa
     assert "throughput at 32 clients against LitServe | 2.00 × | ≥ 3 ×" in text
     assert "p99 at 32 clients against LitServe | 0.50 × | ≤ 1 ×" in text
     assert "make bench PARTS=paper" in text
+
+
+def test_the_page_says_by_itself_what_was_measured_at_another_time(settings: Settings, tmp_path: Path):
+    measured(settings)
+    store, page = Store(settings.results, "serving"), tmp_path / "page.md"
+    began = 1_700_000_000  # 2023-11-14 22:13:20
+    for turn, run in enumerate(store.data["runs"]):
+        run["at"] = began + 19 * 60 * turn
+    store.note("remark", "Its scheduler had changed.")
+    write_report(settings, page)
+    assert "Not measured in one go" not in page.read_text()
+
+    for run in store.data["runs"]:
+        run["at"] = began + (31 * 60 + 60 * run["key"]["repeat"] if run["key"]["target"] == "troupe" else 0)
+    store.note("repeats", 3)
+    write_report(settings, page)
+    told = "raw loop, LitServe 2023-11-14 22:13 to 22:13; Troupe 2023-11-14 22:44 to 22:46 (UTC)."
+    assert page.read_text().count(told) == page.read_text().count("Its scheduler had changed.") == 2
+
+
+def test_runs_without_names_are_counted_and_days_are_told(settings: Settings):
+    store = Store(settings.results, "micro")
+    for name, at in (("a", 1_700_000_000), ("b", 1_700_005_800), ("c", 1_700_006_700)):
+        store.add({"bench": name}, {"median_ns": 1.0})
+        store.data["runs"][-1]["at"] = at
+    assert "1 run 2023-11-14 22:13 to 22:13; 2 runs 2023-11-14 23:50 to 2023-11-15 00:05" in measured_apart(store)
 
 
 def test_more_instructions_than_allowed_are_told(capsys: pytest.CaptureFixture):

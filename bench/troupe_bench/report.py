@@ -1,8 +1,11 @@
 """Writes docs/benchmarks.md from the results."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 from troupe_bench.report_tables import (
+    ENGINES,
+    NAMES,
     ceiling_table,
     idle_table,
     instruction_table,
@@ -16,6 +19,9 @@ from troupe_bench.report_tables import (
 )
 from troupe_bench.settings import Settings
 from troupe_bench.store import Store
+
+LONGEST_PAUSE_S = 20 * 60
+"""Results of one part that are further apart than this were not measured in turns: the machine may be another by then."""
 
 INTRO = """# Benchmarks
 
@@ -94,6 +100,31 @@ def machine_lines(machine: dict) -> str:
     )
 
 
+def measured_apart(store: Store) -> str:
+    """What of a part was measured when, where that was not in one go."""
+    sittings = store.sittings(LONGEST_PAUSE_S)
+    if len(sittings) < 2:
+        return ""
+    told = "; ".join(f"{_rows(runs)} {_span(runs)}" for runs in sittings)
+    return f"Not measured in one go, so the machine may have changed between: {told} (UTC)."
+
+
+def _rows(runs: list[dict]) -> str:
+    """The names of what runs measured, or how many there are where they have none."""
+    names = []
+    for key in (run["key"] for run in runs):
+        name = NAMES.get(key.get("target", "")) or key.get("preset") or ENGINES.get(key.get("engine", ""))
+        names.append(name.strip("*") if name else "")
+    return ", ".join(dict.fromkeys(names)) if all(names) else f"{len(runs)} run{'s' * (len(runs) > 1)}"
+
+
+def _span(runs: list[dict]) -> str:
+    """When the first and the last of runs had their results, of runs by time."""
+    first, last = (datetime.fromtimestamp(run["at"], UTC) for run in (runs[0], runs[-1]))
+    end = f"{last:%H:%M}" if last.date() == first.date() else f"{last:%Y-%m-%d %H:%M}"
+    return f"{first:%Y-%m-%d %H:%M} to {end}"
+
+
 def write_report(settings: Settings, out: Path) -> None:
     """Writes the page; a part that was not measured says which command measures it."""
     parts = [INTRO]
@@ -107,7 +138,7 @@ def write_report(settings: Settings, out: Path) -> None:
         lines = table(store) if store.data["runs"] else []
         parts.append(f"## {title}")
         if lines:
-            parts += [text, store.data.get("remark", ""), "\n".join(lines)]
+            parts += [text, measured_apart(store), store.data.get("remark", ""), "\n".join(lines)]
         else:
             parts.append(f"Not measured yet: `make bench PARTS={part}`.")
     out.parent.mkdir(parents=True, exist_ok=True)

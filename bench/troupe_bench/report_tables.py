@@ -1,10 +1,12 @@
 """The tables of docs/benchmarks.md, each from the results of one part."""
 
+from troupe_bench.settings import PAUSE_US
 from troupe_bench.store import Store, dig
 
 NAMES = {"raw": "raw loop", "troupe": "**Troupe**", "litserve": "LitServe", "fastapi": "FastAPI"}
 ENGINES = {"cpu": "f32 (ONNX Runtime CPU)", "openvino-bf16": "bf16 (OpenVINO)"}
 STAGES = ("root", "pose", "decoder")
+PAUSE = f"{PAUSE_US / 1000:g} ms"
 
 
 def table(heads: list[str], rows: list[list[str]], words: int = 1) -> list[str]:
@@ -50,7 +52,7 @@ def serving_table(store: Store) -> list[str]:
             key = {"engine": engine, "target": "raw", "batch": size}
             calls = [store.median(key, name) for name in ("call_ms_p50", "call_ms_p99")]
             rows.append(_row(store, key, f"batch {size}", calls, best))
-        for pause, load in ((True, "one lane, batch 1"), ("paused", "the same, 0.6 ms after the last")):
+        for pause, load in ((True, "one lane, batch 1"), ("paused", f"the same, {PAUSE} after the last")):
             alone = {"engine": engine, "target": "raw", "alone": pause}
             if store.of(alone):
                 calls = [store.median(alone, name) for name in ("call_ms_p50", "call_ms_p99")]
@@ -102,7 +104,7 @@ def summary_table(store: Store) -> list[str]:
             )
         paused = store.median({"engine": engine, "target": "raw", "alone": "paused"}, "call_ms_p50")
         if paused and one:
-            what = "p50 of one caller above raw batch 1 on a core that slept 0.6 ms"
+            what = f"p50 of one caller above raw batch 1 on a core that slept {PAUSE}"
             rows.append([ENGINES[engine], what, number(one - paused, 2, " ms"), ""])
         for target in ("litserve", "fastapi"):
             rows += _against(store, engine, target)

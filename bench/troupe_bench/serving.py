@@ -4,12 +4,11 @@ from pathlib import Path
 
 from troupe_bench import programs
 from troupe_bench.programs import Failed, say
-from troupe_bench.settings import Settings, python_settings
+from troupe_bench.settings import PAUSE_US, Settings, python_settings
 from troupe_bench.store import Store, dig
 
 TARGETS = ("raw", "troupe", "litserve", "fastapi")
 RAW_BATCHES = (1, 8, 16, 32, 64)
-PAUSE_US = 600
 LONGEST = "64"
 MIXED = "12-64"
 

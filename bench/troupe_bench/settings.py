@@ -7,6 +7,10 @@ from pathlib import Path
 from troupe_bench.machine import ROOT, cores
 from troupe_bench.programs import HOME
 
+PAUSE_US = 600
+"""How long the raw loop pauses between calls in one of its measurements: what a request's way to the client and back takes
+at least."""
+
 
 @dataclass
 class Settings:

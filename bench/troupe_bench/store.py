@@ -43,6 +43,16 @@ class Store:
                 seen.append(run["key"])
         return seen
 
+    def sittings(self, pause_s: float) -> list[list[dict]]:
+        """All runs by time, apart wherever more than ``pause_s`` seconds lie between one and the next."""
+        parts: list[list[dict]] = []
+        for run in sorted(self.data["runs"], key=lambda run: run["at"]):
+            if parts and run["at"] - parts[-1][-1]["at"] <= pause_s:
+                parts[-1].append(run)
+            else:
+                parts.append([run])
+        return parts
+
     def median(self, key: dict, *path: str) -> float | None:
         """The median over the runs of ``key`` of the number at ``path``; None where there is none."""
         values = [value for result in self.of(key) if (value := dig(result, *path)) is not None]

@@ -233,18 +233,7 @@ async fn drive(
 async fn stats(client: &Client, ids: &[String]) -> Result<SessionStats, ClientError> {
     let open = client.list_sessions().await?;
     let ours = open.iter().filter(|s| ids.contains(&s.id));
-    Ok(ours
-        .filter_map(|s| s.stats)
-        .fold(SessionStats::default(), |sum, of| SessionStats {
-            plans_for_command: sum.plans_for_command + of.plans_for_command,
-            plans_for_low_buffer: sum.plans_for_low_buffer + of.plans_for_low_buffer,
-            plans_for_interval: sum.plans_for_interval + of.plans_for_interval,
-            late_plans: sum.late_plans + of.late_plans,
-            underruns: sum.underruns + of.underruns,
-            failed_plans: sum.failed_plans + of.failed_plans,
-            events_dropped: sum.events_dropped + of.events_dropped,
-            plans_for_object: sum.plans_for_object + of.plans_for_object,
-        }))
+    Ok(ours.filter_map(|s| s.stats.as_ref()).sum())
 }
 
 /// Somebody who wanders about.

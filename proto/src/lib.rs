@@ -8,6 +8,7 @@
 
 pub mod docs;
 pub mod json;
+mod stats;
 
 /// Version 1 of the API.
 #[allow(missing_docs, unused_qualifications, clippy::all)]

@@ -1,28 +1,20 @@
 //! Configuration: flags before environment variables before the configuration file before defaults.
 
+mod check;
 mod cli;
+mod parts;
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use confique::Config as _;
 
-use crate::batch::scheduler::Limits;
-use crate::engine::machine::{Machine, available_cores};
-use crate::engine::onnx::Runtime;
-use crate::engine::{AccuracyCheck, EngineChoice, EngineError, Lanes, Selector};
-use crate::inbetween::RequestLimits;
-use crate::session::{SessionLimits, TTL_RANGE_MS};
-use crate::world::Folders;
+use crate::engine::{AccuracyCheck, EngineChoice};
 
 pub use cli::{Cli, Command, DoctorArgs};
 
 /// The file that is read where `--config` names none; it need not exist.
 pub const DEFAULT_FILE: &str = "troupe.toml";
-
-/// Shortest time for which InBetween calls stay behind live plans.
-const MIN_AGEING: Duration = Duration::from_secs(2);
 
 // The text on each field is the configuration template's, the flag's help and the documentation in one.
 /// The server's configuration.
@@ -371,179 +363,6 @@ impl Config {
     /// A configuration file with every option, its meaning and its default.
     pub fn template() -> String {
         confique::toml::template::<Self>(confique::toml::FormatOptions::default())
-    }
-
-    fn checked(self) -> Result<Self, ConfigError> {
-        let at_least_one = [
-            ("max_batch", self.max_batch),
-            ("max_characters_per_request", self.max_characters_per_request),
-            ("max_message_bytes", self.max_message_bytes),
-            ("max_connections", self.max_connections),
-            ("max_sessions", self.max_sessions),
-            ("max_sessions_per_request", self.max_sessions_per_request),
-            ("max_sessions_per_stream", self.max_sessions_per_stream),
-            ("max_streams", self.max_streams),
-            ("drive_stall_timeout_ms", self.drive_stall_timeout_ms as usize),
-            ("request_timeout_ms", self.request_timeout_ms as usize),
-            ("keepalive_ms", self.keepalive_ms as usize),
-        ];
-        for (option, value) in at_least_one {
-            if value == 0 {
-                return Err(ConfigError::Value {
-                    option,
-                    found: "0".into(),
-                    allowed: "1 or more".into(),
-                });
-            }
-        }
-        let at_most = [
-            ("max_batch", self.max_batch, 4096),
-            ("threads", self.threads, 1024),
-            ("lanes", self.lanes, 64),
-            ("max_connections", self.max_connections, 1_000_000),
-            ("max_sessions", self.max_sessions, 1_000_000),
-            ("max_sessions_per_request", self.max_sessions_per_request, 16_384),
-        ];
-        for (option, value, most) in at_most {
-            if value > most {
-                return Err(ConfigError::Value {
-                    option,
-                    found: value.to_string(),
-                    allowed: match at_least_one.iter().any(|&(name, _)| name == option) {
-                        true => format!("1 to {most}"),
-                        false => format!("0 to {most}"),
-                    },
-                });
-            }
-        }
-        let at_most = [
-            ("max_queue_ms", self.max_queue_ms, 3_600_000),
-            ("max_standing_queue_ms", self.max_standing_queue_ms, 3_600_000),
-            ("batch_delay_us", self.batch_delay_us, 1_000_000),
-            (
-                "preferred_batch",
-                self.preferred_batch as u64,
-                self.max_batch as u64,
-            ),
-            ("live_batch_ms", self.live_batch_ms, 60_000),
-        ];
-        for (option, value, most) in at_most {
-            if value > most {
-                return Err(ConfigError::Value {
-                    option,
-                    found: value.to_string(),
-                    allowed: format!("0 to {most}"),
-                });
-            }
-        }
-        let ttl_ms = self.session_ttl_ms;
-        if !TTL_RANGE_MS.contains(&ttl_ms) {
-            return Err(ConfigError::Value {
-                option: "session_ttl_ms",
-                found: ttl_ms.to_string(),
-                allowed: format!("{} to {}", TTL_RANGE_MS.start(), TTL_RANGE_MS.end()),
-            });
-        }
-        if self.max_queued_characters < self.max_characters_per_request {
-            return Err(ConfigError::Value {
-                option: "max_queued_characters",
-                found: self.max_queued_characters.to_string(),
-                allowed: format!(
-                    "max_characters_per_request ({}) or more",
-                    self.max_characters_per_request
-                ),
-            });
-        }
-        Ok(self)
-    }
-
-    /// The batcher's limits, for an engine of one lane that pads its batches.
-    pub fn batch_limits(&self) -> Limits {
-        Limits {
-            lanes: 1,
-            max_batch: self.max_batch,
-            padded: true,
-            max_queued: self.max_queued_characters,
-            max_live: self.max_sessions,
-            max_wait: Duration::from_millis(self.max_queue_ms),
-            max_standing_wait: Duration::from_millis(self.max_standing_queue_ms),
-            ageing: self.ageing(),
-            batch_delay: Duration::from_micros(self.batch_delay_us),
-            preferred_batch: self.preferred_batch,
-            live_slice: Duration::from_millis(self.live_batch_ms),
-        }
-    }
-
-    /// What InBetween calls wait for before they go in front of live plans: longer than any admitted one should have to
-    /// wait, so that a flood of calls does not take live characters' turns, and yet calls are not starved by characters.
-    fn ageing(&self) -> Duration {
-        let longest_wait_ms = match self.max_queue_ms {
-            0 => self.request_timeout_ms / 4,
-            limit => limit,
-        };
-        Duration::from_millis(longest_wait_ms * 2).max(MIN_AGEING)
-    }
-
-    /// The limits of one request.
-    pub fn request_limits(&self) -> RequestLimits {
-        RequestLimits {
-            max_characters: self.max_characters_per_request,
-        }
-    }
-
-    /// The limits of sessions and streams.
-    pub fn session_limits(&self) -> SessionLimits {
-        SessionLimits {
-            sessions: self.max_sessions,
-            per_request: self.max_sessions_per_request,
-            per_stream: self.max_sessions_per_stream,
-            streams: self.max_streams,
-            ttl_ms: self.session_ttl_ms,
-            stall_timeout: Duration::from_millis(self.drive_stall_timeout_ms),
-        }
-    }
-
-    /// The folders of scenes and object definitions.
-    pub fn world_folders(&self) -> Folders {
-        Folders {
-            scenes: self.scenes.clone(),
-            objects: self.objects.clone(),
-        }
-    }
-
-    /// The lanes of each pack, on the cores that this process may use: container limits count, the host does not.
-    pub fn lanes(&self) -> Lanes {
-        Lanes::plan(self.lanes, self.threads, available_cores())
-    }
-
-    /// What chooses the engine of each pack.
-    ///
-    /// # Errors
-    /// [`EngineError::Library`] where the library does not load.
-    pub fn selector(&self) -> Result<Selector, EngineError> {
-        Ok(Selector {
-            runtime: Runtime::new(self.onnx_runtime.as_deref())?,
-            machine: Machine::detect(),
-            choice: self.engine,
-            accuracy_check: self.accuracy_check,
-            lanes: self.lanes(),
-            spin: self.spin,
-        })
-    }
-
-    /// [`Config::request_timeout_ms`] as a duration.
-    pub fn request_timeout(&self) -> Duration {
-        Duration::from_millis(self.request_timeout_ms)
-    }
-
-    /// [`Config::drain_timeout_ms`] as a duration.
-    pub fn drain_timeout(&self) -> Duration {
-        Duration::from_millis(self.drain_timeout_ms)
-    }
-
-    /// [`Config::keepalive_ms`] as a duration.
-    pub fn keepalive(&self) -> Duration {
-        Duration::from_millis(self.keepalive_ms)
     }
 }
 

@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 use clap::{CommandFactory as _, Parser as _};
 
 use super::*;

@@ -18,6 +18,8 @@ mod sessions;
 mod splice;
 mod style;
 mod term;
+#[cfg(test)]
+mod testing;
 
 use std::io::{ErrorKind, Write as _};
 use std::process::ExitCode;

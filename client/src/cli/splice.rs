@@ -27,23 +27,15 @@ pub(super) fn splice(clip: &Clip, from: usize, to: usize, generated: &Clip) -> R
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use glam::{Quat, Vec3};
-    use troupe_motion::skeleton::{Joint, Skeleton};
 
     use super::*;
+    use crate::cli::testing::lone_hips;
 
     /// A clip of one joint whose root height counts the frames from `first` on.
     fn counting(first: usize, frames: usize) -> Clip {
-        let joint = Joint {
-            name: "Hips".to_owned(),
-            parent: None,
-            offset_m: Vec3::ZERO,
-        };
-        let skeleton = Arc::new(Skeleton::new(vec![joint], Vec3::X, 0.0, None).unwrap());
         let roots = (first..first + frames).map(|f| Vec3::Y * f as f32).collect();
-        Clip::new(skeleton, 30.0, roots, vec![Quat::IDENTITY; frames]).unwrap()
+        Clip::new(lone_hips(), 30.0, roots, vec![Quat::IDENTITY; frames]).unwrap()
     }
 
     fn heights(clip: &Clip) -> Vec<usize> {

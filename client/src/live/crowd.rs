@@ -393,7 +393,7 @@ impl Crowd {
         ids.sort_unstable();
         let open = self.client.list_sessions().await?;
         let of_crowd = open.iter().filter(|s| ids.binary_search(&s.id.as_str()).is_ok());
-        Ok(sum(of_crowd.filter_map(|s| s.stats.as_ref())))
+        Ok(of_crowd.filter_map(|s| s.stats.as_ref()).sum())
     }
 
     /// Closes all sessions.
@@ -405,19 +405,6 @@ impl Crowd {
         let ids = sessions.map(|s| s.id().to_owned());
         self.client.close_sessions(ids).await.map(|_| ())
     }
-}
-
-fn sum<'a>(stats: impl Iterator<Item = &'a v1::SessionStats>) -> v1::SessionStats {
-    stats.fold(v1::SessionStats::default(), |sum, of| v1::SessionStats {
-        plans_for_command: sum.plans_for_command + of.plans_for_command,
-        plans_for_low_buffer: sum.plans_for_low_buffer + of.plans_for_low_buffer,
-        plans_for_interval: sum.plans_for_interval + of.plans_for_interval,
-        late_plans: sum.late_plans + of.late_plans,
-        underruns: sum.underruns + of.underruns,
-        failed_plans: sum.failed_plans + of.failed_plans,
-        events_dropped: sum.events_dropped + of.events_dropped,
-        plans_for_object: sum.plans_for_object + of.plans_for_object,
-    })
 }
 
 /// What a step brought, borrowed from the crowd.

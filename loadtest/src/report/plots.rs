@@ -1,6 +1,8 @@
 //! Plots of a report as SVG, to be put into its page.
 
+use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
 
 use super::{Run, SecondRow, ServerRow};
@@ -52,6 +54,21 @@ fn svg(
     Ok(text)
 }
 
+/// Draws the axes of a plot, and faint lines at their labels.
+fn draw_mesh<X, Y, B>(mut mesh: MeshStyle<'_, '_, X, Y, B>) -> Result<(), PlotError>
+where
+    X: Ranged + ValueFormatter<X::ValueType>,
+    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    B: DrawingBackend,
+{
+    mesh.y_label_formatter(&plain)
+        .light_line_style(WHITE)
+        .bold_line_style(GREY.mix(0.25))
+        .axis_style(GREY)
+        .draw()
+        .map_err(fault)
+}
+
 fn lines(axes: &Axes<'_>, lines: &[Line]) -> Result<String, PlotError> {
     let points = || lines.iter().flat_map(|(.., points)| points.iter());
     let low = points().map(|p| p.0).fold(f64::INFINITY, f64::min);
@@ -68,18 +85,10 @@ fn lines(axes: &Axes<'_>, lines: &[Line]) -> Result<String, PlotError> {
             .y_label_area_size(64)
             .build_cartesian_2d(low..high, 0.0..top)
             .map_err(fault)?;
-        chart
-            .configure_mesh()
-            .x_desc(axes.x)
-            .y_desc(axes.y)
-            .x_labels(axes.x_labels)
-            .x_label_formatter(axes.x_label)
-            .y_label_formatter(&plain)
-            .light_line_style(WHITE)
-            .bold_line_style(GREY.mix(0.25))
-            .axis_style(GREY)
-            .draw()
-            .map_err(fault)?;
+        let mut mesh = chart.configure_mesh();
+        mesh.x_desc(axes.x).y_desc(axes.y);
+        mesh.x_labels(axes.x_labels).x_label_formatter(axes.x_label);
+        draw_mesh(mesh)?;
         for (name, colour, points) in lines {
             let colour = *colour;
             chart
@@ -243,19 +252,12 @@ pub(super) fn batches(sizes: &[(u32, u64)]) -> Result<String, PlotError> {
                 0.0..top.max(1.0),
             )
             .map_err(fault)?;
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
+        let mut mesh = chart.configure_mesh();
+        mesh.disable_x_mesh()
             .x_desc("characters of a batch")
-            .y_desc("batches")
-            .x_labels(sizes.len() + 1)
-            .x_label_formatter(&name)
-            .y_label_formatter(&plain)
-            .light_line_style(WHITE)
-            .bold_line_style(GREY.mix(0.25))
-            .axis_style(GREY)
-            .draw()
-            .map_err(fault)?;
+            .y_desc("batches");
+        mesh.x_labels(sizes.len() + 1).x_label_formatter(&name);
+        draw_mesh(mesh)?;
         let bars = Histogram::vertical(&chart)
             .style(BLUE.filled())
             .margin(8)

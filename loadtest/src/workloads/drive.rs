@@ -16,9 +16,9 @@ use v1::drive_response::Message as Told;
 use v1::sessions_client::SessionsClient;
 
 use super::Share;
-use super::connect::{MOST_ANSWER_BYTES, channels};
+use super::connect::MOST_ANSWER_BYTES;
 use super::frames::{Block, BlockError};
-use super::sessions::{Opened, open_walkers};
+use super::groups::Groups;
 use super::wander::Walker;
 use crate::failure::Failure;
 use crate::measure::{Answer, Call, Outcome, Recorder};
@@ -33,62 +33,32 @@ const GOODBYE: Duration = Duration::from_secs(5);
 #[derive(Debug)]
 pub struct Drive {
     live: Live,
-    opened: Opened,
-    joints: usize,
-    crowds: Vec<(Channel, Vec<Walker>)>,
+    groups: Groups,
 }
 
 impl Drive {
     pub(super) async fn prepare(plan: &Plan, live: &Live, share: Share) -> Result<Self, Failure> {
-        let channels = channels(plan).await?;
-        let (opened, pack, walkers) = open_walkers(plan, live, share).await?;
-        let streams = share
-            .part(live.streams)
-            .max(1)
-            .min(u32::try_from(walkers.len()).unwrap_or(u32::MAX));
-        let crowds = split(walkers, streams as usize);
-        let crowds = crowds
-            .into_iter()
-            .zip(channels.iter().cycle())
-            .map(|(crowd, channel)| (channel.clone(), crowd))
-            .collect();
         Ok(Self {
             live: live.clone(),
-            opened,
-            joints: pack.skeleton().joint_count(),
-            crowds,
+            groups: Groups::open(plan, live, share).await?,
         })
     }
 
     pub(super) async fn carry_out(self, recorder: &Arc<Recorder>) -> Result<(), Failure> {
-        let (characters, streams) = (self.opened.count() as u64, self.crowds.len() as u64);
-        recorder.live(|live| {
-            live.characters = characters;
-            live.streams = streams;
-        });
+        self.groups.count(recorder);
+        let Groups {
+            opened,
+            joints,
+            groups,
+        } = self.groups;
         tokio::time::sleep_until(recorder.clock().start()).await;
         let mut tasks = JoinSet::new();
-        for (channel, crowd) in self.crowds {
-            let stream = Stream::new(&self.live, self.joints, crowd, recorder.clone());
+        for (channel, crowd) in groups {
+            let stream = Stream::new(&self.live, joints, crowd, recorder.clone());
             tasks.spawn(async move { stream.run(channel).await });
         }
-        let stats = self.opened.follow(recorder.clock()).await;
-        while tasks.join_next().await.is_some() {}
-        recorder.live(|live| live.plans = stats.as_ref().copied().unwrap_or_default());
-        let closed = self.opened.close().await;
-        stats?;
-        closed
+        opened.see_through(tasks, recorder).await
     }
-}
-
-/// Parts of nearly equal size, in order.
-pub(super) fn split(mut walkers: Vec<Walker>, parts: usize) -> Vec<Vec<Walker>> {
-    let mut split = Vec::with_capacity(parts);
-    for left in (1..=parts).rev() {
-        let rest = walkers.split_off(walkers.len().div_ceil(left));
-        split.push(std::mem::replace(&mut walkers, rest));
-    }
-    split
 }
 
 /// One stream and its characters.

@@ -5,6 +5,7 @@ mod codec;
 mod connect;
 mod drive;
 mod frames;
+mod groups;
 mod grpc;
 mod http;
 mod idle;

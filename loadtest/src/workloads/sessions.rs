@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::time::Duration;
 
+use tokio::task::JoinSet;
 use troupe_client::{Client, ConnectOptions, Pack, Session, SessionOptions};
 use troupe_proto::v1;
 
@@ -112,8 +113,22 @@ impl Opened {
         Ok(open.into_iter().filter(|s| self.ids.contains(&s.id)))
     }
 
-    /// Looks at both ends of the measured time what the sessions have done, and notes the difference.
-    pub(super) async fn follow(&self, clock: &Clock) -> Result<PlanStats, Failure> {
+    /// Watches the sessions while `tasks` make the load, and closes them when it is over.
+    pub(super) async fn see_through(
+        self,
+        mut tasks: JoinSet<()>,
+        recorder: &Recorder,
+    ) -> Result<(), Failure> {
+        let stats = self.follow(recorder.clock()).await;
+        while tasks.join_next().await.is_some() {}
+        recorder.live(|live| live.plans = stats.as_ref().copied().unwrap_or_default());
+        let closed = self.close().await;
+        stats?;
+        closed
+    }
+
+    /// Looks at both ends of the measured time what the sessions have done, and gives the difference.
+    async fn follow(&self, clock: &Clock) -> Result<PlanStats, Failure> {
         tokio::time::sleep_until(clock.measured_from()).await;
         let before = self.stats().await?;
         tokio::time::sleep_until(clock.end()).await;

@@ -10,11 +10,10 @@ use troupe_proto::v1;
 use v1::sessions_client::SessionsClient;
 
 use super::Share;
-use super::connect::{MOST_ANSWER_BYTES, channels};
-use super::drive::split;
+use super::connect::MOST_ANSWER_BYTES;
 use super::frames::Block;
+use super::groups::Groups;
 use super::grpc::from_status;
-use super::sessions::{Opened, open_walkers};
 use super::wander::Walker;
 use crate::failure::Failure;
 use crate::measure::{Answer, Call, Outcome, Recorder};
@@ -28,43 +27,28 @@ const BACK_OFF: Duration = Duration::from_millis(10);
 pub struct Step {
     stepping: Stepping,
     timeout: Duration,
-    opened: Opened,
-    joints: usize,
-    groups: Vec<(Channel, Vec<Walker>)>,
+    groups: Groups,
 }
 
 impl Step {
     pub(super) async fn prepare(plan: &Plan, stepping: &Stepping, share: Share) -> Result<Self, Failure> {
-        let channels = channels(plan).await?;
-        let live = &stepping.live;
-        let (opened, pack, walkers) = open_walkers(plan, live, share).await?;
-        let groups = share
-            .part(live.streams)
-            .max(1)
-            .min(u32::try_from(walkers.len()).unwrap_or(u32::MAX));
-        let groups = split(walkers, groups as usize)
-            .into_iter()
-            .zip(channels.iter().cycle())
-            .map(|(group, channel)| (channel.clone(), group))
-            .collect();
         Ok(Self {
             stepping: stepping.clone(),
             timeout: plan.timeout(),
-            opened,
-            joints: pack.skeleton().joint_count(),
-            groups,
+            groups: Groups::open(plan, &stepping.live, share).await?,
         })
     }
 
     pub(super) async fn carry_out(self, recorder: &Arc<Recorder>) -> Result<(), Failure> {
-        let (characters, groups) = (self.opened.count() as u64, self.groups.len() as u64);
-        recorder.live(|live| {
-            live.characters = characters;
-            live.streams = groups;
-        });
+        self.groups.count(recorder);
+        let Groups {
+            opened,
+            joints,
+            groups,
+        } = self.groups;
         let mut tasks = JoinSet::new();
-        let count = u32::try_from(groups).unwrap_or(u32::MAX);
-        for (nth, (channel, walkers)) in (0_u32..).zip(self.groups) {
+        let count = u32::try_from(groups.len()).unwrap_or(u32::MAX);
+        for (nth, (channel, walkers)) in (0_u32..).zip(groups) {
             let period = Duration::from_secs(1) / self.stepping.live.rate_hz;
             let group = Group {
                 recorder: recorder.clone(),
@@ -74,19 +58,14 @@ impl Step {
                 phase: period * nth / count.max(1),
                 paced: self.stepping.paced,
                 timeout: self.timeout,
-                joints: self.joints,
+                joints,
                 verify_every: self.stepping.live.verify_every.into(),
                 ids: walkers.iter().map(|w| w.id.clone()).collect(),
                 walkers,
             };
             tasks.spawn(group.run(channel));
         }
-        let stats = self.opened.follow(recorder.clock()).await;
-        while tasks.join_next().await.is_some() {}
-        recorder.live(|live| live.plans = stats.as_ref().copied().unwrap_or_default());
-        let closed = self.opened.close().await;
-        stats?;
-        closed
+        opened.see_through(tasks, recorder).await
     }
 }
 

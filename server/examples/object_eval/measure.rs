@@ -113,7 +113,7 @@ impl Record {
         };
         let fps = pack.manifest.fps;
         let clip = Clip::new(
-            pack.skeleton.clone().into(),
+            pack.skeleton.clone(),
             fps,
             self.roots.clone(),
             self.rotations.clone(),

@@ -14,10 +14,10 @@
 //! - With [`Limits::batch_delay`], free lanes wait up to so long for [`Limits::preferred_batch`] characters.
 //! - While there are live characters, a batch takes no more than it can do in [`Limits::live_slice`], by measure: a plan
 //!   that comes just after the cut waits no longer than that for a lane.
-//! - Callers that wait for their answers ask again a moment after they got them. So a lane that has answered several waits up to
-//!   a tenth of the time that its batch took for as many to come, and takes no more than lanes would have if all that
-//!   is under way were shared evenly: else callers fall into one group more than there are lanes, and batches are the
-//!   smaller. Not while there are live characters.
+//! - Callers that wait for their answers ask again a moment after they got them. So a lane that has answered several
+//!   waits up to a tenth of the time that its batch took for as many to come, and takes no more than lanes would have
+//!   if all that is under way were shared evenly: else callers fall into one group more than there are lanes, and
+//!   batches are the smaller. Not while there are live characters.
 //! - An engine that pads computes the padding too. Where more is ready at once than a few, and work has piled up behind a
 //!   busy lane, a cut is rounded down to a size without padding: the rest goes first with the next lane.
 //!
@@ -27,9 +27,9 @@
 //!
 //! # Limits
 //! A request that does not fit is refused whole, at once; so is an InBetween call that would wait for longer than
-//! [`Limits::max_wait`] (in an overload [`Limits::max_standing_wait`]), by the rate at which such calls left the queue lately. What free lanes are about to take does not
-//! count as waiting. Each class has room of its own. Work that was given up, was replaced or has expired is dropped
-//! before it is cut.
+//! [`Limits::max_wait`] (in an overload [`Limits::max_standing_wait`]), by the rate at which such calls left the queue
+//! lately. What free lanes are about to take does not count as waiting. Each class has room of its own. Work that was
+//! given up, was replaced or has expired is dropped before it is cut.
 
 mod limits;
 mod meter;
@@ -40,6 +40,7 @@ use std::time::{Duration, Instant};
 use self::meter::Meter;
 use self::queue::{Queue, Take};
 use super::order::{Class, Order};
+use crate::engine::BatchSizes;
 
 pub use limits::{Limits, Refusal};
 
@@ -210,7 +211,8 @@ struct Gather {
     until: Instant,
     /// Characters that were answered.
     answered: usize,
-    /// Characters to have before that, once it is known what was ready when the lane became free.
+    /// Characters to have before that. Known once the lane had its first turn, for lanes before it may take of what was
+    /// ready when it became free.
     wanted: Option<usize>,
 }
 
@@ -222,8 +224,7 @@ pub struct Scheduler {
     lanes: Vec<Lane>,
     gathers: Vec<Option<Gather>>,
     meter: Meter,
-    /// Batch sizes that the engine pads to, rising; all of them where it pads to none.
-    sizes: Vec<usize>,
+    sizes: BatchSizes,
     /// When free lanes cease to wait for more work, where they do.
     held_until: Option<Instant>,
     last_live: Option<Instant>,
@@ -239,10 +240,7 @@ impl Scheduler {
             lanes: vec![Lane::Busy; limits.lanes],
             gathers: vec![None; limits.lanes],
             meter: Meter::new(limits.lanes),
-            sizes: match limits.padded {
-                true => crate::engine::buckets(limits.max_batch),
-                false => (1..=limits.max_batch).collect(),
-            },
+            sizes: BatchSizes::new(limits.max_batch, !limits.padded),
             limits,
             held_until: None,
             last_live: None,
@@ -419,13 +417,7 @@ impl Scheduler {
             return self.limits.max_batch;
         }
         let most = self.meter.batch_within(slice).max(MIN_SLICE);
-        self.size_within(most)
-    }
-
-    /// The largest size that the engine need not pad, up to so many characters.
-    fn size_within(&self, characters: usize) -> usize {
-        let size = self.sizes.iter().rev().find(|&&size| size <= characters);
-        size.copied().unwrap_or(characters)
+        self.sizes.within(most)
     }
 
     /// How much of what a lane could take it should: less by a few, where they would cost as much as many.
@@ -433,10 +425,9 @@ impl Scheduler {
         if self.lanes[lane] != Lane::JustFreed || wanted < MIN_SPLIT {
             return wanted;
         }
-        let size = self.sizes.iter().copied().find(|&size| size >= wanted);
-        let size = size.unwrap_or(wanted);
+        let size = self.sizes.for_rows(wanted);
         match (size - wanted) * MOST_PADDING > size {
-            true => self.size_within(wanted),
+            true => self.sizes.within(wanted),
             false => wanted,
         }
     }

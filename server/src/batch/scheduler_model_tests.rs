@@ -273,9 +273,8 @@ impl Model {
                 .div_ceil(self.lanes.len())
                 .max(8);
             let may_be = |whole: usize| {
-                let without_padding = crate::engine::buckets(self.limits.max_batch)
-                    .into_iter()
-                    .rfind(|&size| size <= whole);
+                let sizes = BatchSizes::new(self.limits.max_batch, false);
+                let without_padding = sizes.all().iter().copied().rfind(|&size| size <= whole);
                 let rounded = self.limits.padded && whole >= 8 && Some(size) == without_padding;
                 size == whole || rounded
             };

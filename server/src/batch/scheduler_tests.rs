@@ -390,6 +390,38 @@ fn a_lane_that_has_answered_many_waits_for_them_to_come_back() {
 }
 
 #[test]
+fn a_lane_that_waits_counts_what_the_one_before_it_has_left() {
+    let mut setup = Setup::new(Limits {
+        lanes: 2,
+        max_batch: 32,
+        max_queued: 100,
+        padded: false,
+        ..limits()
+    });
+    let come = |setup: &mut Setup, count: usize| {
+        for _ in 0..count {
+            setup.call(1);
+        }
+    };
+    let size = |cuts: &[Seen]| cuts.iter().map(|cut| (cut.0, cut.2.len())).collect::<Vec<_>>();
+    come(&mut setup, 16);
+    assert_eq!(size(&setup.cuts()), [(0, 8), (1, 8)]);
+    setup.pass(40);
+    setup.free(0);
+    come(&mut setup, 6);
+    assert_eq!(size(&setup.cuts()), []);
+    // The first lane has waited long enough, and shares what is ready with the second.
+    setup.pass(4);
+    setup.free(1);
+    assert_eq!(size(&setup.cuts()), [(0, 3)]);
+    // Of the three that are left and the eight that it has answered, ten are not all.
+    come(&mut setup, 7);
+    assert_eq!(size(&setup.cuts()), []);
+    come(&mut setup, 1);
+    assert_eq!(setup.cuts()[0].0, 1);
+}
+
+#[test]
 fn an_idle_lane_takes_all_that_came_padding_or_not() {
     let mut setup = Setup::new(Limits {
         max_batch: 32,

@@ -11,22 +11,24 @@ mod pipeline;
 mod raw;
 mod sampling;
 mod select;
+mod sizes;
 mod tensors;
 mod work;
 
 use crate::pack::Stage;
 
 pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Lanes};
-pub use pipeline::{Pipeline, RowAnswer, StageTimes, buckets, lengths};
+pub use pipeline::{Pipeline, RowAnswer, StageTimes, lengths};
 pub use raw::{RawLoop, straight_walk};
 pub use select::{Check, Decision, Selector};
+pub use sizes::BatchSizes;
 pub use tensors::{DecoderOutput, PoseOutput, RootInput, RootOutput, Rows, TokenInput};
 pub use work::{GapPose, KeyTensors, RawMotion, RootGuide, WorkItem};
 
 /// Runs the networks of one pack.
 ///
 /// `rows` is the batch size of the call, and the token axis of the pose stage and the decoder is [`TokenInput::length`],
-/// one of [`lengths`]. Unless it takes [any batch](Stages::any_batch), `rows` is one of [`buckets`]: an engine sees few
+/// one of [`lengths`]. Unless it takes [any batch](Stages::any_batch), `rows` is one of [`BatchSizes`]: an engine sees few
 /// different shapes, all of them during warm-up. Only the first `rows` rows of inputs and outputs count. A row's result must
 /// not depend on the other rows.
 pub trait Stages: Send {

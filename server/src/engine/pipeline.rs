@@ -1,6 +1,6 @@
 //! Takes a batch of characters through root, pose and decoder.
 //!
-//! Where the engine is slow in shapes that it has not met, batches are padded to a size [bucket](buckets) with neutral
+//! Where the engine is slow in shapes that it has not met, batches are padded to one of its [sizes](BatchSizes) with neutral
 //! rows, so that it sees few shapes. Behind the root
 //! stage, which chooses token counts, rows part into groups of one [length](lengths) each, so that a short segment does
 //! not pay for a long one beside it. A row's own token count decides its length: the same request has the same frames,
@@ -12,22 +12,10 @@ use std::time::{Duration, Instant};
 
 use super::sampling::{PoseSampler, fill_count_noise};
 use super::{
-    DecoderOutput, EngineError, PoseOutput, RawMotion, RootInput, RootOutput, Stages, TokenInput, WorkItem,
+    BatchSizes, DecoderOutput, EngineError, PoseOutput, RawMotion, RootInput, RootOutput, Stages, TokenInput,
+    WorkItem,
 };
 use crate::pack::{Dims, GLOBAL_ROOT, SIX_D, Stage};
-
-/// Batch sizes that an engine is asked for which does not take any: powers of two, from 4 on the numbers half-way between
-/// them, up to `max_batch`, and `max_batch` itself. Less than a third of a batch is padding.
-pub fn buckets(max_batch: usize) -> Vec<usize> {
-    let powers = std::iter::successors(Some(1_usize), |size| size.checked_mul(2));
-    let mut sizes: Vec<usize> = powers
-        .flat_map(|power| [Some(power), (power > 2).then_some(power + power / 2)])
-        .flatten()
-        .take_while(|&size| size < max_batch)
-        .collect();
-    sizes.push(max_batch.max(1));
-    sizes
-}
 
 /// Token axes that an engine is asked for, in rising order. They go from the fewest to the most tokens in steps of a
 /// fifth, or one token, so that less than a fifth of a call is padding; it is the most alone where the engine does not
@@ -73,7 +61,7 @@ pub type RowAnswer = Result<RawMotion, EngineError>;
 pub struct Pipeline {
     dims: Dims,
     stages: Box<dyn Stages>,
-    buckets: Vec<usize>,
+    sizes: BatchSizes,
     lengths: Vec<usize>,
     root_input: RootInput,
     root_output: RootOutput,
@@ -85,10 +73,6 @@ pub struct Pipeline {
 impl Pipeline {
     /// A pipeline for batches of up to `max_batch` characters, all buffers allocated.
     pub fn new(dims: Dims, stages: Box<dyn Stages>, max_batch: usize) -> Self {
-        let buckets = match stages.any_batch() {
-            true => (1..=max_batch.max(1)).collect(),
-            false => buckets(max_batch),
-        };
         let rows = max_batch.max(1);
         Self {
             root_input: RootInput::new(&dims, rows),
@@ -97,9 +81,9 @@ impl Pipeline {
             pose_output: PoseOutput::new(&dims, rows),
             decoder_output: DecoderOutput::new(&dims, rows),
             lengths: lengths(&dims, stages.any_length()),
+            sizes: BatchSizes::new(max_batch, stages.any_batch()),
             dims,
             stages,
-            buckets,
         }
     }
 
@@ -115,9 +99,9 @@ impl Pipeline {
     /// # Errors
     /// [`EngineError`] where a stage fails.
     pub fn warm_up(&mut self) -> Result<(), EngineError> {
-        let mut sizes = self.buckets.clone();
+        let mut sizes = self.sizes.all().to_vec();
         if self.stages.any_batch() {
-            sizes.retain(|&size| size == 1 || Some(&size) == self.buckets.last());
+            sizes.retain(|&size| size == 1 || Some(&size) == self.sizes.all().last());
         }
         for bucket in sizes.into_iter().rev() {
             self.clear_padding(0, bucket);
@@ -143,7 +127,7 @@ impl Pipeline {
     /// # Errors
     /// [`EngineError`] where a stage fails. The whole batch fails with it.
     pub fn run(&mut self, items: &[WorkItem]) -> Result<(Vec<RowAnswer>, StageTimes), EngineError> {
-        let bucket = self.bucket(items.len());
+        let bucket = self.sizes.for_rows(items.len());
         let mut times = StageTimes {
             bucket,
             ..StageTimes::default()
@@ -181,7 +165,7 @@ impl Pipeline {
         group: &[Member<'_>],
         times: &mut StageTimes,
     ) -> Result<Vec<RowAnswer>, EngineError> {
-        let bucket = self.bucket(group.len());
+        let bucket = self.sizes.for_rows(group.len());
         timed(&mut times.assemble, || self.fill_tokens(group, bucket));
         let chosen = self.choose_tokens(group, times)?;
         timed(&mut times.decoder, || {
@@ -193,14 +177,6 @@ impl Pipeline {
             rows.map(|(row, (member, chosen))| chosen.map(|()| self.copy_out(row, member)))
                 .collect()
         }))
-    }
-
-    fn bucket(&self, rows: usize) -> usize {
-        self.buckets
-            .iter()
-            .copied()
-            .find(|&bucket| bucket >= rows)
-            .unwrap_or(rows)
     }
 
     /// The length that a segment of `tokens` tokens is padded to.
@@ -296,7 +272,7 @@ impl Pipeline {
         let passes = group.first().map_or(0, Member::passes);
         for pass in 1..=passes {
             let active = group.partition_point(|member| member.passes() >= pass);
-            let bucket = self.bucket(active);
+            let bucket = self.sizes.for_rows(active);
             timed(&mut times.pose, || {
                 self.stages.pose(bucket, &self.token_input, &mut self.pose_output)
             })?;

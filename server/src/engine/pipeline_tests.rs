@@ -156,14 +156,6 @@ fn pipeline(echo: Echo) -> Pipeline {
 }
 
 #[test]
-fn buckets_are_at_most_a_third_padding() {
-    assert_eq!(buckets(64), [1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64]);
-    assert_eq!(buckets(10), [1, 2, 4, 6, 8, 10]);
-    assert_eq!(buckets(3), [1, 2, 3]);
-    assert_eq!(buckets(1), [1]);
-}
-
-#[test]
 fn lengths_are_at_most_a_fifth_padding() {
     assert_eq!(lengths(&DIMS, true), [3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16]);
     assert_eq!(lengths(&DIMS, false), [16]);

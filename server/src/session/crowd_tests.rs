@@ -9,9 +9,9 @@ use troupe_motion::{Quat, Vec3};
 
 use super::{Pace, dims, stretch};
 use crate::batch::Served;
-use crate::session::buffer::{Frames, MotionBuffer};
 use crate::session::load::PlanLoad;
 use crate::session::policy::Policy;
+use crate::session::testing::still_buffer;
 use crate::session::timeline::{Stop, Ticket, Timeline};
 use crate::session::{Clock, LivePlan, PlanTrace, SUB_FRAMES};
 
@@ -91,17 +91,8 @@ struct Crowd {
 }
 
 fn somebody(seed: u64, priority: f32, commands_every_s: f32) -> Somebody {
-    let buffer = MotionBuffer::new(
-        1,
-        -3,
-        Frames {
-            roots: &[Vec3::ZERO; 4],
-            rotations: &[Quat::IDENTITY; 4],
-            contacts: &[0; 4],
-        },
-    );
     Somebody {
-        timeline: Timeline::new(buffer, 4, seed),
+        timeline: Timeline::new(still_buffer(), 4, seed),
         priority,
         phase: seed,
         commands_every_s,

@@ -30,6 +30,8 @@ mod registry;
 mod request;
 mod step;
 pub(crate) mod styles;
+#[cfg(test)]
+mod testing;
 mod time;
 mod timeline;
 mod types;

@@ -5,6 +5,7 @@ use troupe_motion::{Quat, Vec3};
 
 use super::*;
 use crate::session::PlanTrace;
+use crate::session::testing::still_buffer;
 
 const WALKS: Policy = Policy {
     interval_frames: Some(9),
@@ -33,18 +34,9 @@ fn speed(number: u64) -> f32 {
 
 impl Rig {
     fn new(policy: Policy, plan_frames: usize) -> Self {
-        let buffer = MotionBuffer::new(
-            1,
-            -3,
-            Frames {
-                roots: &[Vec3::ZERO; 4],
-                rotations: &[Quat::IDENTITY; 4],
-                contacts: &[0; 4],
-            },
-        );
         Self {
             // With this phase the first interval is as long as all others.
-            timeline: Timeline::new(buffer, 4, 4),
+            timeline: Timeline::new(still_buffer(), 4, 4),
             policy,
             asked: VecDeque::new(),
             tickets: Vec::new(),

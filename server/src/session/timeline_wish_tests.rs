@@ -3,16 +3,12 @@
 use troupe_motion::{Quat, Vec3};
 
 use super::super::super::{Arrival, Clock, LivePlan, PlanTrace, SUB_FRAMES, Stats};
-use super::super::{MotionBuffer, Stop};
+use super::super::Stop;
 use super::*;
+use crate::session::testing::still_buffer;
 
 fn timeline() -> Timeline {
-    let frames = Frames {
-        roots: &[Vec3::ZERO; 4],
-        rotations: &[Quat::IDENTITY; 4],
-        contacts: &[0; 4],
-    };
-    Timeline::new(MotionBuffer::new(1, -3, frames), 4, 4)
+    Timeline::new(still_buffer(), 4, 4)
 }
 
 /// Frames that go on by `step` a frame from `start`.

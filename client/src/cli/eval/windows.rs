@@ -138,29 +138,15 @@ pub(super) fn cut(clips: &[NamedClip], window: Window, task: Task) -> Result<Cli
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use glam::{Quat, Vec3};
-    use troupe_motion::skeleton::{Joint, Skeleton};
 
     use super::*;
+    use crate::cli::testing::lone_hips;
 
     fn clips(frames: &[usize]) -> Vec<NamedClip> {
-        let joint = Joint {
-            name: "Hips".to_owned(),
-            parent: None,
-            offset_m: Vec3::ZERO,
-        };
-        let skeleton = Arc::new(Skeleton::new(vec![joint], Vec3::X, 0.0, None).unwrap());
         let clip = |&n: &usize| NamedClip {
             name: format!("clip {n}"),
-            clip: Clip::new(
-                skeleton.clone(),
-                30.0,
-                vec![Vec3::ZERO; n],
-                vec![Quat::IDENTITY; n],
-            )
-            .unwrap(),
+            clip: Clip::new(lone_hips(), 30.0, vec![Vec3::ZERO; n], vec![Quat::IDENTITY; n]).unwrap(),
         };
         frames.iter().map(clip).collect()
     }

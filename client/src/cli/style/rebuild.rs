@@ -141,26 +141,19 @@ fn centre(keys: &mut [v1::GaitKey], of: impl Fn(&mut v1::GaitKey) -> &mut f32, w
 #[cfg(test)]
 mod tests {
     use std::f32::consts::TAU;
-    use std::sync::Arc;
 
     use troupe_motion::root::heading_of;
-    use troupe_motion::skeleton::{Joint, Skeleton};
 
     use super::*;
+    use crate::cli::testing::lone_hips;
 
     /// A lone pelvis that goes ahead at 1 m/s, sways once in 20 frames and turns by 0.5 rad/s.
     fn clip(frames: usize) -> Clip {
-        let joint = Joint {
-            name: "Hips".to_owned(),
-            parent: None,
-            offset_m: Vec3::ZERO,
-        };
-        let skeleton = Arc::new(Skeleton::new(vec![joint], Vec3::X, 0.0, None).unwrap());
         let at = |f: usize| f as f32 / 30.0;
         let sway = |f: usize| 0.2 * (TAU * f as f32 / 20.0).sin();
         let roots = (0..frames).map(|f| Vec3::new(0.0, 0.9, at(f))).collect();
         let turns = (0..frames).map(|f| yaw(0.5 * at(f) + sway(f))).collect();
-        Clip::new(skeleton, 30.0, roots, turns).unwrap()
+        Clip::new(lone_hips(), 30.0, roots, turns).unwrap()
     }
 
     #[test]

@@ -27,6 +27,13 @@ fn same_name(field: &str, body: &str, path: &str) -> Result<(), FieldError> {
     }
 }
 
+/// The name in the path, which is the one in the body where that has any.
+fn agreed(field: &str, body: &str, path: Named<String>) -> Result<String, ApiError> {
+    let name = named("name", path)?;
+    same_name(field, body, &name)?;
+    Ok(name)
+}
+
 /// List scenes
 #[utoipa::path(
     get,
@@ -63,13 +70,11 @@ pub(in crate::api) async fn put(
     name: Named<String>,
     JsonBody(mut request): JsonBody<v1::PutSceneRequest>,
 ) -> Result<Json<v1::SceneSummary>, ApiError> {
-    let name = named("name", name)?;
-    same_name("name", &request.name, &name)?;
+    request.name = agreed("name", &request.name, name)?;
     if let Some(scene) = &mut request.scene {
-        same_name("scene.name", &scene.name, &name)?;
-        scene.name.clone_from(&name);
+        same_name("scene.name", &scene.name, &request.name)?;
+        scene.name.clone_from(&request.name);
     }
-    request.name = name;
     service.put_scene(request).await.map(Json)
 }
 
@@ -162,9 +167,7 @@ pub(in crate::api) async fn add(
     name: Named<String>,
     JsonBody(mut request): JsonBody<v1::AddObjectsRequest>,
 ) -> Result<Json<v1::ObjectsResponse>, ApiError> {
-    let name = named("name", name)?;
-    same_name("scene", &request.scene, &name)?;
-    request.scene = name;
+    request.scene = agreed("scene", &request.scene, name)?;
     service.add_objects(request).await.map(Json)
 }
 
@@ -191,9 +194,7 @@ pub(in crate::api) async fn move_objects(
     name: Named<String>,
     JsonBody(mut request): JsonBody<v1::MoveObjectsRequest>,
 ) -> Result<Json<v1::ObjectsResponse>, ApiError> {
-    let name = named("name", name)?;
-    same_name("scene", &request.scene, &name)?;
-    request.scene = name;
+    request.scene = agreed("scene", &request.scene, name)?;
     service.move_objects(request).await.map(Json)
 }
 
@@ -220,9 +221,7 @@ pub(in crate::api) async fn remove(
     name: Named<String>,
     JsonBody(mut request): JsonBody<v1::RemoveObjectsRequest>,
 ) -> Result<Json<v1::ObjectsResponse>, ApiError> {
-    let name = named("name", name)?;
-    same_name("scene", &request.scene, &name)?;
-    request.scene = name;
+    request.scene = agreed("scene", &request.scene, name)?;
     service.remove_objects(request).await.map(Json)
 }
 
@@ -287,9 +286,7 @@ pub(in crate::api) async fn put_object(
     name: Named<String>,
     JsonBody(mut request): JsonBody<v1::PutObjectDefinitionRequest>,
 ) -> Result<Json<v1::PutObjectDefinitionResponse>, ApiError> {
-    let name = named("name", name)?;
-    same_name("name", &request.name, &name)?;
-    request.name = name;
+    request.name = agreed("name", &request.name, name)?;
     service.put_object_definition(request).await.map(Json)
 }
 

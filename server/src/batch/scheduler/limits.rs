@@ -14,7 +14,7 @@ pub struct Limits {
     pub lanes: usize,
     /// Most characters in one batch.
     pub max_batch: usize,
-    /// Whether the engine pads batches to one of its [sizes](crate::engine::buckets); else it takes any as it is.
+    /// Whether the engine pads batches to one of its [sizes](crate::engine::BatchSizes); else it takes any as it is.
     pub padded: bool,
     /// Most characters of InBetween calls that may wait.
     pub max_queued: usize,

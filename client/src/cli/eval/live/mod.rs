@@ -50,7 +50,7 @@ pub(super) async fn run(session: &Session, command: &Live) -> Result<(), Failure
             bar: &bar,
         };
         let (clips, theirs) = stage.play(some).await?;
-        add(&mut stats, &theirs);
+        stats += &theirs;
         for (scenario, clip) in some.iter().zip(&clips) {
             let outcome: Outcome = measure(scenario, clip)
                 .map_err(|e| Failure::Other(format!("{} {}: {e}", scenario.style, scenario.gait)))?;
@@ -136,13 +136,4 @@ impl Stage<'_> {
         });
         Ok((clips.collect::<Result<_, _>>()?, stats))
     }
-}
-
-fn add(sum: &mut v1::SessionStats, more: &v1::SessionStats) {
-    sum.plans_for_command += more.plans_for_command;
-    sum.plans_for_low_buffer += more.plans_for_low_buffer;
-    sum.plans_for_interval += more.plans_for_interval;
-    sum.late_plans += more.late_plans;
-    sum.underruns += more.underruns;
-    sum.failed_plans += more.failed_plans;
 }

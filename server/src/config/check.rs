@@ -1,0 +1,79 @@
+//! Which values a configuration may have.
+
+use super::{Config, ConfigError};
+use crate::session::TTL_RANGE_MS;
+
+impl Config {
+    /// The configuration itself where its values are in their ranges.
+    pub(super) fn checked(self) -> Result<Self, ConfigError> {
+        let at_least_one = [
+            ("max_batch", self.max_batch),
+            ("max_characters_per_request", self.max_characters_per_request),
+            ("max_message_bytes", self.max_message_bytes),
+            ("max_connections", self.max_connections),
+            ("max_sessions", self.max_sessions),
+            ("max_sessions_per_request", self.max_sessions_per_request),
+            ("max_sessions_per_stream", self.max_sessions_per_stream),
+            ("max_streams", self.max_streams),
+            ("drive_stall_timeout_ms", self.drive_stall_timeout_ms as usize),
+            ("request_timeout_ms", self.request_timeout_ms as usize),
+            ("keepalive_ms", self.keepalive_ms as usize),
+        ];
+        for (option, value) in at_least_one {
+            if value == 0 {
+                return Err(not_allowed(option, 0, "1 or more".into()));
+            }
+        }
+        let at_most = [
+            ("max_batch", self.max_batch, 4096),
+            ("threads", self.threads, 1024),
+            ("lanes", self.lanes, 64),
+            ("max_connections", self.max_connections, 1_000_000),
+            ("max_sessions", self.max_sessions, 1_000_000),
+            ("max_sessions_per_request", self.max_sessions_per_request, 16_384),
+        ];
+        for (option, value, most) in at_most {
+            if value > most {
+                let least = at_least_one.iter().any(|&(name, _)| name == option);
+                let allowed = format!("{} to {most}", u8::from(least));
+                return Err(not_allowed(option, value as u64, allowed));
+            }
+        }
+        let at_most = [
+            ("max_queue_ms", self.max_queue_ms, 3_600_000),
+            ("max_standing_queue_ms", self.max_standing_queue_ms, 3_600_000),
+            ("batch_delay_us", self.batch_delay_us, 1_000_000),
+            (
+                "preferred_batch",
+                self.preferred_batch as u64,
+                self.max_batch as u64,
+            ),
+            ("live_batch_ms", self.live_batch_ms, 60_000),
+        ];
+        for (option, value, most) in at_most {
+            if value > most {
+                return Err(not_allowed(option, value, format!("0 to {most}")));
+            }
+        }
+        let ttl_ms = self.session_ttl_ms;
+        if !TTL_RANGE_MS.contains(&ttl_ms) {
+            let allowed = format!("{} to {}", TTL_RANGE_MS.start(), TTL_RANGE_MS.end());
+            return Err(not_allowed("session_ttl_ms", ttl_ms.into(), allowed));
+        }
+        if self.max_queued_characters < self.max_characters_per_request {
+            let least = self.max_characters_per_request;
+            let allowed = format!("max_characters_per_request ({least}) or more");
+            let found = self.max_queued_characters as u64;
+            return Err(not_allowed("max_queued_characters", found, allowed));
+        }
+        Ok(self)
+    }
+}
+
+fn not_allowed(option: &'static str, found: u64, allowed: String) -> ConfigError {
+    ConfigError::Value {
+        option,
+        found: found.to_string(),
+        allowed,
+    }
+}

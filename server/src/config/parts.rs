@@ -1,0 +1,106 @@
+//! What the parts of the server get of its configuration.
+
+use std::time::Duration;
+
+use super::Config;
+use crate::batch::scheduler::Limits;
+use crate::engine::machine::{Machine, available_cores};
+use crate::engine::onnx::Runtime;
+use crate::engine::{EngineError, Lanes, Selector};
+use crate::inbetween::RequestLimits;
+use crate::session::SessionLimits;
+use crate::world::Folders;
+
+/// Shortest time for which InBetween calls stay behind live plans.
+const MIN_AGEING: Duration = Duration::from_secs(2);
+
+impl Config {
+    /// The batcher's limits, for an engine of one lane that pads its batches.
+    pub fn batch_limits(&self) -> Limits {
+        Limits {
+            lanes: 1,
+            max_batch: self.max_batch,
+            padded: true,
+            max_queued: self.max_queued_characters,
+            max_live: self.max_sessions,
+            max_wait: Duration::from_millis(self.max_queue_ms),
+            max_standing_wait: Duration::from_millis(self.max_standing_queue_ms),
+            ageing: self.ageing(),
+            batch_delay: Duration::from_micros(self.batch_delay_us),
+            preferred_batch: self.preferred_batch,
+            live_slice: Duration::from_millis(self.live_batch_ms),
+        }
+    }
+
+    /// What InBetween calls wait for before they go in front of live plans: longer than any admitted one should have to
+    /// wait, so that a flood of calls does not take live characters' turns, and yet calls are not starved by characters.
+    fn ageing(&self) -> Duration {
+        let longest_wait_ms = match self.max_queue_ms {
+            0 => self.request_timeout_ms / 4,
+            limit => limit,
+        };
+        Duration::from_millis(longest_wait_ms * 2).max(MIN_AGEING)
+    }
+
+    /// The limits of one request.
+    pub fn request_limits(&self) -> RequestLimits {
+        RequestLimits {
+            max_characters: self.max_characters_per_request,
+        }
+    }
+
+    /// The limits of sessions and streams.
+    pub fn session_limits(&self) -> SessionLimits {
+        SessionLimits {
+            sessions: self.max_sessions,
+            per_request: self.max_sessions_per_request,
+            per_stream: self.max_sessions_per_stream,
+            streams: self.max_streams,
+            ttl_ms: self.session_ttl_ms,
+            stall_timeout: Duration::from_millis(self.drive_stall_timeout_ms),
+        }
+    }
+
+    /// The folders of scenes and object definitions.
+    pub fn world_folders(&self) -> Folders {
+        Folders {
+            scenes: self.scenes.clone(),
+            objects: self.objects.clone(),
+        }
+    }
+
+    /// The lanes of each pack, on the cores that this process may use: container limits count, the host does not.
+    pub fn lanes(&self) -> Lanes {
+        Lanes::plan(self.lanes, self.threads, available_cores())
+    }
+
+    /// What chooses the engine of each pack.
+    ///
+    /// # Errors
+    /// [`EngineError::Library`] where the library does not load.
+    pub fn selector(&self) -> Result<Selector, EngineError> {
+        Ok(Selector {
+            runtime: Runtime::new(self.onnx_runtime.as_deref())?,
+            machine: Machine::detect(),
+            choice: self.engine,
+            accuracy_check: self.accuracy_check,
+            lanes: self.lanes(),
+            spin: self.spin,
+        })
+    }
+
+    /// [`Config::request_timeout_ms`] as a duration.
+    pub fn request_timeout(&self) -> Duration {
+        Duration::from_millis(self.request_timeout_ms)
+    }
+
+    /// [`Config::drain_timeout_ms`] as a duration.
+    pub fn drain_timeout(&self) -> Duration {
+        Duration::from_millis(self.drain_timeout_ms)
+    }
+
+    /// [`Config::keepalive_ms`] as a duration.
+    pub fn keepalive(&self) -> Duration {
+        Duration::from_millis(self.keepalive_ms)
+    }
+}

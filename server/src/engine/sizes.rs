@@ -1,0 +1,116 @@
+//! The batch sizes that an engine is asked for.
+
+use std::iter::successors;
+
+/// The batch sizes that an engine is asked for. One that takes any batch as it is gets every size; for another there are
+/// few, and its batches are padded up to one of them, so that it sees few shapes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BatchSizes {
+    /// In rising order, the largest batch last; never empty.
+    sizes: Vec<usize>,
+}
+
+impl BatchSizes {
+    /// Sizes of batches of up to `max_batch` rows, at least one, for an engine that takes `any` batch or pads. The sizes
+    /// of one that pads are powers of two, from 4 on the numbers half-way between them, and `max_batch` itself: less
+    /// than a third of a batch is padding.
+    pub fn new(max_batch: usize, any: bool) -> Self {
+        let largest = max_batch.max(1);
+        let sizes = match any {
+            true => (1..=largest).collect(),
+            false => successors(Some(1_usize), |size| size.checked_mul(2))
+                .flat_map(|power| [Some(power), (power > 2).then_some(power + power / 2)])
+                .flatten()
+                .take_while(|&size| size < largest)
+                .chain([largest])
+                .collect(),
+        };
+        Self { sizes }
+    }
+
+    /// All sizes, in rising order.
+    pub fn all(&self) -> &[usize] {
+        &self.sizes
+    }
+
+    /// The size of a batch of so many rows, padding included: the smallest that holds them. More than the largest batch
+    /// are left as they are.
+    pub fn for_rows(&self, rows: usize) -> usize {
+        let size = self.sizes.iter().find(|&&size| size >= rows);
+        size.copied().unwrap_or(rows)
+    }
+
+    /// The largest size that so many rows fill without padding; none fill none.
+    pub fn within(&self, rows: usize) -> usize {
+        let size = self.sizes.iter().rev().find(|&&size| size <= rows);
+        size.copied().unwrap_or(rows)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn sizes_are_at_most_a_third_padding() {
+        assert_eq!(
+            BatchSizes::new(64, false).all(),
+            [1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64]
+        );
+        assert_eq!(BatchSizes::new(10, false).all(), [1, 2, 4, 6, 8, 10]);
+        assert_eq!(BatchSizes::new(3, false).all(), [1, 2, 3]);
+        assert_eq!(BatchSizes::new(1, false).all(), [1]);
+    }
+
+    #[test]
+    fn an_engine_that_pads_gets_the_sizes_around_a_batch() {
+        let sizes = BatchSizes::new(32, false);
+        assert_eq!([1, 5, 9, 32].map(|rows| sizes.for_rows(rows)), [1, 6, 12, 32]);
+        assert_eq!([1, 5, 9, 32].map(|rows| sizes.within(rows)), [1, 4, 8, 32]);
+    }
+
+    #[test]
+    fn an_engine_that_takes_any_batch_has_every_size() {
+        let sizes = BatchSizes::new(5, true);
+        assert_eq!(sizes.all(), [1, 2, 3, 4, 5]);
+        for rows in 1..=5 {
+            assert_eq!((sizes.for_rows(rows), sizes.within(rows)), (rows, rows));
+        }
+    }
+
+    #[test]
+    fn there_is_a_size_even_where_no_batch_may_be() {
+        for any in [true, false] {
+            let sizes = BatchSizes::new(0, any);
+            assert_eq!((sizes.all(), sizes.within(0)), (&[1][..], 0));
+        }
+    }
+
+    #[test]
+    fn more_than_the_largest_batch_are_not_padded_and_fill_the_largest() {
+        let sizes = BatchSizes::new(10, false);
+        assert_eq!((sizes.for_rows(11), sizes.within(11)), (11, 10));
+    }
+
+    proptest! {
+        #[test]
+        fn a_batch_has_the_nearest_sizes_around_it(max_batch in 1_usize..=300, share in 0.0..1.0, any: bool) {
+            let rows = 1 + (share * max_batch as f64) as usize;
+            let sizes = BatchSizes::new(max_batch, any);
+            let (padded, filled) = (sizes.for_rows(rows), sizes.within(rows));
+            prop_assert!(filled <= rows && rows <= padded && padded <= max_batch);
+            prop_assert!(sizes.all().contains(&padded) && sizes.all().contains(&filled));
+            prop_assert!(sizes.all().iter().all(|&size| size <= filled || size >= padded));
+            prop_assert!((padded - rows) * 3 < padded, "{rows} of {padded}");
+        }
+
+        #[test]
+        fn sizes_rise_up_to_the_largest_batch(max_batch in 1_usize..=300, any: bool) {
+            let sizes = BatchSizes::new(max_batch, any);
+            prop_assert!(sizes.all().is_sorted_by(|a, b| a < b));
+            prop_assert_eq!(sizes.all().last(), Some(&max_batch));
+        }
+    }
+}
