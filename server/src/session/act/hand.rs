@@ -8,7 +8,7 @@ use troupe_motion::{Skeleton, Vec3};
 
 use super::super::{FailReason, World};
 use crate::object::{Definition, Socket};
-use crate::scene::{SceneError, Transform};
+use crate::scene::{Scene, SceneError, Transform};
 
 /// What a character holds.
 #[derive(Debug, Clone)]
@@ -89,6 +89,22 @@ impl Hand {
         joint(skeleton, socket, posed) * socket.offset_at(self.from, frame - self.since as f32)
     }
 
+    /// How far up the object goes when it is put down in a frame, metres: down where that is negative. `None` where there is no
+    /// place for it.
+    pub(super) fn lift_on_release(
+        &self,
+        scene: &Scene,
+        skeleton: &Skeleton,
+        posed: Posed<'_>,
+    ) -> Option<f32> {
+        let socket = self.socket()?;
+        let settled = socket.offset();
+        let at = joint(skeleton, socket, posed) * settled;
+        let placement = self.definition.place(scene, &self.instance, at).ok()?;
+        let middle = self.definition.body.volume.center();
+        Some(placement.transform.point(middle).y - at.point(middle).y)
+    }
+
     /// Puts the object down from `at` by its definition's rule. Where it is now comes back.
     ///
     /// # Errors
@@ -126,8 +142,7 @@ impl Hand {
     }
 
     fn release(&self, world: &World, transform: Transform) -> Result<Transform, Refused> {
-        let release =
-            |scene: &mut crate::scene::Scene| scene.release(&self.instance, &world.holder, transform);
+        let release = |scene: &mut Scene| scene.release(&self.instance, &world.holder, transform);
         world.scene.update(release).map_err(|error| Refused {
             reason: FailReason::Removed,
             message: error.to_string(),

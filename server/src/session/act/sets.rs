@@ -3,21 +3,29 @@
 use std::sync::Arc;
 
 use troupe_motion::Vec3;
+use troupe_motion::ik::Posed;
 use troupe_motion::stance::stance_transition;
 
 use super::super::buffer::Frames;
 use super::super::{FailReason, Meets};
 use super::footing::{Support, support};
-use super::hand::Refused;
+use super::hand::{Hand, Refused};
 use super::using::Using;
 use super::{Body, SetPlan, Wish};
-use crate::object::{Anchor, Origin, Set};
+use crate::object::{Action, Anchor, Moment, Origin, Set};
 use crate::primitives::object::recipe::LOW_HIPS_M;
 use crate::primitives::object::{
     BodyParts, Key, Unreachable, Way, keys, stance_frames, suits_stance, targets,
 };
 use crate::primitives::recipe::VELOCITY_FRAMES;
 use crate::scene::Scene;
+
+/// What is put down may stand so much lower or higher than the keyframe says, metres: the hand goes there. Farther below, it is
+/// let fall.
+const PUT_DOWN_M: f32 = 0.4;
+/// How near the object comes to the surface, metres, in at most so many rounds: a hand that goes lower turns too.
+const PUT_DOWN_NEAR_M: f32 = 0.003;
+const PUT_DOWN_ROUNDS: usize = 4;
 
 /// A set whose motion is to be made.
 #[derive(Debug)]
@@ -33,12 +41,13 @@ pub(super) struct Prepared {
 }
 
 impl Using {
-    /// Works out the keyframes of a set for a character that comes from frame `splice`.
+    /// Works out the keyframes of a set for a character that comes from frame `splice`, with `hand` holding something.
     pub(super) fn prepare(
         &self,
         scene: &Scene,
         index: usize,
         splice: i64,
+        hand: Option<&Hand>,
         body: &Body<'_>,
     ) -> Result<Prepared, Refused> {
         let Some(set) = self.set(index) else {
@@ -60,7 +69,8 @@ impl Using {
             legs: body.footing.legs(),
             standing: style.idle(),
         };
-        let keys = keys(set, &anchor(ground), ground, &parts, from);
+        let make = |set: &Set| keys(set, &anchor(ground), ground, &parts, from);
+        let keys = make(set);
         let keys = keys.map_err(|Unreachable { joint, short_m }| {
             let joint = body
                 .pack
@@ -77,6 +87,20 @@ impl Using {
                 ),
             }
         })?;
+        let hand = hand.filter(|hand| hand.instance == self.instance && puts_down(set));
+        let keys = match hand {
+            Some(hand) => {
+                let lift = |key: &Key| {
+                    let posed = Posed {
+                        root: key.root + Vec3::Y * ground,
+                        rotations: &key.rotations,
+                    };
+                    hand.lift_on_release(scene, &body.pack.skeleton, posed)
+                };
+                onto_surface(set, hand, keys, lift, |set| make(set).ok())
+            }
+            None => keys,
+        };
         Ok(Prepared {
             set: index,
             splice,
@@ -84,6 +108,47 @@ impl Using {
             ground,
         })
     }
+}
+
+fn puts_down(set: &Set) -> bool {
+    let mut events = set.events.iter();
+    events.any(|event| event.action == Action::Release && event.at != Moment::Start)
+}
+
+/// The keyframes of a set that puts down what is in the hand, with the hand's points moved up or down so that the object is let
+/// go where it comes to lie: a definition cannot know how high the surface is. As they are where the hand has no point, or the
+/// surface is too far or out of reach.
+fn onto_surface(
+    set: &Set,
+    hand: &Hand,
+    keys: Vec<Key>,
+    lift_on_release: impl Fn(&Key) -> Option<f32>,
+    make: impl Fn(&Set) -> Option<Vec<Key>>,
+) -> Vec<Key> {
+    let Some(joint) = hand.socket().map(|socket| socket.joint) else {
+        return keys;
+    };
+    let (mut set, mut moved, mut lifted) = (set.clone(), keys.clone(), 0.0);
+    for _ in 0..PUT_DOWN_ROUNDS {
+        let Some(lift) = moved.last().and_then(&lift_on_release) else {
+            return keys;
+        };
+        if lift.abs() < PUT_DOWN_NEAR_M {
+            return moved;
+        }
+        lifted += lift;
+        let points = set.keyframes.iter_mut().flat_map(|key| &mut key.points);
+        let mut points = points.filter(|point| point.joint == joint).peekable();
+        if points.peek().is_none() || lifted.abs() > PUT_DOWN_M {
+            return keys;
+        }
+        points.for_each(|point| point.position_m.y += lift);
+        match make(&set) {
+            Some(made) => moved = made,
+            None => return keys,
+        }
+    }
+    moved
 }
 
 /// Height of what the character stands on at the last keyframe of `set`: what is under its root, but where the hips are low.

@@ -85,6 +85,28 @@ fn a_cup_is_taken_and_put_down() {
     );
 }
 
+/// However high the table is, the cup is let go where it comes to stand; what is too far below, it falls.
+#[test]
+fn the_hand_goes_down_to_the_surface() {
+    for (height, follows) in [(0.7, true), (0.8, true), (0.95, true), (0.3, false)] {
+        let mut rig = with_cup();
+        let table = block("table", [0.0, 0.5 * height, 3.15], [0.6, 0.5 * height, 0.25]);
+        let change = |scene: &mut crate::scene::Scene| scene.set_colliders(&[table]);
+        rig.scene.update(change).unwrap();
+        rig.give(Intent::EndInteraction).unwrap();
+        let mut held = None;
+        while rig.object("cup").state != State::Free {
+            held = rig.character.held().or(held);
+            rig.run(1);
+        }
+        let lies = rig.object("cup").transform;
+        assert!((lies.position.y - height).abs() < 1e-3, "on {height}: {lies:?}");
+        let middle = |at: Transform| at.point(Vec3::Y * 0.06);
+        let fell = middle(held.unwrap().transform).distance(middle(lies));
+        assert_eq!(fell < 0.02, follows, "on {height}: it fell by {fell} m");
+    }
+}
+
 #[test]
 fn a_hard_keyframe_is_met_at_its_frame() {
     let mut rig = with_cup();

@@ -6,7 +6,7 @@ use troupe_motion::rotation::angle_between;
 use troupe_motion::{GlobalRoot, Vec3};
 
 use super::super::{Activity, FailReason};
-use super::hand::Refused;
+use super::hand::{Hand, Refused};
 use super::sets::Prepared;
 use super::{Act, Body, Doing, Next};
 use crate::object::{Anchor, Definition, Hold, Motion, Origin, Set};
@@ -309,7 +309,7 @@ impl Act {
         if using.approaches() && !using.approach(scene, frame, body)? {
             return Ok(Next::Locomotion);
         }
-        using.next(scene, frame, body)
+        using.next(scene, frame, self.hand.as_ref(), body)
     }
 }
 
@@ -432,7 +432,13 @@ impl Using {
     }
 
     /// What is to be done for the motion that comes next.
-    fn next(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> Result<Next, Refused> {
+    fn next(
+        &mut self,
+        scene: &Scene,
+        frame: i64,
+        hand: Option<&Hand>,
+        body: &mut Body<'_>,
+    ) -> Result<Next, Refused> {
         if self.interaction.now().is_some() {
             body.hold(frame);
         }
@@ -456,7 +462,7 @@ impl Using {
                     Some(from) => from.max(frame + look_ahead),
                     None => body.timeline.soonest(frame),
                 };
-                self.begin_set(scene, set, splice, body)
+                self.begin_set(scene, set, splice, hand, body)
             }
         }
     }
@@ -467,13 +473,14 @@ impl Using {
         scene: &Scene,
         set: usize,
         splice: i64,
+        hand: Option<&Hand>,
         body: &mut Body<'_>,
     ) -> Result<Next, Refused> {
         if let Some(there) = scene.instance(&self.instance) {
             self.object = there.transform;
         }
         let still = self.interaction.now().is_some_and(|(now, _)| splice >= now.key);
-        let prepared = self.prepare(scene, set, splice, body)?;
+        let prepared = self.prepare(scene, set, splice, hand, body)?;
         let definition = Arc::clone(self.definition());
         let Some(set) = definition.sets.get(set) else {
             return Ok(Next::Wait);
