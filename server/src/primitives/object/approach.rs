@@ -253,8 +253,7 @@ impl Approach {
 fn comes(velocity: Vec3, left: Vec3) -> bool {
     let velocity = flat(velocity);
     let speed = velocity.length();
-    let there = speed < STANDS_MPS || left.length() < IN_PLACE_M;
-    there || (speed <= HAND_OVER_MPS && velocity.angle_between(left) <= HAND_OVER_TURN)
+    speed < STANDS_MPS || (speed <= HAND_OVER_MPS && velocity.angle_between(left) <= HAND_OVER_TURN)
 }
 
 fn flat(v: Vec3) -> Vec3 {

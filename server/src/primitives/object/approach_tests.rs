@@ -100,6 +100,48 @@ fn a_run_is_slowed_down_in_time() {
     assert!(walker.velocity.length() < NEAR_MPS + 0.05, "{}", walker.velocity);
 }
 
+/// However it runs past or away, it comes and is slow enough when the first set begins.
+#[test]
+fn one_that_runs_past_turns_around_first() {
+    for (velocity, place) in [
+        (Vec3::X * 4.0, Vec3::ZERO),
+        (Vec3::NEG_Z * 3.0, Vec3::ZERO),
+        (Vec3::Z * 4.0, Vec3::Z * 1.5),
+        (Vec3::X * 1.5, Vec3::Z * 2.6),
+    ] {
+        let mut walker = Walker::new(entry(0.0, 3.0, 0.0), place, velocity);
+        assert_eq!(walker.go(), Going::HandOver);
+        let left = Vec3::Z * 3.0 - walker.place;
+        let (speed, off) = (walker.velocity.length(), walker.velocity.angle_between(left));
+        assert!(
+            speed <= HAND_OVER_MPS && off <= HAND_OVER_TURN,
+            "{velocity}: {speed} m/s, {off} rad off"
+        );
+    }
+}
+
+/// A character that cannot come in the right direction, or not slowly, is not let run on for ever: it stops first.
+#[test]
+fn one_that_cannot_slow_down_stops() {
+    let mut approach = Approach::new(entry(0.0, 0.0, 0.0), Arc::new(walker_style()), 0);
+    let circling = |frame: Frame| {
+        let angle = frame as f32 * 0.1;
+        Here {
+            frame,
+            root: GlobalRoot::new(Vec3::new(angle.sin(), 0.0, angle.cos()) * 1.2, 0.0),
+            velocity: Vec3::new(angle.cos(), 0.0, -angle.sin()) * 3.6,
+        }
+    };
+    let stops = |frame: &Frame| {
+        let Going::Command { command, .. } = approach.step(&circling(*frame)) else {
+            return false;
+        };
+        command.velocity == Vec3::ZERO
+    };
+    let stopped = (0..APPROACH_FRAMES).find(stops);
+    assert!(stopped.is_some_and(|frame| frame > NEAR_FRAMES && frame < NEAR_FRAMES + 10));
+}
+
 #[test]
 fn one_that_is_there_begins_at_once() {
     let mut walker = Walker::new(entry(0.1, 0.0, 2.0), Vec3::ZERO, Vec3::ZERO);

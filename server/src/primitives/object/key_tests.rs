@@ -183,6 +183,18 @@ fn frames_that_a_set_gives_are_kept_to() {
     );
 }
 
+/// A hand that reaches far and low has the body bow, and bowing hips go back: but not from the place that is given.
+#[test]
+fn hips_come_to_the_place_that_is_given() {
+    let (cup, reach) = set_of("cup", "reach");
+    for height in [0.5, 0.7, 0.9] {
+        let anchor = cup.anchor(Transform::upright(Vec3::Y * height, 0.0), 0.0, 0.0);
+        let key = &worked_out(&reach, &anchor, 0.0, &standing(0.0, 2.0, 0.0)).unwrap()[0];
+        let place = key.root.with_y(0.0);
+        assert!(place.distance(Vec3::Z * 0.45) < 0.005, "at {height}: {place}");
+    }
+}
+
 #[test]
 fn several_joints_are_brought_to_their_points() {
     let (_, mut lift) = set_of("cup", "lift");
