@@ -27,6 +27,10 @@ const SWING_HALF_WINDOW: usize = 2;
 const CORNER_FRAMES: usize = 6;
 /// A foot that was in the air before anything that is known is at its new height after so many frames.
 const GO_ON_FRAMES: usize = 15;
+/// The most that a foot goes up or down in a frame, metres: where it catches up with its way, and ever.
+const MOST_RATE_M: (f32, f32) = (0.07, 0.1);
+/// A planted foot that moves less than this in a frame stands, metres.
+const STANDS_M: f32 = 1e-4;
 /// Gaps of this many frames in a contact are closed.
 const GAP_FRAMES: usize = 1;
 /// A foot goes up in the first part of its swing and down in the last: this many times as fast.
@@ -220,15 +224,24 @@ fn lift_root(feet: &[f32], cap: &[f32], known: &[Lift], half: usize, out: &mut [
     }
 }
 
-/// What was `shown` comes first; what differs from it in the first frame behind fades out until the foot comes down.
+/// What was `shown` comes first; what differs from it in the first frame behind fades out until the foot comes down. A foot that
+/// is to stand sooner than it was going to comes down late, for it goes up and down no faster than it may.
 fn take_over(shown: &[f32], comes_down: usize, lifts: &mut [f32]) {
-    let Some(&last) = shown.last() else { return };
-    let residual = last - lifts[shown.len() - 1];
-    let fade = TAKE_OVER_FRAMES.min(comes_down + 1 - shown.len());
-    for (since, lift) in (1..fade).zip(&mut lifts[shown.len()..]) {
-        *lift += residual * (1.0 - smoothstep(since as f32 / fade as f32));
+    let mut meant = lifts[shown.len().saturating_sub(1)];
+    if let Some(last) = shown.last() {
+        let residual = last - meant;
+        let fade = TAKE_OVER_FRAMES.min(comes_down + 1 - shown.len());
+        for (since, lift) in (1..fade).zip(&mut lifts[shown.len()..]) {
+            *lift += residual * (1.0 - smoothstep(since as f32 / fade as f32));
+        }
+        lifts[..shown.len()].copy_from_slice(shown);
     }
-    lifts[..shown.len()].copy_from_slice(shown);
+    for frame in shown.len().max(1)..lifts.len() {
+        let (before, now) = (lifts[frame - 1], lifts[frame]);
+        let most = (now - meant).abs().clamp(MOST_RATE_M.0, MOST_RATE_M.1);
+        meant = now;
+        lifts[frame] = before + (now - before).max(-most).min(most);
+    }
 }
 
 /// Where a leg of the flat motion is in every frame.
@@ -304,14 +317,15 @@ impl Track {
             _ => {}
         }
         for span in planted.into_iter().skip(taken_up.unwrap_or_default()) {
-            height = match shown[..span.end.min(shown.len())].last() {
-                // A foot that was planted when it was shown stays where it is.
-                Some(&planted) if span.start < shown.len() => Some(planted),
-                _ => {
-                    let middle = (span.start + span.end - 1) / 2;
-                    self.ground(middle, ground).or(height)
-                }
-            };
+            height = match shown[..span.end.min(shown.len())] {
+                _ if span.start >= shown.len() => None,
+                // A foot that was planted when it was shown stays where it is, unless it was still on its way down.
+                [.., before, last] if (last - before).abs() < STANDS_M => Some(last),
+                [only] => Some(only),
+                _ => None,
+            }
+            .or_else(|| self.ground((span.start + span.end - 1) / 2, ground))
+            .or(height);
             anchors.push((span, height.unwrap_or_default()));
         }
         if anchors.last().is_none_or(|(span, _)| span.end < frames) {
@@ -331,11 +345,9 @@ impl Track {
                 self.swing(leg, (from, to), took_off, &mut lifts, ground, options.clear_m);
             }
         }
-        let comes_down = anchors
-            .iter()
-            .map(|(span, _)| span.start)
-            .find(|&start| start >= shown.len());
-        take_over(shown, comes_down.unwrap_or(frames), &mut lifts);
+        let stands = anchors.iter().find(|(span, _)| span.end > shown.len());
+        let comes_down = stands.map_or(frames, |(span, _)| span.start.max(shown.len()));
+        take_over(shown, comes_down, &mut lifts);
         lifts
     }
 

@@ -224,6 +224,40 @@ fn plans_that_come_often_do_not_add_up() {
 }
 
 #[test]
+fn a_foot_that_comes_down_sooner_than_it_was_going_to_does_not_jump() {
+    let motion = flat(120);
+    let mut most_left = 0.0_f32;
+    for (nth, bits) in [0b11, 0b1100].into_iter().enumerate() {
+        for height in [0.3, -0.3] {
+            let ground = ledge(2.1, height);
+            let all = lifts_of(&motion, &[], ground);
+            let lands = |f: &usize| motion.2[f - 1] & bits == 0 && motion.2[*f] & bits != 0;
+            for land in (20..110).filter(lands) {
+                // The plan that comes two frames before has the foot down at once.
+                let cut = land - 2;
+                let mut sooner = motion.clone();
+                sooner.2[cut..land]
+                    .iter_mut()
+                    .for_each(|contacts| *contacts |= bits);
+                let mut shown = all[..cut].to_vec();
+                for more in [1, 2, 3, 5] {
+                    let made = lifts_of(&sooner, &shown, ground);
+                    shown.extend_from_slice(&made[shown.len()..][..more]);
+                }
+                most_left = most_left.max((all[cut - 1].feet_m[nth] - all[land].feet_m[nth]).abs());
+                for w in shown[cut - 1..].windows(2) {
+                    let step = (w[1].feet_m[nth] - w[0].feet_m[nth]).abs();
+                    assert!(step < 0.0701, "down at {cut}: {step} in a frame");
+                }
+                let (last, want) = (shown.last().unwrap().feet_m[nth], all[land].feet_m[nth]);
+                assert!((last - want).abs() < 1e-4, "down at {cut}: {last}, not {want}");
+            }
+        }
+    }
+    assert!(most_left > 0.05, "a foot was on its way: {most_left}");
+}
+
+#[test]
 fn without_legs_or_contacts() {
     let (skeleton, mut motion) = (person(), flat(60));
     let before = motion.clone();
