@@ -12,8 +12,9 @@ use troupe_motion::{Quat, Skeleton, Vec3};
 use super::super::buffer::MotionBuffer;
 use crate::scene::Scene;
 
-/// Highest step up or down that a character takes in its stride, metres: knees bend by 134 degrees at that height.
-pub(super) const STEP_M: f32 = 0.4;
+/// Highest step up or down that a character takes in its stride, metres. Stairs have 0.15 to 0.2; beyond this the rear knee
+/// bends deep and feet are accelerated three times as much as on the flat. What is higher, up to the hips, is a wall.
+pub(super) const STEP_M: f32 = 0.3;
 /// How far down a surface is looked for, metres.
 pub(super) const DEEPEST_M: f32 = 2.0e4;
 /// Height over the ground from which it is looked for downwards, metres: the hips'. Higher things are walls.
@@ -39,8 +40,8 @@ pub(super) fn support(scene: &Scene, place: Vec3, level: f32) -> Support {
     let from = place.with_y(level + LOOK_FROM_M);
     match scene.support(from, DEEPEST_M, None) {
         None => Support::Below(None),
-        Some(hit) if hit.is_inside() || hit.point.y > level + STEP_M => Support::Above,
-        Some(hit) if hit.point.y < level - STEP_M => Support::Below(Some(hit.point.y)),
+        Some(hit) if hit.is_inside() || hit.point.y > level + STEP_M + LEVEL_M => Support::Above,
+        Some(hit) if hit.point.y < level - STEP_M - LEVEL_M => Support::Below(Some(hit.point.y)),
         Some(hit) => Support::At(hit.point.y),
     }
 }

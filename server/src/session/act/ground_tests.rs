@@ -143,27 +143,33 @@ fn an_approach_that_falls_fails() {
     assert_eq!(rig.object("cup").state, State::Free);
 }
 
+/// A rig that has walked over a step up or down, 1 m ahead, at 1 m/s for three seconds.
+fn over_step(height: f32) -> Rig {
+    let rig = Rig::new();
+    let (ground, top) = (height.min(0.0), height.max(0.0));
+    let upper = block(
+        "upper",
+        [0.0, 0.5 * (ground + top), if height > 0.0 { 3.0 } else { -1.0 }],
+        [2.0, 0.5 * (top - ground), 2.0],
+    );
+    rig.scene
+        .update(|scene| {
+            *scene = Scene::new(ground)?;
+            scene.set_colliders(&[upper])
+        })
+        .unwrap();
+    let scene = Arc::clone(&rig.scene);
+    let definitions = Arc::clone(&rig.definitions);
+    let mut rig = Rig::in_scene(scene, definitions, "a", Vec3::ZERO);
+    rig.walk(0.0, 1.0);
+    rig.run(90);
+    rig
+}
+
 #[test]
 fn steps_are_taken_in_stride() {
     for height in [0.15_f32, 0.3, -0.15, -0.3] {
-        let mut rig = Rig::new();
-        let (ground, top) = (height.min(0.0), height.max(0.0));
-        let upper = block(
-            "upper",
-            [0.0, 0.5 * (ground + top), if height > 0.0 { 3.0 } else { -1.0 }],
-            [2.0, 0.5 * (top - ground), 2.0],
-        );
-        rig.scene
-            .update(|scene| {
-                *scene = Scene::new(ground)?;
-                scene.set_colliders(&[upper])
-            })
-            .unwrap();
-        let scene = Arc::clone(&rig.scene);
-        let definitions = Arc::clone(&rig.definitions);
-        rig = Rig::in_scene(scene, definitions, "a", Vec3::ZERO);
-        rig.walk(0.0, 1.0);
-        rig.run(90);
+        let rig = over_step(height);
         assert!(rig.events.is_empty(), "{height} m: {:?}", rig.events);
         let last = rig.frames.last().unwrap().root;
         assert!(
@@ -173,6 +179,15 @@ fn steps_are_taken_in_stride() {
         let (_, step) = rig.roughness(0);
         assert!(step < 0.2, "{height} m: {step}");
     }
+}
+
+#[test]
+fn what_is_more_than_a_step_is_a_wall_or_a_fall() {
+    let rig = over_step(0.35);
+    assert!(rig.events.is_empty(), "{:?}", rig.events);
+    let high = rig.frames.iter().map(|frame| frame.root.y).fold(0.0, f32::max);
+    assert!(high < 0.92, "not stepped onto: {high}");
+    assert_eq!(over_step(-0.35).words(), ["fell", "landed"]);
 }
 
 #[test]
