@@ -5,7 +5,7 @@ use troupe_motion::ballistic::{Drop, Landing, MAX_FALL_S, Throw, fall_motion};
 use troupe_motion::ik::Posed;
 
 use super::super::buffer::Frames;
-use super::super::{EventKind, FailReason};
+use super::super::{CROSSFADE_FRAMES, EventKind, FailReason};
 use super::hand::Refused;
 use super::{Act, Body, Doing, Next};
 use crate::scene::Scene;
@@ -37,6 +37,9 @@ impl Act {
         let floor = landing.place.y;
         let style = &body.locomotion.command().style;
         let idle = style.idle();
+        // The joints go over from the motion that was under way, as any plan does; the root begins with its velocity.
+        let goes_on = (1..=CROSSFADE_FRAMES as i64).flat_map(|step| body.shown(frame + step).rotations);
+        let under_way: Vec<_> = goes_on.collect();
         let drop = Drop {
             velocity,
             floor_m: floor,
@@ -44,6 +47,7 @@ impl Act {
                 root: Vec3::Y * idle.height_m,
                 rotations: &idle.rotations,
             },
+            under_way: &under_way,
             air: None,
             fps,
         };
