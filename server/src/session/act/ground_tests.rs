@@ -100,6 +100,50 @@ fn falls_end_when_the_projectile_lands() {
 }
 
 #[test]
+fn one_with_its_feet_on_the_edge_does_not_fall() {
+    // The edge comes nearer, and then lies behind the root: by 0.1 m, where its feet still are, and by 0.2 m.
+    for (edge, falls) in [(-0.1, false), (-0.2, true)] {
+        let mut rig = on_platform(1.0);
+        rig.run(20);
+        let platform = block("platform", [0.0, 0.5, edge - 2.0], [2.0, 0.5, 2.0]);
+        rig.scene
+            .update(|scene| scene.set_colliders(&[platform]))
+            .unwrap();
+        rig.run(60);
+        assert_eq!(
+            rig.words().contains(&"fell"),
+            falls,
+            "{edge} m: {:?}",
+            rig.words()
+        );
+        let height = rig.frames.last().unwrap().root.y;
+        assert_eq!(height > 1.8, !falls, "{edge} m: {height}");
+    }
+}
+
+#[test]
+fn a_narrow_gap_is_no_edge() {
+    for (gap, falls) in [(0.1, false), (0.24, false), (0.6, true)] {
+        let mut rig = on_platform(1.0);
+        let before = block("before", [0.0, 0.5, -1.5], [2.0, 0.5, 2.0]);
+        let behind = block("behind", [0.0, 0.5, 0.5 + gap + 2.0], [2.0, 0.5, 2.0]);
+        rig.scene
+            .update(|scene| scene.set_colliders(&[before, behind]))
+            .unwrap();
+        rig.walk(0.0, 0.8);
+        rig.run(80);
+        assert_eq!(rig.words().contains(&"fell"), falls, "{gap} m: {:?}", rig.words());
+        if falls {
+            continue;
+        }
+        for frame in &rig.frames {
+            assert!((frame.root.y - 1.9).abs() < 0.05, "{gap} m: {}", frame.root);
+        }
+        assert!(rig.frames.last().unwrap().root.z > 1.2, "it is across");
+    }
+}
+
+#[test]
 fn a_fall_takes_over_as_any_plan_does() {
     for (height, speed) in [(0.5, 1.2), (1.0, 0.6), (2.0, 1.2)] {
         let mut rig = on_platform(height);
