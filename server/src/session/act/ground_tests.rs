@@ -183,6 +183,36 @@ fn a_command_during_a_fall_holds_after_it() {
 }
 
 #[test]
+fn one_who_is_to_move_goes_on_before_it_is_upright() {
+    // Frames from the landing to where it goes over the ground by 0.3 m/s again, and to the end of the activity.
+    let times = |moves: bool| {
+        let mut rig = on_platform(2.0);
+        rig.walk(0.0, 1.2);
+        rig.until(120, |kind| matches!(kind, EventKind::Fell { .. }))
+            .unwrap();
+        if !moves {
+            rig.walk(0.0, 0.0);
+        }
+        rig.until(60, |kind| matches!(kind, EventKind::Landed { .. }))
+            .unwrap();
+        let landed = rig.frames.len();
+        while rig.character.activity() == Activity::Falling {
+            rig.tick();
+        }
+        let over = rig.frames.len() - landed;
+        rig.run(45);
+        let (acceleration, _) = rig.roughness(landed + 12);
+        assert!(acceleration < 60.0, "moves: {moves}: {acceleration} m/s²");
+        let last = rig.frames.last().unwrap().root;
+        assert!((last.y - 0.9).abs() < 0.03, "upright in the end: {last}");
+        over
+    };
+    let (moves, stands) = (times(true), times(false));
+    assert!(moves + 8 <= stands, "{moves} frames, {stands} to stand");
+    assert!(moves >= 8, "not before the hips are up: {moves}");
+}
+
+#[test]
 fn one_whose_ground_is_taken_away_falls_where_it_stands() {
     let mut rig = on_platform(1.0);
     rig.run(40);
