@@ -4,7 +4,7 @@
 //!              Interact              approach over, sets gone through, failed, or a command
 //! Locomotion ───────────► Using ─────────────────────────────────────────────► Locomotion
 //!     │                     │ on the way to the object only
-//!     └──── ground ends ────┴──────► Falling ──── landed and upright ────────► Locomotion
+//!     └──── ground ends ────┴──────► Falling ──── landed and up again ───────► Locomotion
 //! ```
 //!
 //! Who breaks off in a low pose stands up first ([`rise`]): the networks know no such poses.
