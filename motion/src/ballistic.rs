@@ -103,6 +103,9 @@ pub struct Drop<'a> {
     pub floor_m: f32,
     /// How the character stands afterwards: `root.y` over the ground; its place and heading over the ground do not count.
     pub standing: Posed<'a>,
+    /// Poses of the frames behind the one that it starts from, as if it did not fall: joints go on as they moved while the fall
+    /// takes over. The last counts on; none: they stop at once.
+    pub under_way: &'a [Quat],
     /// The pose in the air; `None`: `standing` with arms raised and legs drawn up a little.
     pub air: Option<&'a [Quat]>,
     /// Frames a second.
@@ -164,7 +167,8 @@ pub fn fall_motion(skeleton: &Skeleton, legs: &[Leg], from: Posed<'_>, drop: &Dr
     let air_fits = drop
         .air
         .is_none_or(|air| air.len() >= joints && air.iter().all(|q| q.is_finite()));
-    let fits = from.fits(skeleton) && drop.standing.fits(skeleton) && air_fits;
+    let goes_on = drop.under_way.len().is_multiple_of(joints) && drop.under_way.iter().all(|q| q.is_finite());
+    let fits = from.fits(skeleton) && drop.standing.fits(skeleton) && air_fits && goes_on;
     let finite = from.is_finite()
         && drop.standing.is_finite()
         && drop.velocity.is_finite()
@@ -280,6 +284,7 @@ struct Faller<'a> {
     skeleton: &'a Skeleton,
     legs: &'a [Leg],
     from: Posed<'a>,
+    under_way: &'a [Quat],
     fps: f32,
     course: Course,
     standing: Vec<Quat>,
@@ -318,6 +323,7 @@ impl<'a> Faller<'a> {
             skeleton,
             legs,
             from,
+            under_way: drop.under_way,
             fps: drop.fps,
             course,
             standing,
@@ -407,6 +413,20 @@ impl<'a> Faller<'a> {
         }
     }
 
+    /// The pose that there would be without the fall.
+    fn goes_on(&self, s: f32) -> &[Quat] {
+        let mut poses = self.under_way.chunks_exact(self.skeleton.joint_count());
+        let nth = (s * self.fps).round() as usize;
+        match nth
+            .min(poses.len())
+            .checked_sub(1)
+            .and_then(|last| poses.nth(last))
+        {
+            Some(pose) => pose,
+            None => self.from.rotations,
+        }
+    }
+
     /// The pose of a frame but for the legs.
     fn body(&self, s: f32, pose: &mut [Quat]) {
         let course = &self.course;
@@ -415,8 +435,9 @@ impl<'a> Faller<'a> {
         let crouch_end = touch + CROUCH_S.1.max(course.brake_s);
         let into_air = ramp(0.0, INTO_AIR_S);
         let into_stand = ramp((touch - CROUCH_S.0).max(0.0), crouch_end);
+        let from = self.goes_on(s);
         for (joint, made) in pose.iter_mut().enumerate() {
-            let flying = slerp(self.from.rotations[joint], self.air[joint], into_air);
+            let flying = slerp(from[joint], self.air[joint], into_air);
             *made = slerp(flying, self.standing[joint], into_stand);
         }
         let depth = (course.stand - course.bottom) / FULL_BOW_DEPTH_M;

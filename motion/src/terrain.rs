@@ -25,6 +25,12 @@ const MOST_HALF_WINDOW: usize = 30;
 const SWING_HALF_WINDOW: usize = 2;
 /// A foot may cut a corner of the ground this near to where it is planted, frames.
 const CORNER_FRAMES: usize = 6;
+/// A foot that was in the air before anything that is known is at its new height after so many frames.
+const GO_ON_FRAMES: usize = 15;
+/// The most that a foot goes up or down in a frame, metres: where it catches up with its way, and ever.
+const MOST_RATE_M: (f32, f32) = (0.07, 0.1);
+/// A planted foot that moves less than this in a frame stands, metres.
+const STANDS_M: f32 = 1e-4;
 /// Gaps of this many frames in a contact are closed.
 const GAP_FRAMES: usize = 1;
 /// A foot goes up in the first part of its swing and down in the last: this many times as fast.
@@ -218,6 +224,26 @@ fn lift_root(feet: &[f32], cap: &[f32], known: &[Lift], half: usize, out: &mut [
     }
 }
 
+/// What was `shown` comes first; what differs from it in the first frame behind fades out until the foot comes down. A foot that
+/// is to stand sooner than it was going to comes down late, for it goes up and down no faster than it may.
+fn take_over(shown: &[f32], comes_down: usize, lifts: &mut [f32]) {
+    let mut meant = lifts[shown.len().saturating_sub(1)];
+    if let Some(last) = shown.last() {
+        let residual = last - meant;
+        let fade = TAKE_OVER_FRAMES.min(comes_down + 1 - shown.len());
+        for (since, lift) in (1..fade).zip(&mut lifts[shown.len()..]) {
+            *lift += residual * (1.0 - smoothstep(since as f32 / fade as f32));
+        }
+        lifts[..shown.len()].copy_from_slice(shown);
+    }
+    for frame in shown.len().max(1)..lifts.len() {
+        let (before, now) = (lifts[frame - 1], lifts[frame]);
+        let most = (now - meant).abs().clamp(MOST_RATE_M.0, MOST_RATE_M.1);
+        meant = now;
+        lifts[frame] = before + (now - before).max(-most).min(most);
+    }
+}
+
 /// Where a leg of the flat motion is in every frame.
 struct Track {
     hips: Vec<Vec3>,
@@ -274,21 +300,32 @@ impl Track {
             options.min_frames,
             [true, false],
         );
-        // Frames at which the foot's height is known, in order: what was shown, contacts, and the ends.
+        // Frames at which the foot's height is known, in order: contacts, and the ends.
         let mut anchors: Vec<(Range<usize>, f32)> = Vec::with_capacity(planted.len() + 2);
-        let mut height = shown.last().copied();
-        if let Some(height) = height {
-            anchors.push((shown.len() - 1..shown.len(), height));
-        } else if planted.first().is_none_or(|span| span.start > 0) {
-            height = self.ground(0, ground);
-            anchors.push((0..1, height.unwrap_or_default()));
-        }
-        for span in planted.into_iter().filter(|span| span.end > shown.len()) {
-            // A foot that was planted when it was shown stays where it is.
-            if span.start >= shown.len() || height.is_none() {
-                let middle = (span.start + span.end - 1) / 2;
-                height = self.ground(middle, ground).or(height);
+        let mut height = None;
+        let taken_up = planted.iter().rposition(|span| span.start < shown.len());
+        match shown.last() {
+            // In the air since before what is known: it goes on from where it is.
+            Some(&last) if taken_up.is_none() => {
+                height = Some(last);
+                anchors.push((shown.len() - 1..shown.len(), last));
             }
+            None if planted.first().is_none_or(|span| span.start > 0) => {
+                height = self.ground(0, ground);
+                anchors.push((0..1, height.unwrap_or_default()));
+            }
+            _ => {}
+        }
+        for span in planted.into_iter().skip(taken_up.unwrap_or_default()) {
+            height = match shown[..span.end.min(shown.len())] {
+                _ if span.start >= shown.len() => None,
+                // A foot that was planted when it was shown stays where it is, unless it was still on its way down.
+                [.., before, last] if (last - before).abs() < STANDS_M => Some(last),
+                [only] => Some(only),
+                _ => None,
+            }
+            .or_else(|| self.ground((span.start + span.end - 1) / 2, ground))
+            .or(height);
             anchors.push((span, height.unwrap_or_default()));
         }
         if anchors.last().is_none_or(|(span, _)| span.end < frames) {
@@ -297,25 +334,30 @@ impl Track {
         }
 
         let mut lifts = vec![0.0; frames];
-        lifts[..shown.len()].copy_from_slice(shown);
         for (span, height) in &anchors {
-            lifts[span.start.max(shown.len())..span.end.max(shown.len())].fill(*height);
+            lifts[span.clone()].fill(*height);
         }
-        for pair in anchors.windows(2) {
+        let goes_on = !shown.is_empty() && taken_up.is_none();
+        for (nth, pair) in anchors.windows(2).enumerate() {
             let (from, to) = (pair[0].0.end - 1, pair[1].0.start);
             if to > from + 1 {
-                self.swing(leg, from, to, &mut lifts, ground, options.clear_m);
+                let took_off = nth > 0 || !goes_on;
+                self.swing(leg, (from, to), took_off, &mut lifts, ground, options.clear_m);
             }
         }
+        let stands = anchors.iter().find(|(span, _)| span.end > shown.len());
+        let comes_down = stands.map_or(frames, |(span, _)| span.start.max(shown.len()));
+        take_over(shown, comes_down, &mut lifts);
         lifts
     }
 
-    /// The foot's lifts between frames `from` and `to`: up early or down late, and over what is in between.
+    /// The foot's lifts between frames `from` and `to`: up early or down late, and over what is in between. One that
+    /// has not taken off here, but before anything that is known, has had its clearance: it goes to its new height soon.
     fn swing(
         &self,
         leg: &Leg,
-        from: usize,
-        to: usize,
+        (from, to): (usize, usize),
+        took_off: bool,
         lifts: &mut [f32],
         ground: &mut impl FnMut(f32, f32) -> f32,
         clear_m: f32,
@@ -323,10 +365,13 @@ impl Track {
         let (start, up) = (lifts[from], lifts[to] - lifts[from]);
         let phase = |frame: usize| (frame - from) as f32 / (to - from) as f32;
         for (frame, lift) in lifts.iter_mut().enumerate().take(to).skip(from + 1) {
-            let t = phase(frame) * SWING_RATE;
-            let t = if up > 0.0 { t } else { t - (SWING_RATE - 1.0) };
+            let t = match (took_off, up > 0.0) {
+                (false, _) => (frame - from) as f32 / (to - from).min(GO_ON_FRAMES) as f32,
+                (true, true) => phase(frame) * SWING_RATE,
+                (true, false) => phase(frame) * SWING_RATE - (SWING_RATE - 1.0),
+            };
             *lift = start + up * smoothstep(t.clamp(0.0, 1.0));
-            if up != 0.0 {
+            if took_off && up != 0.0 {
                 *lift += clear_m * (PI * phase(frame)).sin();
             }
         }

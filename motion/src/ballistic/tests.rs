@@ -22,6 +22,7 @@ fn fall(height: f32, velocity: Vec3, fps: f32) -> Fall {
         velocity,
         floor_m: 0.0,
         standing: standing_at(&pose),
+        under_way: &[],
         air: None,
         fps,
     };
@@ -158,6 +159,7 @@ fn a_pose_in_the_air_and_a_heading_are_kept() {
         velocity: Vec3::ZERO,
         floor_m: -4.0,
         standing: standing_at(&stand),
+        under_way: &[],
         air: Some(&air),
         fps: 60.0,
     };
@@ -178,6 +180,50 @@ fn a_pose_in_the_air_and_a_heading_are_kept() {
     );
     let middle = &fall.motion.rotations[20 * JOINTS..21 * JOINTS];
     assert!(angle_between(middle[6], air[6]) < 1e-3 && angle_between(middle[0], yaw(1.0)) < 1e-3);
+}
+
+#[test]
+fn joints_go_on_as_they_moved() {
+    let skeleton = person();
+    let (roots, rotations, _) = walk(60);
+    let stand = standing();
+    // Of all joints about the root, how much more the fall's first frames are accelerated than the walk, m/s², at worst.
+    let roughest = |start: usize, goes_on: usize| {
+        let from = Posed {
+            root: roots[start] + Vec3::Y * 2.0,
+            rotations: &rotations[start * JOINTS..][..JOINTS],
+        };
+        let drop = Drop {
+            velocity: (roots[start] - roots[start - 1]) * 30.0,
+            floor_m: 0.0,
+            standing: standing_at(&stand),
+            under_way: &rotations[(start + 1) * JOINTS..][..goes_on * JOINTS],
+            air: None,
+            fps: 30.0,
+        };
+        let fall = fall_motion(&skeleton, &legs(&skeleton), from, &drop);
+        assert!(
+            (17..21).contains(&fall.touch_down),
+            "it takes no longer: {}",
+            fall.touch_down
+        );
+        let mut all = rotations[(start - 1) * JOINTS..(start + 1) * JOINTS].to_vec();
+        all.extend_from_slice(&fall.motion.rotations[..2 * JOINTS]);
+        let walk = &rotations[(start - 1) * JOINTS..][..4 * JOINTS];
+        let bend = |w: &[Vec3]| (w[2] - 2.0 * w[1] + w[0]) * 900.0;
+        let mut most = 0.0_f32;
+        for joint in 0..JOINTS {
+            let [fell, walked] =
+                [&all[..], walk].map(|poses| track(&skeleton, &[Vec3::ZERO; 4], poses, joint));
+            for (a, b) in fell.windows(3).zip(walked.windows(3)) {
+                most = most.max((bend(a) - bend(b)).length());
+            }
+        }
+        most
+    };
+    let worst = |goes_on: usize| (10..40).map(|start| roughest(start, goes_on)).fold(0.0, f32::max);
+    let (stops, goes_on) = (worst(0), worst(8));
+    assert!(stops > 50.0 && goes_on < 25.0, "{stops} to {goes_on} m/s²");
 }
 
 #[test]
@@ -203,6 +249,7 @@ fn odd_input_makes_no_frames() {
         velocity: Vec3::ZERO,
         floor_m: 0.0,
         standing: standing_at(&pose),
+        under_way: &[],
         air: None,
         fps: 30.0,
     };
@@ -233,6 +280,14 @@ fn odd_input_makes_no_frames() {
         },
         Drop {
             air: Some(&nan),
+            ..good
+        },
+        Drop {
+            under_way: &pose[..4],
+            ..good
+        },
+        Drop {
+            under_way: &nan,
             ..good
         },
         Drop {
@@ -315,7 +370,7 @@ proptest! {
     ) {
         let (skeleton, stand) = (person(), standing());
         let from = Posed { root: Vec3::new(3.0, STAND_M + height, -2.0), rotations: &pose };
-        let drop = Drop { velocity, floor_m: 0.0, standing: standing_at(&stand), air: None, fps };
+        let drop = Drop { velocity, floor_m: 0.0, standing: standing_at(&stand), under_way: &[], air: None, fps };
         let fall = fall_motion(&skeleton, &legs(&skeleton), from, &drop);
         prop_assert!(fall.motion.frames() > 0 && fall.motion.short_m < 5e-3, "short {}", fall.motion.short_m);
         prop_assert!(stretch(&skeleton, &fall.motion.rotations) < 1e-5);

@@ -9,8 +9,8 @@ use crate::fk::joint_transform;
 use crate::interpolate::smoothstep;
 use crate::skeleton::Skeleton;
 
-use super::two_bone::STRAIGHTEST;
-use super::{Leg, cover, forward, spans, two_bone};
+use super::two_bone::{STRAIGHTEST, two_bone_soft};
+use super::{Leg, cover, forward, spans};
 
 /// A span that begins this near behind a frame that may not change begins where the foot is: there is no room to fade.
 const ANCHOR_FRAMES: usize = 3;
@@ -21,6 +21,9 @@ const DROP_HALF_WINDOW: usize = 3;
 /// A foot that is carried to another place between two contacts is lifted by this share of the way, at most so far, metres.
 const CARRY_SHARE: f32 = 0.2;
 const MAX_CARRY_M: f32 = 0.03;
+/// The share of a leg's length over which it eases towards its reach, or the knee jumps where a foot that has made it straight
+/// is let go. The root comes down for legs that would be straighter, so that held feet stay where they are.
+const SOFT_SHARE: f32 = 0.02;
 /// Offsets below this are none, metres.
 const NO_OFFSET_M: f32 = 1e-5;
 
@@ -132,7 +135,15 @@ pub fn lock_feet(
         let pole = forward(skeleton, pose);
         for (leg, track) in legs.iter().zip(&tracks) {
             let goal = track.feet[index] + track.offsets[index];
-            let short = two_bone(skeleton, roots[frame], pose, leg.chain(), goal, pole, true);
+            let short = two_bone_soft(
+                skeleton,
+                roots[frame],
+                pose,
+                leg.chain(),
+                (goal, SOFT_SHARE),
+                pole,
+                true,
+            );
             locked.max_short_m = locked.max_short_m.max(short);
             locked.max_offset_m = locked.max_offset_m.max(track.offsets[index].length());
         }
@@ -286,9 +297,12 @@ fn drops(tracks: &[Track], legs: &[Leg], skeleton: &Skeleton, fixed: [bool; 2], 
     for (track, leg) in tracks.iter().zip(legs) {
         for (frame, need) in needs.iter_mut().enumerate() {
             let (hip, foot) = (track.hips[frame], track.feet[frame]);
-            let longest = (leg.length_m(skeleton) * STRAIGHTEST).max(hip.distance(foot));
+            let longest = (leg.length_m(skeleton) * (STRAIGHTEST - SOFT_SHARE)).max(hip.distance(foot));
             let goal = foot + track.offsets[frame];
-            *need = need.max(excess_height(hip, goal, longest).min(max_drop_m));
+            let excess = excess_height(hip, goal, longest);
+            if excess > NO_OFFSET_M {
+                *need = need.max(excess.min(max_drop_m));
+            }
         }
     }
     let mut drops = cover(&needs, DROP_HALF_WINDOW);

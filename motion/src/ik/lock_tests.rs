@@ -79,6 +79,34 @@ fn feet_in_contact_stand_still() {
     assert!(speeds[1] < speeds[0] * 1.3, "no foot jumps: {speeds:?}");
 }
 
+/// The most that a knee is accelerated by, m/s².
+fn knee_acceleration(motion: &Frames) -> f32 {
+    let skeleton = person();
+    let knees = [14, 18].map(|knee| track(&skeleton, &motion.0, &motion.1, knee));
+    let bends = knees.iter().flat_map(|knee| knee.windows(3));
+    bends
+        .map(|w| (w[2] - 2.0 * w[1] + w[0]).length() * 900.0)
+        .fold(0.0, f32::max)
+}
+
+#[test]
+fn knees_do_not_jump_where_a_straight_leg_lets_go() {
+    // The faster, the straighter a leg becomes before its contact ends.
+    for (faster, max_drop_m, most) in [(1.0, 0.08, 90.0), (1.2, 0.08, 105.0), (1.2, 0.0, 60.0)] {
+        let mut before = walk(90);
+        before.0.iter_mut().for_each(|root| root.z *= faster);
+        assert!(knee_acceleration(&before) < 26.0);
+        let options = FootLock {
+            max_drop_m,
+            ..FootLock::default()
+        };
+        let (after, _) = lock(&before, &options);
+        let (knee, skate) = (knee_acceleration(&after), skate(&after));
+        assert!(knee < most, "{faster}: {knee} m/s²");
+        assert!(skate < 0.0015, "{faster}: {skate} m a frame");
+    }
+}
+
 #[test]
 fn frames_outside_the_range_stay_bit_for_bit_and_feet_join_them() {
     let before = walk(60);

@@ -40,6 +40,29 @@ pub fn two_bone(
     pole: Vec3,
     keep_end_rotation: bool,
 ) -> f32 {
+    two_bone_soft(
+        skeleton,
+        root,
+        rotations,
+        chain,
+        (goal, 0.0),
+        pole,
+        keep_end_rotation,
+    )
+}
+
+/// [`two_bone`] for a goal with the share of its length, less than 1, over which the limb eases towards its reach. At once,
+/// the middle joint would move with the square root of what is left to it: a goal that comes into reach makes it jump. In
+/// return the limb falls short of goals within that share. One that was straighter eases over what is left to it.
+pub(super) fn two_bone_soft(
+    skeleton: &Skeleton,
+    root: Vec3,
+    rotations: &mut [Quat],
+    chain: [usize; 3],
+    (goal, soft): (Vec3, f32),
+    pole: Vec3,
+    keep_end_rotation: bool,
+) -> f32 {
     if rotations.len() < skeleton.joint_count() || !is_chain(skeleton, chain) {
         return f32::INFINITY;
     }
@@ -48,7 +71,7 @@ pub fn two_bone(
         Some(parent) => joint_transform(skeleton, root, rotations, parent).1,
         None => Quat::IDENTITY,
     });
-    let Some(bend) = bend(upper.0, middle.0, end.0, goal, pole) else {
+    let Some(bend) = bend(upper.0, middle.0, end.0, (goal, soft), pole) else {
         return f32::INFINITY;
     };
     let Some((turn_upper, turn_lower)) = bend.turns else {
@@ -82,7 +105,7 @@ struct Bend {
 }
 
 /// The turns that bring `end` to `goal`; `None` where that cannot be told.
-fn bend(upper: Vec3, middle: Vec3, end: Vec3, goal: Vec3, pole: Vec3) -> Option<Bend> {
+fn bend(upper: Vec3, middle: Vec3, end: Vec3, (goal, soft): (Vec3, f32), pole: Vec3) -> Option<Bend> {
     let (first, second, along) = (middle - upper, end - middle, end - upper);
     let (length_1, length_2) = (first.length(), second.length());
     let finite = goal.is_finite() && upper.is_finite() && along.is_finite() && first.is_finite();
@@ -102,7 +125,8 @@ fn bend(upper: Vec3, middle: Vec3, end: Vec3, goal: Vec3, pole: Vec3) -> Option<
     }
     let straightest = ((length_1 + length_2) * STRAIGHTEST).max(now);
     let folded = ((length_1 - length_2).abs() + FOLDED_M).min(now);
-    let reach = distance.max(folded).min(straightest);
+    let eases = ((length_1 + length_2) * (STRAIGHTEST - soft)).clamp(now.min(straightest), straightest);
+    let reach = ease(distance, eases, straightest).max(folded);
 
     // The plane that the limb bends in, turned along with the line between its ends.
     let toward = to
@@ -137,6 +161,15 @@ fn bend(upper: Vec3, middle: Vec3, end: Vec3, goal: Vec3, pole: Vec3) -> Option<
     })
 }
 
+/// `distance` up to `from`, then on towards `to` without coming there, continuous in value and slope.
+fn ease(distance: f32, from: f32, to: f32) -> f32 {
+    let (over, room) = (distance - from, to - from);
+    if over <= 0.0 || room <= 0.0 {
+        return distance.min(to);
+    }
+    from + room * (1.0 - (-over / room).exp())
+}
+
 /// The side of `line` that the middle joint lies on, unit length; where it hardly lies on one, that of the pole.
 fn side_of(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
     let across = |v: Vec3| v - line * v.dot(line);
@@ -160,4 +193,25 @@ fn arc(from: Vec3, to: Vec3) -> Quat {
         return Quat::from_xyzw(axis.x, axis.y, axis.z, 0.0);
     }
     Quat::from_xyzw(cross.x, cross.y, cross.z, w).normalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ease;
+
+    #[test]
+    fn easing_is_smooth_and_stays_in_reach() {
+        let at = |d: f32| ease(d, 0.98, 0.9995);
+        assert_eq!(at(0.7), 0.7);
+        let steps: Vec<f32> = (0..200).map(|n| at(0.9 + 0.001 * n as f32)).collect();
+        assert!(
+            steps
+                .windows(2)
+                .all(|w| w[1] >= w[0] && w[1] - w[0] < 0.001 + 1e-6)
+        );
+        let bends = steps.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).abs());
+        assert!(bends.fold(0.0, f32::max) < 6e-5, "no corner, which would be 1e-3");
+        assert!(steps.iter().all(|&s| s <= 0.9995) && steps[199] > 0.999);
+        assert_eq!(ease(2.0, 0.9995, 0.9995), 0.9995);
+    }
 }

@@ -174,6 +174,89 @@ fn what_was_shown_stays_and_goes_on_without_a_jump() {
     assert_eq!(changed[119].feet_m[..2], [0.2; 2]);
 }
 
+/// Lifts as they are shown where plans come every 9 frames and nothing but the frames that are known stays: of `motion`, with
+/// `ahead` frames of each plan and the last `behind` that were shown.
+fn replanned(motion: &Frames, behind: usize, ahead: usize, ground: impl Fn(f32, f32) -> f32) -> Vec<Lift> {
+    let frames = motion.0.len();
+    let mut shown: Vec<Lift> = Vec::new();
+    while shown.len() < frames {
+        let from = shown.len().saturating_sub(behind);
+        let to = (shown.len() + ahead).min(frames);
+        let window = (
+            motion.0[from..to].to_vec(),
+            motion.1[from * JOINTS..to * JOINTS].to_vec(),
+            motion.2[from..to].to_vec(),
+        );
+        let made = lifts_of(&window, &shown[from..], &ground);
+        let known = shown.len() - from;
+        shown.extend(made[known..].iter().take(9));
+    }
+    shown
+}
+
+#[test]
+fn plans_that_come_often_do_not_add_up() {
+    let step = ledge(0.9, 0.15);
+    let mut motion = flat(200);
+    motion.2.fill(0);
+    for behind in [1, 13] {
+        let flown = replanned(&motion, behind, 40, step);
+        for (frame, lift) in flown.iter().enumerate() {
+            let highest = lift.feet_m[..2].iter().copied().fold(lift.root_m, f32::max);
+            assert!(highest < 0.15 + 0.06, "{behind} known, frame {frame}: {lift:?}");
+        }
+        for lift in &flown[110..] {
+            let off = (lift.feet_m[..2].iter())
+                .fold((lift.root_m - 0.15).abs(), |most, f| most.max((f - 0.15).abs()));
+            assert!(off < 0.02, "{behind} known: {lift:?}");
+        }
+    }
+    // With steps the swing goes on as it began, the more so the more of it is known.
+    let motion = flat(200);
+    let all = lifts_of(&motion, &[], step);
+    let walked = replanned(&motion, 30, 60, step);
+    for (frame, (a, b)) in walked.iter().zip(&all).enumerate() {
+        for nth in 0..2 {
+            let off = (a.feet_m[nth] - b.feet_m[nth]).abs();
+            assert!(off < 1e-4, "frame {frame}: {a:?}, not {b:?}");
+        }
+    }
+}
+
+#[test]
+fn a_foot_that_comes_down_sooner_than_it_was_going_to_does_not_jump() {
+    let motion = flat(120);
+    let mut most_left = 0.0_f32;
+    for (nth, bits) in [0b11, 0b1100].into_iter().enumerate() {
+        for height in [0.3, -0.3] {
+            let ground = ledge(2.1, height);
+            let all = lifts_of(&motion, &[], ground);
+            let lands = |f: &usize| motion.2[f - 1] & bits == 0 && motion.2[*f] & bits != 0;
+            for land in (20..110).filter(lands) {
+                // The plan that comes two frames before has the foot down at once.
+                let cut = land - 2;
+                let mut sooner = motion.clone();
+                sooner.2[cut..land]
+                    .iter_mut()
+                    .for_each(|contacts| *contacts |= bits);
+                let mut shown = all[..cut].to_vec();
+                for more in [1, 2, 3, 5] {
+                    let made = lifts_of(&sooner, &shown, ground);
+                    shown.extend_from_slice(&made[shown.len()..][..more]);
+                }
+                most_left = most_left.max((all[cut - 1].feet_m[nth] - all[land].feet_m[nth]).abs());
+                for w in shown[cut - 1..].windows(2) {
+                    let step = (w[1].feet_m[nth] - w[0].feet_m[nth]).abs();
+                    assert!(step < 0.0701, "down at {cut}: {step} in a frame");
+                }
+                let (last, want) = (shown.last().unwrap().feet_m[nth], all[land].feet_m[nth]);
+                assert!((last - want).abs() < 1e-4, "down at {cut}: {last}, not {want}");
+            }
+        }
+    }
+    assert!(most_left > 0.05, "a foot was on its way: {most_left}");
+}
+
 #[test]
 fn without_legs_or_contacts() {
     let (skeleton, mut motion) = (person(), flat(60));

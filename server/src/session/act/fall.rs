@@ -1,17 +1,22 @@
 //! Falling: where the ground ends, the character goes the way of a thrown body and lands.
 
 use troupe_motion::Vec3;
-use troupe_motion::ballistic::{Drop, Landing, MAX_FALL_S, Throw, fall_motion};
+use troupe_motion::ballistic::{self, Drop, Landing, MAX_FALL_S, Throw, fall_motion};
 use troupe_motion::ik::Posed;
 
 use super::super::buffer::Frames;
-use super::super::{EventKind, FailReason};
+use super::super::{CROSSFADE_FRAMES, EventKind, FailReason};
 use super::hand::Refused;
 use super::{Act, Body, Doing, Next};
+use crate::primitives::recipe::STANDING_MPS;
 use crate::scene::Scene;
 
 /// Frames over which the velocity at the edge is measured.
 const VELOCITY_FRAMES: i64 = 3;
+
+/// Who is to move after a landing does so once its hips are at this share of their standing height: lower ones the networks do
+/// not know.
+const UP_SHARE: f32 = 0.85;
 
 /// A fall, from the frame behind the edge to when the character is upright again.
 #[derive(Debug, Clone, Copy)]
@@ -19,7 +24,9 @@ pub(super) struct Fall {
     /// First frame with the feet on the ground.
     touches: i64,
     landed: bool,
-    /// Last frame, from which locomotion goes on.
+    /// First frame behind the landing with the hips as high as the networks know them: one who is to move goes on from there.
+    up: i64,
+    /// Last frame, from which locomotion goes on in any case.
     upright: i64,
     height_m: f32,
     impact_mps: f32,
@@ -37,6 +44,9 @@ impl Act {
         let floor = landing.place.y;
         let style = &body.locomotion.command().style;
         let idle = style.idle();
+        // The joints go over from the motion that was under way, as any plan does; the root begins with its velocity.
+        let goes_on = (1..=CROSSFADE_FRAMES as i64).flat_map(|step| body.shown(frame + step).rotations);
+        let under_way: Vec<_> = goes_on.collect();
         let drop = Drop {
             velocity,
             floor_m: floor,
@@ -44,6 +54,7 @@ impl Act {
                 root: Vec3::Y * idle.height_m,
                 rotations: &idle.rotations,
             },
+            under_way: &under_way,
             air: None,
             fps,
         };
@@ -65,6 +76,7 @@ impl Act {
         body.timeline.put(frame, frames, false);
         body.footing.level_from(frame, floor);
         let height_m = level - floor;
+        let up = up_again(&fall);
         self.tell(
             frame,
             EventKind::Fell {
@@ -74,6 +86,7 @@ impl Act {
         self.doing = Doing::Falling(Fall {
             touches: frame + 1 + fall.touch_down as i64,
             landed: false,
+            up: frame + 1 + up as i64,
             upright: frame + fall.motion.roots.len() as i64,
             height_m,
             impact_mps: fall.impact_mps,
@@ -96,28 +109,45 @@ impl Act {
         self.fail(frame, body, Refused { reason, message });
     }
 
-    /// Nothing is asked for before the character is upright; then locomotion goes on with its command, and with what came
-    /// during the fall.
+    /// Nothing is asked for before the character is upright, or nearly so where it is to move; then locomotion goes on with its
+    /// command, and with what came during the fall.
     pub(super) fn settle_fall(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
         let Doing::Falling(fall) = &mut self.doing else {
             return Next::Locomotion;
         };
-        if !fall.landed && frame >= fall.touches {
-            fall.landed = true;
-            let (touches, height_m, speed_mps) = (fall.touches, fall.height_m, fall.impact_mps);
-            self.tell(touches, EventKind::Landed { height_m, speed_mps });
+        let lands = !fall.landed && frame >= fall.touches;
+        fall.landed |= lands;
+        let fall = *fall;
+        if lands {
+            let (height_m, speed_mps) = (fall.height_m, fall.impact_mps);
+            self.tell(fall.touches, EventKind::Landed { height_m, speed_mps });
         }
-        if frame + body.timeline.look_ahead() < self.upright() {
+        let command = body.locomotion.command();
+        let moves = command.velocity.length() >= STANDING_MPS && self.waiting.is_none();
+        let until = if moves && fall.landed {
+            fall.up
+        } else {
+            fall.upright
+        };
+        if frame + body.timeline.look_ahead() < until {
             return Next::Wait;
         }
         self.doing = Doing::Locomotion;
-        let command = body.locomotion.command().clone();
+        let command = command.clone();
         body.move_on(frame, command, false);
         if let Some(intent) = self.waiting.take() {
             self.take_up(intent, frame, body);
         }
         Next::Locomotion
     }
+}
+
+/// The frame of a fall at which the hips are up again, or nearly so.
+fn up_again(fall: &ballistic::Fall) -> usize {
+    let roots = &fall.motion.roots;
+    let last = roots.len() - 1;
+    let is_up = |&frame: &usize| roots[frame].y >= UP_SHARE * roots[last].y;
+    (fall.lowest..last).find(is_up).unwrap_or(last)
 }
 
 /// Where a body that is thrown from `foot`, the floor point under its root, lands.

@@ -12,12 +12,17 @@ use troupe_motion::{Quat, Skeleton, Vec3};
 use super::super::buffer::MotionBuffer;
 use crate::scene::Scene;
 
-/// Highest step up or down that a character takes in its stride, metres: knees bend by 134 degrees at that height.
-pub(super) const STEP_M: f32 = 0.4;
+/// Highest step up or down that a character takes in its stride, metres. Stairs have 0.15 to 0.2; beyond this the rear knee
+/// bends deep and feet are accelerated three times as much as on the flat. What is higher, up to the hips, is a wall.
+pub(super) const STEP_M: f32 = 0.3;
 /// How far down a surface is looked for, metres.
 pub(super) const DEEPEST_M: f32 = 2.0e4;
 /// Height over the ground from which it is looked for downwards, metres: the hips'. Higher things are walls.
 const LOOK_FROM_M: f32 = 0.9;
+/// A character whose root is this far beyond an edge, or within this of both sides of a gap, still stands, metres.
+const STANCE_M: f32 = 0.15;
+/// The ways that are looked in around a place.
+const AROUND: [Vec3; 4] = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z];
 /// Frames before the first new one that lifts are worked out with.
 const BEFORE_FRAMES: i64 = 12;
 /// Ground that is nearer to where the character stands than this makes no difference, metres.
@@ -39,9 +44,28 @@ pub(super) fn support(scene: &Scene, place: Vec3, level: f32) -> Support {
     let from = place.with_y(level + LOOK_FROM_M);
     match scene.support(from, DEEPEST_M, None) {
         None => Support::Below(None),
-        Some(hit) if hit.is_inside() || hit.point.y > level + STEP_M => Support::Above,
-        Some(hit) if hit.point.y < level - STEP_M => Support::Below(Some(hit.point.y)),
+        Some(hit) if hit.is_inside() || hit.point.y > level + STEP_M + LEVEL_M => Support::Above,
+        Some(hit) if hit.point.y < level - STEP_M - LEVEL_M => Support::Below(Some(hit.point.y)),
         Some(hit) => Support::At(hit.point.y),
+    }
+}
+
+/// What a character stands on whose root is at `place` and that stood at height `level`: what is under its root, or near enough
+/// to it for its feet. Looks around only where there is nothing under the root.
+pub(super) fn stands_on(scene: &Scene, place: Vec3, level: f32) -> Support {
+    let below = support(scene, place, level);
+    let Support::Below(_) = below else {
+        return below;
+    };
+    let around = AROUND.map(|way| support(scene, place + way * STANCE_M, level));
+    let heights = around.into_iter().filter_map(|support| match support {
+        Support::At(height) => Some(height),
+        Support::Below(_) | Support::Above => None,
+    });
+    let off = |height: &f32| (height - level).abs();
+    match heights.min_by(|a, b| off(a).total_cmp(&off(b))) {
+        Some(height) => Support::At(height),
+        None => below,
     }
 }
 
@@ -178,7 +202,7 @@ impl Footing {
         let mut uneven = false;
         let mut level = self.level;
         for &root in roots {
-            match support(scene, root, level) {
+            match stands_on(scene, root, level) {
                 Support::At(height) => {
                     level = height;
                     self.levels.push((root, height));
@@ -196,23 +220,22 @@ impl Footing {
 
     /// Whether there is nothing but the ground plane along the way, which is where the character stands: most often so.
     fn is_plain(&self, roots: &[Vec3], scene: &Scene) -> bool {
-        const AROUND: Vec3 = Vec3::new(1.0, STEP_M, 1.0);
+        const MARGIN: Vec3 = Vec3::new(1.0, STEP_M, 1.0);
         let low = roots.iter().copied().fold(Vec3::INFINITY, Vec3::min);
         let high = roots.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
         let (ground, level) = (scene.ground_y_m(), self.level);
         (ground - level).abs() <= LEVEL_M
             && scene.is_bare(
-                low.with_y(ground) - AROUND,
-                high.with_y(level + LOOK_FROM_M) + AROUND,
+                low.with_y(ground) - MARGIN,
+                high.with_y(level + LOOK_FROM_M) + MARGIN,
             )
     }
 
     /// Whether the ground beside the way is at another height: a foot may stand there.
     fn near_steps(&self, scene: &Scene) -> bool {
         const ASIDE_M: f32 = 0.3;
-        let around = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z];
         self.levels.iter().step_by(4).any(|&(root, height)| {
-            around.iter().any(|&way| {
+            AROUND.iter().any(|&way| {
                 let beside = support(scene, root + way * ASIDE_M, height);
                 !matches!(beside, Support::At(at) if (at - height).abs() <= LEVEL_M)
             })

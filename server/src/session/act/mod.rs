@@ -4,7 +4,7 @@
 //!              Interact              approach over, sets gone through, failed, or a command
 //! Locomotion ───────────► Using ─────────────────────────────────────────────► Locomotion
 //!     │                     │ on the way to the object only
-//!     └──── ground ends ────┴──────► Falling ──── landed and upright ────────► Locomotion
+//!     └──── ground ends ────┴──────► Falling ──── landed and up again ───────► Locomotion
 //! ```
 //!
 //! Who breaks off in a low pose stands up first ([`rise`]): the networks know no such poses.
@@ -382,7 +382,7 @@ impl Act {
         }
     }
 
-    /// Looks at what is under the root of a character on its feet: a step is taken note of, and where the ground ends a fall
+    /// Looks at what a character on its feet stands on: a step is taken note of, and where the ground ends a fall
     /// begins, unless it is busy with an object. Answers whether one did.
     fn lose_ground(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
         let may_fall = match &self.doing {
@@ -395,7 +395,7 @@ impl Act {
             // What is under the hips of one who sits is no ground.
             return false;
         }
-        match footing::support(scene, root, body.footing.level()) {
+        match footing::stands_on(scene, root, body.footing.level()) {
             Support::At(height) => {
                 body.footing.step_to(height);
                 false

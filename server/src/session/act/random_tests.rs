@@ -100,8 +100,13 @@ proptest! {
         prop_assert_eq!(rig.character.activity(), Activity::Locomotion);
         prop_assert!(rig.character.held().is_none());
         prop_assert_eq!(rig.scene.snapshot().of_holder(&Holder::new("a")).count(), 0);
+        // A plan that comes late where the clock runs has gone its way meanwhile. Where it turns round, the fade closes up to
+        // 2 * 1.2 m/s * 20 frames within 8 frames: 0.3 m a frame at its steepest, and the limbs that turn come to it. In time,
+        // what goes farthest (0.28 m in 1000 cases) is the knee of a leg that swings under one who goes down to the floor.
+        let late = runs && events.iter().any(|event| matches!(event, Event::Plans(Plans::After(4..))));
+        let most = if late { 0.5 } else { 0.3 };
         let (acceleration, step) = rig.roughness(0);
-        prop_assert!(acceleration < 400.0 && step < 0.5, "{} m/s², {} m", acceleration, step);
+        prop_assert!(acceleration < 400.0 && step < most, "{} m/s², {} m", acceleration, step);
         // What happened is told in order, and every interaction that began came to an end.
         let mut last = 0;
         let mut open = 0;

@@ -11,8 +11,11 @@ use crate::scene::{Holder, State, Transform};
 
 /// The most that a joint of a plain walk of these plans is accelerated by, m/s², and what else may come to it.
 const SMOOTH: f32 = 160.0;
-/// The farthest that a joint goes in a frame, metres.
-const STEP: f32 = 0.15;
+/// The farthest that a joint goes in a frame, metres. Walks of these plans that turn round come to 0.112: they have their full
+/// speed at once.
+const STEP: f32 = 0.12;
+/// The same where a way to an object is broken off: plans to keyframes are a little faster in places than walks.
+const STEP_BACK: f32 = 0.13;
 
 fn reached(rig: &Rig) -> Vec<(u64, String, KeyframeError, KeyframeError)> {
     let of = |event: &super::CharacterEvent| match &event.kind {
@@ -239,7 +242,7 @@ fn it_can_be_interrupted_at_every_frame() {
             rig.run(60);
             let (acceleration, step) = rig.roughness(0);
             assert!(
-                acceleration < SMOOTH && step < STEP,
+                acceleration < SMOOTH && step < STEP_BACK,
                 "interrupted at {stop}: {acceleration} m/s², {step} m"
             );
             assert_eq!(rig.character.activity(), Activity::Locomotion);
