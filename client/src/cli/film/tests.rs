@@ -52,6 +52,9 @@ fn take(frames: usize, styles: &[&str]) -> Take {
             Vec2::new(4.0, 0.0),
         ],
         goal: None,
+        scene: None,
+        events: Vec::new(),
+        moved: Vec::new(),
         commands: 1,
         stats: v1::SessionStats::default(),
         clip: Clip::new(skeleton, 30.0, roots.collect(), turns.collect()).unwrap(),
@@ -63,6 +66,8 @@ fn draw(take: &Take, poses: usize, zoom: f32) -> tiny_skia::Pixmap {
         title: "Half a circle".to_owned(),
         subtitle: super::subtitle(take),
         take,
+        stage: None,
+        range: 0..=take.clip.frames() - 1,
         poses,
         zoom,
     };

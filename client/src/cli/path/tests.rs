@@ -85,7 +85,7 @@ fn commands_keep_velocity_and_style_and_drop_the_rest() {
          [[command]]\ntime_s = 3\nspeed = 0\n",
     );
     let mut player = Player::new(&path);
-    let mut at = |time_s| player.intent(time_s, Vec2::ZERO).clone();
+    let mut at = |time_s| player.intent(time_s, Vec2::ZERO).unwrap().clone();
     assert_eq!(at(0.0), Locomotion::stand().style("walk"));
     // A speed alone goes where the character faces at first.
     let first = at(0.5);
@@ -122,7 +122,7 @@ fn follow(path: &Path, disturb: Vec2) -> (Vec<Vec2>, f32, usize) {
     let (mut commands, mut last) = (0, Vec3::ZERO);
     let mut time_s = 0.0;
     while time_s < player.ends_s() {
-        let velocity = player.intent(time_s, at).velocity;
+        let velocity = player.intent(time_s, at).unwrap().velocity;
         commands += usize::from(velocity != last);
         last = velocity;
         if velocity != Vec3::ZERO {
@@ -157,6 +157,6 @@ fn a_waypoint_that_was_passed_by_counts() {
     let path = parse("[[waypoint]]\nat = [0, 4]\nspeed = 1\n[[waypoint]]\nat = [4, 4]\n");
     let mut player = Player::new(&path);
     player.intent(0.0, Vec2::ZERO);
-    let velocity = player.intent(5.0, Vec2::new(-1.5, 4.1)).velocity;
+    let velocity = player.intent(5.0, Vec2::new(-1.5, 4.1)).unwrap().velocity;
     assert!(velocity.x.atan2(velocity.z) > FRAC_PI_2 - 0.1, "{velocity}");
 }
