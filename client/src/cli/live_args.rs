@@ -25,12 +25,15 @@ Keys:
   + -              faster, slower
   space            stand
   R                start or stop recording, written to --out
+  U X G            in a scene: use the nearest object ahead, end what is held, put it down
   Esc, Ctrl-C      leave
 
 Examples:
   troupe drive
   troupe drive --style elderly --rate 60 --out take.bvh
+  troupe drive --scene courtyard
   troupe drive --path examples/paths/square.toml --out square.bvh
+  troupe drive --path examples/paths/sit.toml --json
   troupe drive --path examples/paths/reversal.toml --seed 3 --out reversal.glb")]
 pub(super) struct Drive {
     /// Scripted path to follow, in TOML.
@@ -117,11 +120,11 @@ pub(super) struct Film {
 
     /// Time at which the strip begins; without it the start.
     #[arg(long, value_name = "SECONDS")]
-    pub(super) from: Option<Seconds>,
+    pub(super) from: Option<f32>,
 
     /// Time at which the strip ends; without it the end.
     #[arg(long, value_name = "SECONDS")]
-    pub(super) to: Option<Seconds>,
+    pub(super) to: Option<f32>,
 
     /// Poses in the strip, at equal steps of time.
     #[arg(long, default_value_t = 16, value_name = "4-40", value_parser = clap::value_parser!(u8).range(4..=40))]

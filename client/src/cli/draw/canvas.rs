@@ -151,8 +151,13 @@ impl Canvas {
 
     fn fill(&mut self, path: &tiny_skia::Path, ink: Ink) {
         let transform = self.transform();
-        self.pixels
-            .fill_path(path, &ink.paint(), FillRule::Winding, transform, self.clip.as_ref());
+        self.pixels.fill_path(
+            path,
+            &ink.paint(),
+            FillRule::Winding,
+            transform,
+            self.clip.as_ref(),
+        );
     }
 
     /// A line through points, with round ends and corners.

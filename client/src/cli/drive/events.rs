@@ -52,7 +52,7 @@ impl Seen {
             match &kind {
                 Kind::Released(put) => {
                     self.moved(frame, &put.instance, (put.position, put.rotation), false);
-                },
+                }
                 Kind::Entered(_) => self.holds = false,
                 Kind::Done(_) | Kind::Failed(_) | Kind::Interrupted(_) => {
                     is_over = true;
@@ -139,7 +139,11 @@ impl fmt::Display for Told<'_> {
             Kind::Attached(of) => write!(out, "attached {} to {}", of.instance, of.socket),
             Kind::Released(of) => {
                 let at = of.position.unwrap_or_default();
-                write!(out, "released {} at {:.2} {:.2} {:.2} m", of.instance, at.x, at.y, at.z)
+                write!(
+                    out,
+                    "released {} at {:.2} {:.2} {:.2} m",
+                    of.instance, at.x, at.y, at.z
+                )
             }
             Kind::Done(of) => write!(out, "done with {}", of.instance),
             Kind::Failed(of) => write!(out, "failed at {}: {}, {}", of.instance, of.reason, of.message),

@@ -247,7 +247,9 @@ impl Taking<'_> {
         }
         let frame = self.recording.len() - 1;
         let time_s = (frame + 1) as f32 / self.hz;
-        let is_over = self.seen.step(frame, self.hz, first_frame, live.events(), live.held());
+        let is_over = self
+            .seen
+            .step(frame, self.hz, first_frame, live.events(), live.held());
         if player.uses() {
             let activity = live.info().await?.activity.unwrap_or_default();
             if activity.kind() == v1::ActivityKind::Held && self.seen.began_to_hold() {

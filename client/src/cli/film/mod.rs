@@ -43,7 +43,8 @@ pub(super) async fn run(session: &Session, command: &Arguments) -> Result<(), Fa
 /// The frames between which the strip's poses are.
 fn range(command: &Arguments, take: &Take) -> Result<RangeInclusive<usize>, Failure> {
     let last = take.clip.frames() - 1;
-    let frame = |time: super::args::Seconds| (Duration::from(time).as_secs_f32() * take.clip.fps) as usize;
+    // Times below 0 count as 0.
+    let frame = |time_s: f32| (time_s * take.clip.fps).round() as usize;
     let from = command.from.map_or(0, frame);
     let to = command.to.map_or(last, frame).min(last);
     if from >= to && last > 0 {

@@ -5,10 +5,10 @@ use std::ops::RangeInclusive;
 use glam::{Vec2, Vec3};
 use troupe_motion::fk::WorldMotion;
 
-use crate::cli::draw::canvas::{Align, Canvas, Ink, Point};
-use crate::cli::draw::figure::{Camera, Figure};
 use super::solid::Solid;
 use super::stage::{Stage, Thing};
+use crate::cli::draw::canvas::{Align, Canvas, Ink, Point};
+use crate::cli::draw::figure::{Camera, Figure};
 use crate::cli::draw::house::{
     DARK, MARGIN, MUTED, PANEL, draw_legend, draw_scale, draw_title, heading, ramp, regular,
 };
@@ -28,10 +28,10 @@ const PLAN_RIM: Point = Vec2::new(54.0, 68.0);
 const HEIGHTS: RangeInclusive<f32> = 236.0..=476.0;
 /// From scene to strip, and the height of one of its rows.
 const STRIP_GAP: f32 = 24.0;
-pub(super) const ROW: f32 = 288.0;
+const ROW: f32 = 288.0;
 /// Poses of a row at most; in a scene they need room for what is around them.
 const ROW_POSES: usize = 20;
-const STAGE_POSES: usize = 8;
+const STAGE_POSES: usize = 6;
 /// What is so near the way belongs to it, metres, and so much of it is shown around the way.
 const NEAR_M: f32 = 0.4;
 const AROUND_M: f32 = 0.8;
@@ -90,7 +90,11 @@ impl Film<'_> {
     pub(super) fn to_png(&self) -> Result<Vec<u8>, String> {
         let clip = &self.take.clip;
         let frames = self.frames();
-        let in_row = if self.stage.is_some() { STAGE_POSES } else { ROW_POSES };
+        let in_row = if self.stage.is_some() {
+            STAGE_POSES
+        } else {
+            ROW_POSES
+        };
         let rows = frames.len().div_ceil(in_row);
         let mut styles = Vec::new();
         for order in &self.take.told {
@@ -148,7 +152,9 @@ impl Film<'_> {
     /// All that is in the scene at a frame.
     pub(super) fn things(&self, frame: usize) -> Vec<Thing<'_>> {
         let stage = self.stage.as_ref();
-        stage.map(|stage| stage.things(frame).collect()).unwrap_or_default()
+        stage
+            .map(|stage| stage.things(frame).collect())
+            .unwrap_or_default()
     }
 
     /// Looks across the way's longest extent.
@@ -192,7 +198,7 @@ impl Film<'_> {
             return STYLE_INKS[nth % STYLE_INKS.len()];
         }
         let (first, last) = (*self.range.start(), *self.range.end());
-        ramp((frame as f32 - first as f32).max(0.0) / (last - first).max(1) as f32)
+        ramp(((frame as f32 - first as f32) / (last - first).max(1) as f32).clamp(0.0, 1.0))
     }
 
     fn draw_legend(&self, canvas: &mut Canvas, parts: &Parts) {
@@ -237,7 +243,10 @@ impl Film<'_> {
     fn commanded(&self) -> impl Iterator<Item = Vec3> {
         let stage = self.stage.as_ref();
         let ground_y = stage.map_or(self.take.clip.skeleton.ground_y_m, |stage| stage.ground_m);
-        self.take.commanded.iter().map(move |p| Vec3::new(p.x, ground_y, p.y))
+        self.take
+            .commanded
+            .iter()
+            .map(move |p| Vec3::new(p.x, ground_y, p.y))
     }
 
     /// Corners of what the scene has beside the way, as far as they are near it.
@@ -245,13 +254,20 @@ impl Film<'_> {
         let way = &self.take.clip.root_positions;
         let (least, most) = way
             .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, m), p| (l.min(*p), m.max(*p)));
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, m), p| {
+                (l.min(*p), m.max(*p))
+            });
         let around = Vec3::new(AROUND_M, 100.0, AROUND_M);
         let mut corners = Vec::new();
         for thing in self.things(*self.range.end()) {
             let is_near = || way.iter().any(|p| thing.solid.distance(*p) < NEAR_M);
             if thing.is_used || is_near() {
-                corners.extend(thing.solid.corners().map(|p| p.clamp(least - around, most + around)));
+                corners.extend(
+                    thing
+                        .solid
+                        .corners()
+                        .map(|p| p.clamp(least - around, most + around)),
+                );
             }
         }
         corners
@@ -313,7 +329,9 @@ impl Film<'_> {
         let mut above = above.into_iter().peekable();
         let mut draw_things = |canvas: &mut Canvas, until: f32| {
             while let Some(thing) = above.next_if(|thing| nearness(camera, &thing.solid) < until) {
-                thing.solid.draw(canvas, thing.paint, |normal| camera.nearness(normal) > 0.0, pixel);
+                thing
+                    .solid
+                    .draw(canvas, thing.paint, |normal| camera.nearness(normal) > 0.0, pixel);
             }
         };
         for frame in figures {
@@ -357,7 +375,9 @@ impl Film<'_> {
         canvas.clip(self.stage.is_some().then_some((PLAN_CORNER, size)));
         let things = self.things(*self.range.end());
         for thing in &things {
-            thing.solid.draw(canvas, thing.paint, |normal| normal.y > 0.01, pixel);
+            thing
+                .solid
+                .draw(canvas, thing.paint, |normal| normal.y > 0.01, pixel);
         }
         let commanded = self.commanded().map(pixel).collect::<Vec<_>>();
         canvas.dashed(&commanded, 3.0, [1.0, 7.0], MUTED);
@@ -368,14 +388,19 @@ impl Film<'_> {
             taken: way.chain(commanded).collect(),
             placed: Vec::new(),
         };
+        let figures = self.apart(parts);
         for &frame in &parts.frames {
             let root = self.take.clip.root_at(frame);
             let (at, ink) = (pixel(root.projected()), self.ink(parts, frame));
             canvas.line(&[at, at + camera.plan(root.forward()) * 17.0], 2.5, ink);
             canvas.disc(at, 6.5, PANEL);
             canvas.disc(at, 5.0, ink);
+            // Where it stays, one time is enough.
+            if !figures.contains(&frame) {
+                continue;
+            }
             if let Some(place) = labels.place(at) {
-                let digits = usize::from(self.range.end() - self.range.start() < 2 * parts.frames.len() * 15);
+                let digits = usize::from(self.stage.is_some());
                 let text = format!("{:.digits$} s", frame as f32 / self.take.clip.fps);
                 canvas.text(
                     &text,
@@ -385,9 +410,14 @@ impl Film<'_> {
             }
         }
         for thing in things.iter().filter(|thing| thing.is_used) {
-            let (least, most) = thing.solid.bounds();
-            let at = pixel((least + most) / 2.0) + Point::new(0.0, 4.5);
-            canvas.text(thing.id.unwrap_or_default(), at, regular(13.0, DARK, Align::Centre));
+            let corners = thing.solid.corners().map(pixel);
+            let (least, size) = extent(corners);
+            let at = least + Point::new(size.x / 2.0, size.y + 16.0);
+            canvas.text(
+                thing.id.unwrap_or_default(),
+                at,
+                regular(13.0, DARK, Align::Centre),
+            );
         }
         canvas.text("From above", PLAN_CORNER + Point::new(22.0, 36.0), heading(18.0));
         let bar = PLAN_CORNER + Point::new(22.0, size.y - 22.0);

@@ -103,7 +103,11 @@ impl Solid {
         if let Some(of) = &shape.convex {
             return Self::hull(&of.points.iter().copied().map(vector).collect::<Vec<_>>());
         }
-        shape.heightfield.as_ref().map(Self::heightfield).unwrap_or_default()
+        shape
+            .heightfield
+            .as_ref()
+            .map(Self::heightfield)
+            .unwrap_or_default()
     }
 
     /// The same turned and then moved.
@@ -177,13 +181,19 @@ fn edges(corners: &[Vec3]) -> impl Iterator<Item = [Vec3; 2]> {
 fn outer(points: &[Vec3], [a, b, c]: [Vec3; 3]) -> Option<Face> {
     let normal = (b - a).cross(c - a).try_normalize()?;
     let off = |p: &Vec3| normal.dot(*p - a);
-    let (least, most) = points.iter().map(off).fold((0.0_f32, 0.0_f32), |(l, m), o| (l.min(o), m.max(o)));
+    let (least, most) = points
+        .iter()
+        .map(off)
+        .fold((0.0_f32, 0.0_f32), |(l, m), o| (l.min(o), m.max(o)));
     let normal = match (least > -FLAT_M, most < FLAT_M) {
         (_, true) => normal,
         (true, false) => -normal,
         (false, false) => return None,
     };
-    let on_it = points.iter().copied().filter(|p| normal.dot(*p - a).abs() < FLAT_M);
+    let on_it = points
+        .iter()
+        .copied()
+        .filter(|p| normal.dot(*p - a).abs() < FLAT_M);
     let mut corners = on_it.collect::<Vec<_>>();
     let middle = corners.iter().sum::<Vec3>() / corners.len() as f32;
     let (right, up) = normal.any_orthonormal_pair();
@@ -216,7 +226,10 @@ mod tests {
             assert_eq!(face.corners.len(), 4);
             assert!(face.normal.dot(face.corners[0] - Vec3::new(1.0, 0.5, 0.0)) > 0.0);
         }
-        assert_eq!(solid.bounds(), (Vec3::new(0.5, 0.0, -2.0), Vec3::new(1.5, 1.0, 2.0)));
+        assert_eq!(
+            solid.bounds(),
+            (Vec3::new(0.5, 0.0, -2.0), Vec3::new(1.5, 1.0, 2.0))
+        );
         assert_eq!(solid.top_at(Vec3::new(1.2, 9.0, 1.0)), Some(1.0));
         assert_eq!(solid.top_at(Vec3::new(1.6, 9.0, 1.0)), None);
         assert!((solid.distance(Vec3::new(-0.5, 7.0, 0.0)) - 1.0).abs() < 1e-6);

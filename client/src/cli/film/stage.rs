@@ -19,8 +19,13 @@ const COLLIDER: Paint = Paint {
     line: Ink::hex(0xb4_be_ca),
 };
 const OBJECT: Paint = Paint {
-    fill: Ink::hex(0xfd_e9_c4),
-    line: Ink::hex(0xc9_8a_1b),
+    fill: Ink::hex(0xfd_f4_e2),
+    line: Ink::hex(0xd9_b8_7c),
+};
+/// Of an object that the character has to do with.
+const USED: Paint = Paint {
+    fill: Ink::hex(0xfc_d9_94),
+    line: Ink::hex(0xb8_77_0c),
 };
 
 /// A scene, metres, native convention.
@@ -82,7 +87,9 @@ impl Stage {
         let mut shapes = std::collections::BTreeMap::new();
         for object in &scene.objects {
             if !shapes.contains_key(&object.definition) {
-                let answer = client.object(&object.definition, v1::DocumentFormat::Json).await?;
+                let answer = client
+                    .object(&object.definition, v1::DocumentFormat::Json)
+                    .await?;
                 let text = answer.document.unwrap_or_default().text;
                 shapes.insert(object.definition.clone(), shape_of(&text)?);
             }
@@ -103,7 +110,12 @@ impl Stage {
             id: object.id.clone(),
             shape: shape_of(&object.definition),
             at_first: place_of(object.position, object.rotation),
-            moved: take.moved.iter().filter(|m| m.instance == object.id).cloned().collect(),
+            moved: take
+                .moved
+                .iter()
+                .filter(|m| m.instance == object.id)
+                .cloned()
+                .collect(),
             is_used: take.events.iter().any(|event| starts(event, &object.id)),
         });
         Self {
@@ -128,7 +140,7 @@ impl Stage {
             let (position, rotation) = last.map_or(object.at_first, |moved| (moved.position, moved.rotation));
             Thing {
                 solid: object.shape.placed(position, rotation),
-                paint: OBJECT,
+                paint: if object.is_used { USED } else { OBJECT },
                 id: Some(&object.id),
                 in_hand: last.is_some_and(|moved| moved.in_hand),
                 is_used: object.is_used,

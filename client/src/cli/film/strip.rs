@@ -3,7 +3,7 @@
 use glam::Vec3;
 use troupe_proto::v1::session_event::Kind;
 
-use super::picture::{Film, Parts, ROW, WIDTH};
+use super::picture::{Film, Parts, WIDTH};
 use super::stage::Thing;
 use crate::cli::draw::canvas::{Align, Canvas, Point};
 use crate::cli::draw::figure::Camera;
@@ -14,9 +14,11 @@ use crate::cli::drive::Event;
 const TALL: f32 = 200.0;
 /// From the upper edge of a row to its ground line.
 const GROUND: f32 = 226.0;
-/// What is farther from the character than this is not drawn beside it, metres.
-const FAR_M: f32 = 1.5;
-/// How far the camera is turned towards what the character faces, and looks down, radians.
+/// What is farther from the character than this is not drawn beside it, metres: objects, and all else.
+const FAR_M: [f32; 2] = [1.5, 0.8];
+/// How far below the ground line things reach that are before the character, pixels: labels follow there.
+const BELOW: f32 = 19.0;
+/// How far the camera is turned away from a side view, and looks down, radians.
 const TURN: f32 = 0.35;
 const PITCH: f32 = 0.16;
 
@@ -62,7 +64,8 @@ impl Film<'_> {
 
     /// One pose over what it stands on, with what is around it.
     fn draw_pose(&self, canvas: &mut Canvas, parts: &Parts, (corner, slot): (Point, f32), frame: usize) {
-        let camera = Camera::new(self.side(), TURN, PITCH);
+        let (heading, turn) = self.side();
+        let camera = Camera::new(heading, turn, PITCH);
         let scale = self.scale(parts);
         let at = corner + Point::new(slot / 2.0, GROUND);
         let root = self.take.clip.root_positions[frame];
@@ -72,7 +75,11 @@ impl Film<'_> {
         let pixel = |p: Vec3| at + camera.project(p - origin) * scale;
 
         let mut things = self.things(frame);
-        things.retain(|thing| thing.in_hand || thing.solid.distance(root) < FAR_M);
+        things.retain(|thing| {
+            let [objects, others] = FAR_M;
+            let far_m = if thing.id.is_some() { objects } else { others };
+            thing.in_hand || thing.solid.distance(root) < far_m
+        });
         let nearness = |thing: &Thing<'_>| {
             let (least, most) = thing.solid.bounds();
             camera.nearness(((least + most) / 2.0 - root).with_y(0.0))
@@ -82,14 +89,18 @@ impl Film<'_> {
         let is_behind = |thing: &Thing<'_>| {
             !thing.in_hand && (nearness(thing) < 0.0 || thing.solid.bounds().1.y < origin.y + 0.05)
         };
-        let (behind, before): (Vec<_>, Vec<_>) = things.into_iter().partition(is_behind);
-        let room = (corner, Point::new(slot, ROW));
+        let (behind, mut before): (Vec<_>, Vec<_>) = things.into_iter().partition(is_behind);
+        // Nothing hides what is in the hand.
+        before.sort_by_key(|thing| thing.in_hand);
+        let room = (corner, Point::new(slot, GROUND + BELOW));
         let draw = |canvas: &mut Canvas, things: &[Thing<'_>], opacity: f32| {
             canvas.clip((!things.is_empty()).then_some(room));
             for thing in things {
                 let opacity = if thing.in_hand { 1.0 } else { opacity };
                 let paint = thing.paint.alpha(opacity);
-                thing.solid.draw(canvas, paint, |normal| camera.nearness(normal) > 0.0, pixel);
+                thing
+                    .solid
+                    .draw(canvas, paint, |normal| camera.nearness(normal) > 0.0, pixel);
             }
             canvas.clip(None);
         };
@@ -111,22 +122,32 @@ impl Film<'_> {
         TALL / (top + 0.15)
     }
 
-    /// The heading that faces right: where it faces as it first reaches a keyframe, or else where it goes first.
-    fn side(&self) -> f32 {
+    /// The heading that faces right, where it faces as it first reaches a keyframe or else where it goes first; and how far
+    /// the camera is turned, so that what it uses there lies behind it.
+    fn side(&self) -> (f32, f32) {
         let clip = &self.take.clip;
-        let reached = |event: &&Event| {
-            matches!(event.kind, Kind::Reached(_)) && self.range.contains(&event.frame)
-        };
+        let reached =
+            |event: &&Event| matches!(event.kind, Kind::Reached(_)) && self.range.contains(&event.frame);
         if let Some(event) = self.take.events.iter().find(reached) {
-            return clip.root_at(event.frame).heading;
+            let root = clip.root_at(event.frame);
+            let ahead = self
+                .things(event.frame)
+                .into_iter()
+                .filter(|thing| thing.is_used)
+                .any(|thing| {
+                    let (least, most) = thing.solid.bounds();
+                    root.forward().dot((least + most) / 2.0 - root.position) > 0.0
+                });
+            return (root.heading, if ahead { -TURN } else { TURN });
         }
         let roots = &clip.root_positions;
         let first = roots.first().copied().unwrap_or_default();
         let away = roots.iter().find(|p| p.distance(first) > 0.5);
-        away.map_or_else(
+        let heading = away.map_or_else(
             || clip.root_at(0).heading,
             |p| (p.x - first.x).atan2(p.z - first.z),
-        )
+        );
+        (heading, TURN)
     }
 }
 

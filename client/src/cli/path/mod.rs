@@ -144,7 +144,11 @@ impl Path {
             0.0
         };
         // What is done on the way holds the way up.
-        let on_the_way = if self.acts() { last + on_the_way } else { on_the_way };
+        let on_the_way = if self.acts() {
+            last + on_the_way
+        } else {
+            on_the_way
+        };
         (last + done).max(on_the_way + spare) + AFTERMATH_S
     }
 

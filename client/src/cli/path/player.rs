@@ -169,9 +169,9 @@ impl<'a> Player<'a> {
             Moment::Done => (self.uses, self.holds) = (false, false),
         }
         let next = self.path.commands.get(self.next_command);
-        let waited = next.is_some_and(|command| {
-            matches!(command.when, When::Later { after: Some(after), .. } if after == moment)
-        });
+        let waited = next.is_some_and(
+            |command| matches!(command.when, When::Later { after: Some(after), .. } if after == moment),
+        );
         if waited {
             self.came_s.get_or_insert(time_s);
         }
@@ -258,7 +258,10 @@ impl<'a> Player<'a> {
         match self.path.commands.get(self.next_command)?.when {
             When::At(time_s) => Some(time_s),
             When::Later { wait_s, after: None } => Some(self.given_s + wait_s),
-            When::Later { wait_s, after: Some(_) } => Some(self.came_s? + wait_s),
+            When::Later {
+                wait_s,
+                after: Some(_),
+            } => Some(self.came_s? + wait_s),
         }
     }
 }
