@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the default pack
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles live-eval film crowd \
-	load bench bench-serving bench-micro bench-instructions
+.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles live-eval film film-objects \
+	crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
 REAL_CLIPS := target/data/bandai-namco
@@ -72,6 +72,11 @@ film: runtime
 		scripts/with-server.sh target/release/troupe film --path examples/paths/$$path.toml \
 			--out docs/images/$$path.png || exit 1; \
 	done
+
+# Filmstrips of characters that use objects, for docs/objects.md, through a running server.
+film-objects: runtime
+	cargo build --release --package troupe-client
+	scripts/with-server.sh scripts/film-objects.sh target/release/troupe docs/images
 
 # A hundred characters that wander for a minute on the server's clock (ARGS="--count 200 --seconds 20" for others; see --help)
 crowd: runtime

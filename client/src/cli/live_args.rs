@@ -13,7 +13,8 @@ const CHARACTER: &str = "Character";
 ///
 /// Without --path the keys of this terminal drive it on the server's clock, and a view from above shows where it goes. With
 /// --path it does what a file says, step by step, so that the same path and seed give the same frames; the file holds
-/// commands by time or waypoints (see examples/paths).
+/// commands by time or waypoints (see examples/paths). Either way it may live in a scene (--scene, or the path's own) and use
+/// what is there.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Keys:
@@ -24,12 +25,15 @@ Keys:
   + -              faster, slower
   space            stand
   R                start or stop recording, written to --out
+  U X G            in a scene: use the nearest object ahead, end what is held, put it down
   Esc, Ctrl-C      leave
 
 Examples:
   troupe drive
   troupe drive --style elderly --rate 60 --out take.bvh
+  troupe drive --scene courtyard
   troupe drive --path examples/paths/square.toml --out square.bvh
+  troupe drive --path examples/paths/sit.toml --json
   troupe drive --path examples/paths/reversal.toml --seed 3 --out reversal.glb")]
 pub(super) struct Drive {
     /// Scripted path to follow, in TOML.
@@ -71,6 +75,10 @@ pub(super) struct Character {
     #[arg(long, help_heading = CHARACTER, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(super) pack: String,
 
+    /// Scene of the server to live in; without it the path's, or none.
+    #[arg(long, help_heading = CHARACTER, value_name = "NAME")]
+    pub(super) scene: Option<String>,
+
     /// Style to begin with; without it the path's or the pack's.
     #[arg(long, help_heading = CHARACTER, value_name = "NAME")]
     pub(super) style: Option<String>,
@@ -89,11 +97,14 @@ pub(super) struct Character {
 }
 
 /// Draw a character that follows a scripted path: the path from above, and poses at equal steps of time.
+///
+/// In a scene (--scene, or the path's own) the picture shows what is there too, and what happened is printed.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
   troupe film --path examples/paths/square.toml --out square.png
-  troupe film --path examples/paths/style-changes.toml --out styles.png --poses 20 --width 2400")]
+  troupe film --path examples/paths/style-changes.toml --out styles.png --poses 20 --width 2400
+  troupe film --path examples/paths/bow.toml --out bow.png --from 2 --to 8")]
 pub(super) struct Film {
     /// Scripted path to follow, in TOML.
     #[arg(long, value_name = "FILE")]
@@ -106,6 +117,14 @@ pub(super) struct Film {
     /// How long to follow the path; without it as long as the path says.
     #[arg(long, value_name = "SECONDS")]
     pub(super) seconds: Option<Seconds>,
+
+    /// Time at which the strip begins; without it the start.
+    #[arg(long, value_name = "SECONDS")]
+    pub(super) from: Option<f32>,
+
+    /// Time at which the strip ends; without it the end.
+    #[arg(long, value_name = "SECONDS")]
+    pub(super) to: Option<f32>,
 
     /// Poses in the strip, at equal steps of time.
     #[arg(long, default_value_t = 16, value_name = "4-40", value_parser = clap::value_parser!(u8).range(4..=40))]

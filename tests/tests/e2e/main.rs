@@ -9,6 +9,7 @@ mod answers;
 mod bad_input;
 mod batching;
 mod cli;
+mod film;
 mod http;
 mod live;
 mod motion;

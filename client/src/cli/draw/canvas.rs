@@ -1,7 +1,7 @@
 //! Lines, discs and letters on a white picture.
 
 use ab_glyph::{Font, FontRef, GlyphId, OutlineCurve, PxScale, ScaleFont as _};
-use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, Stroke, StrokeDash, Transform};
+use tiny_skia::{Color, FillRule, LineCap, Mask, Paint, PathBuilder, Pixmap, Stroke, StrokeDash, Transform};
 
 /// A point in pixels: x to the right, y down.
 pub(in crate::cli) type Point = glam::Vec2;
@@ -83,6 +83,8 @@ pub(in crate::cli) struct Type {
 pub(in crate::cli) struct Canvas {
     pixels: Pixmap,
     zoom: f32,
+    /// Where alone something is drawn.
+    clip: Option<Mask>,
     regular: FontRef<'static>,
     semi_bold: FontRef<'static>,
 }
@@ -103,6 +105,7 @@ impl Canvas {
         Ok(Self {
             pixels,
             zoom,
+            clip: None,
             regular: font(REGULAR)?,
             semi_bold: font(SEMI_BOLD)?,
         })
@@ -114,6 +117,47 @@ impl Canvas {
     /// A sentence, where encoding fails.
     pub(in crate::cli) fn to_png(&self) -> Result<Vec<u8>, String> {
         self.pixels.encode_png().map_err(|e| e.to_string())
+    }
+
+    /// Draws only within a rectangle from now on, given by its upper left corner and its size; with none everywhere.
+    pub(in crate::cli) fn clip(&mut self, to: Option<(Point, Point)>) {
+        self.clip = to.and_then(|(corner, size)| {
+            let mut mask = Mask::new(self.pixels.width(), self.pixels.height())?;
+            let rect = tiny_skia::Rect::from_xywh(corner.x, corner.y, size.x, size.y)?;
+            let path = PathBuilder::from_rect(rect);
+            mask.fill_path(&path, FillRule::Winding, true, self.transform());
+            Some(mask)
+        });
+    }
+
+    /// A filled polygon with a line around it.
+    pub(in crate::cli) fn polygon(&mut self, corners: &[Point], fill: Ink, line: Ink, width: f32) {
+        let [first, rest @ ..] = corners else { return };
+        let mut path = PathBuilder::new();
+        path.move_to(first.x, first.y);
+        rest.iter().for_each(|p| path.line_to(p.x, p.y));
+        path.close();
+        let Some(path) = path.finish() else { return };
+        self.fill(&path, fill);
+        let stroke = Stroke {
+            width,
+            line_join: tiny_skia::LineJoin::Round,
+            ..Stroke::default()
+        };
+        let transform = self.transform();
+        self.pixels
+            .stroke_path(&path, &line.paint(), &stroke, transform, self.clip.as_ref());
+    }
+
+    fn fill(&mut self, path: &tiny_skia::Path, ink: Ink) {
+        let transform = self.transform();
+        self.pixels.fill_path(
+            path,
+            &ink.paint(),
+            FillRule::Winding,
+            transform,
+            self.clip.as_ref(),
+        );
     }
 
     /// A line through points, with round ends and corners.
@@ -139,15 +183,15 @@ impl Canvas {
             dash,
             ..Stroke::default()
         };
+        let transform = self.transform();
         self.pixels
-            .stroke_path(&path, &ink.paint(), &stroke, self.transform(), None);
+            .stroke_path(&path, &ink.paint(), &stroke, transform, self.clip.as_ref());
     }
 
     /// A filled disc.
     pub(in crate::cli) fn disc(&mut self, centre: Point, radius: f32, ink: Ink) {
         if let Some(path) = PathBuilder::from_circle(centre.x, centre.y, radius) {
-            self.pixels
-                .fill_path(&path, &ink.paint(), FillRule::Winding, self.transform(), None);
+            self.fill(&path, ink);
         }
     }
 
@@ -166,8 +210,7 @@ impl Canvas {
         path.quad_to(x, y, x + radius, y);
         path.close();
         if let Some(path) = path.finish() {
-            self.pixels
-                .fill_path(&path, &ink.paint(), FillRule::Winding, self.transform(), None);
+            self.fill(&path, ink);
         }
     }
 
@@ -187,8 +230,7 @@ impl Canvas {
             pen += scaled.h_advance(glyph);
         }
         if let Some(path) = path.finish() {
-            self.pixels
-                .fill_path(&path, &set.ink.paint(), FillRule::Winding, self.transform(), None);
+            self.fill(&path, set.ink);
         }
     }
 

@@ -10,22 +10,27 @@ use futures_util::StreamExt as _;
 use glam::Vec2;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
+use troupe_proto::v1::session_event::Kind;
 
+use super::events::Told;
 use super::keys::{Asked, Choice, Controls};
-use super::screen::{Screen, View};
-use super::{options_of, scale_of};
+use super::screen::{Place, Screen, View};
+use super::{options_of, scale_of, scene_of};
 use crate::cli::Session;
 use crate::cli::args::Scale;
 use crate::cli::failure::Failure;
 use crate::cli::files::Format;
 use crate::cli::live_args::Drive as Arguments;
-use crate::live::{Drive, DriveEvent, DriveOptions, FrameOptions, Recording, Tick};
+use crate::connection::Client;
+use crate::live::{Act, Drive, DriveEvent, DriveOptions, FrameOptions, Recording, Tick};
 use crate::pack::Pack;
 
 /// Where recordings go that were not asked for by name.
 const DEFAULT_OUT: &str = "take.bvh";
 /// Time over which the speed shown is taken, seconds.
 const SPEED_OVER_S: f32 = 0.5;
+/// How far ahead objects are looked for, metres.
+const REACH_M: f32 = 1.5;
 
 pub(super) async fn run(
     session: &Session,
@@ -38,6 +43,10 @@ pub(super) async fn run(
     }
     let (client, pack) = session.connect_to_pack(&command.character.pack).await?;
     let styles = client.styles(&pack).await?;
+    let objects = match scene_of(None, &command.character) {
+        Some(name) => Some(places(&client.scene(name, Convention::Native).await?)),
+        None => None,
+    };
     let live = client
         .session(&pack, &options_of(None, &command.character))
         .await?;
@@ -59,12 +68,15 @@ pub(super) async fn run(
     let screen = Screen::open().map_err(|e| Failure::Other(format!("the terminal: {e}")))?;
     let controls = Controls::new(choices.clone(), style, screen.tells_releases());
     let mut stage = Stage {
+        client,
         id,
+        uses: false,
         pack,
         options: options.frames,
         controls,
         view: View {
             styles: choices,
+            objects,
             note: "the character is on its way".to_owned(),
             ..View::default()
         },
@@ -85,6 +97,19 @@ pub(super) async fn run(
     }
     drive.close().await?;
     outcome.and(kept)
+}
+
+/// Where the objects of a scene are.
+fn places(scene: &v1::Scene) -> Vec<Place> {
+    let place = |object: &v1::SceneObject| Place {
+        id: object.id.clone(),
+        place: place_of(object.position),
+    };
+    scene.objects.iter().map(place).collect()
+}
+
+fn place_of(position: Option<v1::Vec3>) -> Vec2 {
+    position.map_or(Vec2::ZERO, |p| Vec2::new(p.x, p.z))
 }
 
 /// The styles in the order of their keys, and the one to begin with.
@@ -110,7 +135,10 @@ fn choices(styles: &v1::ListStylesResponse, wanted: Option<&str>) -> (Vec<Choice
 
 /// All that goes on between keys, stream and screen.
 struct Stage {
+    client: Client,
     id: String,
+    /// It uses an object: its locomotion is left alone until a key moves it.
+    uses: bool,
     pack: Pack,
     options: FrameOptions,
     controls: Controls,
@@ -126,17 +154,16 @@ impl Stage {
     async fn play(&mut self, drive: &mut Drive, mut screen: Screen) -> Result<(), Failure> {
         let mut keys = EventStream::new();
         loop {
-            if let Some(intent) = drive.intent_mut(&self.id) {
-                *intent = self.controls.intent(Instant::now());
-                self.view.commanded = Vec2::new(intent.velocity.x, intent.velocity.z);
-                self.view.facing = intent.facing;
-            }
+            self.command(drive);
             tokio::select! {
                 event = keys.next() => match event {
                     Some(Ok(Event::Key(key))) => match self.controls.key(key, Instant::now(), self.view.heading) {
                         Asked::Nothing => {}
                         Asked::Record if self.recording.is_some() => self.stop_recording()?,
                         Asked::Record => self.start_recording(),
+                        Asked::Use => self.use_nearest(drive).await,
+                        Asked::End => self.act(drive, &Act::EndInteraction),
+                        Asked::PutDown => self.act(drive, &Act::Drop),
                         Asked::Leave => return Ok(()),
                     },
                     Some(Ok(_)) => {}
@@ -157,7 +184,73 @@ impl Stage {
         }
     }
 
+    /// Moves the character as the keys say, unless it is at an object and they say nothing.
+    fn command(&mut self, drive: &mut Drive) {
+        let wanted = self.controls.intent(Instant::now());
+        self.view.commanded = Vec2::new(wanted.velocity.x, wanted.velocity.z);
+        self.view.facing = wanted.facing;
+        self.uses &= self.view.commanded == Vec2::ZERO;
+        if self.uses {
+            return;
+        }
+        if let Some(intent) = drive.intent_mut(&self.id) {
+            *intent = wanted;
+        }
+    }
+
+    fn act(&mut self, drive: &mut Drive, act: &Act) {
+        if self.view.objects.is_none() {
+            return;
+        }
+        self.uses |= *act != Act::Drop;
+        drive.act(&self.id, act);
+    }
+
+    /// Uses the first object that is in reach.
+    async fn use_nearest(&mut self, drive: &mut Drive) {
+        if self.view.objects.is_none() {
+            return;
+        }
+        let request = v1::DetectRequest {
+            session_id: self.id.clone(),
+            ahead: REACH_M,
+            only_free: true,
+            ..v1::DetectRequest::default()
+        };
+        let found = match self.client.detect(request).await {
+            Ok(answer) => answer.objects,
+            Err(error) => {
+                self.view.note = error.to_string();
+                return;
+            }
+        };
+        match found.into_iter().find(|of| of.usable).and_then(|of| of.object) {
+            Some(object) => self.act(drive, &Act::interact(object.id)),
+            None => self.view.note = "there is nothing to use ahead".to_owned(),
+        }
+    }
+
+    /// Takes note of what happened in the scene.
+    fn told(&mut self, kind: &Kind) {
+        self.view.note = Told(kind).to_string();
+        match kind {
+            Kind::Done(_) | Kind::Failed(_) | Kind::Interrupted(_) => self.uses = false,
+            Kind::Released(put) => self.moved(&put.instance, place_of(put.position)),
+            _ => {}
+        }
+    }
+
+    fn moved(&mut self, id: &str, place: Vec2) {
+        let mut objects = self.view.objects.iter_mut().flatten();
+        if let Some(object) = objects.find(|object| object.id == id) {
+            object.place = place;
+        }
+    }
+
     fn take(&mut self, tick: &Tick<'_>) {
+        if let Some((_, held)) = tick.held().find(|(id, _)| *id == self.id) {
+            self.moved(&held.instance, place_of(held.position));
+        }
         let Some((_, frames)) = tick.characters().find(|(id, _)| *id == self.id) else {
             return;
         };
@@ -195,9 +288,15 @@ impl Stage {
     fn happened(&mut self, event: DriveEvent) -> Result<(), Failure> {
         match event {
             DriveEvent::Attached { .. } => self.view.note = "the character is there".to_owned(),
-            DriveEvent::Refused { problem, .. } => self.view.note = problem.to_string(),
-            // It is in no scene.
-            DriveEvent::Happened { .. } => {}
+            DriveEvent::Refused { problem, .. } => {
+                self.view.note = problem.to_string();
+                self.uses = false;
+            }
+            DriveEvent::Happened { events, .. } => {
+                for kind in events.iter().filter_map(|event| event.kind.as_ref()) {
+                    self.told(kind);
+                }
+            }
             DriveEvent::NotAttached { problem, id, .. } | DriveEvent::Left { problem, id, .. } => {
                 return Err(crate::error::ClientError::session(&id, problem).into());
             }

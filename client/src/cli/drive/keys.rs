@@ -30,6 +30,12 @@ pub(super) struct Choice {
 pub(super) enum Asked {
     Nothing,
     Record,
+    /// To use the nearest object.
+    Use,
+    /// To end what is held.
+    End,
+    /// To put down what is in the hand.
+    PutDown,
     Leave,
 }
 
@@ -95,6 +101,9 @@ impl Controls {
             '-' | '_' => self.change_speed(-SPEED_STEP_MPS),
             ' ' => self.held = [None; 4],
             'r' if kind == KeyEventKind::Press => return Asked::Record,
+            'u' if kind == KeyEventKind::Press => return Asked::Use,
+            'x' if kind == KeyEventKind::Press => return Asked::End,
+            'g' if kind == KeyEventKind::Press => return Asked::PutDown,
             '1'..='9' => self.choose(letter as usize - '1' as usize),
             _ => {}
         }
@@ -262,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn leaving_and_recording_are_asked_once() {
+    fn what_is_no_movement_is_asked_once() {
         let mut controls = controls(true);
         let now = Instant::now();
         let control_c = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
@@ -271,12 +280,15 @@ mod tests {
             controls.key(event(KeyCode::Esc, KeyEventKind::Press), now, 0.0),
             Asked::Leave
         );
-        assert_eq!(controls.key(press('r'), now, 0.0), Asked::Record);
+        let asked = ['r', 'u', 'X', 'g'].map(|key| controls.key(press(key), now, 0.0));
+        assert_eq!(asked, [Asked::Record, Asked::Use, Asked::End, Asked::PutDown]);
         for kind in [KeyEventKind::Repeat, KeyEventKind::Release] {
-            assert_eq!(
-                controls.key(event(KeyCode::Char('r'), kind), now, 0.0),
-                Asked::Nothing
-            );
+            for key in ['r', 'u', 'x', 'g'] {
+                assert_eq!(
+                    controls.key(event(KeyCode::Char(key), kind), now, 0.0),
+                    Asked::Nothing
+                );
+            }
         }
     }
 }

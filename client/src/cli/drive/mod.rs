@@ -1,13 +1,15 @@
 //! `troupe drive`.
 
+mod events;
 mod keyboard;
 mod keys;
 mod screen;
 mod scripted;
 
+pub(super) use self::events::Event;
 #[cfg(test)]
 pub(super) use self::scripted::Order;
-pub(super) use self::scripted::{Take, follow};
+pub(super) use self::scripted::{Moved, Take, follow};
 
 use serde_json::json;
 
@@ -44,11 +46,22 @@ pub(super) async fn run(session: &Session, command: &Drive) -> Result<(), Failur
             out.display()
         ));
     }
-    print(&if command.json {
-        format!("{:#}", to_json(&take))
-    } else {
-        in_words(&take)
-    })
+    if command.json {
+        return print(&format!("{:#}", to_json(&take)));
+    }
+    print(&in_words(&take))?;
+    print_events(&take.events)
+}
+
+/// Prints what happened, a line for each event.
+pub(super) fn print_events(events: &[Event]) -> Result<(), Failure> {
+    events.iter().try_for_each(|event| print(&event.to_string()))
+}
+
+/// The scene that the arguments or else the path ask for.
+fn scene_of<'a>(path: Option<&'a Path>, character: &'a Character) -> Option<&'a str> {
+    let of_path = || path.and_then(|path| path.scene.as_deref());
+    character.scene.as_deref().or_else(of_path)
 }
 
 /// How BVH files are written.
@@ -68,6 +81,9 @@ fn options_of(path: Option<&Path>, character: &Character) -> SessionOptions {
     let style = character.style.as_ref().or(path.and_then(|p| p.style.as_ref()));
     if let Some(style) = style {
         options = options.style(style);
+    }
+    if let Some(scene) = scene_of(path, character) {
+        options = options.scene(scene);
     }
     if let Some(path) = path {
         options = options.at(glam::Vec3::new(path.start.x, 0.0, path.start.y), path.heading);
@@ -114,6 +130,7 @@ fn to_json(take: &Take) -> serde_json::Value {
         "most_speed_mps": measures.most_speed_mps,
         "end_to_last_waypoint_m": measures.end_to_last_waypoint_m,
         "commands": take.commands,
+        "events": take.events.iter().map(Event::to_json).collect::<Vec<_>>(),
         "stats": stats,
     })
 }

@@ -61,6 +61,14 @@ impl Drop for Screen {
     }
 }
 
+/// An object of the scene.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Place {
+    pub(super) id: String,
+    /// (x, z).
+    pub(super) place: Vec2,
+}
+
 /// What there is to show.
 #[derive(Debug, Default)]
 pub(super) struct View {
@@ -80,6 +88,8 @@ pub(super) struct View {
     pub(super) underruns: u64,
     /// Seconds recorded, while recording.
     pub(super) recording_s: Option<f32>,
+    /// The objects of the scene; none where it is in no scene.
+    pub(super) objects: Option<Vec<Place>>,
     /// What happened last.
     pub(super) note: String,
 }
@@ -103,7 +113,12 @@ impl View {
         let keys = Line::from(
             " WASD move · QE turn · F face ahead · 1-9 style · +- speed · space stand · R record · Esc leave",
         );
-        let lines = vec![keys.dim(), Line::from(format!(" {}", self.note))];
+        let acts = match self.objects {
+            Some(_) => " U use what is near · X end · G put down · ",
+            None => " ",
+        };
+        let note = Line::from(vec![acts.dim(), Span::raw(&self.note)]);
+        let lines = vec![keys.dim(), note];
         frame.render_widget(Paragraph::new(lines), bottom);
     }
 
@@ -143,6 +158,10 @@ impl View {
             color: Color::Blue,
         });
         context.layer();
+        for object in self.objects.iter().flatten() {
+            let name = Span::styled(format!("▪{}", object.id), Style::new().fg(Color::Magenta));
+            context.print(-f64::from(object.place.x), f64::from(object.place.y), name);
+        }
         let mut arrow = |way: Vec2, color| {
             let tip = (x - f64::from(way.x), y + f64::from(way.y));
             context.draw(&Stroke::new(x, y, tip.0, tip.1, color));
@@ -227,6 +246,18 @@ mod tests {
     #[test]
     fn the_screen_is_as_documented() {
         insta::assert_snapshot!(drawn(&view(), 100, 24));
+    }
+
+    #[test]
+    fn objects_and_their_keys_are_shown_in_a_scene() {
+        let mut view = view();
+        view.objects = Some(vec![Place {
+            id: "cup-1".to_owned(),
+            place: Vec2::new(-1.0, 3.0),
+        }]);
+        let drawn = drawn(&view, 100, 24);
+        assert!(drawn.contains("▪cup-1"), "{drawn}");
+        assert!(drawn.contains("G put down · take-1.bvh written"), "{drawn}");
     }
 
     #[test]

@@ -1,16 +1,17 @@
 //! A character along a scripted path, on the client's clock.
 
-use glam::{Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use troupe_motion::GlobalRoot;
 use troupe_motion::clip::Clip;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
-use super::options_of;
+use super::events::{Event, Seen};
+use super::{options_of, scene_of};
 use crate::cli::Session;
 use crate::cli::failure::Failure;
 use crate::cli::live_args::Character;
-use crate::cli::path::{Path, Player};
+use crate::cli::path::{Moment, Path, Player};
 use crate::error::{AnswerError, ClientError};
 use crate::live::{FrameOptions, Recording};
 
@@ -30,6 +31,12 @@ pub(in crate::cli) struct Take {
     pub(in crate::cli) commanded: Vec<Vec2>,
     /// The last waypoint, where the path has some.
     pub(in crate::cli) goal: Option<Vec2>,
+    /// The scene as it was at first, where it lives in one.
+    pub(in crate::cli) scene: Option<v1::Scene>,
+    /// What happened to the character in its scene, in order.
+    pub(in crate::cli) events: Vec<Event>,
+    /// Where objects went that it had in its hand, in order.
+    pub(in crate::cli) moved: Vec<Moved>,
     /// Commands that were sent.
     pub(in crate::cli) commands: u64,
     /// The server's count.
@@ -43,6 +50,21 @@ pub(in crate::cli) struct Order {
     pub(in crate::cli) style: String,
     /// (x, z), m/s.
     pub(in crate::cli) velocity: Vec2,
+}
+
+/// An object that came to another place.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::cli) struct Moved {
+    /// From this frame of the clip on.
+    pub(in crate::cli) frame: usize,
+    /// The object.
+    pub(in crate::cli) instance: String,
+    /// Where its origin is, native convention, metres.
+    pub(in crate::cli) position: Vec3,
+    /// How it is turned.
+    pub(in crate::cli) rotation: Quat,
+    /// Whether it is in the hand there.
+    pub(in crate::cli) in_hand: bool,
 }
 
 /// Figures of a take.
@@ -104,86 +126,159 @@ pub(in crate::cli) async fn follow(
     options: FrameOptions,
 ) -> Result<Take, Failure> {
     let (client, pack) = session.connect_to_pack(&character.pack).await?;
+    let scene = match scene_of(Some(path), character) {
+        Some(name) => Some(client.scene(name, Convention::Native).await?),
+        None => None,
+    };
     let mut live = client.session(&pack, &options_of(Some(path), character)).await?;
     live.set_frame_options(options);
-    let outcome = play(session, &mut live, path, character, options).await;
+    let take = Taking {
+        path,
+        character,
+        hz: options.rate.hz() as f32,
+        lives_in_scene: scene.is_some(),
+        recording: Recording::of(&live),
+        told: Vec::new(),
+        seen: Seen::default(),
+    };
+    let outcome = take.play(session, &mut live).await;
     // Closed in any case; what went wrong before is what matters.
     let closed = live.close().await;
-    let take = outcome?;
+    let mut take = outcome?;
     closed?;
+    take.scene = scene;
     Ok(take)
 }
 
-async fn play(
-    session: &Session,
-    live: &mut crate::live::Session,
-    path: &Path,
-    character: &Character,
-    options: FrameOptions,
-) -> Result<Take, Failure> {
-    let hz = options.rate.hz() as f32;
-    let start = live.info().await?;
-    let mut style = start.style;
-    let mut player = Player::new(path);
-    let mut recording = Recording::of(live);
-    let mut told = Vec::<Order>::new();
-    let mut place = path.start;
-    let bar = session.term.bar((path.limit_s() * hz) as usize, "frames");
-    let skeleton = live.pack().skeleton().clone();
-    loop {
-        let frame = recording.len();
-        let time_s = frame as f32 / hz;
-        if time_s + 0.5 / hz >= player.ends_s() {
-            break;
+/// A take on its way.
+struct Taking<'a> {
+    path: &'a Path,
+    character: &'a Character,
+    hz: f32,
+    lives_in_scene: bool,
+    recording: Recording,
+    told: Vec<Order>,
+    seen: Seen,
+}
+
+impl Taking<'_> {
+    async fn play(mut self, session: &Session, live: &mut crate::live::Session) -> Result<Take, Failure> {
+        let (path, hz) = (self.path, self.hz);
+        let mut style = live.info().await?.style;
+        let mut player = Player::new(path);
+        let mut place = path.start;
+        let bar = session.term.bar((path.limit_s() * hz) as usize, "frames");
+        let skeleton = live.pack().skeleton().clone();
+        loop {
+            let frame = self.recording.len();
+            let time_s = frame as f32 / hz;
+            if time_s + 0.5 / hz >= player.ends_s() {
+                break;
+            }
+            self.command(live, &mut player, &mut style, place);
+            let frames = match self.lives_in_scene {
+                // What is in the hand is told for the last frame of a step alone.
+                true => 1,
+                false => frames_until(frame, hz, player.next_command_s(), player.ends_s()),
+            };
+            let frames = live.step(frames).await?;
+            let first_frame = frames.first_frame();
+            for frame in frames.iter() {
+                self.recording.push(frame);
+            }
+            if let Some(last) = frames.last() {
+                let GlobalRoot {
+                    position: Vec3 { x, z, .. },
+                    ..
+                } = last.native_root(&skeleton, Convention::Native);
+                place = Vec2::new(x, z);
+            }
+            self.look(live, &mut player, first_frame).await?;
+            bar.set_position(self.recording.len() as u64);
         }
-        let mut intent = player.intent(time_s, place).clone();
-        // The argument holds until the path has a style of its own to change to.
-        if intent.style == path.style {
-            intent.style = character.style.clone().or(intent.style);
-        }
-        if let Some(new) = &intent.style {
-            style.clone_from(new);
-        }
-        let order = Order {
-            frame,
-            style: style.clone(),
-            velocity: Vec2::new(intent.velocity.x, intent.velocity.z),
-        };
-        if told
-            .last()
-            .is_none_or(|last| (&last.style, last.velocity) != (&order.style, order.velocity))
-        {
-            told.push(order);
-        }
-        live.set_intent(intent);
-        let frames = live
-            .step(frames_until(frame, hz, player.next_command_s(), player.ends_s()))
-            .await?;
-        for frame in frames.iter() {
-            recording.push(frame);
-        }
-        if let Some(last) = frames.last() {
-            let GlobalRoot {
-                position: Vec3 { x, z, .. },
-                ..
-            } = last.native_root(&skeleton, Convention::Native);
-            place = Vec2::new(x, z);
-        }
-        bar.set_position(recording.len() as u64);
+        bar.finish_and_clear();
+        self.into_take(live.info().await?)
     }
-    bar.finish_and_clear();
-    let info = live.info().await?;
-    let clip = recording
-        .into_clip()
-        .map_err(|e| ClientError::from(AnswerError::Frames(e)))?;
-    Ok(Take {
-        commanded: path.commanded(clip.duration_s()),
-        goal: path.waypoints.last().map(|p| p.at),
-        clip,
-        told,
-        commands: info.last_sequence,
-        stats: info.stats.unwrap_or_default(),
-    })
+
+    /// Tells the character what to do from the next frame on.
+    fn command(
+        &mut self,
+        live: &mut crate::live::Session,
+        player: &mut Player<'_>,
+        style: &mut String,
+        place: Vec2,
+    ) {
+        let frame = self.recording.len();
+        let intent = player.intent(frame as f32 / self.hz, place).cloned();
+        for act in player.take_acts() {
+            live.act(act);
+        }
+        let mut velocity = Vec2::ZERO;
+        if let Some(mut intent) = intent {
+            // The argument holds until the path has a style of its own to change to.
+            if intent.style == self.path.style {
+                intent.style = self.character.style.clone().or(intent.style);
+            }
+            if let Some(new) = &intent.style {
+                style.clone_from(new);
+            }
+            velocity = Vec2::new(intent.velocity.x, intent.velocity.z);
+            live.set_intent(intent);
+        }
+        let last = self.told.last().map(|last| (last.style.as_str(), last.velocity));
+        if last != Some((style.as_str(), velocity)) {
+            self.told.push(Order {
+                frame,
+                style: style.clone(),
+                velocity,
+            });
+        }
+    }
+
+    /// Takes note of what happened in the last step.
+    async fn look(
+        &mut self,
+        live: &mut crate::live::Session,
+        player: &mut Player<'_>,
+        first_frame: u64,
+    ) -> Result<(), Failure> {
+        if !self.lives_in_scene {
+            return Ok(());
+        }
+        let frame = self.recording.len() - 1;
+        let time_s = (frame + 1) as f32 / self.hz;
+        let is_over = self
+            .seen
+            .step(frame, self.hz, first_frame, live.events(), live.held());
+        if player.uses() {
+            let activity = live.info().await?.activity.unwrap_or_default();
+            if activity.kind() == v1::ActivityKind::Held && self.seen.began_to_hold() {
+                player.came(Moment::Held, time_s);
+            }
+        }
+        if is_over {
+            player.came(Moment::Done, time_s);
+        }
+        Ok(())
+    }
+
+    fn into_take(self, info: v1::Session) -> Result<Take, Failure> {
+        let clip = self
+            .recording
+            .into_clip()
+            .map_err(|e| ClientError::from(AnswerError::Frames(e)))?;
+        Ok(Take {
+            commanded: self.path.commanded(clip.duration_s()),
+            goal: self.path.waypoints.last().map(|p| p.at),
+            clip,
+            told: self.told,
+            scene: None,
+            events: self.seen.events,
+            moved: self.seen.moved,
+            commands: info.last_sequence,
+            stats: info.stats.unwrap_or_default(),
+        })
+    }
 }
 
 /// Frames to take before the path is looked at again: a tenth of a second's, or fewer so that the next command, or the end,
@@ -239,6 +334,9 @@ mod tests {
             told: vec![order(0, Vec2::Y), order(46, Vec2::ZERO)],
             commanded: Vec::new(),
             goal: Some(Vec2::new(0.0, 2.5)),
+            scene: None,
+            events: Vec::new(),
+            moved: Vec::new(),
             commands: 2,
             stats: v1::SessionStats::default(),
         };

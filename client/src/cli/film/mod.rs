@@ -1,10 +1,17 @@
 //! `troupe film`.
 
 mod picture;
+mod solid;
+mod stage;
+mod strip;
+
+use std::ops::RangeInclusive;
+use std::time::Duration;
 
 use self::picture::{Film, WIDTH};
+use self::stage::Stage;
 use super::Session;
-use super::drive::{Take, follow};
+use super::drive::{Take, follow, print_events};
 use super::failure::Failure;
 use super::live_args::Film as Arguments;
 use super::path::Path;
@@ -13,10 +20,12 @@ use crate::live::FrameOptions;
 pub(super) async fn run(session: &Session, command: &Arguments) -> Result<(), Failure> {
     let mut path = Path::read(&command.path)?;
     if let Some(seconds) = command.seconds {
-        path.seconds = Some(std::time::Duration::from(seconds).as_secs_f32());
+        path.seconds = Some(Duration::from(seconds).as_secs_f32());
     }
     let take = follow(session, &path, &command.character, FrameOptions::default()).await?;
     let film = Film {
+        stage: Stage::of(&session.connect().await?, &take).await?,
+        range: range(command, &take)?,
         title: command.title.clone().or(path.title).unwrap_or_default(),
         subtitle: subtitle(&take),
         take: &take,
@@ -28,7 +37,23 @@ pub(super) async fn run(session: &Session, command: &Arguments) -> Result<(), Fa
     session
         .term
         .note(format_args!("picture written to {}", command.out.display()));
-    Ok(())
+    print_events(&take.events)
+}
+
+/// The frames between which the strip's poses are.
+fn range(command: &Arguments, take: &Take) -> Result<RangeInclusive<usize>, Failure> {
+    let last = take.clip.frames() - 1;
+    // Times below 0 count as 0.
+    let frame = |time_s: f32| (time_s * take.clip.fps).round() as usize;
+    let from = command.from.map_or(0, frame);
+    let to = command.to.map_or(last, frame).min(last);
+    if from >= to && last > 0 {
+        let end_s = last as f32 / take.clip.fps;
+        return Err(Failure::Input(format!(
+            "--from must be before --to, and before the end, which is at {end_s:.2} s"
+        )));
+    }
+    Ok(from..=to)
 }
 
 /// How long and far it went, and what it took.

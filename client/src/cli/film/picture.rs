@@ -1,12 +1,16 @@
 //! The picture: the path with its poses in space, the path from above, and the poses one by one.
 
+use std::ops::RangeInclusive;
+
 use glam::{Vec2, Vec3};
 use troupe_motion::fk::WorldMotion;
 
+use super::solid::Solid;
+use super::stage::{Stage, Thing};
 use crate::cli::draw::canvas::{Align, Canvas, Ink, Point};
 use crate::cli::draw::figure::{Camera, Figure};
 use crate::cli::draw::house::{
-    DARK, MARGIN, MUTED, PANEL, RULE, draw_legend, draw_scale, draw_title, heading, ramp, regular,
+    DARK, MARGIN, MUTED, PANEL, draw_legend, draw_scale, draw_title, heading, ramp, regular,
 };
 use crate::cli::drive::Take;
 
@@ -21,14 +25,18 @@ const PLAN_CORNER: Point = Vec2::new(1140.0, 104.0);
 const PLAN_WIDTH: f32 = 420.0;
 const PLAN_RIM: Point = Vec2::new(54.0, 68.0);
 /// Heights of scene and plan: a way that goes straight ahead needs little.
-const HEIGHTS: std::ops::RangeInclusive<f32> = 236.0..=476.0;
+const HEIGHTS: RangeInclusive<f32> = 236.0..=476.0;
 /// From scene to strip, and the height of one of its rows.
 const STRIP_GAP: f32 = 24.0;
 const ROW: f32 = 288.0;
-/// Poses of a row at most.
+/// Poses of a row at most; in a scene they need room for what is around them.
 const ROW_POSES: usize = 20;
-/// Height of a standing figure in the strip, pixels.
-const TALL: f32 = 200.0;
+const STAGE_POSES: usize = 6;
+/// What is so near the way belongs to it, metres, and so much of it is shown around the way.
+const NEAR_M: f32 = 0.4;
+const AROUND_M: f32 = 0.8;
+/// Poses of the scene that stand nearer each other hide each other, metres.
+const APART_M: f32 = 0.3;
 /// How far the camera of the scene looks down, radians.
 const PITCH: f32 = 0.5;
 
@@ -49,22 +57,27 @@ pub(super) struct Film<'a> {
     pub(super) title: String,
     pub(super) subtitle: String,
     pub(super) take: &'a Take,
+    /// The scene that it is in.
+    pub(super) stage: Option<Stage>,
     /// Poses at equal steps of time.
     pub(super) poses: usize,
+    /// The frames between which they are.
+    pub(super) range: RangeInclusive<usize>,
     /// Layout to pixels.
     pub(super) zoom: f32,
 }
 
 /// What all parts of the picture share.
-struct Parts {
-    motion: WorldMotion,
-    figure: Figure,
+pub(super) struct Parts {
+    pub(super) motion: WorldMotion,
+    pub(super) figure: Figure,
     camera: Camera,
     /// The frames that are drawn.
     frames: Vec<usize>,
     /// Styles in the order in which they come.
-    styles: Vec<String>,
-    ground_y: f32,
+    pub(super) styles: Vec<String>,
+    /// Height of what the character stands on, of every frame.
+    pub(super) levels: Vec<f32>,
     /// Height of scene and plan.
     height: f32,
 }
@@ -77,20 +90,26 @@ impl Film<'_> {
     pub(super) fn to_png(&self) -> Result<Vec<u8>, String> {
         let clip = &self.take.clip;
         let frames = self.frames();
-        let rows = frames.len().div_ceil(ROW_POSES);
+        let in_row = if self.stage.is_some() {
+            STAGE_POSES
+        } else {
+            ROW_POSES
+        };
+        let rows = frames.len().div_ceil(in_row);
         let mut styles = Vec::new();
         for order in &self.take.told {
             if !styles.contains(&order.style) {
                 styles.push(order.style.clone());
             }
         }
+        let motion = WorldMotion::from_clip(clip);
         let mut parts = Parts {
-            motion: WorldMotion::from_clip(clip),
+            levels: self.levels(&motion),
+            motion,
             figure: Figure::new(&clip.skeleton),
             camera: self.camera(),
             frames,
             styles,
-            ground_y: clip.skeleton.ground_y_m,
             height: *HEIGHTS.end(),
         };
         parts.height = self.height(&parts);
@@ -101,17 +120,41 @@ impl Film<'_> {
         self.draw_scene(&mut canvas, &parts);
         self.draw_plan(&mut canvas, &parts);
         for (row, frames) in parts.frames.chunks(parts.frames.len().div_ceil(rows)).enumerate() {
-            let ground = strip_top + ROW * row as f32 + 226.0;
-            self.draw_row(&mut canvas, &parts, ground, frames);
+            self.draw_row(&mut canvas, &parts, strip_top + ROW * row as f32, frames);
         }
         canvas.to_png()
     }
 
-    /// Frames at equal steps of time, from the first to the last.
+    /// Frames at equal steps of time, from the first of the range to its last.
     fn frames(&self) -> Vec<usize> {
-        let last = self.take.clip.frames() - 1;
-        let steps = (self.poses.max(2) - 1).min(last.max(1));
-        (0..=steps).map(|i| (last * i + steps / 2) / steps).collect()
+        let (first, last) = (*self.range.start(), *self.range.end());
+        let length = last.saturating_sub(first);
+        let steps = (self.poses.max(2) - 1).min(length.max(1));
+        let nth = |i| first + (length * i + steps / 2) / steps;
+        (0..=steps).map(nth).collect()
+    }
+
+    /// Height of what the character stands on, or falls onto, of every frame.
+    fn levels(&self, motion: &WorldMotion) -> Vec<f32> {
+        let clip = &self.take.clip;
+        let level = |frame: usize| {
+            let Some(stage) = &self.stage else {
+                return clip.skeleton.ground_y_m;
+            };
+            let joints = motion.positions_at(frame).iter();
+            let root = clip.root_positions[frame];
+            let feet = joints.fold(root, |least, p| if p.y < least.y { *p } else { least });
+            stage.level(Vec3::new(root.x, feet.y, root.z))
+        };
+        (0..clip.frames()).map(level).collect()
+    }
+
+    /// All that is in the scene at a frame.
+    pub(super) fn things(&self, frame: usize) -> Vec<Thing<'_>> {
+        let stage = self.stage.as_ref();
+        stage
+            .map(|stage| stage.things(frame).collect())
+            .unwrap_or_default()
     }
 
     /// Looks across the way's longest extent.
@@ -144,7 +187,7 @@ impl Film<'_> {
     }
 
     /// The colour of a frame: of its style where there are several, else of its time.
-    fn ink(&self, parts: &Parts, frame: usize) -> Ink {
+    pub(super) fn ink(&self, parts: &Parts, frame: usize) -> Ink {
         if parts.styles.len() > 1 {
             let style = self.take.order_at(frame).map(|order| &order.style);
             let nth = parts
@@ -154,22 +197,25 @@ impl Film<'_> {
                 .unwrap_or_default();
             return STYLE_INKS[nth % STYLE_INKS.len()];
         }
-        ramp(frame as f32 / (self.take.clip.frames() - 1).max(1) as f32)
+        let (first, last) = (*self.range.start(), *self.range.end());
+        ramp(((frame as f32 - first as f32) / (last - first).max(1) as f32).clamp(0.0, 1.0))
     }
 
     fn draw_legend(&self, canvas: &mut Canvas, parts: &Parts) {
         let label = regular(16.0, DARK, Align::Left);
         let mut pen = WIDTH - MARGIN;
-        let name = "commanded";
-        pen -= canvas.text_width(name, label);
-        canvas.text(name, Point::new(pen, 50.0), label);
-        canvas.dashed(
-            &[Point::new(pen - 46.0, 44.5), Point::new(pen - 12.0, 44.5)],
-            3.0,
-            [1.0, 7.0],
-            MUTED,
-        );
-        pen -= 72.0;
+        if !self.take.commanded.is_empty() {
+            let name = "commanded";
+            pen -= canvas.text_width(name, label);
+            canvas.text(name, Point::new(pen, 50.0), label);
+            canvas.dashed(
+                &[Point::new(pen - 46.0, 44.5), Point::new(pen - 12.0, 44.5)],
+                3.0,
+                [1.0, 7.0],
+                MUTED,
+            );
+            pen -= 72.0;
+        }
         let styled = parts.styles.iter().enumerate().rev();
         let entries: Vec<_> = if parts.styles.len() > 1 {
             styled
@@ -184,9 +230,9 @@ impl Film<'_> {
 
     /// The root's way on the ground as pieces of one colour.
     fn draw_way(&self, canvas: &mut Canvas, parts: &Parts, width: f32, pixel: impl Fn(Vec3) -> Point) {
-        let way = self.take.clip.root_positions.iter();
+        let way = self.take.clip.root_positions.iter().zip(&parts.levels);
         let way = way
-            .map(|p| pixel(Vec3::new(p.x, parts.ground_y, p.z)))
+            .map(|(p, &level)| pixel(Vec3::new(p.x, level, p.z)))
             .collect::<Vec<_>>();
         for (frame, pair) in way.windows(2).enumerate() {
             canvas.line(pair, width, self.ink(parts, frame + 1));
@@ -194,25 +240,51 @@ impl Film<'_> {
     }
 
     /// The commanded way, at the ground's height.
-    fn commanded(&self, parts: &Parts) -> impl Iterator<Item = Vec3> {
-        let ground_y = parts.ground_y;
+    fn commanded(&self) -> impl Iterator<Item = Vec3> {
+        let stage = self.stage.as_ref();
+        let ground_y = stage.map_or(self.take.clip.skeleton.ground_y_m, |stage| stage.ground_m);
         self.take
             .commanded
             .iter()
             .map(move |p| Vec3::new(p.x, ground_y, p.y))
     }
 
+    /// Corners of what the scene has beside the way, as far as they are near it.
+    fn surroundings(&self) -> Vec<Vec3> {
+        let way = &self.take.clip.root_positions;
+        let (least, most) = way
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, m), p| {
+                (l.min(*p), m.max(*p))
+            });
+        let around = Vec3::new(AROUND_M, 100.0, AROUND_M);
+        let mut corners = Vec::new();
+        for thing in self.things(*self.range.end()) {
+            let is_near = || way.iter().any(|p| thing.solid.distance(*p) < NEAR_M);
+            if thing.is_used || is_near() {
+                corners.extend(
+                    thing
+                        .solid
+                        .corners()
+                        .map(|p| p.clamp(least - around, most + around)),
+                );
+            }
+        }
+        corners
+    }
+
     /// All that is in the scene, on the picture's plane, metres.
     fn scene(&self, parts: &Parts) -> impl Iterator<Item = Vec2> {
         let joints = parts.frames.iter().flat_map(|&f| parts.motion.positions_at(f));
-        let seen = joints.copied().chain(self.commanded(parts));
+        let seen = joints.copied().chain(self.commanded()).chain(self.surroundings());
         seen.map(|p| parts.camera.project(p))
     }
 
     /// All that is on the plan, metres.
     fn plan(&self, parts: &Parts) -> impl Iterator<Item = Vec2> {
         let roots = self.take.clip.root_positions.iter().copied();
-        roots.chain(self.commanded(parts)).map(|p| parts.camera.plan(p))
+        let seen = roots.chain(self.commanded()).chain(self.surroundings());
+        seen.map(|p| parts.camera.plan(p))
     }
 
     /// The height that scene and plan need for the largest scale that their widths allow.
@@ -236,36 +308,61 @@ impl Film<'_> {
         );
         let pixel = |p: Vec3| fit.pixel(camera.project(p));
 
-        let commanded = self.commanded(parts).map(pixel).collect::<Vec<_>>();
+        canvas.clip(self.stage.is_some().then_some((SCENE_CORNER, size)));
+        let mut things = self.things(*self.range.end());
+        things.sort_by(|a, b| nearness(camera, &a.solid).total_cmp(&nearness(camera, &b.solid)));
+        let (above, below): (Vec<_>, Vec<_>) = things.iter().partition(|thing| thing.id.is_some());
+        for thing in below {
+            let is_seen = |normal| camera.nearness(normal) > 0.0;
+            thing.solid.draw(canvas, thing.paint, is_seen, pixel);
+        }
+        let commanded = self.commanded().map(pixel).collect::<Vec<_>>();
         canvas.dashed(&commanded, 3.0, [1.0, 7.0], MUTED);
-        let at = fit.pixel(Vec2::ZERO);
-        for &frame in &parts.frames {
-            parts
-                .figure
-                .draw_shadow(canvas, camera, parts.motion.positions_at(frame), at, fit.scale);
+        let mut figures = self.apart(parts);
+        let stands = |frame: usize| self.take.clip.root_at(frame).projected();
+        figures.sort_by(|&a, &b| camera.nearness(stands(a)).total_cmp(&camera.nearness(stands(b))));
+        for &frame in &figures {
+            let (places, at) = on_level(parts, frame, &fit);
+            parts.figure.draw_shadow(canvas, camera, &places, at, fit.scale);
         }
         self.draw_way(canvas, parts, 4.0, pixel);
-        let mut far_first = parts.frames.clone();
-        let nearness = |frame: usize| camera.nearness(self.take.clip.root_at(frame).projected());
-        far_first.sort_by(|&a, &b| nearness(a).total_cmp(&nearness(b)));
-        for frame in far_first {
+        let mut above = above.into_iter().peekable();
+        let mut draw_things = |canvas: &mut Canvas, until: f32| {
+            while let Some(thing) = above.next_if(|thing| nearness(camera, &thing.solid) < until) {
+                thing
+                    .solid
+                    .draw(canvas, thing.paint, |normal| camera.nearness(normal) > 0.0, pixel);
+            }
+        };
+        for frame in figures {
+            draw_things(canvas, camera.nearness(stands(frame)));
+            let (places, at) = on_level(parts, frame, &fit);
             let ink = self.ink(parts, frame);
-            parts.figure.draw(
-                canvas,
-                camera,
-                parts.motion.positions_at(frame),
-                at,
-                fit.scale,
-                ink,
-            );
+            parts.figure.draw(canvas, camera, &places, at, fit.scale, ink);
         }
+        draw_things(canvas, f32::INFINITY);
+        canvas.clip(None);
+    }
+
+    /// The frames to draw in the scene: all, or in a stage, where the character may stay long, those that stand apart.
+    fn apart(&self, parts: &Parts) -> Vec<usize> {
+        let mut drawn = Vec::<usize>::new();
+        for &frame in &parts.frames {
+            let roots = &self.take.clip.root_positions;
+            let is_apart = drawn
+                .iter()
+                .all(|&before| roots[before].distance(roots[frame]) > APART_M);
+            if self.stage.is_none() || is_apart {
+                drawn.push(frame);
+            }
+        }
+        drawn
     }
 
     /// The root's path from above.
     fn draw_plan(&self, canvas: &mut Canvas, parts: &Parts) {
         let size = Point::new(PLAN_WIDTH, parts.height);
         canvas.panel(PLAN_CORNER, size, 12.0, PANEL);
-        canvas.text("From above", PLAN_CORNER + Point::new(22.0, 36.0), heading(18.0));
         let camera = &parts.camera;
         let fit = Fit::new(
             self.plan(parts),
@@ -275,22 +372,36 @@ impl Film<'_> {
         );
         let pixel = |p: Vec3| fit.pixel(camera.plan(p));
 
-        let commanded = self.commanded(parts).map(pixel).collect::<Vec<_>>();
+        canvas.clip(self.stage.is_some().then_some((PLAN_CORNER, size)));
+        let things = self.things(*self.range.end());
+        for thing in &things {
+            thing
+                .solid
+                .draw(canvas, thing.paint, |normal| normal.y > 0.01, pixel);
+        }
+        let commanded = self.commanded().map(pixel).collect::<Vec<_>>();
         canvas.dashed(&commanded, 3.0, [1.0, 7.0], MUTED);
         self.draw_way(canvas, parts, 4.5, pixel);
+        canvas.clip(None);
         let way = self.take.clip.root_positions.iter().map(|&p| pixel(p));
         let mut labels = Labels {
             taken: way.chain(commanded).collect(),
             placed: Vec::new(),
         };
+        let figures = self.apart(parts);
         for &frame in &parts.frames {
             let root = self.take.clip.root_at(frame);
             let (at, ink) = (pixel(root.projected()), self.ink(parts, frame));
             canvas.line(&[at, at + camera.plan(root.forward()) * 17.0], 2.5, ink);
             canvas.disc(at, 6.5, PANEL);
             canvas.disc(at, 5.0, ink);
+            // Where it stays, one time is enough.
+            if !figures.contains(&frame) {
+                continue;
+            }
             if let Some(place) = labels.place(at) {
-                let text = format!("{:.0} s", frame as f32 / self.take.clip.fps);
+                let digits = usize::from(self.stage.is_some());
+                let text = format!("{:.digits$} s", frame as f32 / self.take.clip.fps);
                 canvas.text(
                     &text,
                     place + Point::new(0.0, 4.5),
@@ -298,61 +409,33 @@ impl Film<'_> {
                 );
             }
         }
+        for thing in things.iter().filter(|thing| thing.is_used) {
+            let corners = thing.solid.corners().map(pixel);
+            let (least, size) = extent(corners);
+            let at = least + Point::new(size.x / 2.0, size.y + 16.0);
+            canvas.text(
+                thing.id.unwrap_or_default(),
+                at,
+                regular(13.0, DARK, Align::Centre),
+            );
+        }
+        canvas.text("From above", PLAN_CORNER + Point::new(22.0, 36.0), heading(18.0));
         let bar = PLAN_CORNER + Point::new(22.0, size.y - 22.0);
         draw_scale(canvas, bar, fit.scale);
     }
+}
 
-    /// Some of the poses side by side, seen as in the scene.
-    fn draw_row(&self, canvas: &mut Canvas, parts: &Parts, ground: f32, frames: &[usize]) {
-        let clip = &self.take.clip;
-        let tops = parts.motion.positions.iter().map(|p| p.y - parts.ground_y);
-        let scale = TALL / (tops.fold(1.2_f32, f32::max) + 0.15);
-        let slot = (WIDTH - 2.0 * MARGIN) / frames.len() as f32;
-        let line = [Point::new(MARGIN, ground), Point::new(WIDTH - MARGIN, ground)];
-        canvas.line(&line, 1.0, RULE);
-        let mut before = None;
-        for (nth, &frame) in frames.iter().enumerate() {
-            let at = Point::new(MARGIN + slot * (nth as f32 + 0.5), ground);
-            let root = clip.root_positions[frame];
-            let origin = Vec3::new(root.x, parts.ground_y, root.z);
-            let places = parts
-                .motion
-                .positions_at(frame)
-                .iter()
-                .map(|&p| p - origin)
-                .collect::<Vec<_>>();
-            let camera = Camera::new(self.side(), 0.35, 0.16);
-            let ink = self.ink(parts, frame);
-            parts.figure.draw_shadow(canvas, &camera, &places, at, scale);
-            parts.figure.draw(canvas, &camera, &places, at, scale, ink);
-            let time = format!("{:.1} s", frame as f32 / clip.fps);
-            canvas.text(
-                &time,
-                at + Point::new(0.0, 34.0),
-                regular(15.0, DARK, Align::Centre),
-            );
-            let style = self.take.order_at(frame).map(|order| order.style.as_str());
-            if style != before {
-                canvas.text(
-                    style.unwrap_or_default(),
-                    at + Point::new(0.0, 53.0),
-                    regular(14.0, ink, Align::Centre),
-                );
-            }
-            before = style;
-        }
-    }
+/// How near a solid's middle is.
+fn nearness(camera: &Camera, solid: &Solid) -> f32 {
+    let (least, most) = solid.bounds();
+    camera.nearness((least + most) / 2.0)
+}
 
-    /// The heading that faces right in the strip: where it goes first.
-    fn side(&self) -> f32 {
-        let roots = &self.take.clip.root_positions;
-        let first = roots.first().copied().unwrap_or_default();
-        let away = roots.iter().find(|p| p.distance(first) > 0.5);
-        away.map_or_else(
-            || self.take.clip.root_at(0).heading,
-            |p| (p.x - first.x).atan2(p.z - first.z),
-        )
-    }
+/// A pose's joints over what it stands on, and where on the picture that is.
+fn on_level(parts: &Parts, frame: usize, fit: &Fit) -> (Vec<Vec3>, Point) {
+    let level = Vec3::Y * parts.levels[frame];
+    let places = parts.motion.positions_at(frame).iter().map(|&p| p - level);
+    (places.collect(), fit.pixel(parts.camera.project(level)))
 }
 
 /// Middles of short texts beside a line.

@@ -8,8 +8,12 @@ use troupe_motion::clip::Clip;
 use troupe_motion::skeleton::{Joint, Skeleton};
 use troupe_proto::v1;
 
+use troupe_proto::v1::session_event::Kind;
+
 use super::picture::{Film, WIDTH};
-use crate::cli::drive::{Order, Take};
+use super::solid::Solid;
+use super::stage::Stage;
+use crate::cli::drive::{Event, Moved, Order, Take};
 
 /// A figure that walks half a circle.
 fn take(frames: usize, styles: &[&str]) -> Take {
@@ -52,6 +56,9 @@ fn take(frames: usize, styles: &[&str]) -> Take {
             Vec2::new(4.0, 0.0),
         ],
         goal: None,
+        scene: None,
+        events: Vec::new(),
+        moved: Vec::new(),
         commands: 1,
         stats: v1::SessionStats::default(),
         clip: Clip::new(skeleton, 30.0, roots.collect(), turns.collect()).unwrap(),
@@ -59,10 +66,13 @@ fn take(frames: usize, styles: &[&str]) -> Take {
 }
 
 fn draw(take: &Take, poses: usize, zoom: f32) -> tiny_skia::Pixmap {
+    let cup = |_: &str| Solid::cuboid(Vec3::Y * 0.1, Vec3::splat(0.1));
     let film = Film {
         title: "Half a circle".to_owned(),
         subtitle: super::subtitle(take),
         take,
+        stage: take.scene.as_ref().map(|scene| Stage::new(scene, take, cup)),
+        range: 0..=take.clip.frames() - 1,
         poses,
         zoom,
     };
@@ -113,5 +123,96 @@ fn more_poses_take_more_rows() {
 fn the_shortest_take_is_drawn() {
     for frames in [1, 2, 5] {
         draw(&take(frames, &["walk"]), 40, 0.4);
+    }
+}
+
+/// The figure comes by a cup on a step, and takes it along for a while.
+fn take_with_a_cup() -> Take {
+    let mut take = take(90, &["walk"]);
+    let cup = || "cup".to_owned();
+    take.scene = Some(v1::Scene {
+        colliders: vec![v1::Collider {
+            shape: Some(v1::ColliderShape {
+                r#box: Some(v1::BoxShape {
+                    center: Some(vector(Vec3::new(2.0, 0.1, 2.0))),
+                    half_extents: Some(vector(Vec3::new(0.5, 0.1, 0.5))),
+                }),
+                ..v1::ColliderShape::default()
+            }),
+            ..v1::Collider::default()
+        }],
+        objects: vec![v1::SceneObject {
+            id: cup(),
+            position: Some(vector(Vec3::new(2.0, 0.2, 2.0))),
+            ..v1::SceneObject::default()
+        }],
+        ..v1::Scene::default()
+    });
+    let moved = |frame, x, in_hand| Moved {
+        frame,
+        instance: cup(),
+        position: Vec3::new(x, 1.0, 2.0),
+        rotation: Quat::IDENTITY,
+        in_hand,
+    };
+    take.moved = vec![moved(45, 2.5, true), moved(46, 3.0, true), moved(60, 4.0, false)];
+    let started = v1::InteractionStarted {
+        instance: cup(),
+        ..v1::InteractionStarted::default()
+    };
+    take.events = vec![Event {
+        frame: 10,
+        time_s: 1.0 / 3.0,
+        kind: Kind::Started(started),
+    }];
+    take
+}
+
+fn vector(v: Vec3) -> v1::Vec3 {
+    let Vec3 { x, y, z } = v;
+    v1::Vec3 { x, y, z }
+}
+
+#[test]
+fn objects_are_where_they_were_at_the_time() {
+    let take = take_with_a_cup();
+    let stage = Stage::new(take.scene.as_ref().unwrap(), &take, |_| {
+        Solid::cuboid(Vec3::ZERO, Vec3::splat(0.1))
+    });
+    let at = |frame| {
+        let things = stage.things(frame).collect::<Vec<_>>();
+        let cup = things.iter().find(|thing| thing.id == Some("cup")).unwrap();
+        assert!(cup.is_used && things.len() == 2);
+        let (least, most) = cup.solid.bounds();
+        ((least.x + most.x) / 2.0, cup.in_hand)
+    };
+    assert_eq!(
+        [0, 44, 45, 50, 60, 89].map(at),
+        [
+            (2.0, false),
+            (2.0, false),
+            (2.5, true),
+            (3.0, true),
+            (4.0, false),
+            (4.0, false)
+        ]
+    );
+    // On the step, over it, beside it and below it.
+    let level = |x, y| stage.level(Vec3::new(x, y, 2.0));
+    assert_eq!(
+        [level(2.0, 0.2), level(2.0, 3.0), level(4.0, 0.2), level(2.0, 0.0)],
+        [0.2, 0.2, 0.0, 0.0]
+    );
+}
+
+#[test]
+fn a_scene_is_drawn_with_its_objects() {
+    let (with, without) = (
+        draw(&take_with_a_cup(), 8, 1.0),
+        draw(&take(90, &["walk"]), 8, 1.0),
+    );
+    for ink in [[0xfc, 0xd9, 0x94], [0xe6, 0xea, 0xef]] {
+        let (with, without) = (count(&with, ink), count(&without, ink));
+        assert!(with > 500 + without, "{ink:x?}: {with}, {without}");
     }
 }

@@ -2,8 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{AFTERMATH_S, Manner, Motion, Path, Waypoint};
-use crate::live::Locomotion;
+use super::{AFTERMATH_S, Manner, Moment, Motion, Path, Waypoint, When};
+use crate::live::{Act, Locomotion};
 
 /// How far the way to a waypoint may turn from where the character is told to go before it is told anew, radians. Every
 /// command makes a new plan, so small corrections are saved up.
@@ -59,6 +59,16 @@ pub(in crate::cli) struct Player<'a> {
     path: &'a Path,
     next_command: usize,
     next_waypoint: usize,
+    /// When the last command was given.
+    given_s: f32,
+    /// When what the next command waits for came.
+    came_s: Option<f32>,
+    /// It uses an object, and its locomotion is left alone.
+    uses: bool,
+    /// It holds a keyframe until it is told to go on.
+    holds: bool,
+    /// What it was told to do beside moving, to be taken by [`Self::take_acts`].
+    acts: Vec<&'a Act>,
     /// Until when it stands at the waypoint that it has reached.
     waits_until_s: Option<f32>,
     velocity: Velocity,
@@ -72,6 +82,11 @@ impl<'a> Player<'a> {
             path,
             next_command: 0,
             next_waypoint: 0,
+            given_s: 0.0,
+            came_s: None,
+            uses: false,
+            holds: false,
+            acts: Vec::new(),
             waits_until_s: None,
             velocity: Velocity::at_rest(path.heading),
             intent: Locomotion {
@@ -86,23 +101,88 @@ impl<'a> Player<'a> {
         player
     }
 
-    /// What the character should do at a time, being at a place (x, z). Times must not go back.
-    pub(in crate::cli) fn intent(&mut self, time_s: f32, place: Vec2) -> &Locomotion {
+    /// How the character should move at a time, being at a place (x, z); nothing while it uses an object. What it should do
+    /// beside moving is in [`Self::take_acts`] then. Times must not go back.
+    pub(in crate::cli) fn intent(&mut self, time_s: f32, place: Vec2) -> Option<&Locomotion> {
         while let Some(command) = self.path.commands.get(self.next_command) {
             // A ten-thousandth of a second of slack, so that frame times that are rounded down count.
-            if command.time_s > time_s + 1e-4 {
+            if self.next_command_s().is_none_or(|due_s| due_s > time_s + 1e-4) {
                 break;
             }
+            match &command.act {
+                Some(act) => self.act(act),
+                None => self.uses = false,
+            }
             self.velocity.change(command.motion);
-            self.set_manner(&command.manner);
+            // What is put down is put down on the way.
+            if command.act != Some(Act::Drop) {
+                self.set_manner(&command.manner);
+            }
             self.next_command += 1;
+            self.given_s = time_s;
+            self.came_s = None;
         }
-        if !self.path.waypoints.is_empty() {
+        if self.uses {
+            self.end_after(time_s, self.holds);
+            return None;
+        }
+        if self.path.waypoints.is_empty() {
+            self.end_after(time_s, true);
+        } else {
             self.steer(time_s, place);
         }
         let Vec2 { x, y: z } = self.velocity.vector();
         self.intent.velocity = Vec3::new(x, 0.0, z);
-        &self.intent
+        Some(&self.intent)
+    }
+
+    fn act(&mut self, act: &'a Act) {
+        match act {
+            Act::Interact { .. } | Act::EndInteraction => {
+                self.uses = true;
+                self.holds = false;
+                self.velocity.speed_mps = 0.0;
+            }
+            Act::Cancel => {
+                self.uses = false;
+                self.velocity.speed_mps = 0.0;
+            }
+            Act::Drop => {}
+        }
+        self.acts.push(act);
+    }
+
+    /// What the character was told to do beside moving since this was last asked.
+    pub(in crate::cli) fn take_acts(&mut self) -> impl Iterator<Item = &'a Act> {
+        self.acts.drain(..)
+    }
+
+    /// Whether the character uses an object, as far as it is known.
+    pub(in crate::cli) fn uses(&self) -> bool {
+        self.uses
+    }
+
+    /// Tells what came of what the character was told to do. The first of each counts.
+    pub(in crate::cli) fn came(&mut self, moment: Moment, time_s: f32) {
+        match moment {
+            Moment::Held => self.holds = true,
+            Moment::Done => (self.uses, self.holds) = (false, false),
+        }
+        let next = self.path.commands.get(self.next_command);
+        let waited = next.is_some_and(
+            |command| matches!(command.when, When::Later { after: Some(after), .. } if after == moment),
+        );
+        if waited {
+            self.came_s.get_or_insert(time_s);
+        }
+    }
+
+    /// Lets a path that uses objects end a moment after the last of its commands has come to its end.
+    fn end_after(&mut self, time_s: f32, is_through: bool) {
+        let last = self.next_command == self.path.commands.len();
+        if last && is_through && self.path.acts() && self.path.seconds.is_none() {
+            self.ends_s = self.ends_s.min(time_s + AFTERMATH_S);
+        }
     }
 
     fn set_manner(&mut self, manner: &Manner) {
@@ -131,7 +211,7 @@ impl<'a> Player<'a> {
             let next = self.path.waypoints.get(self.next_waypoint);
             if let Some(next) = next {
                 self.set_manner(&next.manner);
-            } else if self.path.seconds.is_none() {
+            } else if self.path.seconds.is_none() && !self.path.acts() {
                 self.ends_s = time_s + AFTERMATH_S;
             }
             if target.wait_s > 0.0 {
@@ -141,6 +221,7 @@ impl<'a> Player<'a> {
             }
         }
         self.velocity.speed_mps = 0.0;
+        self.end_after(time_s, true);
     }
 
     /// Whether a waypoint is near, or behind: the character went past it.
@@ -172,8 +253,15 @@ impl<'a> Player<'a> {
         self.ends_s
     }
 
-    /// Time of the next command that has not come yet.
+    /// Time of the next command that has not come yet, where it is known.
     pub(in crate::cli) fn next_command_s(&self) -> Option<f32> {
-        Some(self.path.commands.get(self.next_command)?.time_s)
+        match self.path.commands.get(self.next_command)?.when {
+            When::At(time_s) => Some(time_s),
+            When::Later { wait_s, after: None } => Some(self.given_s + wait_s),
+            When::Later {
+                wait_s,
+                after: Some(_),
+            } => Some(self.came_s? + wait_s),
+        }
     }
 }

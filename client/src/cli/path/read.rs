@@ -4,7 +4,8 @@ use glam::Vec2;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{Manner, Motion, Path, Timed, Waypoint};
+use super::{Manner, Moment, Motion, Path, Timed, Waypoint, When};
+use crate::live::Act;
 
 /// Faster than anybody runs, m/s.
 const MAX_SPEED_MPS: f32 = 20.0;
@@ -18,6 +19,7 @@ const MAX_TIME_S: f32 = 3600.0;
 struct File {
     title: Option<String>,
     style: Option<String>,
+    scene: Option<String>,
     #[serde(default)]
     seed: u64,
     seconds: Option<Spanned<f32>>,
@@ -32,7 +34,18 @@ struct File {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CommandEntry {
-    time_s: Spanned<f32>,
+    time_s: Option<Spanned<f32>>,
+    wait_s: Option<Spanned<f32>>,
+    after: Option<Spanned<String>>,
+    interact: Option<String>,
+    variant: Option<Spanned<String>>,
+    approach: Option<Spanned<String>>,
+    #[serde(default)]
+    end: bool,
+    #[serde(default)]
+    cancel: bool,
+    #[serde(default)]
+    drop: bool,
     velocity: Option<Spanned<Vec<f32>>>,
     speed: Option<Spanned<f32>>,
     direction_deg: Option<Spanned<f32>>,
@@ -62,6 +75,7 @@ pub(super) fn parse(text: &str) -> Result<Path, String> {
     let path = Path {
         title: file.title,
         style: file.style,
+        scene: file.scene,
         seed: file.seed,
         start: file
             .start
@@ -141,20 +155,12 @@ impl Check<'_> {
         let mut commands = Vec::<Timed>::with_capacity(entries.len());
         for spanned in entries {
             let entry = spanned.get_ref();
-            let time_s = self
-                .number("time_s", Some(&entry.time_s), 0.0, MAX_TIME_S)?
-                .unwrap_or_default();
-            if let Some(before) = commands.last().filter(|before| before.time_s > time_s) {
-                let what = format!(
-                    "time_s is {time_s}, but the command before is at {}",
-                    before.time_s
-                );
-                return Err(self.fault(&entry.time_s, what));
-            }
+            let when = self.when(spanned, &commands)?;
+            let act = self.act(spanned)?;
             let motion = self.motion(entry)?;
             if with_waypoints && motion != Motion::AsBefore {
                 let what = "velocity, speed and direction_deg are the waypoints' where there are any; a [[command]] may then \
-                            set facing_deg, style, gait and height_m";
+                            set facing_deg, style, gait and height_m, or act";
                 return Err(self.fault(spanned, what));
             }
             let manner = Manner {
@@ -163,13 +169,86 @@ impl Check<'_> {
                 gait: entry.gait.clone(),
                 height_m: self.number("height_m", entry.height_m.as_ref(), 0.0, 3.0)?,
             };
+            if act.is_some() && (motion != Motion::AsBefore || manner != Manner::default()) {
+                let what = "interact, end, cancel and drop exclude what says how to move; give that a [[command]] of its own";
+                return Err(self.fault(spanned, what));
+            }
             commands.push(Timed {
-                time_s,
+                when,
+                act,
                 motion,
                 manner,
             });
         }
         Ok(commands)
+    }
+
+    /// The time of a command that comes after these.
+    fn when(&self, spanned: &Spanned<CommandEntry>, before: &[Timed]) -> Result<When, String> {
+        let entry = spanned.get_ref();
+        let time_s = self.number("time_s", entry.time_s.as_ref(), 0.0, MAX_TIME_S)?;
+        let wait_s = self.number("wait_s", entry.wait_s.as_ref(), 0.0, MAX_TIME_S)?;
+        let after = entry.after.as_ref().map(|after| self.moment(after)).transpose()?;
+        let Some((time_s, at)) = time_s.zip(entry.time_s.as_ref()) else {
+            if wait_s.is_none() && after.is_none() {
+                return Err(self.fault(spanned, "time_s is missing; or else give after or wait_s"));
+            }
+            let wait_s = wait_s.unwrap_or_default();
+            return Ok(When::Later { wait_s, after });
+        };
+        if wait_s.is_some() || after.is_some() {
+            return Err(self.fault(at, "time_s excludes after and wait_s: it has both"));
+        }
+        let timed = before.iter().rev().find_map(|command| match command.when {
+            When::At(time_s) => Some(time_s),
+            When::Later { .. } => None,
+        });
+        if let Some(before) = timed.filter(|before| *before > time_s) {
+            let what = format!("time_s is {time_s}, but the command before is at {before}");
+            return Err(self.fault(at, what));
+        }
+        Ok(When::At(time_s))
+    }
+
+    fn moment(&self, after: &Spanned<String>) -> Result<Moment, String> {
+        match after.get_ref().as_str() {
+            "held" => Ok(Moment::Held),
+            "done" => Ok(Moment::Done),
+            other => {
+                let what = format!("after is {other:?}, but may be \"held\" or \"done\"");
+                Err(self.fault(after, what))
+            }
+        }
+    }
+
+    /// What a command does instead of moving.
+    fn act(&self, spanned: &Spanned<CommandEntry>) -> Result<Option<Act>, String> {
+        let entry = spanned.get_ref();
+        let interact = entry.interact.as_ref().map(|instance| Act::Interact {
+            instance: instance.clone(),
+            variant: entry.variant.as_ref().map(|name| name.get_ref().clone()),
+            approach: entry.approach.as_ref().map(|name| name.get_ref().clone()),
+        });
+        for (field, value) in [("variant", &entry.variant), ("approach", &entry.approach)] {
+            if let Some(value) = value.as_ref().filter(|_| interact.is_none()) {
+                return Err(self.fault(value, format!("{field} needs interact, which is missing")));
+            }
+        }
+        let mut acts = interact.into_iter().chain(
+            [
+                (entry.end, Act::EndInteraction),
+                (entry.cancel, Act::Cancel),
+                (entry.drop, Act::Drop),
+            ]
+            .into_iter()
+            .filter_map(|(asked, act)| asked.then_some(act)),
+        );
+        let act = acts.next();
+        if acts.next().is_some() {
+            let what = "interact, end, cancel and drop exclude each other: it has more than one";
+            return Err(self.fault(spanned, what));
+        }
+        Ok(act)
     }
 
     fn motion(&self, entry: &CommandEntry) -> Result<Motion, String> {

@@ -19,11 +19,24 @@ fn the_paths_of_the_repository_are_read() {
         let file = entry.unwrap().path();
         let path = Path::read(&file).unwrap_or_else(|why| panic!("{why}"));
         assert!(path.title.is_some() && path.limit_s() > 5.0);
-        assert!(path.commanded(path.limit_s()).len() > 2, "{}", file.display());
+        let commanded = path.commanded(path.limit_s()).len();
+        assert!(commanded > 2 || path.acts(), "{}", file.display());
+        assert_eq!(path.acts(), path.scene.is_some(), "{}", file.display());
         names.push(file.file_stem().unwrap().to_string_lossy().into_owned());
     }
     names.sort();
-    assert_eq!(names, ["figure-of-eight", "reversal", "square", "style-changes"]);
+    assert_eq!(
+        names,
+        [
+            "bow",
+            "cup",
+            "figure-of-eight",
+            "reversal",
+            "sit",
+            "square",
+            "style-changes"
+        ]
+    );
 }
 
 #[test]
@@ -65,6 +78,36 @@ fn what_is_wrong_is_named_with_its_line() {
             "[[waypoint]]\nat = [0, 4]\nspeed = 1\n[[command]]\ntime_s = 1\nspeed = 1",
             "line 4: velocity, speed and direction_deg are the waypoints'",
         ),
+        (
+            "[[command]]\nspeed = 1",
+            "line 1: time_s is missing; or else give after or wait_s",
+        ),
+        (
+            "[[command]]\nwait_s = 1\ntime_s = 2",
+            "line 3: time_s excludes after and wait_s",
+        ),
+        (
+            "[[command]]\nafter = 'sat'",
+            "line 2: after is \"sat\", but may be \"held\" or \"done\"",
+        ),
+        ("[[command]]\nwait_s = -1", "line 2: wait_s is -1"),
+        (
+            "[[command]]\ntime_s = 0\nvariant = 'deep'",
+            "line 3: variant needs interact",
+        ),
+        (
+            "[[command]]\ntime_s = 0\n\n[[command]]\ntime_s = 1\nend = true\ndrop = true",
+            "line 4: interact, end, cancel and drop exclude each other",
+        ),
+        (
+            "[[command]]\ntime_s = 0\ninteract = 'cup'\nspeed = 1",
+            "line 1: interact, end, cancel and drop exclude what says how to move",
+        ),
+        (
+            "[[command]]\ntime_s = 0\ninteract = 'cup'\nhand = 'left'",
+            "line 4",
+        ),
+        ("[[command]]\ntime_s = 0\ninteract = 'cup'\nhand = 'left'", "hand"),
         ("seconds = 0\n[[command]]\ntime_s = 0", "line 1: seconds is 0"),
         ("start = [1]\n[[command]]\ntime_s = 0", "line 1"),
     ];
@@ -85,7 +128,7 @@ fn commands_keep_velocity_and_style_and_drop_the_rest() {
          [[command]]\ntime_s = 3\nspeed = 0\n",
     );
     let mut player = Player::new(&path);
-    let mut at = |time_s| player.intent(time_s, Vec2::ZERO).clone();
+    let mut at = |time_s| player.intent(time_s, Vec2::ZERO).unwrap().clone();
     assert_eq!(at(0.0), Locomotion::stand().style("walk"));
     // A speed alone goes where the character faces at first.
     let first = at(0.5);
@@ -122,7 +165,7 @@ fn follow(path: &Path, disturb: Vec2) -> (Vec<Vec2>, f32, usize) {
     let (mut commands, mut last) = (0, Vec3::ZERO);
     let mut time_s = 0.0;
     while time_s < player.ends_s() {
-        let velocity = player.intent(time_s, at).velocity;
+        let velocity = player.intent(time_s, at).unwrap().velocity;
         commands += usize::from(velocity != last);
         last = velocity;
         if velocity != Vec3::ZERO {
@@ -157,6 +200,78 @@ fn a_waypoint_that_was_passed_by_counts() {
     let path = parse("[[waypoint]]\nat = [0, 4]\nspeed = 1\n[[waypoint]]\nat = [4, 4]\n");
     let mut player = Player::new(&path);
     player.intent(0.0, Vec2::ZERO);
-    let velocity = player.intent(5.0, Vec2::new(-1.5, 4.1)).velocity;
+    let velocity = player.intent(5.0, Vec2::new(-1.5, 4.1)).unwrap().velocity;
     assert!(velocity.x.atan2(velocity.z) > FRAC_PI_2 - 0.1, "{velocity}");
+}
+
+#[test]
+fn objects_are_used_one_after_the_other() {
+    let path = parse(
+        "scene = 'yard'\n\
+         [[command]]\ntime_s = 0\nspeed = 1\n\
+         [[command]]\ntime_s = 1\ninteract = 'seat'\nvariant = 'upright'\napproach = 'front'\n\
+         [[command]]\nafter = 'held'\nwait_s = 2\nend = true\n\
+         [[command]]\nafter = 'done'\nspeed = 0.5\n\
+         [[command]]\nwait_s = 1\nspeed = 0\n",
+    );
+    assert_eq!(path.scene.as_deref(), Some("yard"));
+    let mut player = Player::new(&path);
+    let look = |player: &mut Player<'_>, time_s| {
+        let speed = player
+            .intent(time_s, Vec2::ZERO)
+            .map(|intent| intent.velocity.length());
+        (speed, player.take_acts().cloned().collect::<Vec<_>>())
+    };
+    let sit = Act::interact("seat").variant("upright").approach("front");
+    assert_eq!(look(&mut player, 0.0), (Some(1.0), vec![]));
+    assert_eq!(look(&mut player, 1.0), (None, vec![sit]));
+    assert_eq!(
+        look(&mut player, 9.0),
+        (None, vec![]),
+        "it does not know when it will sit"
+    );
+    assert_eq!(player.next_command_s(), None);
+    player.came(Moment::Held, 9.5);
+    assert_eq!(player.next_command_s(), Some(11.5));
+    assert_eq!(look(&mut player, 11.4), (None, vec![]));
+    assert_eq!(look(&mut player, 11.5), (None, vec![Act::EndInteraction]));
+    // Standing up takes its time.
+    assert_eq!(look(&mut player, 12.0), (None, vec![]));
+    player.came(Moment::Done, 13.0);
+    assert_eq!(look(&mut player, 13.0), (Some(0.5), vec![]));
+    assert_eq!(look(&mut player, 13.9), (Some(0.5), vec![]));
+    assert!(player.ends_s() > 30.0, "the end is not known yet");
+    assert_eq!(look(&mut player, 14.0), (Some(0.0), vec![]));
+    assert_eq!(player.ends_s(), 16.0);
+}
+
+#[test]
+fn what_is_held_last_is_the_end() {
+    let path = parse("[[command]]\ntime_s = 0\ninteract = 'seat'\n");
+    let mut player = Player::new(&path);
+    assert_eq!(player.intent(0.0, Vec2::ZERO), None);
+    assert_eq!(player.ends_s(), path.limit_s());
+    player.came(Moment::Held, 3.0);
+    player.intent(3.0, Vec2::ZERO);
+    assert_eq!(player.ends_s(), 5.0);
+    // One that never gets there ends too.
+    assert!((30.0..40.0).contains(&path.limit_s()), "{}", path.limit_s());
+}
+
+#[test]
+fn waypoints_wait_while_an_object_is_used() {
+    let path = parse(
+        "[[waypoint]]\nat = [0, 4]\nspeed = 1\n\
+         [[command]]\ntime_s = 1\ninteract = 'cup'\n\
+         [[command]]\nafter = 'held'\n",
+    );
+    let mut player = Player::new(&path);
+    assert!(player.intent(0.0, Vec2::ZERO).is_some());
+    assert_eq!(player.intent(1.0, Vec2::Y), None);
+    // What says nothing goes on, with the cup in the hand.
+    player.came(Moment::Held, 4.0);
+    let velocity = player.intent(4.0, Vec2::Y).unwrap().velocity;
+    assert!(velocity.abs_diff_eq(Vec3::Z, 1e-5), "{velocity}");
+    player.intent(7.0, Vec2::new(0.0, 3.9));
+    assert_eq!(player.ends_s(), 9.0);
 }
