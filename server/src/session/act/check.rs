@@ -7,21 +7,12 @@ use rand_chacha::ChaCha8Rng;
 use troupe_motion::Vec3;
 
 use super::super::{EventKind, FailReason, Refusal};
-use super::footing::STEP_M;
 use super::hand::Refused;
 use super::using::Using;
 use super::{Act, Body, Doing};
 use crate::object::{Action, Definition};
 use crate::primitives::object::Interaction;
-use crate::scene::{BoxTrace, Instance, Scene, SceneError, State, Surface, Transform};
-
-/// Half the width and depth of the box that must fit through to where a character starts, metres.
-const HALF_WIDTH_M: f32 = 0.15;
-/// Height of its upper end over the ground, metres. Its lower end is above what can be stepped onto.
-const HEAD_M: f32 = 1.6;
-
-/// A way shorter than this is none, metres.
-const STAYS_M: f32 = 0.05;
+use crate::scene::{Instance, Scene, SceneError, State};
 
 /// What a character is to do with an object, as far as it is settled before it begins.
 pub(super) struct Checked {
@@ -74,7 +65,7 @@ impl Act {
             variant,
             approach,
         };
-        let using = checked.using(root, body, 0);
+        let using = checked.using(&scene, root, body, 0);
         match using.blocked(&scene, root, body.footing.level()) {
             Some(by) => Err(Refusal::Blocked {
                 id: Arc::clone(id),
@@ -148,7 +139,8 @@ impl Act {
             }
         };
         self.begun += 1;
-        let using = checked.using(root, body, frame);
+        let scene = self.world.scene.snapshot();
+        let using = checked.using(&scene, root, body, frame);
         self.tell(
             frame,
             EventKind::Started {
@@ -189,9 +181,16 @@ impl Act {
 }
 
 impl Checked {
-    fn using(&self, root: Vec3, body: &Body<'_>, frame: i64) -> Using {
+    fn using(&self, scene: &Scene, root: Vec3, body: &Body<'_>, frame: i64) -> Using {
         let interaction = Interaction::new(Arc::clone(&self.definition), self.variant);
-        Using::new(&self.instance, interaction, self.approach, root, frame, body)
+        Using::new(
+            &self.instance,
+            interaction,
+            self.approach,
+            (scene, root),
+            frame,
+            body,
+        )
     }
 }
 
@@ -224,40 +223,6 @@ fn approach(definition: &Definition, name: Option<&str>) -> Result<Option<usize>
                 .collect(),
         }),
     }
-}
-
-impl Using {
-    /// What stands in the way of a character at `root`, on ground of height `level`, to where the first set begins.
-    pub(super) fn blocked(&self, scene: &Scene, root: Vec3, level: f32) -> Option<String> {
-        let entry = self.entry().filter(|entry| !entry.anywhere)?;
-        let mut from = root;
-        [entry.via, Some(entry.key.position)]
-            .into_iter()
-            .flatten()
-            .find_map(|to| {
-                let way = std::mem::replace(&mut from, to);
-                blocked(scene, way, to, level, self.instance())
-            })
-    }
-}
-
-/// What stands between `from` and `to` for a character on ground of height `level`, the object `own` left out.
-fn blocked(scene: &Scene, from: Vec3, to: Vec3, level: f32, own: &str) -> Option<String> {
-    let (low, high) = (level + STEP_M + 0.05, level + HEAD_M);
-    let sweep = (to - from).with_y(0.0);
-    if sweep.length() < STAYS_M {
-        return None;
-    }
-    let start = Transform::upright(from.with_y(0.5 * (low + high)), sweep.x.atan2(sweep.z));
-    let half = Vec3::new(HALF_WIDTH_M, 0.5 * (high - low), HALF_WIDTH_M);
-    let trace = BoxTrace::new(start, half, sweep).ok()?;
-    scene
-        .first_solid(&trace, Some(own))
-        .map(|(_, surface)| match surface {
-            Surface::Ground => "the ground".to_owned(),
-            Surface::Collider(id) => format!("collider {id:?}"),
-            Surface::Object(id) => format!("object {id:?}"),
-        })
 }
 
 impl From<&Refusal> for Refused {

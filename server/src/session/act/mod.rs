@@ -13,6 +13,7 @@
 //! settled here first ([`Act::settle`]); what is left to locomotion goes its usual way. The scene is read through snapshots, and
 //! changed only where an object is reserved, taken, put down or let go.
 
+mod aim;
 mod body;
 mod check;
 mod fall;

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use troupe_motion::rotation::angle_between;
-use troupe_motion::{GlobalRoot, Vec3};
+use troupe_motion::Vec3;
 
 use super::super::{Activity, FailReason};
 use super::hand::{Hand, Refused};
 use super::sets::Prepared;
 use super::{Act, Body, Doing, Next};
-use crate::object::{Anchor, Definition, Hold, Motion, Origin, Set};
-use crate::primitives::object::recipe::{LOW_HIPS_M, REPLAN_LEFT_FRAMES};
+use crate::object::{Definition, Hold, Origin, Set};
+use crate::primitives::object::recipe::REPLAN_LEFT_FRAMES;
 use crate::primitives::object::{
     Approach, Entry, Going, Here, Input, Interaction, Key, KeyframeError, Output, Stretch, Want,
 };
@@ -30,14 +30,14 @@ pub(super) struct Using {
     pub(super) instance: Arc<str>,
     pub(super) interaction: Interaction,
     /// Where the object is for the motion that was made last.
-    object: Transform,
+    pub(super) object: Transform,
     /// Index of the approach that was asked for.
-    wanted_approach: Option<usize>,
+    pub(super) wanted_approach: Option<usize>,
     /// Index of the approach that is taken, and the side that it is from, radians.
-    approach_index: Option<usize>,
-    side: f32,
+    pub(super) approach_index: Option<usize>,
+    pub(super) side: f32,
     /// The way to the object; none on the way out.
-    approach: Option<Approach>,
+    pub(super) approach: Option<Approach>,
     /// The scene as it was when it was last looked for what is in the way, and the frame.
     looked: (u64, i64),
     /// The plan that was asked for.
@@ -73,12 +73,12 @@ impl Using {
         instance: &Instance,
         interaction: Interaction,
         wanted_approach: Option<usize>,
-        root: Vec3,
+        (scene, root): (&Scene, Vec3),
         frame: i64,
         body: &Body<'_>,
     ) -> Self {
         let mut using = Self::idle(Arc::clone(&instance.id), interaction, wanted_approach);
-        let entry = using.aim(instance.transform, root, body);
+        let entry = using.aim(scene, instance.transform, root, body);
         let style = Arc::clone(&body.locomotion.command().style);
         using.approach = Some(Approach::new(entry, style, frame));
         using
@@ -168,41 +168,6 @@ impl Using {
         self.interaction.on(Input::End, &mut self.outputs);
     }
 
-    /// Chooses side and approach for an object at `object` and a character at `root`: where that leads.
-    fn aim(&mut self, object: Transform, root: Vec3, body: &Body<'_>) -> Entry {
-        let definition = Arc::clone(self.definition());
-        let choice = definition.approach_by(self.wanted_approach, definition.side_of(object, root));
-        (self.object, self.side, self.approach_index) = (object, choice.side, choice.index);
-        let anchor = self.anchor(body.footing.level());
-        let start = choice.distance_m.map(|distance| anchor.start(distance));
-        let here = body.root(body.timeline.frame());
-        let set = self.interaction.coming();
-        let from_object = set.filter(|set| set.origin == Origin::Object);
-        let key = from_object.and_then(|set| set.keyframes.first());
-        let key = key.map(|key| anchor.keyframe(key)).unwrap_or_default();
-        let place = key.place.map(|[x, z]| Vec3::new(x, 0.0, z));
-        let there = start.unwrap_or(here);
-        Entry {
-            key: GlobalRoot::new(
-                place.unwrap_or(there.position),
-                key.heading.unwrap_or(there.heading),
-            ),
-            via: place.and(start).map(|start| start.position),
-            from_stand: set.is_some_and(stops),
-            anywhere: place.is_none() && start.is_none(),
-        }
-    }
-
-    /// The anchor of sets that are given from the object.
-    pub(super) fn anchor(&self, ground_y: f32) -> Anchor {
-        self.definition().anchor(self.object, self.side, ground_y)
-    }
-
-    /// Where the approach leads.
-    pub(super) fn entry(&self) -> Option<&Entry> {
-        self.approach.as_ref().map(Approach::entry)
-    }
-
     /// The plan that was asked for last has this number.
     pub(super) fn asked(&mut self, number: u64) {
         if let Some(asked) = &mut self.asked {
@@ -264,15 +229,6 @@ impl Using {
     }
 }
 
-/// Whether a character stops before it begins this set.
-fn stops(set: &Set) -> bool {
-    let low = set.keyframes.iter().filter(|key| key.from_ground);
-    let low = low
-        .filter_map(|key| key.height_m)
-        .any(|height| height < LOW_HIPS_M);
-    set.from_stand || set.motion == Some(Motion::Stance) || (low && set.motion.is_none())
-}
-
 fn has_moved(from: Transform, to: Transform) -> bool {
     let (metres, radians) = MOVED;
     from.position.distance(to.position) > metres || angle_between(from.rotation, to.rotation) > radians
@@ -304,7 +260,7 @@ impl Act {
             .is_some_and(|hand| hand.instance == using.instance);
         if !held {
             let there = using.there(scene, &self.world.holder)?;
-            using.follow(there, frame, body)?;
+            using.follow(scene, there, frame, body)?;
         }
         if using.approaches() && !using.approach(scene, frame, body)? {
             return Ok(Next::Locomotion);
@@ -330,13 +286,19 @@ impl Using {
     }
 
     /// Follows the object, where it has moved: the approach leads elsewhere, or the motion to its keyframes is made anew.
-    fn follow(&mut self, there: &Instance, frame: i64, body: &Body<'_>) -> Result<(), Refused> {
+    fn follow(
+        &mut self,
+        scene: &Scene,
+        there: &Instance,
+        frame: i64,
+        body: &Body<'_>,
+    ) -> Result<(), Refused> {
         if !has_moved(self.object, there.transform) {
             return Ok(());
         }
         if self.approaches() {
             let root = body.timeline.buffer().root(frame);
-            let entry = self.aim(there.transform, root, body);
+            let entry = self.aim(scene, there.transform, root, body);
             if let Some(approach) = &mut self.approach {
                 approach.redirect(entry);
             }
@@ -402,7 +364,7 @@ impl Using {
                         .is_some_and(|approach| approach.entry().anywhere);
                     if let Some(there) = scene.instance(&self.instance).filter(|_| anywhere) {
                         // It may have come to stand on another side than it was on.
-                        self.aim(there.transform, here.root.position, body);
+                        self.aim(scene, there.transform, here.root.position, body);
                     }
                 }
                 Ok(!self.approaches())

@@ -1,0 +1,128 @@
+//! Where a character goes to use an object: from which side, and whether the way there is free.
+
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+use troupe_motion::{GlobalRoot, Vec3};
+
+use super::Body;
+use super::footing::STEP_M;
+use super::using::Using;
+use crate::object::{Anchor, Motion, Origin, Set};
+use crate::primitives::object::Entry;
+use crate::primitives::object::recipe::LOW_HIPS_M;
+use crate::scene::{BoxTrace, Scene, Surface, Transform};
+
+/// Half the width and depth of the box that must fit through to where a character starts, metres.
+const HALF_WIDTH_M: f32 = 0.15;
+/// Height of its upper end over the ground, metres. Its lower end is above what can be stepped onto.
+const HEAD_M: f32 = 1.6;
+/// A way shorter than this is none, metres.
+const STAYS_M: f32 = 0.05;
+/// Sides that are tried where the way is blocked lie so far apart, radians; on both hands, up to the far side.
+const SIDE_STEP: f32 = PI / 12.0;
+const SIDE_STEPS: i32 = 12;
+
+impl Using {
+    /// Chooses side and approach for an object at `object` and a character at `root`: where that leads. The side that it is on, or,
+    /// where the way there is blocked and the object may be used from others, the nearest that is free: a cup on a table
+    /// is taken over the table's edge.
+    pub(super) fn aim(&mut self, scene: &Scene, object: Transform, root: Vec3, body: &Body<'_>) -> Entry {
+        let natural = self.definition().side_of(object, root);
+        let level = body.footing.level();
+        if !self.any_side() {
+            return self.aim_from(natural, object, body);
+        }
+        let sides = (1..=SIDE_STEPS).flat_map(|step| [step, -step]);
+        let sides = std::iter::once(0).chain(sides);
+        for side in sides.map(|step| natural + step as f32 * SIDE_STEP) {
+            let entry = self.aim_from(side, object, body);
+            if self.blocked_to(&entry, scene, root, level).is_none() {
+                return entry;
+            }
+        }
+        self.aim_from(natural, object, body)
+    }
+
+    /// Whether it makes a difference from which side the character comes.
+    fn any_side(&self) -> bool {
+        let pivots = |set: &Set| set.keyframes.first().is_some_and(|key| key.pivot);
+        !self.definition().approaches.is_empty() || self.interaction.coming().is_some_and(pivots)
+    }
+
+    fn aim_from(&mut self, side: f32, object: Transform, body: &Body<'_>) -> Entry {
+        let definition = Arc::clone(self.definition());
+        let choice = definition.approach_by(self.wanted_approach, side);
+        (self.object, self.side, self.approach_index) = (object, choice.side, choice.index);
+        let anchor = self.anchor(body.footing.level());
+        let start = choice.distance_m.map(|distance| anchor.start(distance));
+        let here = body.root(body.timeline.frame());
+        let set = self.interaction.coming();
+        let from_object = set.filter(|set| set.origin == Origin::Object);
+        let key = from_object.and_then(|set| set.keyframes.first());
+        let key = key.map(|key| anchor.keyframe(key)).unwrap_or_default();
+        let place = key.place.map(|[x, z]| Vec3::new(x, 0.0, z));
+        let there = start.unwrap_or(here);
+        Entry {
+            key: GlobalRoot::new(
+                place.unwrap_or(there.position),
+                key.heading.unwrap_or(there.heading),
+            ),
+            via: place.and(start).map(|start| start.position),
+            from_stand: set.is_some_and(stops),
+            anywhere: place.is_none() && start.is_none(),
+        }
+    }
+
+    /// The anchor of sets that are given from the object.
+    pub(super) fn anchor(&self, ground_y: f32) -> Anchor {
+        self.definition().anchor(self.object, self.side, ground_y)
+    }
+
+    /// What stands in the way of a character at `root`, on ground of height `level`, to where the first set begins.
+    pub(super) fn blocked(&self, scene: &Scene, root: Vec3, level: f32) -> Option<String> {
+        self.blocked_to(self.approach.as_ref()?.entry(), scene, root, level)
+    }
+
+    fn blocked_to(&self, entry: &Entry, scene: &Scene, root: Vec3, level: f32) -> Option<String> {
+        if entry.anywhere {
+            return None;
+        }
+        let mut from = root;
+        [entry.via, Some(entry.key.position)]
+            .into_iter()
+            .flatten()
+            .find_map(|to| {
+                let way = std::mem::replace(&mut from, to);
+                blocked(scene, way, to, level, self.instance())
+            })
+    }
+}
+
+/// Whether a character stops before it begins this set.
+fn stops(set: &Set) -> bool {
+    let low = set.keyframes.iter().filter(|key| key.from_ground);
+    let low = low
+        .filter_map(|key| key.height_m)
+        .any(|height| height < LOW_HIPS_M);
+    set.from_stand || set.motion == Some(Motion::Stance) || (low && set.motion.is_none())
+}
+
+/// What stands between `from` and `to` for a character on ground of height `level`, the object `own` left out.
+fn blocked(scene: &Scene, from: Vec3, to: Vec3, level: f32, own: &str) -> Option<String> {
+    let (low, high) = (level + STEP_M + 0.05, level + HEAD_M);
+    let sweep = (to - from).with_y(0.0);
+    if sweep.length() < STAYS_M {
+        return None;
+    }
+    let start = Transform::upright(from.with_y(0.5 * (low + high)), sweep.x.atan2(sweep.z));
+    let half = Vec3::new(HALF_WIDTH_M, 0.5 * (high - low), HALF_WIDTH_M);
+    let trace = BoxTrace::new(start, half, sweep).ok()?;
+    scene
+        .first_solid(&trace, Some(own))
+        .map(|(_, surface)| match surface {
+            Surface::Ground => "the ground".to_owned(),
+            Surface::Collider(id) => format!("collider {id:?}"),
+            Surface::Object(id) => format!("object {id:?}"),
+        })
+}
