@@ -442,7 +442,7 @@ async fn a_square_ends_where_it_began_and_is_the_same_each_time() {
 }
 
 #[tokio::test]
-async fn every_path_of_the_repository_can_be_filmed() {
+async fn paths_without_a_scene_are_filmed() {
     let folder = Folder::new("film");
     for name in ["square", "figure-of-eight", "reversal", "style-changes"] {
         let out = folder.file(&format!("{name}.png"));

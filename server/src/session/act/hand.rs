@@ -4,11 +4,15 @@ use std::sync::Arc;
 
 use troupe_motion::fk::joint_transform;
 use troupe_motion::ik::Posed;
+use troupe_motion::interpolate::smoothstep;
 use troupe_motion::{Skeleton, Vec3};
 
 use super::super::{FailReason, World};
 use crate::object::{Definition, Socket};
 use crate::scene::{Scene, SceneError, Transform};
+
+/// Frames over which an object turns in the hand before it is put down.
+const REST_FRAMES: f32 = 10.0;
 
 /// What a character holds.
 #[derive(Debug, Clone)]
@@ -23,6 +27,8 @@ pub(super) struct Hand {
     since: i64,
     /// Where it was then, in the joint's frame.
     from: Transform,
+    /// The frame at which it is put down, and where it is then in the joint's frame.
+    rest: Option<(i64, Transform)>,
 }
 
 /// Why an object could not be taken or put down.
@@ -74,6 +80,7 @@ impl Hand {
             socket,
             since: frame,
             from: joint(skeleton, of, posed).inverse() * there,
+            rest: None,
         })
     }
 
@@ -86,23 +93,50 @@ impl Hand {
         let Some(socket) = self.socket() else {
             return self.from;
         };
-        joint(skeleton, socket, posed) * socket.offset_at(self.from, frame - self.since as f32)
+        joint(skeleton, socket, posed) * self.offset(socket, frame)
     }
 
-    /// How far up the object goes when it is put down in a frame, metres: down where that is negative. `None` where there is no
-    /// place for it.
-    pub(super) fn lift_on_release(
+    /// Where the object is in the joint's frame.
+    fn offset(&self, socket: &Socket, frame: f32) -> Transform {
+        let held = socket.offset_at(self.from, frame - self.since as f32);
+        let Some((at, rest)) = self.rest else {
+            return held;
+        };
+        let share = smoothstep((frame - (at as f32 - REST_FRAMES)) / REST_FRAMES);
+        Transform::new(
+            held.position.lerp(rest.position, share),
+            held.rotation.slerp(rest.rotation, share),
+        )
+    }
+
+    /// What becomes of the object when it is put down in a frame: how far up its middle goes, metres (down where that is negative),
+    /// and where it then is in the joint's frame. `None` where there is no place for it.
+    pub(super) fn on_release(
         &self,
         scene: &Scene,
         skeleton: &Skeleton,
         posed: Posed<'_>,
-    ) -> Option<f32> {
+    ) -> Option<(f32, Transform)> {
         let socket = self.socket()?;
-        let settled = socket.offset();
-        let at = joint(skeleton, socket, posed) * settled;
-        let placement = self.definition.place(scene, &self.instance, at).ok()?;
+        let joint = joint(skeleton, socket, posed);
+        let at = joint * socket.offset();
+        let placed = self.definition.place(scene, &self.instance, at).ok()?.transform;
         let middle = self.definition.body.volume.center();
-        Some(placement.transform.point(middle).y - at.point(middle).y)
+        let lift = placed.point(middle).y - at.point(middle).y;
+        Some((lift, joint.inverse() * placed))
+    }
+
+    /// The object turns in the hand to where it is put down: at frame `rest.0` it is at `rest.1` in the joint's frame.
+    pub(super) fn comes_to_rest(&mut self, rest: (i64, Transform)) {
+        self.rest = Some(rest);
+    }
+
+    /// It is not put down: from `frame` on it goes back to its socket.
+    pub(super) fn stays(&mut self, frame: i64) {
+        if let (Some(socket), Some(_)) = (self.socket(), self.rest) {
+            self.from = self.offset(socket, frame as f32);
+            (self.since, self.rest) = (frame, None);
+        }
     }
 
     /// Puts the object down from `at` by its definition's rule. Where it is now comes back.

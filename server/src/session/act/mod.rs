@@ -303,6 +303,9 @@ impl Act {
             let command = command.cloned().unwrap_or_else(|| body.standing());
             body.move_on(frame, command, using.approaches());
             self.left_off = true;
+            if let Some(hand) = &mut self.hand {
+                hand.stays(frame);
+            }
         }
     }
 
@@ -421,6 +424,7 @@ impl Act {
         if let Doing::Using(using) = &mut self.doing {
             using.landed(number, off, (from, key));
         }
+        self.turn_in_hand();
         let scene = self.world.scene.snapshot();
         body.renew_footing(from, &scene);
     }

@@ -18,7 +18,7 @@ use crate::primitives::object::{
     BodyParts, Key, Unreachable, Way, keys, stance_frames, suits_stance, targets,
 };
 use crate::primitives::recipe::VELOCITY_FRAMES;
-use crate::scene::Scene;
+use crate::scene::{Scene, Transform};
 
 /// What is put down may stand so much lower or higher than the keyframe says, metres: the hand goes there. Farther below, it is
 /// let fall.
@@ -38,6 +38,8 @@ pub(super) struct Prepared {
     pub(super) keys: Vec<Key>,
     /// Height of the ground at the keyframes, metres.
     pub(super) ground: f32,
+    /// Where what is put down at the last of them comes to rest, in the frame of the joint that holds it.
+    pub(super) rest: Option<Transform>,
 }
 
 impl Using {
@@ -88,24 +90,28 @@ impl Using {
             }
         })?;
         let hand = hand.filter(|hand| hand.instance == self.instance && puts_down(set));
-        let keys = match hand {
+        let (keys, rest) = match hand {
             Some(hand) => {
-                let lift = |key: &Key| {
+                let on_release = |key: &Key| {
                     let posed = Posed {
                         root: key.root + Vec3::Y * ground,
                         rotations: &key.rotations,
                     };
-                    hand.lift_on_release(scene, &body.pack.skeleton, posed)
+                    hand.on_release(scene, &body.pack.skeleton, posed)
                 };
-                onto_surface(set, hand, keys, lift, |set| make(set).ok())
+                let lowered = hand
+                    .socket()
+                    .and_then(|socket| onto_surface(set, socket.joint, &keys, on_release, |set| make(set).ok()));
+                lowered.map_or((keys, None), |(keys, rest)| (keys, Some(rest)))
             }
-            None => keys,
+            None => (keys, None),
         };
         Ok(Prepared {
             set: index,
             splice,
             keys,
             ground,
+            rest,
         })
     }
 }
@@ -115,40 +121,33 @@ fn puts_down(set: &Set) -> bool {
     events.any(|event| event.action == Action::Release && event.at != Moment::Start)
 }
 
-/// The keyframes of a set that puts down what is in the hand, with the hand's points moved up or down so that the object is let
-/// go where it comes to lie: a definition cannot know how high the surface is. As they are where the hand has no point, or the
-/// surface is too far or out of reach.
+/// The keyframes of a set that puts down what `joint` holds, with the joint's points moved up or down so that the object is let
+/// go where it comes to lie, for a definition cannot know how high the surface is; and where it lies then in the joint's frame.
+/// `None` where the joint has no point, or the surface is too far or out of reach: then it falls.
 fn onto_surface(
     set: &Set,
-    hand: &Hand,
-    keys: Vec<Key>,
-    lift_on_release: impl Fn(&Key) -> Option<f32>,
+    joint: usize,
+    keys: &[Key],
+    on_release: impl Fn(&Key) -> Option<(f32, Transform)>,
     make: impl Fn(&Set) -> Option<Vec<Key>>,
-) -> Vec<Key> {
-    let Some(joint) = hand.socket().map(|socket| socket.joint) else {
-        return keys;
-    };
-    let (mut set, mut moved, mut lifted) = (set.clone(), keys.clone(), 0.0);
+) -> Option<(Vec<Key>, Transform)> {
+    let (mut set, mut moved, mut lifted) = (set.clone(), keys.to_vec(), 0.0);
     for _ in 0..PUT_DOWN_ROUNDS {
-        let Some(lift) = moved.last().and_then(&lift_on_release) else {
-            return keys;
-        };
+        let (lift, _) = on_release(moved.last()?)?;
         if lift.abs() < PUT_DOWN_NEAR_M {
-            return moved;
+            break;
         }
         lifted += lift;
         let points = set.keyframes.iter_mut().flat_map(|key| &mut key.points);
         let mut points = points.filter(|point| point.joint == joint).peekable();
         if points.peek().is_none() || lifted.abs() > PUT_DOWN_M {
-            return keys;
+            return None;
         }
         points.for_each(|point| point.position_m.y += lift);
-        match make(&set) {
-            Some(made) => moved = made,
-            None => return keys,
-        }
+        moved = make(&set)?;
     }
-    moved
+    let (_, rest) = on_release(moved.last()?)?;
+    Some((moved, rest))
 }
 
 /// Height of what the character stands on at the last keyframe of `set`: what is under its root, but where the hips are low.

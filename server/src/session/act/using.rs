@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use troupe_motion::rotation::angle_between;
 use troupe_motion::Vec3;
+use troupe_motion::rotation::angle_between;
 
 use super::super::{Activity, FailReason};
 use super::hand::{Hand, Refused};
@@ -65,6 +65,8 @@ pub(super) struct Made {
     pub(super) ground: f32,
     /// How far off it was before it was drawn to them.
     pub(super) off: Vec<KeyframeError>,
+    /// Where what is put down at the last of them comes to rest, in the frame of the joint that holds it.
+    rest: Option<Transform>,
 }
 
 impl Using {
@@ -200,7 +202,14 @@ impl Using {
             keys: prepared.keys,
             ground: prepared.ground,
             off,
+            rest: prepared.rest,
         });
+    }
+
+    /// The frame at which the object in the hand is put down, and where it is then in the joint's frame, once that is known.
+    pub(super) fn rest(&self) -> Option<(i64, Transform)> {
+        let made = self.made.last()?;
+        Some((made.stretch.key, made.rest?))
     }
 
     /// A plan will not come. Why it is no use to ask again, where it is none.
@@ -265,7 +274,18 @@ impl Act {
         if using.approaches() && !using.approach(scene, frame, body)? {
             return Ok(Next::Locomotion);
         }
-        using.next(scene, frame, self.hand.as_ref(), body)
+        let next = using.next(scene, frame, self.hand.as_ref(), body);
+        self.turn_in_hand();
+        next
+    }
+
+    /// Has what is in the hand turn to where it is put down, once the motion to it is made.
+    pub(super) fn turn_in_hand(&mut self) {
+        if let (Some(hand), Doing::Using(using)) = (&mut self.hand, &self.doing)
+            && let Some(rest) = using.rest()
+        {
+            hand.comes_to_rest(rest);
+        }
     }
 }
 
