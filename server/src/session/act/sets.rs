@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use troupe_motion::Vec3;
 use troupe_motion::ik::Posed;
+use troupe_motion::root::wrap_angle;
 use troupe_motion::stance::stance_transition;
 
 use super::super::buffer::Frames;
@@ -13,7 +14,7 @@ use super::hand::{Hand, Refused};
 use super::using::Using;
 use super::{Body, SetPlan, Wish};
 use crate::object::{Action, Anchor, Moment, Origin, Set};
-use crate::primitives::object::recipe::LOW_HIPS_M;
+use crate::primitives::object::recipe::{IN_PLACE_M, LOW_HIPS_M, STANDS_MPS, STOPPED_TURN};
 use crate::primitives::object::{
     BodyParts, Key, Unreachable, Way, keys, stance_frames, suits_stance, targets,
 };
@@ -99,9 +100,9 @@ impl Using {
                     };
                     hand.on_release(scene, &body.pack.skeleton, posed)
                 };
-                let lowered = hand
-                    .socket()
-                    .and_then(|socket| onto_surface(set, socket.joint, &keys, on_release, |set| make(set).ok()));
+                let lowered = hand.socket().and_then(|socket| {
+                    onto_surface(set, socket.joint, &keys, on_release, |set| make(set).ok())
+                });
                 lowered.map_or((keys, None), |(keys, rest)| (keys, Some(rest)))
             }
             None => (keys, None),
@@ -169,7 +170,20 @@ fn ground_at(scene: &Scene, set: &Set, anchor: &Anchor, from: Vec3, level: f32) 
 impl Prepared {
     /// Whether the motion is made without the networks.
     pub(super) fn is_stance(&self, set: &Set, body: &Body<'_>) -> bool {
-        suits_stance(set, &self.keys, body.flat(self.splice))
+        suits_stance(set, &self.keys, body.flat(self.splice)) || self.is_there(set, body)
+    }
+
+    /// Whether the character stopped for the set and stands where its keyframe is, but for a small step or turn. The networks fill
+    /// so short a way with gestures: an arm goes up before somebody sits down.
+    fn is_there(&self, set: &Set, body: &Body<'_>) -> bool {
+        let (from, left_axis) = (body.root(self.splice), body.pack.skeleton.left_axis);
+        let speed = body.speed(self.splice, VELOCITY_FRAMES as i64).length();
+        let near = |key: &Key| {
+            let to = key.global_root(left_axis);
+            (to.position - from.position).with_y(0.0).length() < IN_PLACE_M
+                && wrap_angle(to.heading - from.heading).abs() < STOPPED_TURN
+        };
+        set.from_stand && set.motion.is_none() && speed < STANDS_MPS && self.keys.iter().all(near)
     }
 
     /// What to ask the networks for. `first`: it is the first set.
