@@ -103,7 +103,7 @@ impl Record {
         };
         let fps = pack.manifest.fps;
         let clip = Clip::new(
-            pack.skeleton.clone().into(),
+            pack.skeleton.clone(),
             fps,
             self.roots.clone(),
             self.rotations.clone(),
