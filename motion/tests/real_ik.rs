@@ -263,6 +263,7 @@ fn seats_tables_and_falls_from_a_real_stand() {
                 velocity: forward * 1.2,
                 floor_m: -height,
                 standing: stand,
+                under_way: &[],
                 air: None,
                 fps: 30.0,
             };
