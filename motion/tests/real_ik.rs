@@ -259,7 +259,6 @@ fn seats_tables_and_falls_from_a_real_stand() {
         }
         for height in [0.3, 0.6, 1.0, 2.0, 3.0] {
             let drop = Drop {
-                under_way: &[],
                 velocity: forward * 1.2,
                 floor_m: -height,
                 standing: stand,
