@@ -23,7 +23,7 @@ use troupe_server::style::StyleTable;
 
 use self::report::Report;
 use self::runner::Runner;
-use self::trials::{Plan, approaches, directions};
+use self::trials::{Plan, approaches, broken_off, directions};
 
 /// Measures how smart objects are used.
 #[derive(Debug, Parser)]
@@ -51,6 +51,9 @@ struct Args {
     /// Approaches of each of twelve directions; 0 leaves them out.
     #[arg(long, default_value_t = 20, value_name = "COUNT")]
     per_direction: usize,
+    /// Approaches that a command breaks off at any moment.
+    #[arg(long, default_value_t = 60, value_name = "COUNT")]
+    broken_off: usize,
     /// Styles to move in; without it every style of the pack that walks.
     #[arg(long, value_delimiter = ',', value_name = "STYLE,..")]
     styles: Vec<String>,
@@ -104,7 +107,8 @@ fn main() -> anyhow::Result<()> {
         // Among fewer others, so in other batches.
         let again = run(&specs[..specs.len().min(AGAIN)])?;
         let around = run(&directions(&plan, args.per_direction, height_m))?;
-        report.add(&definition.name, &varied, &again, &around);
+        let broken = run(&broken_off(&plan, args.broken_off, height_m))?;
+        report.add(&definition.name, &varied, &again, &around, &broken);
     }
     match args.json {
         true => println!("{}", serde_json::to_string_pretty(&report)?),

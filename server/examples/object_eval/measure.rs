@@ -1,6 +1,7 @@
 //! What a trial shows, measured on its frames: the character's own word about errors is only reported beside.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::ops::Range;
 
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::{WorldMotion, world_transforms};
@@ -25,11 +26,21 @@ pub const WITHIN_DEG: f32 = 15.0;
 pub struct Record {
     place: Transform,
     told_at: Option<u64>,
+    broken_off_at: Option<u64>,
     roots: Vec<Vec3>,
     rotations: Vec<Quat>,
     contacts: Vec<u8>,
     events: Vec<CharacterEvent>,
     refused: Option<String>,
+}
+
+/// How roughly a stretch of motion moves: the worst joint and frame of it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Roughness {
+    /// Way in a frame, metres.
+    pub way_m: f64,
+    /// Acceleration, m/s².
+    pub acceleration: f64,
 }
 
 /// What came of a trial.
@@ -66,6 +77,8 @@ pub struct Outcome {
     /// Joints at every keyframe that was reached, one keyframe after the other, as seen from the root and turned by the
     /// heading: trials are compared by them for variety.
     pub poses: Vec<Vec3>,
+    /// Where the interaction was broken off: how it moved in the second after that, and as it walked at first.
+    pub broken_off: Option<[Roughness; 2]>,
     /// A number that differs where any frame or event does.
     pub digest: u64,
 }
@@ -75,6 +88,7 @@ impl Record {
         Self {
             place,
             told_at: None,
+            broken_off_at: None,
             roots: Vec::new(),
             rotations: Vec::new(),
             contacts: Vec::new(),
@@ -85,6 +99,10 @@ impl Record {
 
     pub fn told(&mut self, frame: u64) {
         self.told_at = Some(frame);
+    }
+
+    pub fn broken_off(&mut self, frame: u64) {
+        self.broken_off_at = Some(frame);
     }
 
     pub fn refused(&mut self, why: String) {
@@ -174,6 +192,11 @@ impl Record {
         }
         outcome.met = outcome.done && met;
         outcome.digest = self.digest();
+        outcome.broken_off = self.broken_off_at.map(|at| {
+            let at = (at as usize).min(motion.frames() - 3);
+            let after = at - 1..(at + fps as usize).min(motion.frames() - 1);
+            [after, 1..(told as usize).max(3)].map(|range| roughness(&motion, range, fps))
+        });
         let told = (told as usize).min(motion.frames() - 2);
         let range = told..end.max(told + 2).min(motion.frames() - 1);
         outcome.seconds = (end.saturating_sub(told)) as f32 / fps;
@@ -285,6 +308,22 @@ impl Frame<'_> {
         world_transforms(self.skeleton, root, &pose, &mut meant, &mut turns);
         let far = meant.iter().zip(self.positions).map(|(a, b)| a.distance(*b));
         far.fold(0.0, f32::max)
+    }
+}
+
+fn roughness(motion: &WorldMotion, range: Range<usize>, fps: f32) -> Roughness {
+    let joints = motion.joints;
+    let ways = range.clone().flat_map(|frame| {
+        let (before, now) = (
+            &motion.positions[(frame - 1) * joints..][..joints],
+            &motion.positions[frame * joints..],
+        );
+        before.iter().zip(now).map(|(a, b)| f64::from(a.distance(*b)))
+    });
+    let accelerations = joint_accelerations_mps2(motion, range.clone(), fps).unwrap_or_default();
+    Roughness {
+        way_m: ways.fold(0.0, f64::max),
+        acceleration: accelerations.into_iter().fold(0.0, f64::max),
     }
 }
 

@@ -7,7 +7,7 @@ use serde::Serialize;
 use troupe_motion::metrics::percentile;
 use troupe_server::pack::Pack;
 
-use super::measure::Outcome;
+use super::measure::{Outcome, Roughness};
 use super::trials::DIRECTIONS;
 
 /// All figures.
@@ -46,10 +46,51 @@ struct Object {
     /// Trials that were made twice, and of them those that were the same to the last bit.
     twice: usize,
     twice_alike: usize,
+    /// How it moves when it is broken off.
+    broken_off: BrokenOff,
     /// Why trials did not go through.
     failures: BTreeMap<String, usize>,
     /// Percent met, by direction.
     directions: Vec<f64>,
+}
+
+/// How roughly characters move in the second after an interaction was broken off, and as they walked before it: of each trial
+/// the worst joint and frame.
+#[derive(Serialize)]
+struct BrokenOff {
+    trials: usize,
+    after: Rough,
+    walking: Rough,
+}
+
+/// Medians and 95th percentiles over trials.
+#[derive(Serialize)]
+struct Rough {
+    way_cm: [f64; 2],
+    acceleration_mps2: [f64; 2],
+}
+
+impl BrokenOff {
+    fn of(trials: &[Outcome]) -> Self {
+        let pairs: Vec<_> = trials.iter().filter_map(|outcome| outcome.broken_off).collect();
+        let rough = |which: usize| {
+            let high = |value: fn(&Roughness) -> f64| {
+                [0.5, 0.95].map(|share| {
+                    let values = pairs.iter().map(|pair| value(&pair[which])).collect();
+                    percentile(values, share).unwrap_or(f64::NAN)
+                })
+            };
+            Rough {
+                way_cm: high(|rough| 100.0 * rough.way_m),
+                acceleration_mps2: high(|rough| rough.acceleration),
+            }
+        };
+        Self {
+            trials: pairs.len(),
+            after: rough(0),
+            walking: rough(1),
+        }
+    }
 }
 
 impl Report {
@@ -64,7 +105,14 @@ impl Report {
     }
 
     /// Adds an object: varied approaches, the first of them once more, and approaches from all directions.
-    pub fn add(&mut self, name: &str, varied: &[Outcome], again: &[Outcome], around: &[Outcome]) {
+    pub fn add(
+        &mut self,
+        name: &str,
+        varied: &[Outcome],
+        again: &[Outcome],
+        around: &[Outcome],
+        broken: &[Outcome],
+    ) {
         let done: Vec<&Outcome> = varied.iter().filter(|outcome| outcome.done).collect();
         let high = |value: fn(&Outcome) -> f32| {
             percentile(
@@ -124,6 +172,7 @@ impl Report {
                 .zip(again)
                 .filter(|(a, b)| a.digest == b.digest)
                 .count(),
+            broken_off: BrokenOff::of(broken),
             failures,
             directions: directions.collect(),
         });
@@ -204,6 +253,35 @@ impl fmt::Display for Report {
                 o.variety_cm,
                 o.twice_alike,
                 o.twice,
+            )?;
+        }
+        writeln!(
+            f,
+            "\n| object | broken off | way of a joint in a frame (cm): median, 95 % below | as it walked before \
+             | acceleration (m/s²): median, 95 % below | as it walked before |"
+        )?;
+        writeln!(f, "|---|---:|---|---|---|---|")?;
+        for o in self.objects.iter().filter(|o| o.broken_off.trials > 0) {
+            let BrokenOff {
+                trials,
+                after,
+                walking,
+            } = &o.broken_off;
+            let way = |rough: &Rough| format!("{:.1}, {:.1}", rough.way_cm[0], rough.way_cm[1]);
+            let acceleration = |rough: &Rough| {
+                format!(
+                    "{:.0}, {:.0}",
+                    rough.acceleration_mps2[0], rough.acceleration_mps2[1]
+                )
+            };
+            writeln!(
+                f,
+                "| {} | {trials} | {} | {} | {} | {} |",
+                o.name,
+                way(after),
+                way(walking),
+                acceleration(after),
+                acceleration(walking)
             )?;
         }
         for o in self.objects.iter().filter(|o| !o.failures.is_empty()) {

@@ -198,6 +198,19 @@ impl Run<'_> {
                 variant: None,
                 approach: None,
             })
+        } else if let Some((after, velocity)) = self.spec.broken_off
+            && frame == self.spec.told_at + after
+            && self.ended_at.is_none()
+        {
+            self.ended_at = Some(frame);
+            self.record.broken_off(frame);
+            Some(Intent::Locomote(LocomotionCommand {
+                velocity,
+                facing: None,
+                style: self.spec.style.clone(),
+                gait: None,
+                height_m: None,
+            }))
         } else if self.held_since.is_some_and(|since| frame == since + HOLD_FRAMES) {
             Some(Intent::EndInteraction)
         } else {

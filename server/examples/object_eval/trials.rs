@@ -13,6 +13,8 @@ use troupe_server::style::{Style, StyleTable};
 pub const DIRECTIONS: usize = 12;
 /// Distance from the object at which characters start, metres.
 const START_M: (f32, f32) = (2.5, 6.0);
+/// Frames after which an interaction is broken off: on the way, in the first set, or later.
+const BROKEN_OFF_FRAMES: (u64, u64) = (10, 240);
 /// Frames that they move before they are told to use it.
 const MOVE_FRAMES: (u64, u64) = (20, 60);
 
@@ -43,6 +45,8 @@ pub struct Spec {
     pub told_at: u64,
     /// Which of [`DIRECTIONS`] it comes from, of those trials.
     pub direction: Option<usize>,
+    /// A command that breaks the interaction off, so many frames after it was told: how fast to go, m/s over the ground.
+    pub broken_off: Option<(u64, Vec3)>,
 }
 
 /// The styles that walk, or those of these names.
@@ -91,6 +95,20 @@ pub fn directions(plan: &Plan, each: usize, object_height_m: f32) -> Vec<Spec> {
     (0..each * DIRECTIONS).map(one).collect()
 }
 
+/// Approaches that are broken off at any moment by a command to go elsewhere.
+pub fn broken_off(plan: &Plan, count: usize, object_height_m: f32) -> Vec<Spec> {
+    let one = |(index, mut spec): (usize, Spec)| {
+        let mut rng = generator(plan.seed ^ 0xb0ff, index as u64);
+        let angle = rng.random_range(-PI..PI);
+        let way = Vec3::new(angle.sin(), 0.0, angle.cos());
+        let after = rng.random_range(BROKEN_OFF_FRAMES.0..BROKEN_OFF_FRAMES.1);
+        spec.broken_off = Some((after, way * spec.style.default_speed_mps));
+        spec
+    };
+    let specs = approaches(plan, count, object_height_m);
+    specs.into_iter().enumerate().map(one).collect()
+}
+
 fn generator(seed: u64, index: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(index);
@@ -120,5 +138,6 @@ fn spec(plan: &Plan, rng: &mut ChaCha8Rng, bearing: f32, object_height_m: f32) -
         style,
         told_at: rng.random_range(MOVE_FRAMES.0..MOVE_FRAMES.1),
         direction: None,
+        broken_off: None,
     }
 }
