@@ -1,7 +1,9 @@
 //! A character's motion: frames of the past that a plan may start from, and of the future.
 
+use std::f32::consts::PI;
+
 use troupe_motion::interpolate::{blend, smoothstep};
-use troupe_motion::rotation::align_sign;
+use troupe_motion::rotation::{align_sign, angle_between};
 use troupe_motion::{Quat, Vec3};
 
 use super::SUB_FRAMES;
@@ -11,6 +13,39 @@ pub const CROSSFADE_FRAMES: usize = 8;
 
 /// What is left of each frame's velocity in the next, where a motion is drawn out beyond its end.
 const DRAWN_OUT_VELOCITY: f32 = 0.7;
+
+/// Joints that are farther than this from where a new plan has them, radians, take longer: a raised arm that comes down within
+/// [`CROSSFADE_FRAMES`] goes 0.4 m in a frame.
+const FAR: f32 = 1.0;
+/// Frames over which a joint takes over that is half a turn away.
+const FAR_FADE_FRAMES: usize = 24;
+
+/// How a joint goes over from one motion to another.
+#[derive(Debug, Clone, Copy)]
+struct Fade {
+    /// Over so many frames.
+    frames: usize,
+    /// The turn from the old motion to the new one in the frame before; the way round is kept from frame to frame, for about
+    /// half a turn away the shorter way is now this one and now the other.
+    turn: Quat,
+}
+
+impl Fade {
+    /// Goes `weight` of the way from `old` to `new`, the same way round as in the frame before.
+    fn far(&mut self, old: Quat, new: Quat, weight: f32) -> Quat {
+        self.turn = align_sign(old.conjugate() * new, self.turn);
+        let (axis, angle) = self.turn.to_axis_angle();
+        (old * Quat::from_axis_angle(axis, angle * weight)).normalize()
+    }
+}
+
+/// The new motion's share in frame `step` of `frames`.
+fn fade_weight(step: usize, frames: usize) -> f32 {
+    match step < frames {
+        true => smoothstep((step + 1) as f32 / (frames + 1) as f32),
+        false => 1.0,
+    }
+}
 
 /// Consecutive frames, by column.
 #[derive(Debug, Clone, Copy)]
@@ -51,6 +86,8 @@ pub(super) struct MotionBuffer {
     /// `frames * joints`, joint 0 in the world; no joint changes its hemisphere from one frame to the next.
     rotations: Vec<Quat>,
     contacts: Vec<u8>,
+    /// One a joint, while a plan is taken in.
+    fades: Vec<Fade>,
 }
 
 impl MotionBuffer {
@@ -63,6 +100,7 @@ impl MotionBuffer {
             roots: Vec::new(),
             rotations: Vec::new(),
             contacts: Vec::new(),
+            fades: Vec::new(),
         };
         buffer.append(frames);
         buffer
@@ -155,28 +193,63 @@ impl MotionBuffer {
         self.append(frames);
     }
 
-    /// Replaces what comes behind frame `at` by `plan`, which fades in over the first [`CROSSFADE_FRAMES`]. Where the old
-    /// motion is too short for that it is drawn out.
+    /// Replaces what comes behind frame `at` by `plan`, which fades in over the first [`CROSSFADE_FRAMES`], joints that are far from
+    /// where it has them over up to [`FAR_FADE_FRAMES`]. Where the old motion is too short for that it is drawn out.
     pub(super) fn splice(&mut self, at: i64, plan: Frames<'_>) {
         let fade = CROSSFADE_FRAMES.min(plan.roots.len());
         self.draw_out(at + fade as i64);
         let start = self.index(at) + 1;
-        for step in 0..fade {
-            let weight = smoothstep((step + 1) as f32 / (CROSSFADE_FRAMES + 1) as f32);
-            self.fade(start + step, &plan, step, weight);
+        let longest = self.plan_fades(start, &plan, fade);
+        self.draw_out(at + longest as i64);
+        for step in 0..longest {
+            self.fade(start + step, &plan, step);
         }
-        self.roots.truncate(start + fade);
-        self.rotations.truncate((start + fade) * self.joints);
-        self.contacts.truncate(start + fade);
-        self.append(plan.skip(fade, self.joints));
+        self.roots.truncate(start + longest);
+        self.rotations.truncate((start + longest) * self.joints);
+        self.contacts.truncate(start + longest);
+        self.append(plan.skip(longest, self.joints));
+    }
+
+    /// Works out over how many frames each joint goes over to `plan`, whose first frame comes to `start`; the most of them.
+    fn plan_fades(&mut self, start: usize, plan: &Frames<'_>, fade: usize) -> usize {
+        let joints = self.joints;
+        // A plan ends in what it was made for: by then all of it counts.
+        let most = FAR_FADE_FRAMES.min(plan.roots.len() * 3 / 4).max(fade);
+        self.fades.clear();
+        self.fades.extend((0..joints).map(|joint| {
+            let apart = (0..fade).map(|step| {
+                let old = self.rotations[(start + step) * joints + joint];
+                angle_between(old, plan.pose(step, joints)[joint])
+            });
+            let farthest = apart.fold(0.0, f32::max);
+            let far = ((farthest - FAR) / (PI - FAR)).max(0.0);
+            let frames = match far > 0.0 && fade == CROSSFADE_FRAMES {
+                true => fade + (far * (most - fade) as f32).round() as usize,
+                false => fade,
+            };
+            Fade {
+                frames,
+                turn: Quat::IDENTITY,
+            }
+        }));
+        self.fades.iter().map(|fade| fade.frames).max().unwrap_or(fade)
     }
 
     /// Moves the frame at `index` towards frame `step` of the plan.
-    fn fade(&mut self, index: usize, plan: &Frames<'_>, step: usize, weight: f32) {
-        self.roots[index] = self.roots[index].lerp(plan.roots[step], weight);
+    fn fade(&mut self, index: usize, plan: &Frames<'_>, step: usize) {
+        let weight = fade_weight(step, CROSSFADE_FRAMES);
+        self.roots[index] = match weight < 1.0 {
+            true => self.roots[index].lerp(plan.roots[step], weight),
+            false => plan.roots[step],
+        };
         let old = &mut self.rotations[index * self.joints..][..self.joints];
-        for (old, new) in old.iter_mut().zip(plan.pose(step, self.joints)) {
-            *old = old.slerp(*new, weight).normalize();
+        let new = plan.pose(step, self.joints);
+        for ((old, &new), fade) in old.iter_mut().zip(new).zip(&mut self.fades) {
+            *old = match step < fade.frames {
+                true if fade.frames > CROSSFADE_FRAMES => fade.far(*old, new, fade_weight(step, fade.frames)),
+                true => old.slerp(new, weight).normalize(),
+                false => new,
+            };
         }
         self.align(index);
         if weight >= 0.5 {

@@ -74,6 +74,39 @@ fn between_frames_the_motion_is_interpolated() {
     assert_eq!(root, buffer.root(6), "behind the end stands the last frame");
 }
 
+/// However far away a joint is and whichever way it turns: it comes there smoothly, and the others as ever.
+#[test]
+fn a_joint_that_is_far_away_takes_longer() {
+    for away in [2.0, 2.8, 3.1, 3.2, 4.0] {
+        let mut buffer = buffer(40);
+        // Old and new turn against each other, past half a turn apart.
+        let plan = Walk::new(40, away, 0.1, -0.04);
+        buffer.splice(4, plan.frames());
+        let turned = |frame: i64| angle_between(buffer.pose(frame)[1], buffer.pose(frame - 1)[1]);
+        let most = (4..30).map(turned).fold(0.0, f32::max);
+        assert!(most < 0.32, "{away}: {most} rad in a frame");
+        let there = |frame: i64| {
+            angle_between(
+                buffer.pose(frame)[1],
+                plan.rotations[(frame - 5) as usize * JOINTS + 1],
+            )
+        };
+        assert!(there(13) > 0.1 && there(29) < 1e-3, "{away}: {}", there(29));
+        assert_eq!(
+            buffer.pose(13)[0],
+            plan.rotations[8 * JOINTS],
+            "the joint that is there"
+        );
+        assert_eq!(buffer.root(13), plan.roots[8]);
+        assert_eq!(buffer.last(), 44);
+    }
+    // A short plan is all there at its end.
+    let mut buffer = buffer(40);
+    let plan = Walk::new(12, 3.0, 0.1, 0.0);
+    buffer.splice(4, plan.frames());
+    assert!(angle_between(buffer.pose(16)[1], plan.rotations[11 * JOINTS + 1]) < 1e-3);
+}
+
 #[test]
 fn a_new_plan_fades_in_and_then_stands_alone() {
     let mut buffer = buffer(40);

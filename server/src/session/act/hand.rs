@@ -102,7 +102,7 @@ impl Hand {
         let Some((at, rest)) = self.rest else {
             return held;
         };
-        let share = smoothstep((frame - (at as f32 - REST_FRAMES)) / REST_FRAMES);
+        let share = smoothstep(((frame - (at as f32 - REST_FRAMES)) / REST_FRAMES).clamp(0.0, 1.0));
         Transform::new(
             held.position.lerp(rest.position, share),
             held.rotation.slerp(rest.rotation, share),
