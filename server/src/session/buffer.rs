@@ -14,35 +14,66 @@ pub const CROSSFADE_FRAMES: usize = 8;
 /// What is left of each frame's velocity in the next, where a motion is drawn out beyond its end.
 const DRAWN_OUT_VELOCITY: f32 = 0.7;
 
-/// Joints that are farther than this from where a new plan has them, radians, take longer: a raised arm that comes down within
-/// [`CROSSFADE_FRAMES`] goes 0.4 m in a frame.
+/// Joints that are farther than this from where a new plan has them, radians, go over in another way: straight from where they are
+/// to where it has them some frames later. To blend two motions that are about half a turn apart would have them go now this
+/// way round and now that; and what a plan does at first with a pose that the networks do not know is better not shown.
 const FAR: f32 = 1.0;
-/// Frames over which a joint takes over that is half a turn away.
+/// Frames over which a joint goes over that is half a turn off; one that is [`FAR`] off takes [`CROSSFADE_FRAMES`]. A raised arm
+/// that came down in so few would go 0.4 m in a frame.
 const FAR_FADE_FRAMES: usize = 24;
+/// Most that such a joint goes on turning from where it is, or turns into where it goes, radians a frame.
+const MOST_RATE: f32 = 0.15;
 
 /// How a joint goes over from one motion to another.
 #[derive(Debug, Clone, Copy)]
 struct Fade {
     /// Over so many frames.
     frames: usize,
-    /// The turn from the old motion to the new one in the frame before; the way round is kept from frame to frame, for about
-    /// half a turn away the shorter way is now this one and now the other.
+    /// The way of a joint that is far away.
+    way: Option<Way>,
+}
+
+/// The way of a joint from one rotation to another, each with how it turns there: about an axis in its own frame, radians a frame.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    from: (Quat, Vec3),
+    to: (Quat, Vec3),
+    /// The turn between the two in the frame before: the way round is kept.
     turn: Quat,
 }
 
-impl Fade {
-    /// Goes `weight` of the way from `old` to `new`, the same way round as in the frame before.
-    fn far(&mut self, old: Quat, new: Quat, weight: f32) -> Quat {
-        self.turn = align_sign(old.conjugate() * new, self.turn);
+impl Way {
+    /// From the first of `old`, frame 0, to the last of `new`, with what they turn by between the two.
+    fn new(old: [Quat; 2], new: [Quat; 2]) -> Self {
+        let turn = |[a, b]: [Quat; 2]| {
+            let turn = align_sign(a.conjugate() * b, Quat::IDENTITY).to_scaled_axis();
+            turn.clamp_length_max(MOST_RATE)
+        };
+        Self {
+            from: (old[0], turn(old)),
+            to: (new[1], turn(new)),
+            turn: Quat::IDENTITY,
+        }
+    }
+
+    /// The rotation in frame `step` of `frames`.
+    fn at(&mut self, step: usize, frames: usize) -> Quat {
+        // How far what is left of a velocity brings it.
+        let goes =
+            |frames: usize| (1.0 - DRAWN_OUT_VELOCITY.powi(frames as i32)) / (1.0 - DRAWN_OUT_VELOCITY);
+        let from = self.from.0 * Quat::from_scaled_axis(self.from.1 * goes(step));
+        let to = self.to.0 * Quat::from_scaled_axis(-self.to.1 * goes(frames - step));
+        self.turn = align_sign(from.conjugate() * to, self.turn);
         let (axis, angle) = self.turn.to_axis_angle();
-        (old * Quat::from_axis_angle(axis, angle * weight)).normalize()
+        let share = smoothstep(step as f32 / frames as f32);
+        (from * Quat::from_axis_angle(axis, angle * share)).normalize()
     }
 }
 
-/// The new motion's share in frame `step` of `frames`.
-fn fade_weight(step: usize, frames: usize) -> f32 {
-    match step < frames {
-        true => smoothstep((step + 1) as f32 / (frames + 1) as f32),
+/// A new motion's share in its frame `step`.
+fn fade_weight(step: usize) -> f32 {
+    match step < CROSSFADE_FRAMES {
+        true => smoothstep((step + 1) as f32 / (CROSSFADE_FRAMES + 1) as f32),
         false => 1.0,
     }
 }
@@ -210,26 +241,34 @@ impl MotionBuffer {
         self.append(plan.skip(longest, self.joints));
     }
 
-    /// Works out over how many frames each joint goes over to `plan`, whose first frame comes to `start`; the most of them.
+    /// Works out how each joint goes over to `plan`, whose first frame comes to `start`; over how many frames the slowest does.
     fn plan_fades(&mut self, start: usize, plan: &Frames<'_>, fade: usize) -> usize {
         let joints = self.joints;
         // A plan ends in what it was made for: by then all of it counts.
         let most = FAR_FADE_FRAMES.min(plan.roots.len() * 3 / 4).max(fade);
         self.fades.clear();
         self.fades.extend((0..joints).map(|joint| {
-            let apart = (0..fade).map(|step| {
+            let both = |step: usize| {
                 let old = self.rotations[(start + step) * joints + joint];
-                angle_between(old, plan.pose(step, joints)[joint])
-            });
-            let farthest = apart.fold(0.0, f32::max);
-            let far = ((farthest - FAR) / (PI - FAR)).max(0.0);
-            let frames = match far > 0.0 && fade == CROSSFADE_FRAMES {
-                true => fade + (far * (most - fade) as f32).round() as usize,
-                false => fade,
+                (old, plan.pose(step, joints)[joint])
             };
+            let apart = (0..fade)
+                .map(|step| both(step))
+                .map(|(old, new)| angle_between(old, new));
+            if fade < CROSSFADE_FRAMES || apart.fold(0.0, f32::max) <= FAR {
+                return Fade {
+                    frames: fade,
+                    way: None,
+                };
+            }
+            let (old, new) = both(0);
+            let far = ((angle_between(old, new) - FAR) / (PI - FAR)).clamp(0.0, 1.0);
+            let frames = fade + (far * (most - fade) as f32).round() as usize;
+            let ends =
+                [frames - 1, frames].map(|step| plan.pose(step.min(plan.roots.len() - 1), joints)[joint]);
             Fade {
                 frames,
-                turn: Quat::IDENTITY,
+                way: Some(Way::new([old, both(1).0], ends)),
             }
         }));
         self.fades.iter().map(|fade| fade.frames).max().unwrap_or(fade)
@@ -237,18 +276,21 @@ impl MotionBuffer {
 
     /// Moves the frame at `index` towards frame `step` of the plan.
     fn fade(&mut self, index: usize, plan: &Frames<'_>, step: usize) {
-        let weight = fade_weight(step, CROSSFADE_FRAMES);
+        let weight = fade_weight(step);
         self.roots[index] = match weight < 1.0 {
             true => self.roots[index].lerp(plan.roots[step], weight),
             false => plan.roots[step],
         };
         let old = &mut self.rotations[index * self.joints..][..self.joints];
-        let new = plan.pose(step, self.joints);
-        for ((old, &new), fade) in old.iter_mut().zip(new).zip(&mut self.fades) {
-            *old = match step < fade.frames {
-                true if fade.frames > CROSSFADE_FRAMES => fade.far(*old, new, fade_weight(step, fade.frames)),
-                true => old.slerp(new, weight).normalize(),
-                false => new,
+        for ((old, &new), fade) in old
+            .iter_mut()
+            .zip(plan.pose(step, self.joints))
+            .zip(&mut self.fades)
+        {
+            *old = match &mut fade.way {
+                _ if step >= fade.frames => new,
+                Some(way) => way.at(step, fade.frames),
+                None => old.slerp(new, weight).normalize(),
             };
         }
         self.align(index);
