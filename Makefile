@@ -1,6 +1,6 @@
 # make run   gets ONNX Runtime, builds, starts the server with the default pack
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles live-eval film film-objects \
+.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles live-eval object-eval film film-objects \
 	crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -64,6 +64,10 @@ live-eval: runtime real-clips
 picture: real-clips
 	cargo run --release --package troupe-client -- draw --from 40 --to 85 \
 		--clip $(REAL_CLIPS)/dataset-2_walk-turn-left_active_007.bvh --out docs/images/inbetween.png
+
+# How characters use the objects of examples/objects: the tables of docs/objects.md, about ten minutes (ARGS="--only cup" for one)
+object-eval: runtime
+	cargo run --release --package troupe-server --example object_eval -- $(ARGS)
 
 # Filmstrips of the scripted paths in examples/paths, through a running server.
 film: runtime
