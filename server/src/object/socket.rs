@@ -1,7 +1,7 @@
 //! An object in a socket: it moves with a joint.
 
-use troupe_motion::interpolate::smoothstep;
 use troupe_motion::Quat;
+use troupe_motion::interpolate::smoothstep;
 
 use super::Socket;
 use crate::scene::Transform;

@@ -106,7 +106,8 @@ impl Hand {
         let Some((at, rest)) = self.rest else {
             return held;
         };
-        let share = smoothstep((frame - (at as f32 - REST_FRAMES)) / REST_FRAMES);
+        let share = (frame - (at as f32 - REST_FRAMES)) / REST_FRAMES;
+        let share = smoothstep(share.clamp(0.0, 1.0));
         Transform::new(
             held.position.lerp(rest.position, share),
             held.rotation.slerp(rest.rotation, share),
