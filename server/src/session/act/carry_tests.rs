@@ -16,6 +16,8 @@ use crate::scene::{SceneCell, State, Transform};
 const ARM: [usize; 3] = [4, 5, HAND];
 /// How far the middle of the cup may go in a frame, metres.
 const CUP_STEP_M: f32 = 0.12;
+/// How far it may turn in a frame, radians.
+const CUP_TURN: f32 = 0.35;
 
 /// The hand in the frame of the root and its heading, in the frame that was shown last.
 fn hand(rig: &Rig) -> Transform {
@@ -34,15 +36,19 @@ fn lean(rig: &Rig) -> f32 {
     (cup(rig).rotation * Vec3::Y).angle_between(Vec3::Y)
 }
 
-/// Runs some frames; the farthest that the middle of the cup goes in one of them while it is held, metres.
+/// Runs some frames; the farthest that the middle of the cup goes in one of them while it is held, metres. It does not turn by
+/// more than [`CUP_TURN`].
 fn watch(rig: &mut Rig, frames: usize) -> f32 {
-    let middle = |rig: &Rig| Some(rig.character.held()?.transform.point(Vec3::Y * 0.06));
-    let (mut before, mut most) = (middle(rig), 0.0_f32);
+    let held = |rig: &Rig| rig.character.held().map(|held| held.transform);
+    let middle = |at: Transform| at.point(Vec3::Y * 0.06);
+    let (mut before, mut most) = (held(rig), 0.0_f32);
     for _ in 0..frames {
         rig.tick();
-        let now = middle(rig);
+        let now = held(rig);
         if let (Some(before), Some(now)) = (before, now) {
-            most = most.max(before.distance(now));
+            most = most.max(middle(before).distance(middle(now)));
+            let turn = angle_between(before.rotation, now.rotation);
+            assert!(turn < CUP_TURN, "{turn} at {}", rig.frames.len());
         }
         before = now;
     }
@@ -103,13 +109,12 @@ fn a_cup_stays_upright_on_the_way() {
     }
 }
 
-/// A rig whose cup's socket lets the arm swing.
-fn swinging() -> Rig {
+/// A rig whose cup is defined with `to` in place of `from`.
+fn with_cup_of(from: &str, to: &str) -> Rig {
     let pack = doll_pack();
     let known = definitions(&pack);
-    let text = CUP.replace("blend_frames = 4", "blend_frames = 4\nswings = true");
-    let cup = Definition::from_toml(&text, &pack).unwrap();
-    assert!(cup.sockets[0].swings);
+    assert!(CUP.contains(from));
+    let cup = Definition::from_toml(&CUP.replace(from, to), &pack).unwrap();
     let all = ["sign", "bench"].map(|name| (*known.get(name).unwrap().definition).clone());
     let definitions = Arc::new(Definitions::new([cup].into_iter().chain(all)).unwrap());
     let scene = Arc::new(SceneCell::new(room(&definitions)));
@@ -120,7 +125,10 @@ fn swinging() -> Rig {
 #[test]
 fn only_the_arm_is_bent_and_plans_never_see_it() {
     for swings in [false, true] {
-        let mut rig = if swings { swinging() } else { Rig::new() };
+        let mut rig = match swings {
+            true => with_cup_of("blend_frames = 4", "swings = true"),
+            false => Rig::new(),
+        };
         rig.interact("cup", "right").unwrap();
         rig.until(
             400,
@@ -173,6 +181,22 @@ fn what_is_carried_is_put_down_without_a_jump() {
     for joint in ARM {
         assert!(angle_between(first.rotations[joint], last.rotations[joint]) < 0.02);
     }
+}
+
+/// However long that takes, it turns in the hand at the end of it only.
+#[test]
+fn a_slow_hand_does_not_turn_what_it_puts_down_before_it_is_there() {
+    let mut rig = with_cup_of("name = \"put-down\"", "name = \"put-down\"\nframes = 40");
+    rig.interact("cup", "right").unwrap();
+    let lifted = |kind: &EventKind| matches!(kind, EventKind::Reached { set, .. } if set == "lift");
+    rig.until(400, lifted).expect("the cup is lifted");
+    rig.give(Intent::EndInteraction).unwrap();
+    let far = watch(&mut rig, 80);
+    assert!(far < CUP_STEP_M, "{far} m");
+    let told = rig.told();
+    let (entered, done) = (told[told.len() - 4], told[told.len() - 1]);
+    assert_eq!((entered.1, done.1), ("entered", "done"));
+    assert!(done.0 - entered.0 >= 40);
 }
 
 /// Whenever it is lifted or put down, a walk may begin; the cup is then held where the hand was, or where it was carried before.
