@@ -346,6 +346,56 @@ fn a_cup_is_taken_from_all_sides_carried_and_put_down() {
     assert!(middle.skate_mm < 9.0, "{all:?}");
 }
 
+/// How far a held object leans, degrees.
+fn lean(actor: &Actor<'_>) -> f32 {
+    let held = actor.character.held().unwrap();
+    (held.transform.rotation * Vec3::Y)
+        .angle_between(Vec3::Y)
+        .to_degrees()
+}
+
+#[test]
+fn a_cup_is_carried_off_upright() {
+    let mut studio = Studio::new();
+    for (variant, (x, z)) in [
+        ("upright", (0.0, 1.2)),
+        ("upright", (1.0, 0.5)),
+        ("bend", (-0.9, 0.4)),
+    ] {
+        let scene = column(&studio);
+        let mut actor = studio.actor(scene, "normal", Vec3::new(0.0, 0.0, 3.0), 3.1);
+        actor.run(5);
+        actor.interact("cup", variant);
+        let attached = |kind: &EventKind| matches!(kind, EventKind::Attached { .. });
+        let taken = actor.until(300, attached) as usize;
+        let mut slip = lean(&actor);
+        for _ in 0..4 {
+            actor.run(1);
+            slip = slip.max(lean(&actor));
+        }
+        let lifted = |kind: &EventKind| matches!(kind, EventKind::Reached { set, .. } if set == "lift");
+        actor.until(100, lifted);
+        actor.run(10);
+        let (from, before) = (actor.frames.len(), lean(&actor));
+        actor.walk(x, z);
+        let (mut least, mut most) = (before, before);
+        for _ in 0..60 {
+            actor.run(1);
+            let now = lean(&actor);
+            (least, most) = (least.min(now), most.max(now));
+        }
+        let quality = actor.quality(from - 5, actor.frames.len());
+        println!(
+            "{variant} to {x} {z}: taken at {taken}, leans by {slip:.1} degrees at most as it is taken, {before:.1} lifted, \
+             {least:.1} to {most:.1} on the way; {quality:?}"
+        );
+        // It stood on the column, and is held in front of the hips as it was lifted.
+        assert!(slip < 8.0 && before < 30.0, "{slip}, {before}");
+        assert!(most - before < 3.0 && before - least < 3.0, "{least} to {most}");
+        assert!(quality.most < 250.0 && quality.step < 0.3, "{quality:?}");
+    }
+}
+
 #[test]
 fn a_bow_at_the_sign() {
     let mut studio = Studio::new();

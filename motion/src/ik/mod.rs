@@ -33,7 +33,7 @@ use crate::skeleton::Skeleton;
 pub use limbs::{Leg, MAX_LEGS, arm_of, arms, legs};
 pub use lock::{FootLock, Locked, lock_feet};
 pub use reach::{ReachOptions, Reached, pose_at, reach_pose};
-pub use two_bone::two_bone;
+pub use two_bone::{two_bone, two_bone_soft};
 
 pub(crate) use lock::excess_height;
 pub(crate) use smooth::{cover, smooth, spans};

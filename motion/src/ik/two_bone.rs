@@ -54,7 +54,7 @@ pub fn two_bone(
 /// [`two_bone`] for a goal with the share of its length, less than 1, over which the limb eases towards its reach. At once,
 /// the middle joint would move with the square root of what is left to it: a goal that comes into reach makes it jump. In
 /// return the limb falls short of goals within that share. One that was straighter eases over what is left to it.
-pub(super) fn two_bone_soft(
+pub fn two_bone_soft(
     skeleton: &Skeleton,
     root: Vec3,
     rotations: &mut [Quat],

@@ -155,19 +155,18 @@ pub struct SocketDoc {
     /// The object's origin in the joint's frame, metres. Default: the joint.
     #[serde(default, skip_serializing_if = "is_default")]
     pub position_m: [f32; 3],
-    /// The object's rotation in the joint's frame: w, x, y, z. Default: none.
-    #[serde(default = "SocketDoc::no_rotation")]
-    pub rotation: [f32; 4],
+    /// The object's rotation in the joint's frame: w, x, y, z. Left out: as it was when it was taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<[f32; 4]>,
     /// Frames over which the object moves here. Default 4.
     #[serde(default = "SocketDoc::default_blend")]
     pub blend_frames: u32,
+    /// Whether the arm swings as in any walk while it carries the object. Default false: the hand stays where it is.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub swings: bool,
 }
 
 impl SocketDoc {
-    fn no_rotation() -> [f32; 4] {
-        [1.0, 0.0, 0.0, 0.0]
-    }
-
     fn default_blend() -> u32 {
         4
     }

@@ -131,12 +131,14 @@ fn check_approach(path: &Path<'_>, doc: &ApproachDoc) -> Result<Approach, FieldE
 
 fn check_socket(path: &Path<'_>, doc: &SocketDoc, skeleton: &Skeleton) -> Result<Socket, FieldError> {
     count(&path.field("blend_frames"), doc.blend_frames, 0, MAX_BLEND_FRAMES)?;
+    let turn = |given| rotation(&path.field("rotation"), given, "the rotation");
     Ok(Socket {
         name: doc.name.clone(),
         joint: joint(&path.field("joint"), &doc.joint, skeleton)?,
         position_m: vector(path, "position_m", doc.position_m, MAX_DISTANCE_M)?,
-        rotation: rotation(&path.field("rotation"), doc.rotation, "the rotation")?,
+        rotation: doc.rotation.map(turn).transpose()?,
         blend_frames: doc.blend_frames,
+        swings: doc.swings,
     })
 }
 

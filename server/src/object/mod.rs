@@ -137,10 +137,12 @@ pub struct Socket {
     pub joint: usize,
     /// The object's origin in the joint's frame, metres.
     pub position_m: Vec3,
-    /// The object's rotation in the joint's frame.
-    pub rotation: Quat,
+    /// The object's rotation in the joint's frame. `None`: as it was when it was taken.
+    pub rotation: Option<Quat>,
     /// Frames over which an object that is attached moves here from where it was.
     pub blend_frames: u32,
+    /// Whether the arm swings as in any walk while it carries the object; else the hand stays where it is.
+    pub swings: bool,
 }
 
 /// How the object is put down.

@@ -63,6 +63,22 @@ fn everything_is_read() {
 }
 
 #[test]
+fn a_socket_may_leave_the_turn_as_it_is() {
+    let socket = |text: &str| {
+        let cup = Definition::from_toml(text, &walker_pack()).unwrap();
+        let again = Definition::from_doc((*cup.doc).clone(), &walker_pack()).unwrap();
+        assert_eq!(cup.sockets, again.sockets);
+        cup.sockets[0].clone()
+    };
+    let given = socket(CUP);
+    assert!(given.rotation.is_some() && !given.swings);
+    let line = "rotation = [0.7071068, 0.7071068, 0.0, 0.0]";
+    assert!(CUP.contains(line));
+    let free = socket(&CUP.replace(line, "swings = true"));
+    assert!(free.rotation.is_none() && free.swings);
+}
+
+#[test]
 fn json_and_toml_say_the_same() {
     let (cup, pack) = (definition(), walker_pack());
     let again = Definition::from_json(&json(), &pack).unwrap();

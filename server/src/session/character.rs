@@ -1,8 +1,8 @@
 //! A character's state machine: commands, ticks and plans in; requests for plans and frames out. It knows no clock, no
 //! thread and no engine, so the same events give the same frames.
 //!
-//! In a scene, [`Act`] has the first word about every frame, and [`Footing`] lifts frames onto what is there to stand on: the
-//! buffer's heights count from a flat ground.
+//! In a scene, [`Act`] has the first word about every frame, [`Footing`] lifts frames onto what is there to stand on, for the
+//! buffer's heights count from a flat ground, and [`Carry`] bends an arm that carries something.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use troupe_motion::ik::Posed;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::act::{Act, Body, Footing, Next, SetPlan};
+use super::act::{Act, Body, Carry, Footing, Next, SetPlan};
 use super::budget::Pace;
 use super::buffer::{Frames, MotionBuffer};
 use super::inbox::Inbox;
@@ -39,6 +39,8 @@ pub struct Character {
     act: Option<Act>,
     /// What it stands on; none where that is the ground at height 0 always.
     footing: Option<Footing>,
+    /// How it carries what is in its hand.
+    carry: Carry,
     timeline: Timeline,
     /// How much of the crowd's pressure falls on it.
     stretch: f32,
@@ -102,6 +104,7 @@ impl Character {
             newest: None,
             footing: world.is_some().then(|| Footing::new(&pack.skeleton, level)),
             act: world.map(Act::new),
+            carry: Carry::default(),
             pack,
             options,
         };
@@ -149,6 +152,7 @@ impl Character {
             timeline: &mut self.timeline,
             locomotion: &mut self.locomotion,
             footing,
+            carry: &mut self.carry,
         };
         Some((act, body))
     }
@@ -264,16 +268,23 @@ impl Character {
         out.underrun = self.timeline.slowing();
     }
 
-    /// The motion at `cursor`, in sub-frames, as it is shown: the buffer's, lifted onto what the character stands on.
+    /// The motion at `cursor`, in sub-frames, as it is shown: the buffer's, lifted onto what the character stands on,
+    /// with the arm bent that carries something.
     fn shown(&self, cursor: i64, rotations: &mut Vec<Quat>) -> (Vec3, u8) {
         let (mut root, contacts) = self.timeline.buffer().sample(cursor, rotations);
-        if let Some(footing) = &self.footing {
-            let sub_frames = i64::from(SUB_FRAMES);
-            let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
-            let part = rest as f32 / SUB_FRAMES as f32;
-            footing.lift(&self.pack.skeleton, frame, part, &mut root, rotations);
-        }
+        let sub_frames = i64::from(SUB_FRAMES);
+        let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
+        self.dress(frame, rest as f32 / SUB_FRAMES as f32, &mut root, rotations);
         (root, contacts)
+    }
+
+    /// Makes a frame of the buffer, or what is `part` of the way (0 to 1) to the next, one that is shown.
+    fn dress(&self, frame: i64, part: f32, root: &mut Vec3, rotations: &mut [Quat]) {
+        let skeleton = &self.pack.skeleton;
+        if let Some(footing) = &self.footing {
+            footing.lift(skeleton, frame, part, root, rotations);
+            self.carry.bend(skeleton, frame, part, *root, rotations);
+        }
     }
 
     /// The frame that the cursor has reached.
@@ -310,11 +321,9 @@ impl Character {
         let last = first.saturating_add_unsigned(frames as u64).saturating_sub(1);
         let future = self.timeline.buffer().range(first, last);
         let (mut roots, mut rotations) = (future.roots.to_vec(), future.rotations.to_vec());
-        if let Some(footing) = &self.footing {
-            let poses = rotations.chunks_exact_mut(self.pack.skeleton.joint_count());
-            for (frame, (root, pose)) in (first..).zip(roots.iter_mut().zip(poses)) {
-                footing.lift(&self.pack.skeleton, frame, 0.0, root, pose);
-            }
+        let poses = rotations.chunks_exact_mut(self.pack.skeleton.joint_count());
+        for (frame, (root, pose)) in (first..).zip(roots.iter_mut().zip(poses)) {
+            self.dress(frame, 0.0, root, pose);
         }
         Peek {
             first_frame: first as u64,

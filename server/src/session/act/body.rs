@@ -5,7 +5,7 @@ use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::super::timeline::Timeline;
 use super::super::{CROSSFADE_FRAMES, CharacterOptions};
-use super::Footing;
+use super::{Carry, Footing};
 use crate::pack::Pack;
 use crate::primitives::{Locomotion, LocomotionCommand};
 use crate::scene::Scene;
@@ -20,6 +20,7 @@ pub(in crate::session) struct Body<'a> {
     pub(in crate::session) timeline: &'a mut Timeline,
     pub(in crate::session) locomotion: &'a mut Locomotion,
     pub(in crate::session) footing: &'a mut Footing,
+    pub(in crate::session) carry: &'a mut Carry,
 }
 
 /// One frame as it is shown.
@@ -43,8 +44,9 @@ impl Body<'_> {
         let buffer = self.timeline.buffer();
         let mut root = buffer.root(frame);
         let mut rotations = buffer.pose(frame).to_vec();
-        self.footing
-            .lift(&self.pack.skeleton, frame, 0.0, &mut root, &mut rotations);
+        let skeleton = &self.pack.skeleton;
+        self.footing.lift(skeleton, frame, 0.0, &mut root, &mut rotations);
+        self.carry.bend(skeleton, frame, 0.0, root, &mut rotations);
         Shown { root, rotations }
     }
 

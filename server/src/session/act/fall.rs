@@ -6,6 +6,7 @@ use troupe_motion::ik::Posed;
 
 use super::super::buffer::Frames;
 use super::super::{CROSSFADE_FRAMES, EventKind, FailReason};
+use super::carry::RAMP_FRAMES;
 use super::hand::Refused;
 use super::{Act, Body, Doing, Next};
 use crate::primitives::recipe::STANDING_MPS;
@@ -75,6 +76,7 @@ impl Act {
         body.timeline.forget_flight();
         body.timeline.put(frame, frames, false);
         body.footing.level_from(frame, floor);
+        body.carry.rest(frame, RAMP_FRAMES);
         let height_m = level - floor;
         let up = up_again(&fall);
         self.tell(

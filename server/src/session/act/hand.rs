@@ -27,6 +27,8 @@ pub(super) struct Hand {
     since: i64,
     /// Where it was then, in the joint's frame.
     from: Transform,
+    /// Where the socket has it, in the joint's frame.
+    held: Transform,
     /// The frame at which it is put down, and where it is then in the joint's frame.
     rest: Option<(i64, Transform)>,
 }
@@ -73,13 +75,15 @@ impl Hand {
             },
             message: error.to_string(),
         })?;
+        let from = joint(skeleton, of, posed).inverse() * there;
         Ok(Self {
             instance: Arc::clone(instance),
             definition: Arc::clone(definition),
             variant,
             socket,
             since: frame,
-            from: joint(skeleton, of, posed).inverse() * there,
+            from,
+            held: of.offset(from.rotation),
             rest: None,
         })
     }
@@ -98,11 +102,12 @@ impl Hand {
 
     /// Where the object is in the joint's frame.
     fn offset(&self, socket: &Socket, frame: f32) -> Transform {
-        let held = socket.offset_at(self.from, frame - self.since as f32);
+        let held = socket.offset_at(self.from, self.held, frame - self.since as f32);
         let Some((at, rest)) = self.rest else {
             return held;
         };
-        let share = smoothstep(((frame - (at as f32 - REST_FRAMES)) / REST_FRAMES).clamp(0.0, 1.0));
+        let share = (frame - (at as f32 - REST_FRAMES)) / REST_FRAMES;
+        let share = smoothstep(share.clamp(0.0, 1.0));
         Transform::new(
             held.position.lerp(rest.position, share),
             held.rotation.slerp(rest.rotation, share),
@@ -119,7 +124,7 @@ impl Hand {
     ) -> Option<(f32, Transform)> {
         let socket = self.socket()?;
         let joint = joint(skeleton, socket, posed);
-        let at = joint * socket.offset();
+        let at = joint * self.held;
         let placed = self.definition.place(scene, &self.instance, at).ok()?.transform;
         let middle = self.definition.body.volume.center();
         let lift = placed.point(middle).y - at.point(middle).y;

@@ -15,6 +15,7 @@
 
 mod aim;
 mod body;
+mod carry;
 mod check;
 mod fall;
 mod footing;
@@ -24,6 +25,8 @@ mod rise;
 mod sets;
 mod using;
 
+#[cfg(test)]
+mod carry_tests;
 #[cfg(test)]
 mod ground_tests;
 #[cfg(test)]
@@ -49,6 +52,7 @@ use crate::primitives::{LocomotionCommand, PlanTargets};
 use crate::scene::Scene;
 
 pub(super) use body::Body;
+pub(super) use carry::Carry;
 use fall::Fall;
 pub(super) use footing::Footing;
 use footing::Support;
@@ -360,6 +364,16 @@ impl Act {
 
     /// Decides about the frame that the cursor is at.
     pub(super) fn settle(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
+        let next = self.decide(frame, body);
+        self.settle_arm(frame, body);
+        next
+    }
+
+    fn settle_arm(&self, frame: i64, body: &mut Body<'_>) {
+        body.settle_arm(frame, self.hand.as_ref().and_then(Hand::socket));
+    }
+
+    fn decide(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
         let scene = self.world.scene.snapshot();
         self.watch_hand(&scene);
         if self.settle_rise(&scene, frame, body) {
@@ -425,6 +439,12 @@ impl Act {
             using.landed(number, off, (from, key));
         }
         self.turn_in_hand();
+        match &self.doing {
+            Doing::Using(using) if using.in_sets() => using.rest_arm(body),
+            Doing::Locomotion | Doing::Using(_) => body.carry.due(from),
+            Doing::Falling(_) => {}
+        }
+        self.settle_arm(body.carry.settled(), body);
         let scene = self.world.scene.snapshot();
         body.renew_footing(from, &scene);
     }

@@ -33,6 +33,7 @@ impl Act {
             return false;
         }
         body.timeline.forget_flight();
+        body.carry.due(splice);
         let upright = body.rise(splice);
         body.renew_footing(splice, scene);
         self.rises_until = Some(upright);

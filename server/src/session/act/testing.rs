@@ -124,7 +124,7 @@ pub(crate) fn doll_style() -> Arc<Style> {
 }
 
 /// A cup to take from a table, to carry and to put down.
-const CUP: &str = r#"
+pub(crate) const CUP: &str = r#"
 format = 1
 name = "cup"
 

@@ -10,10 +10,10 @@ use crate::primitives::object::KeyframeError;
 use crate::scene::{Holder, State, Transform};
 
 /// The most that a joint of a plain walk of these plans is accelerated by, m/s², and what else may come to it.
-const SMOOTH: f32 = 160.0;
+pub(super) const SMOOTH: f32 = 160.0;
 /// The farthest that a joint goes in a frame, metres. Walks of these plans that turn round come to 0.112: they have their full
 /// speed at once.
-const STEP: f32 = 0.12;
+pub(super) const STEP: f32 = 0.12;
 /// The same where a way to an object is broken off: plans to keyframes are a little faster in places than walks.
 const STEP_BACK: f32 = 0.13;
 
@@ -27,12 +27,12 @@ fn reached(rig: &Rig) -> Vec<(u64, String, KeyframeError, KeyframeError)> {
     rig.events.iter().filter_map(of).collect()
 }
 
-fn is_done(kind: &EventKind) -> bool {
+pub(super) fn is_done(kind: &EventKind) -> bool {
     matches!(kind, EventKind::Done { .. })
 }
 
 /// A rig that carries the cup, held until ended.
-fn with_cup() -> Rig {
+pub(super) fn with_cup() -> Rig {
     let mut rig = Rig::new();
     rig.interact("cup", "right").unwrap();
     let lifted = |kind: &EventKind| matches!(kind, EventKind::Reached { set, .. } if set == "lift");

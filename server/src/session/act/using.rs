@@ -138,6 +138,19 @@ impl Using {
         self.interaction.approaches()
     }
 
+    /// Whether the motion is that of a set, not of locomotion.
+    pub(super) fn in_sets(&self) -> bool {
+        !self.approaches() && !self.leaves()
+    }
+
+    /// An arm that carried something goes over to the motion that was made last, and meets its first keyframe.
+    pub(super) fn rest_arm(&self, body: &mut Body<'_>) {
+        if let Some(Made { stretch, keys, .. }) = self.made.last() {
+            let others = keys.len().saturating_sub(1) as i64;
+            body.carry.rest(stretch.from, stretch.key - others - stretch.from);
+        }
+    }
+
     /// Locomotion takes over, or has.
     pub(super) fn leaves(&self) -> bool {
         self.interaction.leaves()
@@ -471,6 +484,7 @@ impl Using {
             let key = prepared.write(set, still, body);
             body.renew_footing(splice, scene);
             self.made(prepared, Vec::new(), splice, key);
+            self.rest_arm(body);
             body.hold(splice);
             return Ok(Next::Wait);
         }

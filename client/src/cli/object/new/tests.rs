@@ -200,10 +200,11 @@ fn a_hand_takes_the_object_where_it_is() {
     let socket = &doc.sockets[0];
     assert_eq!((socket.name.as_str(), socket.joint.as_str()), ("hand", "Hand"));
     // Its middle, 6 cm over its origin, is 10 cm beyond the hand.
-    let held = from_wxyz(socket.rotation) * (Vec3::Y * 0.06) + Vec3::from(socket.position_m);
+    let rotation = from_wxyz(socket.rotation.unwrap());
+    let held = rotation * (Vec3::Y * 0.06) + Vec3::from(socket.position_m);
     assert!(near(&held.to_array(), &[0.0, -0.1, 0.0]), "{held}");
     // It is upright and faces the character where it is taken.
-    let turned = Quat::from_rotation_x(-1.5 * 0.55) * from_wxyz(socket.rotation);
+    let turned = Quat::from_rotation_x(-1.5 * 0.55) * rotation;
     assert!(
         angle_between(turned, yaw(std::f32::consts::PI)) < 1e-3,
         "{turned}"

@@ -273,8 +273,9 @@ impl<'a> Wish<'a> {
             name: self.socket_name(),
             joint: self.skeleton.joints[joint].name.clone(),
             position_m,
-            rotation,
+            rotation: Some(rotation),
             blend_frames: 4,
+            swings: false,
         })
     }
 }

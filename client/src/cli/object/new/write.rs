@@ -116,7 +116,12 @@ impl Text {
         self.string("name", &socket.name);
         self.string("joint", &socket.joint);
         self.numbers("position_m", &socket.position_m);
-        self.numbers("rotation", &socket.rotation);
+        if let Some(rotation) = &socket.rotation {
+            self.numbers("rotation", rotation);
+        }
+        if socket.swings {
+            self.line("swings = true");
+        }
     }
 
     fn variant(&mut self, variant: &VariantDoc) {
