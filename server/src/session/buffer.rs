@@ -252,9 +252,7 @@ impl MotionBuffer {
                 let old = self.rotations[(start + step) * joints + joint];
                 (old, plan.pose(step, joints)[joint])
             };
-            let apart = (0..fade)
-                .map(|step| both(step))
-                .map(|(old, new)| angle_between(old, new));
+            let apart = (0..fade).map(both).map(|(old, new)| angle_between(old, new));
             if fade < CROSSFADE_FRAMES || apart.fold(0.0, f32::max) <= FAR {
                 return Fade {
                     frames: fade,
