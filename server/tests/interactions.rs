@@ -228,3 +228,25 @@ async fn a_stream_tells_what_happens() {
         .unwrap();
     assert_eq!(kinds(&told), ["started", "entered", "reached"]);
 }
+
+/// Two want one object within one step: who asks at the earlier frame gets it, whoever is first in the request and whoever's plans
+/// come first.
+#[tokio::test]
+async fn the_earlier_frame_wins_within_a_step() {
+    for ids in [["a", "b"], ["b", "a"]] {
+        let server = yard(&["a", "b"]).await;
+        let at = |id: &str, frame: u64| v1::Command {
+            at_frame: Some(frame),
+            ..command(id, 1, interact("stool-1", ""))
+        };
+        let commands = vec![at("a", 40), at("b", 30)];
+        let answer = server.sessions().await.step(step(&ids, 60, commands)).await;
+        let answer = answer.unwrap().into_inner();
+        let told = |id: &str| {
+            let of = answer.events.iter().find(|of| of.session_id == id).unwrap();
+            (kinds(&of.events)[0], of.events[0].frame)
+        };
+        assert_eq!(told("b"), ("started", 30), "{answer:?}");
+        assert_eq!(told("a"), ("failed", 40), "{answer:?}");
+    }
+}

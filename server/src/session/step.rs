@@ -2,8 +2,11 @@
 //!
 //! Every character runs until it is done or needs a plan; then all plans that are missing are waited for together, and
 //! so on. Plans of one round travel in the same batches.
+//!
+//! Characters that share a scene go frame by frame, in the order of their names: who gets an object, and what stands in
+//! whose way, must not depend on whose plan came first.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -85,8 +88,8 @@ struct Walker {
     /// Its block and its place there.
     block: usize,
     place: usize,
-    /// Whether what an earlier, interrupted step left over is done.
-    settled: bool,
+    /// Whether a frame has begun that is not written: it lacks a plan.
+    begun: bool,
     /// Frames written so far.
     done: usize,
     trouble: Option<ApiError>,
@@ -117,25 +120,36 @@ pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String],
 
     let mut out = FrameOut::default();
     let mut written = 0;
-    let mut going: Vec<usize> = (0..walkers.len()).collect();
+    let mut going = groups(&walkers);
     while !going.is_empty() {
         let mut waiting = Vec::new();
-        for index in going {
-            let walker = &mut walkers[index];
-            if walker.run(&plan, &mut writers[walker.block], &mut out, &mut written) {
-                waiting.push(index);
+        for group in going {
+            let mut waits_for = None;
+            // Alone a character goes as far as it comes, with others frame by frame.
+            let frames_at_once = if group.len() == 1 { plan.frames } else { 1 };
+            while waits_for.is_none()
+                && let Some(until) = next_stop(&walkers, &group, plan.frames, frames_at_once)
+            {
+                for &index in &group {
+                    let walker = &mut walkers[index];
+                    if walker.run(&plan, until, &mut writers[walker.block], &mut out, &mut written) {
+                        waits_for = Some(index);
+                        break;
+                    }
+                }
+                if written >= FRAMES_A_TURN {
+                    written = 0;
+                    tokio::task::yield_now().await;
+                }
             }
-            if written >= FRAMES_A_TURN {
-                written = 0;
-                tokio::task::yield_now().await;
-            }
+            waiting.extend(waits_for.map(|index| (index, group)));
         }
         let since = Instant::now();
-        for &index in &waiting {
-            walkers[index].held.cell().changed().await;
+        for (index, _) in &waiting {
+            walkers[*index].held.cell().changed().await;
         }
         stepped.waited += since.elapsed();
-        going = waiting;
+        going = waiting.into_iter().map(|(_, group)| group).collect();
     }
     finish(walkers, writers, &blocks, plan.frames, &mut stepped);
     stepped
@@ -180,7 +194,7 @@ fn gather(
             held,
             block,
             place: blocks[block].1,
-            settled: false,
+            begun: false,
             done: 0,
             trouble: None,
         });
@@ -189,15 +203,45 @@ fn gather(
     (walkers, blocks)
 }
 
+/// Walkers that go on together: those of one scene, by name, and each of the others alone.
+fn groups(walkers: &[Walker]) -> Vec<Vec<usize>> {
+    let mut groups = Vec::with_capacity(walkers.len());
+    let mut scenes: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (index, walker) in walkers.iter().enumerate() {
+        match walker.held.cell().scene() {
+            Some(scene) => scenes.entry(scene).or_default().push(index),
+            None => groups.push(vec![index]),
+        }
+    }
+    for mut group in scenes.into_values() {
+        group.sort_by_key(|&index| walkers[index].held.cell().id());
+        groups.push(group);
+    }
+    groups
+}
+
+/// How far a group goes next, frames of the step: `frames_at_once` beyond the one that is last. `None`: all are there.
+fn next_stop(walkers: &[Walker], group: &[usize], frames: usize, frames_at_once: usize) -> Option<usize> {
+    let going = group.iter().map(|&index| &walkers[index]);
+    let going = going.filter(|walker| walker.trouble.is_none() && walker.done < frames);
+    let last = going.map(|walker| walker.done).min()?;
+    Some((last + frames_at_once).min(frames))
+}
+
 impl Walker {
-    /// Runs until the character is done, cannot be served, or needs a plan; answers whether it is the last.
+    /// Runs until the character has done `until` frames of the step, cannot be served, or needs a plan; answers whether it is the
+    /// last.
     fn run(
         &mut self,
         plan: &StepPlan,
+        until: usize,
         writer: &mut BlockWriter,
         out: &mut FrameOut,
         written: &mut usize,
     ) -> bool {
+        if self.trouble.is_some() || self.done >= until {
+            return false;
+        }
         let cell = self.held.cell().clone();
         let slot = self.slot;
         if let Some(error) = cell.gone(&|| format!("session_ids[{slot}]")) {
@@ -216,7 +260,7 @@ impl Walker {
                 self.trouble = trouble(live.trouble.as_ref());
                 return self.trouble.is_none();
             }
-            if self.settled {
+            if std::mem::take(&mut self.begun) {
                 live.character.sample(out);
                 writer.write(
                     (self.place, self.done),
@@ -227,10 +271,10 @@ impl Walker {
                 self.done += 1;
                 *written += 1;
             }
-            self.settled = true;
-            if self.done == plan.frames {
+            if self.done >= until {
                 return false;
             }
+            self.begun = true;
             moved = live.character.advance(plan.sub_frames, Clock::Waits);
         }
     }
