@@ -190,10 +190,11 @@ impl Character {
         act.held(&self.pack, self.timeline.cursor(), Posed { root, rotations })
     }
 
-    /// Takes the character out of its scene for good, as its session ends: whatever it reserved or holds there is free.
+    /// Takes the character out of its scene for good, as its session ends: what it holds is put down, what it reserved is free.
     pub fn leave(&mut self) {
+        let held = self.held().map(|held| held.transform);
         if let Some(act) = self.act.take() {
-            act.leave();
+            act.leave(held);
         }
     }
 

@@ -49,7 +49,7 @@ use crate::pack::Pack;
 use crate::primitives::object::KeyframeError;
 use crate::primitives::object::recipe::LOW_HIPS_M;
 use crate::primitives::{LocomotionCommand, PlanTargets};
-use crate::scene::Scene;
+use crate::scene::{Scene, Transform};
 
 pub(super) use body::Body;
 pub(super) use carry::Carry;
@@ -158,8 +158,11 @@ impl Act {
         self.hand.is_some()
     }
 
-    /// Frees all that the character has in the scene.
-    pub(super) fn leave(self) {
+    /// Puts down what is in the hand, which is at `held`, and frees all that the character has in the scene.
+    pub(super) fn leave(self, held: Option<Transform>) {
+        if let (Some(hand), Some(at)) = (&self.hand, held) {
+            hand.let_go(&self.world, at);
+        }
         let World { scene, holder, .. } = self.world;
         if scene.snapshot().of_holder(&holder).next().is_some() {
             scene.free_all(&holder);

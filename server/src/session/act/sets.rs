@@ -173,6 +173,23 @@ impl Prepared {
         suits_stance(set, &self.keys, body.flat(self.splice)) || self.is_there(set, body)
     }
 
+    /// Refuses a keyframe that is more than `farthest_m` away.
+    pub(super) fn check_way(&self, set: &Set, farthest_m: f32, body: &Body<'_>) -> Result<(), Refused> {
+        let from = body.flat(self.splice).root;
+        let ways = self.keys.iter().map(|key| (key.root - from).with_y(0.0).length());
+        let way = ways.fold(0.0, f32::max);
+        match way <= farthest_m {
+            true => Ok(()),
+            false => Err(Refused {
+                reason: FailReason::OutOfReach,
+                message: format!(
+                    "set {:?}: its keyframe is {way:.1} m away; allowed: up to {farthest_m} m",
+                    set.name
+                ),
+            }),
+        }
+    }
+
     /// Whether the character stopped for the set and stands where its keyframe is, but for a small step or turn. The networks fill
     /// so short a way with gestures: an arm goes up before somebody sits down.
     fn is_there(&self, set: &Set, body: &Body<'_>) -> bool {

@@ -498,6 +498,61 @@ fn it_follows_an_object_that_is_moved_before_its_keyframe() {
     );
 }
 
+/// A seat that is pulled away, before or after somebody sits on it, is not followed: it fails, and who sat stands up.
+#[test]
+fn a_seat_that_is_moved_away_is_not_gone_along_with() {
+    let reached = {
+        let mut rig = Rig::new();
+        rig.interact("bench", "").unwrap();
+        let sits = |kind: &EventKind| matches!(kind, EventKind::Reached { set, .. } if set == "sit");
+        rig.until(500, sits).unwrap() as usize
+    };
+    for (frames, to) in [(reached + 20, 0.1), (reached + 20, 5.0), (reached - 20, 5.0)] {
+        let mut rig = Rig::new();
+        rig.interact("bench", "").unwrap();
+        rig.run(frames);
+        let stood = rig.frames.last().unwrap().root;
+        rig.move_object("bench", Vec3::new(to, 0.2, -3.0));
+        rig.run(90);
+        let failed = rig.events.iter().find_map(|event| match event.kind {
+            EventKind::Failed { reason, .. } => Some(reason),
+            _ => None,
+        });
+        assert_eq!(
+            failed,
+            Some(FailReason::Moved),
+            "{frames}, {to}: {:?}",
+            rig.words()
+        );
+        let root = rig.frames.last().unwrap().root;
+        assert!((root.y - 0.9).abs() < 0.05, "it stands: {root}");
+        assert!((root - stood).with_y(0.0).length() < 0.6, "where it was: {root}");
+        let (acceleration, step) = rig.roughness(0);
+        assert!(
+            acceleration < SMOOTH && step < STEP,
+            "{frames}, {to}: {acceleration} m/s², {step} m"
+        );
+    }
+}
+
+/// What is in the hand of a session that ends is put down where it is.
+#[test]
+fn what_is_carried_is_put_down_at_the_end() {
+    let mut rig = with_cup();
+    rig.walk(-1.2, 0.0);
+    rig.run(60);
+    let held = rig.character.held().unwrap().transform.position;
+    assert!(held.x < -1.0, "it was carried: {held}");
+    rig.character.leave();
+    let cup = rig.object("cup");
+    assert_eq!(cup.state, State::Free);
+    let lies = cup.transform.position;
+    assert!(
+        (lies - held).with_y(0.0).length() < 0.1 && lies.y.abs() < 1e-3,
+        "{lies}"
+    );
+}
+
 #[test]
 fn an_object_that_is_moved_too_late_is_missed() {
     let key = {

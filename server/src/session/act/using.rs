@@ -19,6 +19,11 @@ use crate::scene::{Instance, Scene, State, Transform};
 
 /// An object that moves by more than this has moved: metres and radians.
 const MOVED: (f32, f32) = (0.02, 0.035);
+/// One that is moved farther than this while it is used is not followed, metres: motions to its keyframes are short.
+const FOLLOW_M: f32 = 0.5;
+/// A keyframe that is farther from where its motion starts than this is not gone to, metres: without the networks, and with them. A
+/// step and a stretch, and two seconds of a quick walk.
+const FARTHEST_M: (f32, f32) = (1.2, 4.0);
 /// Plans that may fail one after the other.
 const MAX_FAILURES: u32 = 3;
 /// Frames between looks for what has come in the way.
@@ -244,6 +249,12 @@ impl Using {
         next.or(now.map(|(now, _)| now)).map(|stretch| stretch.key)
     }
 
+    /// Whether it is in a set that is given from the object, the keyframe of which was reached.
+    fn is_at_object(&self) -> bool {
+        let now = self.interaction.now();
+        now.is_some_and(|(now, _)| self.set(now.set).is_some_and(|set| set.origin == Origin::Object))
+    }
+
     /// Whether the plan that is on its way follows where the object is.
     fn awaits_motion_that_follows(&self) -> bool {
         let set = self.asked.as_ref().and_then(|asked| self.set(asked.prepared.set));
@@ -341,15 +352,23 @@ impl Using {
             // It is known when it comes which frames it has.
             return Ok(());
         }
+        let moved = |how: &str| Refused {
+            reason: FailReason::Moved,
+            message: format!("object {:?} was moved {how}", self.instance),
+        };
         let Some(key) = self.follows() else {
+            // Who sits on it, or stands where it had it stand, cannot go with it.
+            if self.is_at_object() {
+                return Err(moved("while it was used"));
+            }
             self.object = there.transform;
             return Ok(());
         };
+        if self.object.position.distance(there.transform.position) > FOLLOW_M {
+            return Err(moved(&format!("by more than {FOLLOW_M} m while it was used")));
+        }
         if key - (frame + body.timeline.look_ahead()) < REPLAN_LEFT_FRAMES {
-            return Err(Refused {
-                reason: FailReason::Moved,
-                message: format!("object {:?} was moved too late to follow it", self.instance),
-            });
+            return Err(moved("too late to follow it"));
         }
         self.interaction.on(Input::Again, &mut self.outputs);
         // Where the set before is under way too, the next look has it made anew as well.
@@ -480,7 +499,9 @@ impl Using {
         let Some(set) = definition.sets.get(set) else {
             return Ok(Next::Wait);
         };
-        if prepared.is_stance(set, body) {
+        let is_stance = prepared.is_stance(set, body);
+        prepared.check_way(set, if is_stance { FARTHEST_M.0 } else { FARTHEST_M.1 }, body)?;
+        if is_stance {
             let key = prepared.write(set, still, body);
             body.renew_footing(splice, scene);
             self.made(prepared, Vec::new(), splice, key);
