@@ -20,7 +20,7 @@ use super::matching::Matcher;
 use super::reach::{self, Feasible};
 use super::recipe::{
     ANCHOR_AFTER_S, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO, HORIZON_S,
-    SIDE_ANGLE, SIDE_PARTS, STANDING_MPS, STEP_FRAMES, STEP_MARGIN_FRAMES, STEP_TURN, TARGET_KEYS,
+    SIDE_ANGLE, SIDE_PARTS, STANDING_MPS, STEP_FRAMES, STEP_MARGIN_FRAMES, STEP_TURN, STILL, TARGET_KEYS,
 };
 use super::{CONTEXT_FRAMES, GapPose, Guide, LocomotionCommand, PlanContext, PlanTargets, TargetKey};
 use crate::style::cycles::Moment;
@@ -363,9 +363,16 @@ impl Plan<'_> {
         }
     }
 
-    /// Poses in the gap of a character that moves.
+    /// Whether it stands already, and only goes on standing.
+    fn stands(&self) -> bool {
+        let turns = self.turn.at(self.horizon_s).0 - self.turn.at(0.0).0;
+        self.context.velocity.with_y(0.0).length() < STILL.0 && turns.abs() < STILL.1
+    }
+
+    /// Poses in the gap: of a character that moves, or stands. One that comes to a stop has none, for its feet step as they must.
+    /// The data's stands are full of gestures, and the networks fill one with them that is left to them.
     fn gap_poses(&self) -> Vec<GapPose> {
-        if self.feasible.velocity == Vec3::ZERO {
+        if self.feasible.velocity == Vec3::ZERO && !self.stands() {
             return Vec::new();
         }
         let local = yaw(-self.feasible.facing) * self.feasible.velocity;

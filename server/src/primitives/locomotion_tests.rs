@@ -319,6 +319,35 @@ fn stopping_comes_to_rest_and_is_held_after_a_second() {
     assert!((x(&mut locomotion, 0.5, 914) - 0.5).abs() < 1e-5);
 }
 
+/// Frames of the poses in the gap.
+fn poses_at(plan: &PlanTargets) -> Vec<usize> {
+    plan.gap_poses.iter().map(|pose| pose.frame).collect()
+}
+
+/// Those of one who stands.
+const STANDS: [usize; 1] = [18];
+
+#[test]
+fn one_who_stands_is_not_left_to_gestures() {
+    let style = style();
+    let plan = |speed: f32, heading: f32, facing: f32| {
+        let scene = Scene::new(&style, Vec3::ZERO, heading, speed, 0.0);
+        Locomotion::new(0, heading, FPS, command(&style, 0.0, 0.0, Some(facing))).plan(&scene.at(4))
+    };
+    let stands = plan(0.0, 0.4, 0.4);
+    assert_eq!(poses_at(&stands), STANDS);
+    let heading = heading_of(stands.gap_poses[0].rotations[0], Vec3::X);
+    assert!((heading - 0.4).abs() < 0.2, "{heading}");
+    assert!(
+        poses_at(&plan(0.6, 0.4, 0.4)).is_empty(),
+        "one who comes to a stop steps as it must"
+    );
+    assert!(
+        !poses_at(&plan(0.0, 0.4, 0.7)).contains(&STANDS[0]),
+        "and so does one who turns"
+    );
+}
+
 #[test]
 fn standing_faces_where_it_is_told_to_or_where_it_does() {
     let style = style();
@@ -349,7 +378,11 @@ fn a_turn_on_the_spot_is_made_in_steps_where_no_gait_turns() {
     }
     // Later plans have only the steps that are still to come, and small turns have none.
     assert_eq!(locomotion.plan(&scene.at(43)).gap_poses.len(), 1);
-    assert!(locomotion.plan(&scene.at(52)).gap_poses.is_empty());
+    assert_eq!(
+        poses_at(&locomotion.plan(&scene.at(52))),
+        STANDS,
+        "it only stands"
+    );
     locomotion.set_command(60, command(&style, 0.0, 0.0, Some(FRAC_PI_2 - 0.3)));
     assert!(locomotion.plan(&scene.at(64)).gap_poses.is_empty());
     // A style with a gait for it needs none.

@@ -27,6 +27,8 @@ pub const RESYNC_TURN: f32 = 120.0 * DEGREE;
 
 /// A command slower than this stands, m/s.
 pub const STANDING_MPS: f32 = 0.05;
+/// A character that is slower than the first (m/s) and turns by less than the second (radians) stands, if it is to.
+pub const STILL: (f32, f32) = (0.12, 0.15);
 /// Below this speed (m/s) a gait fades into standing, so that no speed has a jump.
 pub const STARTING_MPS: f32 = 0.15;
 /// Seconds of standing after which the root is held where it is: without, it drifts by 1 to 16 cm a minute.
