@@ -28,6 +28,8 @@ mod using;
 #[cfg(test)]
 mod carry_tests;
 #[cfg(test)]
+mod command_tests;
+#[cfg(test)]
 mod ground_tests;
 #[cfg(test)]
 mod random_tests;
