@@ -1,9 +1,9 @@
 //! Commands that come together or twice, objects that go away while they are carried, and the order of what is told.
 
-use super::super::Intent;
+use super::super::{EventKind, FailReason, Intent};
 use super::testing::*;
 use super::tests::{is_done, with_cup};
-use crate::scene::State;
+use crate::scene::{Scene, State};
 
 /// A rig that goes about with the cup in its hand.
 fn carrying() -> Rig {
@@ -12,6 +12,14 @@ fn carrying() -> Rig {
     rig.run(20);
     assert_eq!(rig.words().last(), Some(&"interrupted"));
     rig
+}
+
+/// The last that was told, where that is a failure.
+fn last_failure(rig: &Rig) -> Option<FailReason> {
+    match &rig.events.last()?.kind {
+        EventKind::Failed { reason, .. } => Some(*reason),
+        _ => None,
+    }
 }
 
 fn walks(rig: &Rig) -> bool {
@@ -71,4 +79,34 @@ fn what_was_to_be_used_gives_way_to_a_newer_command() {
     rig.give(Intent::Cancel).unwrap();
     rig.run(1);
     assert!(rig.words().is_empty(), "{:?}", rig.told());
+}
+
+#[test]
+fn what_is_taken_out_of_the_scene_while_it_is_carried_is_told() {
+    let mut rig = carrying();
+    rig.scene.update(|scene| scene.remove("cup")).unwrap();
+    rig.run(20);
+    assert_eq!(last_failure(&rig), Some(FailReason::Removed), "{:?}", rig.told());
+    assert!(rig.character.held().is_none() && walks(&rig));
+    let told = rig.words().iter().filter(|&&word| word == "failed").count();
+    assert_eq!(told, 1);
+}
+
+/// A scene that is put again has everything free.
+#[test]
+fn a_scene_that_is_put_again_takes_what_is_carried() {
+    let mut carried = carrying();
+    let mut held = with_cup();
+    for rig in [&mut carried, &mut held] {
+        let anew = room(&rig.definitions);
+        let put = |scene: &mut Scene| {
+            *scene = anew;
+            Ok::<_, ()>(())
+        };
+        rig.scene.update(put).unwrap();
+        rig.run(5);
+        assert_eq!(last_failure(rig), Some(FailReason::Removed), "{:?}", rig.told());
+        assert!(rig.character.held().is_none());
+        assert_eq!(rig.object("cup").state, State::Free);
+    }
 }

@@ -377,7 +377,7 @@ impl Act {
 
     fn decide(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
         let scene = self.world.scene.snapshot();
-        self.watch_hand(&scene);
+        self.watch_hand(&scene, frame, body);
         if self.settle_rise(&scene, frame, body) {
             return Next::Wait;
         }
@@ -391,14 +391,29 @@ impl Act {
         }
     }
 
-    /// What was taken out of the scene is in nobody's hand any more.
-    fn watch_hand(&mut self, scene: &Scene) {
-        let held = |hand: &Hand| {
+    /// What was taken out of the scene, or put there anew, is in nobody's hand any more; that ends its use too.
+    fn watch_hand(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) {
+        let lost = |hand: &mut Hand| {
             let there = scene.instance(&hand.instance);
-            there.is_some_and(|it| it.state.holder() == Some(&self.world.holder))
+            there.is_none_or(|it| it.state.holder() != Some(&self.world.holder))
         };
-        if self.hand.as_ref().is_some_and(|hand| !held(hand)) {
-            self.hand = None;
+        let Some(Hand { instance, .. }) = self.hand.take_if(lost) else {
+            return;
+        };
+        let reason = FailReason::Removed;
+        let message = format!("object {instance:?} was taken out of the scene, and of the hand");
+        match &self.doing {
+            Doing::Using(using) if *using.instance() == instance => {
+                self.fail(frame, body, Refused { reason, message });
+            }
+            _ => self.tell(
+                frame,
+                EventKind::Failed {
+                    instance,
+                    reason,
+                    message,
+                },
+            ),
         }
     }
 
