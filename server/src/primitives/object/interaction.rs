@@ -67,6 +67,18 @@ pub enum Output {
     Over(Frame),
 }
 
+impl Output {
+    /// The same, at frame `now` where it is to happen later.
+    pub fn no_later_than(self, now: Frame) -> Self {
+        match self {
+            Self::Entered(at, set) => Self::Entered(at.min(now), set),
+            Self::Reached(at, set) => Self::Reached(at.min(now), set),
+            Self::Left(at, set) => Self::Left(at.min(now), set),
+            Self::Over(at) => Self::Over(at.min(now)),
+        }
+    }
+}
+
 /// What motion is wanted next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Want {

@@ -110,3 +110,29 @@ fn a_scene_that_is_put_again_takes_what_is_carried() {
         assert_eq!(rig.object("cup").state, State::Free);
     }
 }
+
+/// Where locomotion takes over already, another command ends what is left of an interaction at once.
+#[test]
+fn what_happens_is_told_in_order() {
+    let length = {
+        let mut rig = Rig::new();
+        rig.interact("sign", "nod").unwrap();
+        rig.until(500, is_done).unwrap() as usize
+    };
+    for stop in length - 10..length + 2 {
+        let mut rig = Rig::new();
+        rig.interact("sign", "nod").unwrap();
+        rig.run(stop);
+        let now = rig.character.frame();
+        rig.interact("cup", "right").unwrap();
+        rig.run(1);
+        assert_eq!(rig.words().last(), Some(&"started"));
+        let frames: Vec<_> = rig.told().into_iter().map(|(frame, _)| frame).collect();
+        assert!(frames.is_sorted(), "at {stop}: {:?}", rig.told());
+        assert!(
+            frames.iter().all(|&frame| frame <= now + 1),
+            "at {stop}: {:?}",
+            rig.told()
+        );
+    }
+}

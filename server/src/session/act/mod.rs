@@ -91,6 +91,8 @@ pub(super) struct Act {
     /// What a command asked for during a fall.
     waiting: Option<Intent>,
     events: Vec<CharacterEvent>,
+    /// Frame of the last event.
+    told: u64,
     /// Interactions that began so far.
     begun: u64,
 }
@@ -112,6 +114,7 @@ impl Act {
             rises_until: None,
             waiting: None,
             events: Vec::new(),
+            told: 0,
             begun: 0,
         }
     }
@@ -132,8 +135,10 @@ impl Act {
         into.append(&mut self.events);
     }
 
+    /// Events are told in the order of their frames: keyframes of a set, which are told with its last, may have been overtaken.
     fn tell(&mut self, frame: i64, kind: EventKind) {
-        let frame = frame.max(0) as u64;
+        let frame = self.told.max(frame.max(0) as u64);
+        self.told = frame;
         self.events.push(CharacterEvent { frame, kind });
     }
 
@@ -278,9 +283,10 @@ impl Act {
         true
     }
 
-    /// Has an interaction that locomotion takes over from come to its end at once.
+    /// Has an interaction that locomotion takes over from come to its end at once: what was to happen in the frames to come
+    /// happens in this one.
     fn go_through(&mut self, frame: i64, body: &mut Body<'_>) {
-        if let Err(refused) = self.pass(i64::MAX, body) {
+        if let Err(refused) = self.pass_to(i64::MAX, frame, body) {
             self.fail(frame, body, refused);
         }
     }
