@@ -164,6 +164,30 @@ async fn an_object_is_used_and_left_again() {
 }
 
 #[tokio::test]
+async fn a_session_has_places_for_so_many_commands_that_wait() {
+    let server = yard(&["a"]).await;
+    let mut client = server.sessions().await;
+    let later = |sequence| v1::Command {
+        at_frame: Some(1000),
+        ..command("a", sequence, Intent::Drop(v1::DropHeld {}))
+    };
+    let commands = (1..=9).map(later).chain([walk("a", 10, (0.0, 1.0))]).collect();
+    let answer = client.step(step(&["a"], 1, commands)).await.unwrap().into_inner();
+    let mut results = answer.command_results;
+    let full = results.remove(8).problem.unwrap();
+    assert_eq!(
+        (full.reason.as_str(), full.field.as_str()),
+        ("TOO_MANY_COMMANDS", "commands[8].intent")
+    );
+    assert!(full.message.contains("at most 8"), "{}", full.message);
+    assert!(
+        results
+            .iter()
+            .all(|result| result.status() == v1::CommandStatus::Accepted)
+    );
+}
+
+#[tokio::test]
 async fn a_command_breaks_off_and_a_session_that_ends_frees_what_it_had() {
     let server = yard(&["a"]).await;
     let mut client = server.sessions().await;

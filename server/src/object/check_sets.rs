@@ -24,11 +24,16 @@ pub(super) fn check_sets(
     pack: &Pack,
 ) -> Result<Vec<Set>, FieldError> {
     named(path, "sets", &doc.sets, 1, MAX_SETS, |set| &set.name)?
-        .map(|(path, set)| check_set(&path, set, sockets, pack))
+        .map(|(path, set)| check_set(&path, set, (sockets, doc.shared), pack))
         .collect()
 }
 
-fn check_set(path: &Path<'_>, doc: &SetDoc, sockets: &[Socket], pack: &Pack) -> Result<Set, FieldError> {
+fn check_set(
+    path: &Path<'_>,
+    doc: &SetDoc,
+    (sockets, shared): (&[Socket], bool),
+    pack: &Pack,
+) -> Result<Set, FieldError> {
     let most = MAX_KEYFRAMES.min(pack.dims.max_targets);
     entries(&path.field("keyframes"), doc.keyframes.len(), 1, most)?;
     entries(&path.field("events"), doc.events.len(), 0, MAX_EVENTS)?;
@@ -54,7 +59,7 @@ fn check_set(path: &Path<'_>, doc: &SetDoc, sockets: &[Socket], pack: &Pack) -> 
         }
     };
     let events = (doc.events.iter().enumerate())
-        .map(|(index, event)| check_event(&path.element("events", index), event, sockets))
+        .map(|(index, event)| check_event(&path.element("events", index), event, sockets, shared))
         .collect::<Result<_, _>>()?;
     let keyframes = (doc.keyframes.iter().enumerate())
         .map(|(index, key)| check_keyframe(&path.element("keyframes", index), key, doc.origin, pack))
@@ -72,8 +77,19 @@ fn check_set(path: &Path<'_>, doc: &SetDoc, sockets: &[Socket], pack: &Pack) -> 
     })
 }
 
-fn check_event(path: &Path<'_>, doc: &EventDoc, sockets: &[Socket]) -> Result<Event, FieldError> {
+fn check_event(
+    path: &Path<'_>,
+    doc: &EventDoc,
+    sockets: &[Socket],
+    shared: bool,
+) -> Result<Event, FieldError> {
     let action = match (&doc.attach, doc.release) {
+        (Some(name), false) if shared => {
+            return Err(path.field("attach").error(
+                format!("is {name:?} for an object that is shared, which nobody takes"),
+                "no attach, or shared = false",
+            ));
+        }
         (Some(name), false) => {
             let index = sockets.iter().position(|socket| socket.name == *name);
             Action::Attach(index.ok_or_else(|| {

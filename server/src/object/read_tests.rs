@@ -210,6 +210,11 @@ const WRONG: &[(&str, &str, &str)] = &[
         "sets[0].events[0].attach: is \"hand\", which is no socket; allowed: foot",
     ),
     (
+        "description = \"A",
+        "shared = true\ndescription = \"A",
+        "sets[0].events[0].attach: is \"foot\" for an object that is shared, which nobody takes; allowed: no attach, or shared = false",
+    ),
+    (
         "{ release = true }",
         "{ release = true, attach = \"foot\" }",
         "sets[3].events[0]: has both attach and release",

@@ -115,7 +115,7 @@ impl Character {
         character
     }
 
-    /// Gives a command, to hold from `at_frame` on. Without it, or where that frame is past: from the next frame that the
+    /// Gives a command, to hold from `at_frame` on, after those before it. Without it, or where that frame is past: from the next frame that the
     /// cursor leaves in [`Clock::Waits`], or reaches in [`Clock::Runs`].
     ///
     /// # Errors
@@ -129,6 +129,7 @@ impl Character {
         let now = self.timeline.frame() as u64;
         let at = at_frame.unwrap_or(now).max(now);
         if sequence > self.inbox.last_sequence() {
+            self.inbox.check(&intent)?;
             self.check(&intent)?;
         }
         Ok(self.inbox.offer(sequence, at, intent))
@@ -337,7 +338,7 @@ impl Character {
         }
     }
 
-    /// The command that waits for its frame, or the current one where no plan was asked for with it yet.
+    /// The first of the commands that wait for their frames, or the current one where no plan was asked for with it yet.
     fn waiting(&self) -> Option<WaitingCommand> {
         self.inbox.waiting().cloned().or_else(|| {
             let (sequence, frame) = self.current;
@@ -349,12 +350,12 @@ impl Character {
         })
     }
 
-    /// Decides about the frame that the cursor is at: which command holds, and whether to ask for a plan.
+    /// Decides about the frame that the cursor is at: which commands hold, and whether to ask for a plan.
     fn settle(&mut self, frame: i64, clock: Clock) {
-        if let Some(due) = self.inbox.take_due(frame as u64)
-            && self.take_up(due.intent, frame)
-        {
-            self.current = (due.sequence, frame as u64);
+        while let Some(due) = self.inbox.take_due(frame as u64) {
+            if self.take_up(due.intent, frame) {
+                self.current = (due.sequence, frame as u64);
+            }
         }
         let next = match self.acting() {
             Some((act, mut body)) => act.settle(frame, &mut body),

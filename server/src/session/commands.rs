@@ -149,6 +149,7 @@ fn interact(path: &Path<'_>, asked: &v1::Interact) -> Result<Intent, FieldError>
 fn refused(path: &Path<'_>, refusal: Refusal) -> ApiError {
     let interact = path.field("interact");
     let field = match &refusal {
+        Refusal::TooManyCommands => path.field("intent"),
         Refusal::UnknownVariant { .. } => interact.field("variant"),
         Refusal::UnknownApproach { .. } => interact.field("approach"),
         _ => interact.field("instance"),

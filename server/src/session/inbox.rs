@@ -1,14 +1,20 @@
-//! Commands by their sequence numbers, and the one that waits for its frame.
+//! Commands by their sequence numbers, and those that wait for their frames.
 
 use std::cmp::Ordering;
 
-use super::{CommandOutcome, Intent, WaitingCommand};
+use super::{CommandOutcome, Intent, Refusal, WaitingCommand};
 
-/// Takes every command once and in order; holds at most one.
+/// Most commands of a session that wait for their frames, beside the one to move over the ground.
+pub const MAX_WAITING_COMMANDS: usize = 8;
+
+/// Takes every command once and in order. The newest to move over the ground is all there is to say about that; everything
+/// else is done once each, so none of it takes the place of another.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Inbox {
     last_sequence: u64,
-    waiting: Option<WaitingCommand>,
+    locomote: Option<WaitingCommand>,
+    /// All but locomotion, at most [`MAX_WAITING_COMMANDS`], in order of their numbers.
+    others: Vec<WaitingCommand>,
 }
 
 impl Inbox {
@@ -17,25 +23,45 @@ impl Inbox {
         self.last_sequence
     }
 
-    /// The command that waits for its frame.
+    /// Of the commands that wait for their frames, the one that holds first.
     pub(super) fn waiting(&self) -> Option<&WaitingCommand> {
-        self.waiting.as_ref()
+        let all = self.locomote.iter().chain(&self.others);
+        all.min_by_key(|waiting| (waiting.frame, waiting.sequence))
     }
 
-    /// Takes a command that is to hold from `frame` on. It replaces one that still waits.
+    /// Whether there is a place for a command.
+    ///
+    /// # Errors
+    /// [`Refusal::TooManyCommands`].
+    pub(super) fn check(&self, intent: &Intent) -> Result<(), Refusal> {
+        let stay = self.others.iter().filter(|waiting| !replaces(intent, waiting));
+        match intent {
+            Intent::Locomote(_) => Ok(()),
+            _ if stay.count() < MAX_WAITING_COMMANDS => Ok(()),
+            _ => Err(Refusal::TooManyCommands),
+        }
+    }
+
+    /// Takes a command that is to hold from `frame` on, for which there is a place.
     pub(super) fn offer(&mut self, sequence: u64, frame: u64, intent: Intent) -> CommandOutcome {
         let outcome = self.note(sequence);
         if outcome == CommandOutcome::Accepted {
-            self.waiting = Some(WaitingCommand {
+            self.others.retain(|waiting| !replaces(&intent, waiting));
+            let is_locomotion = matches!(intent, Intent::Locomote(_));
+            let waiting = WaitingCommand {
                 sequence,
                 frame,
                 intent,
-            });
+            };
+            match is_locomotion {
+                true => self.locomote = Some(waiting),
+                false => self.others.push(waiting),
+            }
         }
         outcome
     }
 
-    /// Takes the number of a command that asks for no motion. One that waits goes on waiting.
+    /// Takes the number of a command that asks for no motion. Those that wait go on waiting.
     pub(super) fn note(&mut self, sequence: u64) -> CommandOutcome {
         match sequence.cmp(&self.last_sequence) {
             Ordering::Equal => CommandOutcome::Repeated,
@@ -47,8 +73,22 @@ impl Inbox {
         }
     }
 
-    /// Hands over the command that waits, if its frame is not after `frame`.
+    /// Hands over, one a call, the commands that wait and whose frames are not after `frame`, in order of their numbers.
     pub(super) fn take_due(&mut self, frame: u64) -> Option<WaitingCommand> {
-        self.waiting.take_if(|waiting| waiting.frame <= frame)
+        let other = (self.others.iter()).position(|waiting| waiting.frame <= frame);
+        let before = other.map_or(u64::MAX, |index| self.others[index].sequence);
+        let is_next = |waiting: &mut WaitingCommand| waiting.frame <= frame && waiting.sequence < before;
+        let locomote = self.locomote.take_if(is_next);
+        locomote.or_else(|| other.map(|index| self.others.remove(index)))
     }
 }
+
+/// What is to be used gives way to what is to be used instead, and to a cancel.
+fn replaces(intent: &Intent, waiting: &WaitingCommand) -> bool {
+    matches!(intent, Intent::Interact { .. } | Intent::Cancel)
+        && matches!(waiting.intent, Intent::Interact { .. })
+}
+
+#[cfg(test)]
+#[path = "inbox_tests.rs"]
+mod tests;

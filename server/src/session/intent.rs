@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::MAX_WAITING_COMMANDS;
 use crate::object::Definitions;
 use crate::primitives::LocomotionCommand;
 use crate::scene::{Holder, SceneCell};
@@ -97,6 +98,12 @@ pub enum Refusal {
         /// What is in the way, for example `object "crate"` or `collider "wall"`.
         by: String,
     },
+    /// As many commands as may wait for their frames do.
+    #[error(
+        "{MAX_WAITING_COMMANDS} commands of the session wait for their frames; at most {MAX_WAITING_COMMANDS} may, beside a \
+         locomote"
+    )]
+    TooManyCommands,
     /// The hand holds another object.
     #[error("the character holds object {id:?}; allowed: to drop it first")]
     HandFull {

@@ -44,6 +44,7 @@ pub use commands::MAX_COMMANDS;
 pub use encode::{BlockWriter, Form};
 pub use event::{Activity, CharacterEvent, EventKind, FailReason, HeldObject, KeyframeError};
 pub use events::{EventQueue, MAX_WAITING_EVENTS};
+pub use inbox::MAX_WAITING_COMMANDS;
 pub use intent::{Intent, Refusal, World};
 pub use live::finish_live;
 pub use meet::Meets;

@@ -9,7 +9,7 @@ use super::ApiError;
 use crate::document::check::listed;
 use crate::object::{DefinitionsError, MAX_DEFINITIONS};
 use crate::scene::{MAX_ID_BYTES, MAX_SCENES, SceneError, TableError};
-use crate::session::Refusal;
+use crate::session::{MAX_WAITING_COMMANDS, Refusal};
 
 /// gRPC code, HTTP status, and the code's name in JSON and metrics.
 type Codes = (Code, StatusCode, &'static str);
@@ -69,6 +69,7 @@ impl ApiError {
             },
             Self::Refused { refusal, .. } => match refusal {
                 Refusal::UnknownObject { .. } => NOT_FOUND,
+                Refusal::TooManyCommands => FULL,
                 Refusal::UnknownVariant { .. } | Refusal::UnknownApproach { .. } => INVALID,
                 _ => NOT_NOW,
             },
@@ -136,6 +137,7 @@ impl ApiError {
                 Refusal::Taken { .. } => "OBJECT_TAKEN",
                 Refusal::Blocked { .. } => "BLOCKED",
                 Refusal::HandFull { .. } => "HAND_FULL",
+                Refusal::TooManyCommands => "TOO_MANY_COMMANDS",
             },
             Self::UnknownRoute(_) => "UNKNOWN_ROUTE",
             Self::WrongMethod(_) => "WRONG_METHOD",
@@ -194,6 +196,10 @@ impl ApiError {
                     Refusal::UnknownVariant { there_are, .. } | Refusal::UnknownApproach { there_are, .. },
                 ..
             } => Some(there_are.join(", ")),
+            Self::Refused {
+                refusal: Refusal::TooManyCommands,
+                ..
+            } => Some(format!("at most {MAX_WAITING_COMMANDS} that wait")),
             Self::Document(error) => Some(error.allowed.clone()).filter(|allowed| !allowed.is_empty()),
             Self::Scenes { error, .. } => match error {
                 TableError::Unknown { known, .. } => Some(names(known)),

@@ -67,6 +67,18 @@ pub enum Output {
     Over(Frame),
 }
 
+impl Output {
+    /// The same, at frame `now` where it is to happen later.
+    pub fn no_later_than(self, now: Frame) -> Self {
+        match self {
+            Self::Entered(at, set) => Self::Entered(at.min(now), set),
+            Self::Reached(at, set) => Self::Reached(at.min(now), set),
+            Self::Left(at, set) => Self::Left(at.min(now), set),
+            Self::Over(at) => Self::Over(at.min(now)),
+        }
+    }
+}
+
 /// What motion is wanted next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Want {
@@ -112,6 +124,8 @@ pub struct Interaction {
     coming: VecDeque<usize>,
     /// A command has ended what is held, or will be held.
     ended: bool,
+    /// The sets of the exit are to come or under way, and no others.
+    exits: bool,
     state: State,
 }
 
@@ -124,6 +138,7 @@ impl Interaction {
             definition,
             variant,
             ended: false,
+            exits: false,
             state: State::Approach,
         }
     }
@@ -132,6 +147,7 @@ impl Interaction {
     pub fn way_out(definition: Arc<Definition>, variant: usize) -> Self {
         let mut interaction = Self::new(definition, variant);
         interaction.coming = interaction.exit();
+        interaction.exits = true;
         interaction
     }
 
@@ -326,20 +342,25 @@ impl Interaction {
         };
     }
 
-    /// Takes note of an end by command: the sets to come are those of the exit, where the set that is held waits for it.
+    /// Takes note of an end by command: the sets to come are those of the exit, where the set that is held waits for it. The
+    /// exit comes once: an end on its way changes nothing, but where it holds until ended itself.
     fn end(&mut self, state: State) {
         if matches!(state, State::Leaving { .. } | State::Over) || self.ended {
             return;
         }
-        let ahead = |state: &State| match state {
-            State::In { now, next, .. } => [*now, *next],
-            _ => [None, None],
+        // Where the next motion is there, what it follows has been ended or needed no end.
+        let newest = match state {
+            State::In { now, next, .. } => next.or(now),
+            _ => None,
         };
-        let waits = |stretch: Stretch| self.waits_for_end(stretch);
-        let is_in = ahead(&state).into_iter().flatten().any(waits);
+        let is_in = newest.is_some_and(|stretch| self.waits_for_end(stretch));
+        if self.exits {
+            self.ended = is_in;
+            return;
+        }
         let is_coming = (self.coming.iter()).any(|&set| self.holds_until_ended(set));
         if is_in || is_coming {
-            self.ended = true;
+            (self.ended, self.exits) = (true, true);
             // Sets behind the one that waits are left out.
             while let Some(set) = self.coming.pop_back() {
                 if !is_in

@@ -1,3 +1,5 @@
+use std::collections::HashSet;
+
 use proptest::prelude::*;
 
 use super::*;
@@ -95,6 +97,41 @@ fn an_end_before_the_held_set_is_remembered() {
     cup.on(Input::Planned { from: 40, key: 70 }, &mut out);
     cup.on(Input::At(40), &mut out);
     assert_eq!(cup.want(), set(PUT_DOWN, 64));
+}
+
+/// The exit's motion is made ahead of the frame at which it takes over: an end in between asks for no other.
+#[test]
+fn a_second_end_does_not_bring_the_exit_again() {
+    for entered in [false, true] {
+        let (mut cup, mut out) = begun(0);
+        cup.on(Input::Planned { from: 4, key: 40 }, &mut out);
+        cup.on(Input::At(4), &mut out);
+        cup.on(Input::Planned { from: 40, key: 70 }, &mut out);
+        cup.on(Input::At(100), &mut out);
+        cup.on(Input::End, &mut out);
+        cup.on(Input::Planned { from: 104, key: 130 }, &mut out);
+        if entered {
+            cup.on(Input::At(104), &mut out);
+        }
+        cup.on(Input::End, &mut out);
+        cup.on(Input::At(104), &mut out);
+        assert_eq!(cup.want(), Some(Want::Leave(130)), "entered: {entered}");
+    }
+}
+
+#[test]
+fn an_exit_that_holds_until_ended_is_ended_by_an_end_of_its_own() {
+    let mut definition = definition();
+    definition.sets[PUT_DOWN].hold = Hold::UntilEnded;
+    let mut cup = Interaction::way_out(Arc::new(definition), 0);
+    let mut out = Vec::new();
+    cup.on(Input::Arrived, &mut out);
+    cup.on(Input::End, &mut out);
+    cup.on(Input::Planned { from: 4, key: 40 }, &mut out);
+    cup.on(Input::At(50), &mut out);
+    assert_eq!(cup.want(), None, "an end before it is not for it");
+    cup.on(Input::End, &mut out);
+    assert_eq!(cup.want(), Some(Want::Leave(40)));
 }
 
 #[test]
@@ -215,7 +252,8 @@ fn event() -> impl Strategy<Value = Event> {
 }
 
 proptest! {
-    /// Whatever comes: every set is entered before it is reached and reached before it is left, in the order of frames.
+    /// Whatever comes: every set is entered before it is reached and reached before it is left, in the order of frames, and
+    /// none is entered twice.
     #[test]
     fn what_happens_is_in_order(events in prop::collection::vec(event(), 1..120), variant in 0_usize..2) {
         let (mut cup, mut out) = begun(variant);
@@ -244,10 +282,12 @@ proptest! {
         }
         let mut last = Frame::MIN;
         let mut inside: Option<(usize, bool)> = None;
+        let mut entered = HashSet::new();
         for (nth, output) in out.iter().enumerate() {
             let at = match *output {
                 Output::Entered(at, set) => {
                     prop_assert_eq!(inside.replace((set, false)), None);
+                    prop_assert!(entered.insert(set), "{:?}", out);
                     at
                 }
                 Output::Reached(at, set) => {

@@ -12,13 +12,18 @@ use crate::primitives::object::{Input, Output};
 impl Act {
     /// What has happened up to a frame: events, and what they do with the object.
     pub(super) fn pass(&mut self, frame: i64, body: &mut Body<'_>) -> Result<(), Refused> {
+        self.pass_to(frame, frame, body)
+    }
+
+    /// [`Act::pass`], up to a frame that may be to come; nothing happens later than at frame `now`.
+    pub(super) fn pass_to(&mut self, frame: i64, now: i64, body: &mut Body<'_>) -> Result<(), Refused> {
         let Doing::Using(using) = &mut self.doing else {
             return Ok(());
         };
         using.interaction.on(Input::At(frame), &mut using.outputs);
         let mut outputs = std::mem::take(&mut using.outputs);
         for output in outputs.drain(..) {
-            match output {
+            match output.no_later_than(now) {
                 Output::Entered(at, set) => {
                     let event = |using: &Using| EventKind::Entered {
                         instance: Arc::clone(&using.instance),

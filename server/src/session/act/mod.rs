@@ -28,6 +28,8 @@ mod using;
 #[cfg(test)]
 mod carry_tests;
 #[cfg(test)]
+mod command_tests;
+#[cfg(test)]
 mod ground_tests;
 #[cfg(test)]
 mod random_tests;
@@ -89,6 +91,8 @@ pub(super) struct Act {
     /// What a command asked for during a fall.
     waiting: Option<Intent>,
     events: Vec<CharacterEvent>,
+    /// Frame of the last event.
+    told: u64,
     /// Interactions that began so far.
     begun: u64,
 }
@@ -110,6 +114,7 @@ impl Act {
             rises_until: None,
             waiting: None,
             events: Vec::new(),
+            told: 0,
             begun: 0,
         }
     }
@@ -130,8 +135,10 @@ impl Act {
         into.append(&mut self.events);
     }
 
+    /// Events are told in the order of their frames: keyframes of a set, which are told with its last, may have been overtaken.
     fn tell(&mut self, frame: i64, kind: EventKind) {
-        let frame = frame.max(0) as u64;
+        let frame = self.told.max(frame.max(0) as u64);
+        self.told = frame;
         self.events.push(CharacterEvent { frame, kind });
     }
 
@@ -279,9 +286,10 @@ impl Act {
         true
     }
 
-    /// Has an interaction that locomotion takes over from come to its end at once.
+    /// Has an interaction that locomotion takes over from come to its end at once: what was to happen in the frames to come
+    /// happens in this one.
     fn go_through(&mut self, frame: i64, body: &mut Body<'_>) {
-        if let Err(refused) = self.pass(i64::MAX, body) {
+        if let Err(refused) = self.pass_to(i64::MAX, frame, body) {
             self.fail(frame, body, refused);
         }
     }
@@ -378,7 +386,7 @@ impl Act {
 
     fn decide(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
         let scene = self.world.scene.snapshot();
-        self.watch_hand(&scene);
+        self.watch_hand(&scene, frame, body);
         if self.settle_rise(&scene, frame, body) {
             return Next::Wait;
         }
@@ -392,14 +400,29 @@ impl Act {
         }
     }
 
-    /// What was taken out of the scene is in nobody's hand any more.
-    fn watch_hand(&mut self, scene: &Scene) {
-        let held = |hand: &Hand| {
+    /// What was taken out of the scene, or put there anew, is in nobody's hand any more; that ends its use too.
+    fn watch_hand(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) {
+        let lost = |hand: &mut Hand| {
             let there = scene.instance(&hand.instance);
-            there.is_some_and(|it| it.state.holder() == Some(&self.world.holder))
+            there.is_none_or(|it| it.state.holder() != Some(&self.world.holder))
         };
-        if self.hand.as_ref().is_some_and(|hand| !held(hand)) {
-            self.hand = None;
+        let Some(Hand { instance, .. }) = self.hand.take_if(lost) else {
+            return;
+        };
+        let reason = FailReason::Removed;
+        let message = format!("object {instance:?} was taken out of the scene, and of the hand");
+        match &self.doing {
+            Doing::Using(using) if *using.instance() == instance => {
+                self.fail(frame, body, Refused { reason, message });
+            }
+            _ => self.tell(
+                frame,
+                EventKind::Failed {
+                    instance,
+                    reason,
+                    message,
+                },
+            ),
         }
     }
 
