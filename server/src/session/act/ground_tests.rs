@@ -310,3 +310,72 @@ fn a_wall_is_no_step() {
         .unwrap();
     assert_eq!(hit.surface, Surface::Collider("wall".into()));
 }
+
+/// A rig on a platform of 3 m with a higher block this far behind its edge, which is half a metre ahead.
+fn before_a_wall(gap: f32) -> Rig {
+    let rig = on_platform(3.0);
+    let platform = block("platform", [0.0, 1.5, -1.5], [2.0, 1.5, 2.0]);
+    let wall = block("wall", [0.0, 3.0, 0.5 + gap + 2.0], [2.0, 3.0, 2.0]);
+    rig.scene
+        .update(|scene| scene.set_colliders(&[platform, wall]))
+        .unwrap();
+    rig
+}
+
+#[test]
+fn one_who_falls_against_a_wall_comes_down_before_it() {
+    for gap in [0.4, 0.7, 1.5] {
+        for speed in [1.2, 3.0] {
+            let mut rig = before_a_wall(gap);
+            rig.walk(0.0, speed);
+            let fell = rig
+                .until(120, |kind| matches!(kind, EventKind::Fell { .. }))
+                .unwrap() as usize;
+            rig.walk(0.0, 0.0);
+            rig.run(90);
+            assert_eq!(rig.words(), ["fell", "landed"], "{gap} m, {speed} m/s");
+            let EventKind::Landed { height_m, speed_mps } = rig.events.last().unwrap().kind else {
+                panic!("{:?}", rig.events);
+            };
+            assert!((height_m - 3.0).abs() < 1e-3, "{height_m} m");
+            let impact = (2.0 * 9.81 * 3.0_f32).sqrt();
+            assert!((speed_mps - impact).abs() < 0.6, "{speed_mps} m/s");
+            let far = rig.frames.iter().map(|frame| frame.root.z).fold(0.0, f32::max);
+            assert!(far < 0.5 + gap - 0.2, "{gap} m, {speed} m/s: hips at {far}");
+            let last = rig.frames.last().unwrap().root;
+            assert!((last.y - 0.9).abs() < 0.03, "{last}");
+            // Braked, rather than stopped: the landing is harder.
+            let (acceleration, step) = rig.roughness(fell - 3);
+            assert!(step < impact / 30.0 + 0.15, "{step}");
+            assert!(acceleration < 150.0, "{gap} m, {speed} m/s: {acceleration} m/s²");
+        }
+    }
+}
+
+#[test]
+fn a_slope_is_landed_on() {
+    let rig = Rig::new();
+    let platform = block("platform", [0.0, 0.5, -1.5], [2.0, 0.5, 2.0]);
+    let mut slope = block("slope", [0.0, -0.5, 2.0], [2.0, 0.5, 4.0]);
+    slope.transform.rotation = Quat::from_rotation_x(0.3);
+    rig.scene
+        .update(|scene| {
+            *scene = Scene::new(-5.0)?;
+            scene.set_colliders(&[platform, slope])
+        })
+        .unwrap();
+    let (scene, definitions) = (Arc::clone(&rig.scene), Arc::clone(&rig.definitions));
+    let mut rig = Rig::in_scene(scene, definitions, "a", Vec3::Y);
+    rig.walk(0.0, 2.0);
+    rig.until(120, |kind| matches!(kind, EventKind::Fell { .. }))
+        .unwrap();
+    rig.walk(0.0, 0.0);
+    rig.run(90);
+    let root = rig.frames.last().unwrap().root;
+    let below = rig.scene.snapshot().support(root, 5.0, None).unwrap();
+    assert_eq!(below.surface, Surface::Collider("slope".into()));
+    assert!(
+        (root.y - 0.9 - below.point.y).abs() < 0.15,
+        "{root} over {below:?}"
+    );
+}
