@@ -32,6 +32,8 @@ mod ground_tests;
 #[cfg(test)]
 mod random_tests;
 #[cfg(test)]
+mod shift_tests;
+#[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
@@ -400,8 +402,8 @@ impl Act {
         }
     }
 
-    /// Looks at what a character on its feet stands on: a step is taken note of, and where the ground ends a fall
-    /// begins, unless it is busy with an object. Answers whether one did.
+    /// Looks at what a character on its feet stands on: a step is taken note of, ground that has moved is followed, and where the
+    /// ground ends a fall begins, unless it is busy with an object. Answers whether one did.
     fn lose_ground(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
         let may_fall = match &self.doing {
             Doing::Locomotion => true,
@@ -413,9 +415,15 @@ impl Act {
             // What is under the hips of one who sits is no ground.
             return false;
         }
+        if may_fall && let Some(height) = body.footing.shifted(scene, root) {
+            body.shift_footing(frame, height, scene);
+        }
         match footing::stands_on(scene, root, body.footing.level()) {
             Support::At(height) => {
                 body.footing.step_to(height);
+                if may_fall {
+                    body.footing.stands(scene, root);
+                }
                 false
             }
             Support::Below(Some(_)) if may_fall => self.begin_fall(scene, frame, body),
