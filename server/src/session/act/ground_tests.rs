@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::super::{Activity, Character, Clock, EventKind, Start};
+use super::super::{Activity, Character, Clock, EventKind, Start, Strain};
 use super::testing::*;
 use crate::primitives::LocomotionCommand;
+use crate::primitives::object::recipe::LOW_HIPS_M;
 use crate::scene::{Scene, State, Surface, Transform};
 
 #[test]
@@ -378,4 +379,36 @@ fn a_slope_is_landed_on() {
         (root.y - 0.9 - below.point.y).abs() < 0.15,
         "{root} over {below:?}"
     );
+}
+
+#[test]
+fn networks_that_take_long_are_not_asked_to_go_on_from_a_seat() {
+    // Late plans: a character that goes down sits by when the next one takes over.
+    let sitting_down = || {
+        let mut rig = Rig::new();
+        rig.clock = Clock::Runs;
+        rig.plans = Plans::After(10);
+        rig.character.under_load(Strain {
+            expected_frames: 10,
+            lead_frames: 10,
+            stretch: 0.0,
+        });
+        rig.interact("bench", "sit").unwrap();
+        rig
+    };
+    let sits = |kind: &EventKind| matches!(kind, EventKind::Reached { set, .. } if set == "sit");
+    let length = sitting_down().until(900, sits).unwrap() as usize;
+    for stop in length - 40..length + 5 {
+        let mut rig = sitting_down();
+        rig.run(stop);
+        let asked = rig.requests.len();
+        rig.walk(0.0, 1.0);
+        rig.run(90);
+        for request in &rig.requests[asked..] {
+            let low = request.shape.context_roots[3].y;
+            assert!(low >= LOW_HIPS_M, "stopped at {stop} of {length}: hips at {low}");
+        }
+        let last = rig.frames.last().unwrap().root;
+        assert!((last.y - 0.9).abs() < 0.03, "{stop}: {last}");
+    }
 }
