@@ -17,6 +17,10 @@ use crate::scene::{Scene, Surface};
 pub(super) const STEP_M: f32 = 0.3;
 /// How far down a surface is looked for, metres.
 pub(super) const DEEPEST_M: f32 = 2.0e4;
+/// The same for one to stand on or fall to: deeper falls take longer than [`MAX_FALL_S`], and are none.
+///
+/// [`MAX_FALL_S`]: troupe_motion::ballistic::MAX_FALL_S
+const DEEPEST_FALL_M: f32 = 1950.0;
 /// Height over the ground from which it is looked for downwards, metres: the hips'. Higher things are walls.
 const LOOK_FROM_M: f32 = 0.9;
 /// How far ground may come up under a character that is then put on top of it, metres. What is higher is a wall around it; the
@@ -39,7 +43,7 @@ const LEVEL_M: f32 = 0.005;
 pub(super) enum Support {
     /// Something to stand on, within a step.
     At(f32),
-    /// It is farther down: this high. `None`: there is nothing.
+    /// It is farther down: this high. `None`: there is nothing that a fall would come to.
     Below(Option<f32>),
     /// A wall.
     Above,
@@ -48,7 +52,7 @@ pub(super) enum Support {
 /// What is at `place` (x and z count) for a character that stands at height `level`.
 pub(super) fn support(scene: &Scene, place: Vec3, level: f32) -> Support {
     let from = place.with_y(level + LOOK_FROM_M);
-    match scene.support(from, DEEPEST_M, None) {
+    match scene.support(from, LOOK_FROM_M + DEEPEST_FALL_M, None) {
         None => Support::Below(None),
         Some(hit) if hit.is_inside() || hit.point.y > level + STEP_M + LEVEL_M => Support::Above,
         Some(hit) if hit.point.y < level - STEP_M - LEVEL_M => Support::Below(Some(hit.point.y)),

@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::super::{Activity, Character, Clock, EventKind, Start, Strain};
+use super::super::{Activity, Character, Clock, EventKind, Start, Strain, World};
+use super::footing::{Support, stands_on};
 use super::testing::*;
 use crate::primitives::LocomotionCommand;
 use crate::primitives::object::recipe::LOW_HIPS_M;
-use crate::scene::{Scene, State, Surface, Transform};
+use crate::scene::{Holder, Scene, SceneError, State, Surface, Transform};
 
 #[test]
 fn an_empty_scene_on_flat_ground_changes_no_bit() {
@@ -411,4 +412,48 @@ fn networks_that_take_long_are_not_asked_to_go_on_from_a_seat() {
         let last = rig.frames.last().unwrap().root;
         assert!((last.y - 0.9).abs() < 0.03, "{stop}: {last}");
     }
+}
+
+#[test]
+fn a_pit_that_no_fall_ends_in_is_no_edge() {
+    // A fall of 20 s is as long as they come.
+    for (deep, falls) in [(1900.0, true), (2500.0, false)] {
+        let rig = on_platform(1.0);
+        rig.scene
+            .update(|scene| {
+                scene.become_scene(Scene::new(-deep)?);
+                Ok::<(), SceneError>(())
+            })
+            .unwrap();
+        let below = stands_on(&rig.scene.snapshot(), Vec3::ZERO, 1.0);
+        let want = Support::Below(falls.then_some(-deep));
+        assert_eq!(below, want);
+        let mut rig = rig;
+        rig.run(5);
+        assert_eq!(rig.words().contains(&"fell"), falls, "{deep} m");
+        assert_eq!(rig.frames.last().unwrap().root.y > 1.8, !falls, "{deep} m");
+    }
+}
+
+#[test]
+fn one_that_starts_inside_of_something_stands_on_its_feet() {
+    let tower = block("tower", [0.0, 5.0, 0.0], [5.0, 5.0, 5.0]);
+    let rig = Rig::new();
+    rig.scene.update(|scene| scene.set_colliders(&[tower])).unwrap();
+    let standing = LocomotionCommand::standing(&rig.style);
+    let pose = &standing.style.idle().rotations;
+    let start = Start::Context {
+        roots: [Vec3::new(0.0, 0.9, 0.0); 4],
+        rotations: pose.repeat(4),
+    };
+    let world = World {
+        scene: Arc::clone(&rig.scene),
+        definitions: Arc::clone(&rig.definitions),
+        holder: Holder::new("b"),
+    };
+    let mut character = Character::in_world(doll_pack(), options(), start, standing, Some(world));
+    assert!((character.view().root.position.y - 0.9).abs() < 1e-5);
+    let request = character.take_request().unwrap();
+    let hips = request.shape.context_roots[3].y;
+    assert!((hips - 0.9).abs() < 1e-5, "the networks see hips at {hips}");
 }
