@@ -101,6 +101,8 @@ pub struct Drop<'a> {
     pub velocity: Vec3,
     /// Height of the ground that it ends on, metres in the world.
     pub floor_m: f32,
+    /// When the way over the ground would come to where it has to end, before a wall, seconds; none where nothing is in the way.
+    pub wall_s: Option<f32>,
     /// How the character stands afterwards: `root.y` over the ground; its place and heading over the ground do not count.
     pub standing: Posed<'a>,
     /// Poses of the frames behind the one that it starts from, as if it did not fall: joints go on as they moved while the fall
@@ -138,6 +140,8 @@ pub fn landing_depth(impact_mps: f32, leg_m: f32) -> f32 {
 const GIVE_SHARE: f32 = 0.04;
 /// Shortest and longest time in which the way over the ground is braked, seconds.
 const BRAKE_S: (f32, f32) = (0.1, 0.35);
+/// The shortest time in which anything is braked, seconds: at once.
+const SHORTEST_S: f32 = 1e-3;
 /// Time in which the pose goes over into that in the air, seconds, and the legs into the landing.
 const INTO_AIR_S: f32 = 0.27;
 const LEGS_OUT_S: f32 = 0.2;
@@ -157,7 +161,7 @@ const FEET_AHEAD_SHARE: f32 = 0.05;
 ///
 /// The root flies as a [`Throw`] until the legs meet the ground, is braked evenly within [`landing_depth`], and comes up on
 /// the path of least jerk. What is left of its way over the ground is braked too, feet set down ahead by as much as the
-/// legs reach. From touch-down on the feet stand. The last frame is `standing` exactly, turned to the heading of `from`,
+/// legs reach, or in the air already, where a wall ends it. From touch-down on the feet stand. The last frame is `standing` exactly, turned to the heading of `from`,
 /// over its feet. A character that is lower than it would touch the ground, or nearly there, sets its feet down within 0.2 s.
 ///
 /// There are no frames where a pose lacks rotations, something is not finite, `fps` is not in (0, 240], or the way down
@@ -172,7 +176,10 @@ pub fn fall_motion(skeleton: &Skeleton, legs: &[Leg], from: Posed<'_>, drop: &Dr
     let finite = from.is_finite()
         && drop.standing.is_finite()
         && drop.velocity.is_finite()
-        && drop.floor_m.is_finite();
+        && drop.floor_m.is_finite()
+        && drop
+            .wall_s
+            .is_none_or(|wall_s| wall_s >= 0.0 && wall_s.is_finite());
     if !fits || !finite || !usable_rate(drop.fps) {
         return Fall::default();
     }
@@ -194,8 +201,10 @@ struct Course {
     touch: f32,
     touch_s: f32,
     impact: f32,
-    /// Time to brake the way down and the way over the ground.
+    /// Time to brake the way down.
     brake_s: f32,
+    /// When the way over the ground begins to be braked, and the time that takes.
+    slides_s: f32,
     slide_s: f32,
     recover_s: f32,
 }
@@ -227,6 +236,13 @@ impl Course {
         let over_ground = Vec3::new(drop.velocity.x, 0.0, drop.velocity.z).length();
         let lead = lead(skeleton, legs, drop.standing, stand - touch);
         let height = impact * impact / (2.0 * GRAVITY_MPS2);
+        let mut slide_s = (2.0 * lead / over_ground.max(1e-3)).clamp(BRAKE_S.0, BRAKE_S.1);
+        let mut slides_s = touch_s;
+        if let Some(wall_s) = drop.wall_s {
+            // Braked evenly it takes twice the time.
+            slide_s = slide_s.min(2.0 * wall_s).max(SHORTEST_S);
+            slides_s = touch_s.min(wall_s - 0.5 * slide_s).max(0.0);
+        }
         Some(Self {
             throw,
             stand,
@@ -239,7 +255,8 @@ impl Course {
             } else {
                 2.0 * (touch - bottom) / impact
             },
-            slide_s: (2.0 * lead / over_ground.max(1e-3)).clamp(BRAKE_S.0, BRAKE_S.1),
+            slides_s,
+            slide_s,
             recover_s: 0.8 + 0.4 * height.min(1.0),
         })
     }
@@ -249,14 +266,13 @@ impl Course {
     }
 
     fn root(&self, s: f32) -> Vec3 {
-        if s <= self.touch_s {
-            return self.throw.at(s);
-        }
-        let since = s - self.touch_s;
-        let slid = since.min(self.slide_s);
-        let way = self.touch_s + slid - slid * slid / (2.0 * self.slide_s);
+        let slid = (s - self.slides_s).clamp(0.0, self.slide_s);
+        let way = s.min(self.slides_s) + slid - slid * slid / (2.0 * self.slide_s);
         let mut root = self.throw.position + self.throw.velocity * way;
-        root.y = if since < self.brake_s {
+        let since = s - self.touch_s;
+        root.y = if since <= 0.0 {
+            self.throw.at(s).y
+        } else if since < self.brake_s {
             self.touch - self.impact * since * (1.0 - 0.5 * since / self.brake_s)
         } else {
             let up = min_jerk((since - self.brake_s) / self.recover_s);

@@ -261,6 +261,7 @@ fn seats_tables_and_falls_from_a_real_stand() {
             let drop = Drop {
                 velocity: forward * 1.2,
                 floor_m: -height,
+                wall_s: None,
                 standing: stand,
                 under_way: &[],
                 air: None,

@@ -21,6 +21,7 @@ fn fall(height: f32, velocity: Vec3, fps: f32) -> Fall {
     let drop = Drop {
         velocity,
         floor_m: 0.0,
+        wall_s: None,
         standing: standing_at(&pose),
         under_way: &[],
         air: None,
@@ -158,6 +159,7 @@ fn a_pose_in_the_air_and_a_heading_are_kept() {
     let drop = Drop {
         velocity: Vec3::ZERO,
         floor_m: -4.0,
+        wall_s: None,
         standing: standing_at(&stand),
         under_way: &[],
         air: Some(&air),
@@ -196,6 +198,7 @@ fn joints_go_on_as_they_moved() {
         let drop = Drop {
             velocity: (roots[start] - roots[start - 1]) * 30.0,
             floor_m: 0.0,
+            wall_s: None,
             standing: standing_at(&stand),
             under_way: &rotations[(start + 1) * JOINTS..][..goes_on * JOINTS],
             air: None,
@@ -242,12 +245,43 @@ fn without_a_pose_the_arms_go_up_and_the_feet_are_drawn_up() {
 }
 
 #[test]
+fn a_wall_ends_the_way_over_the_ground() {
+    let (skeleton, pose) = (person(), standing());
+    let from = Posed {
+        root: Vec3::Y * (STAND_M + 2.0),
+        rotations: &pose,
+    };
+    for wall_s in [0.0, 0.1, 0.4] {
+        let drop = Drop {
+            velocity: Vec3::Z * 3.0,
+            floor_m: 0.0,
+            wall_s: Some(wall_s),
+            standing: standing_at(&pose),
+            under_way: &[],
+            air: None,
+            fps: 30.0,
+        };
+        let fall = fall_motion(&skeleton, &legs(&skeleton), from, &drop);
+        let roots = &fall.motion.roots;
+        let far = roots.iter().map(|root| root.z).fold(0.0, f32::max);
+        assert!((far - 3.0 * wall_s).abs() < 5e-3, "{wall_s} s: {far}");
+        // The way down is the same.
+        let free = fall_motion(&skeleton, &legs(&skeleton), from, &Drop { wall_s: None, ..drop });
+        for (root, other) in roots.iter().zip(&free.motion.roots).take(fall.touch_down) {
+            assert_eq!(root.y, other.y);
+        }
+        assert_eq!(fall.touch_down, free.touch_down);
+    }
+}
+
+#[test]
 fn odd_input_makes_no_frames() {
     let (skeleton, pose) = (person(), standing());
     let legs = legs(&skeleton);
     let good = Drop {
         velocity: Vec3::ZERO,
         floor_m: 0.0,
+        wall_s: None,
         standing: standing_at(&pose),
         under_way: &[],
         air: None,
@@ -266,6 +300,10 @@ fn odd_input_makes_no_frames() {
         },
         Drop {
             floor_m: -1e9,
+            ..good
+        },
+        Drop {
+            wall_s: Some(-0.1),
             ..good
         },
         Drop { fps: 0.0, ..good },
@@ -370,7 +408,7 @@ proptest! {
     ) {
         let (skeleton, stand) = (person(), standing());
         let from = Posed { root: Vec3::new(3.0, STAND_M + height, -2.0), rotations: &pose };
-        let drop = Drop { velocity, floor_m: 0.0, standing: standing_at(&stand), under_way: &[], air: None, fps };
+        let drop = Drop { velocity, floor_m: 0.0, wall_s: None, standing: standing_at(&stand), under_way: &[], air: None, fps };
         let fall = fall_motion(&skeleton, &legs(&skeleton), from, &drop);
         prop_assert!(fall.motion.frames() > 0 && fall.motion.short_m < 5e-3, "short {}", fall.motion.short_m);
         prop_assert!(stretch(&skeleton, &fall.motion.rotations) < 1e-5);

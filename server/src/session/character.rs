@@ -73,11 +73,12 @@ impl Character {
         world: Option<World>,
     ) -> Self {
         let moving = matches!(start, Start::Context { .. });
-        let level = |place| world.as_ref().map_or(0.0, |world| Act::floor_under(world, place));
+        let under = |place, hips_m| move |world: &World| Act::floor_under(world, place, hips_m);
+        let level = |place, hips_m| world.as_ref().map_or(0.0, under(place, hips_m));
         let (context, level) = match start {
-            Start::Standing(root) => (standing(&command.style, root), level(root.position)),
+            Start::Standing(root) => (standing(&command.style, root), level(root.position, 0.0)),
             Start::Context { roots, rotations } => {
-                let level = level(roots[CONTEXT_FRAMES - 1]);
+                let level = level(roots[CONTEXT_FRAMES - 1], command.style.idle().height_m);
                 let roots = roots.map(|root| root.with_y(root.y - level));
                 (Context { roots, rotations }, level)
             }

@@ -125,7 +125,7 @@ pub enum EventKind {
     },
     /// The ground ended.
     Fell {
-        /// How far down the next surface is, metres. `None`: there is none within reach.
+        /// How far down the surface is that it falls to, metres. Always given: without one nobody falls.
         height_m: Option<f32>,
     },
     /// A fall ended on a surface.

@@ -89,6 +89,13 @@ impl Body<'_> {
         self.footing.renew(shown, self.timeline.buffer(), scene, skeleton);
     }
 
+    /// The ground is at `height` now where the character stands: it goes there from the frame behind `shown` on.
+    pub(super) fn shift_footing(&mut self, shown: i64, height: f32, scene: &Scene) {
+        if let Some(there) = self.footing.shift(shown, height) {
+            self.renew_footing(there, scene);
+        }
+    }
+
     /// Has the last frame go on for as long as a plan may need.
     pub(super) fn hold(&mut self, frame: i64) {
         let needed = frame + self.timeline.ahead() + CROSSFADE_FRAMES as i64 + 1;

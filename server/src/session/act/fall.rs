@@ -1,16 +1,17 @@
 //! Falling: where the ground ends, the character goes the way of a thrown body and lands.
 
 use troupe_motion::Vec3;
-use troupe_motion::ballistic::{self, Drop, Landing, MAX_FALL_S, Throw, fall_motion};
+use troupe_motion::ballistic::{self, Drop, MAX_FALL_S, Throw, fall_motion};
 use troupe_motion::ik::Posed;
 
 use super::super::buffer::Frames;
 use super::super::{CROSSFADE_FRAMES, EventKind, FailReason};
 use super::carry::RAMP_FRAMES;
+use super::footing::DEEPEST_M;
 use super::hand::Refused;
 use super::{Act, Body, Doing, Next};
 use crate::primitives::recipe::STANDING_MPS;
-use crate::scene::Scene;
+use crate::scene::{RayHit, Scene};
 
 /// Frames over which the velocity at the edge is measured.
 const VELOCITY_FRAMES: i64 = 3;
@@ -18,6 +19,14 @@ const VELOCITY_FRAMES: i64 = 3;
 /// Who is to move after a landing does so once its hips are at this share of their standing height: lower ones the networks do
 /// not know.
 const UP_SHARE: f32 = 0.85;
+
+/// A surface whose normal points up by less than this is a wall: one does not land on it.
+const LEAST_UP: f32 = 0.6;
+/// The root stays so far from a wall that it falls against, metres.
+const OFF_WALL_M: f32 = 0.25;
+/// How far behind the landing a wall is looked for, for it is not at rest at once, and how high, metres.
+const WAY_OUT_M: f32 = 0.8;
+const SHIN_M: f32 = 0.3;
 
 /// A fall, from the frame behind the edge to when the character is upright again.
 #[derive(Debug, Clone, Copy)]
@@ -42,7 +51,7 @@ impl Act {
         let Some(landing) = landing(scene, shown.root.with_y(level), velocity, fps) else {
             return false;
         };
-        let floor = landing.place.y;
+        let floor = landing.floor_m;
         let style = &body.locomotion.command().style;
         let idle = style.idle();
         // The joints go over from the motion that was under way, as any plan does; the root begins with its velocity.
@@ -51,6 +60,7 @@ impl Act {
         let drop = Drop {
             velocity,
             floor_m: floor,
+            wall_s: landing.wall_s,
             standing: Posed {
                 root: Vec3::Y * idle.height_m,
                 rotations: &idle.rotations,
@@ -152,15 +162,52 @@ fn up_again(fall: &ballistic::Fall) -> usize {
     (fall.lowest..last).find(is_up).unwrap_or(last)
 }
 
-/// Where a body that is thrown from `foot`, the floor point under its root, lands.
+/// Where a fall ends.
+struct Landing {
+    floor_m: f32,
+    /// As in [`Drop`].
+    wall_s: Option<f32>,
+}
+
+/// Where a body that is thrown from `foot`, the floor point under its root, lands. At a wall it falls straight down, and stands on
+/// what it comes to then, steep as that may be.
 fn landing(scene: &Scene, foot: Vec3, velocity: Vec3, fps: f32) -> Option<Landing> {
     let throw = Throw {
         position: foot,
         velocity,
     };
+    let mut wall = None;
     let ground = |a: Vec3, b: Vec3| {
         let hit = scene.cast_ray(a, b - a, a.distance(b), None)?;
-        (!hit.is_inside()).then_some(hit.point.y)
+        if hit.is_inside() {
+            return None;
+        }
+        wall = is_wall(&hit).then_some(hit.point);
+        Some(hit.point.y)
     };
-    throw.lands(fps, MAX_FALL_S, ground)
+    let met = throw.lands(fps, MAX_FALL_S, ground)?;
+    let over_ground = velocity.with_y(0.0);
+    let speed = over_ground.length();
+    // How long it may go on over the ground to stay off a wall at `point`.
+    let stops_s = |point: Vec3| {
+        let far = (point - foot).with_y(0.0).length();
+        (far - OFF_WALL_M).max(0.0) / speed.max(STANDING_MPS)
+    };
+    if let Some(point) = wall {
+        let wall_s = stops_s(point);
+        let below = scene.support(throw.at(wall_s), DEEPEST_M, None)?;
+        return (!below.is_inside()).then_some(Landing {
+            floor_m: below.point.y,
+            wall_s: Some(wall_s),
+        });
+    }
+    let ahead = scene.cast_ray(met.place + Vec3::Y * SHIN_M, over_ground, WAY_OUT_M, None);
+    Some(Landing {
+        floor_m: met.place.y,
+        wall_s: ahead.filter(is_wall).map(|hit| stops_s(hit.point)),
+    })
+}
+
+fn is_wall(hit: &RayHit) -> bool {
+    !hit.is_inside() && hit.normal.y < LEAST_UP
 }

@@ -10,15 +10,25 @@ use troupe_motion::terrain::{Lift, Terrain, lift_frame, lifts};
 use troupe_motion::{Quat, Skeleton, Vec3};
 
 use super::super::buffer::MotionBuffer;
-use crate::scene::Scene;
+use crate::scene::{Scene, Surface};
 
 /// Highest step up or down that a character takes in its stride, metres. Stairs have 0.15 to 0.2; beyond this the rear knee
 /// bends deep and feet are accelerated three times as much as on the flat. What is higher, up to the hips, is a wall.
 pub(super) const STEP_M: f32 = 0.3;
 /// How far down a surface is looked for, metres.
 pub(super) const DEEPEST_M: f32 = 2.0e4;
+/// The same for one to stand on or fall to: deeper falls take longer than [`MAX_FALL_S`], and are none.
+///
+/// [`MAX_FALL_S`]: troupe_motion::ballistic::MAX_FALL_S
+const DEEPEST_FALL_M: f32 = 1950.0;
 /// Height over the ground from which it is looked for downwards, metres: the hips'. Higher things are walls.
 const LOOK_FROM_M: f32 = 0.9;
+/// How far ground may come up under a character that is then put on top of it, metres. What is higher is a wall around it; the
+/// ground plane is none, however high.
+const RISES_M: f32 = 2.0;
+/// Fastest that a character goes up or down with the ground below it, metres in a frame. Feet that catch up with their way go as
+/// fast.
+const RISE_RATE_M: f32 = 0.07;
 /// A character whose root is this far beyond an edge, or within this of both sides of a gap, still stands, metres.
 const STANCE_M: f32 = 0.15;
 /// The ways that are looked in around a place.
@@ -33,7 +43,7 @@ const LEVEL_M: f32 = 0.005;
 pub(super) enum Support {
     /// Something to stand on, within a step.
     At(f32),
-    /// It is farther down: this high. `None`: there is nothing.
+    /// It is farther down: this high. `None`: there is nothing that a fall would come to.
     Below(Option<f32>),
     /// A wall.
     Above,
@@ -42,7 +52,7 @@ pub(super) enum Support {
 /// What is at `place` (x and z count) for a character that stands at height `level`.
 pub(super) fn support(scene: &Scene, place: Vec3, level: f32) -> Support {
     let from = place.with_y(level + LOOK_FROM_M);
-    match scene.support(from, DEEPEST_M, None) {
+    match scene.support(from, LOOK_FROM_M + DEEPEST_FALL_M, None) {
         None => Support::Below(None),
         Some(hit) if hit.is_inside() || hit.point.y > level + STEP_M + LEVEL_M => Support::Above,
         Some(hit) if hit.point.y < level - STEP_M - LEVEL_M => Support::Below(Some(hit.point.y)),
@@ -69,6 +79,27 @@ pub(super) fn stands_on(scene: &Scene, place: Vec3, level: f32) -> Support {
     }
 }
 
+/// Height of what is to stand on at `place` for one that stood at height `level` before the ground there changed. `None` where
+/// the ground has gone, or a wall has come.
+fn stands_anew(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
+    match stands_on(scene, place, level) {
+        Support::At(height) => Some(height),
+        Support::Above => risen(scene, place, level),
+        // From below the plane is not seen.
+        Support::Below(None) => Some(scene.ground_y_m()).filter(|&ground| ground > level),
+        Support::Below(Some(_)) => None,
+    }
+}
+
+/// Height of the ground that has come up over `level` at `place`. An object that was moved there is none.
+fn risen(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
+    [LOOK_FROM_M, RISES_M].into_iter().find_map(|up| {
+        let hit = scene.support(place.with_y(level + up), up, None)?;
+        let is_object = matches!(hit.surface, Surface::Object(_));
+        (!hit.is_inside() && !is_object).then_some(hit.point.y)
+    })
+}
+
 /// The lifts of a character's frames.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct Footing {
@@ -78,6 +109,8 @@ pub(in crate::session) struct Footing {
     lifts: Vec<Lift>,
     /// Height of what it stands on at the frame that was settled last, metres.
     level: f32,
+    /// Where it stood on its feet last, and the revision of the scene then.
+    stood: Option<(Vec3, u64)>,
     scratch: Vec<Lift>,
     levels: Vec<(Vec3, f32)>,
 }
@@ -90,6 +123,7 @@ impl Footing {
             first: 0,
             lifts: vec![Lift::even(level)],
             level,
+            stood: None,
             scratch: Vec::new(),
             levels: Vec::new(),
         }
@@ -110,6 +144,50 @@ impl Footing {
         if (height - self.level).abs() > LEVEL_M {
             self.level = height;
         }
+    }
+
+    /// Notes that it stands on its feet, its root at `place`.
+    pub(super) fn stands(&mut self, scene: &Scene, place: Vec3) {
+        self.stood = Some((place.with_y(self.level), scene.revision()));
+    }
+
+    /// Height of what is under its root at `place` now, where the ground that it stands on has gone up, or down by a step, since
+    /// [`Footing::stands`]. Whoever has walked into something has not had the ground change: that is looked at where it stood.
+    pub(super) fn shifted(&self, scene: &Scene, place: Vec3) -> Option<f32> {
+        let (stood, revision) = self.stood?;
+        if scene.revision() == revision {
+            return None;
+        }
+        let there = stands_anew(scene, stood, stood.y)?;
+        if (there - stood.y).abs() <= LEVEL_M {
+            return None;
+        }
+        let here = stands_anew(scene, place, self.level)?;
+        ((here - there).abs() <= STEP_M).then_some(here)
+    }
+
+    /// The ground that it stands on is at `height` now: it goes there in the frames behind `shown`, as it stands or walks; at once
+    /// where that is far. The first frame at that height, where it took some.
+    pub(super) fn shift(&mut self, shown: i64, height: f32) -> Option<i64> {
+        let from = self.at(shown);
+        let far = (height - from.root_m).abs();
+        if far > RISES_M + LEVEL_M {
+            self.level_from(shown, height);
+            return None;
+        }
+        self.keep(shown - BEFORE_FRAMES, shown);
+        // It starts as fast as it may and comes to rest evenly: ground that goes on moving is followed.
+        let frames = (2.0 * far / RISE_RATE_M).ceil().max(1.0) as i64;
+        for frame in 1..=frames {
+            let left = 1.0 - frame as f32 / frames as f32;
+            let to = |from: f32| height + (from - height) * left * left;
+            self.lifts.push(Lift {
+                root_m: to(from.root_m),
+                feet_m: from.feet_m.map(to),
+            });
+        }
+        self.level = height;
+        Some(shown + frames)
     }
 
     fn at(&self, frame: i64) -> Lift {
@@ -140,14 +218,14 @@ impl Footing {
 
     /// Frames behind `shown` are lifted evenly, by `level`: they are in the air or come to stand there.
     pub(super) fn level_from(&mut self, shown: i64, level: f32) {
-        self.keep(shown);
+        self.keep(shown - BEFORE_FRAMES, shown);
         self.lifts.push(Lift::even(level));
         self.level = level;
     }
 
-    /// Keeps lifts up to frame `shown`, and not more of those before than are needed.
-    fn keep(&mut self, shown: i64) {
-        let from = self.first.clamp(shown - BEFORE_FRAMES, shown);
+    /// Keeps the lifts of frames `oldest` to `shown`.
+    fn keep(&mut self, oldest: i64, shown: i64) {
+        let from = self.first.max(oldest).min(shown);
         let mut kept = std::mem::take(&mut self.scratch);
         kept.clear();
         kept.extend((from..=shown).map(|frame| self.at(frame)));
@@ -158,16 +236,14 @@ impl Footing {
 
     /// Works out the lifts of the frames behind `shown`, which have changed, or the ground has.
     pub(super) fn renew(&mut self, shown: i64, buffer: &MotionBuffer, scene: &Scene, skeleton: &Skeleton) {
-        self.keep(shown);
-        let from = self.first.max(buffer.first()).min(shown);
+        // Frames up to `shown` may be still to come.
+        self.keep(buffer.first(), shown);
+        let from = self.first.max(shown - BEFORE_FRAMES);
         let (level, last) = (self.level, buffer.last());
         let uneven = self.look_ahead(from, last, buffer, scene);
         let known = &self.lifts[(from - self.first) as usize..];
         let is_even = |lift: &Lift| *lift == Lift::even(level);
         if !uneven && known.iter().all(is_even) {
-            self.lifts.clear();
-            self.lifts.push(Lift::even(level));
-            self.first = shown;
             return;
         }
         let frames = buffer.range(from, last);
@@ -184,8 +260,8 @@ impl Footing {
             &Terrain::default(),
             &mut self.scratch,
         );
-        self.first = from;
-        std::mem::swap(&mut self.lifts, &mut self.scratch);
+        self.lifts.truncate((from - self.first) as usize);
+        self.lifts.extend_from_slice(&self.scratch);
         if self.lifts.is_empty() {
             self.lifts.push(Lift::even(level));
         }

@@ -4,10 +4,12 @@ use std::sync::Arc;
 
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::super::{Activity, Character, Clock, EventKind, Start};
+use super::super::{Activity, Character, Clock, EventKind, Start, Strain, World};
+use super::footing::{Support, stands_on};
 use super::testing::*;
 use crate::primitives::LocomotionCommand;
-use crate::scene::{Scene, State, Surface, Transform};
+use crate::primitives::object::recipe::LOW_HIPS_M;
+use crate::scene::{Holder, Scene, SceneError, State, Surface, Transform};
 
 #[test]
 fn an_empty_scene_on_flat_ground_changes_no_bit() {
@@ -309,4 +311,149 @@ fn a_wall_is_no_step() {
         .support(Vec3::new(0.0, 3.0, 1.5), 5.0, None)
         .unwrap();
     assert_eq!(hit.surface, Surface::Collider("wall".into()));
+}
+
+/// A rig on a platform of 3 m with a higher block this far behind its edge, which is half a metre ahead.
+fn before_a_wall(gap: f32) -> Rig {
+    let rig = on_platform(3.0);
+    let platform = block("platform", [0.0, 1.5, -1.5], [2.0, 1.5, 2.0]);
+    let wall = block("wall", [0.0, 3.0, 0.5 + gap + 2.0], [2.0, 3.0, 2.0]);
+    rig.scene
+        .update(|scene| scene.set_colliders(&[platform, wall]))
+        .unwrap();
+    rig
+}
+
+#[test]
+fn one_who_falls_against_a_wall_comes_down_before_it() {
+    for gap in [0.4, 0.7, 1.5] {
+        for speed in [1.2, 3.0] {
+            let mut rig = before_a_wall(gap);
+            rig.walk(0.0, speed);
+            let fell = rig
+                .until(120, |kind| matches!(kind, EventKind::Fell { .. }))
+                .unwrap() as usize;
+            rig.walk(0.0, 0.0);
+            rig.run(90);
+            assert_eq!(rig.words(), ["fell", "landed"], "{gap} m, {speed} m/s");
+            let EventKind::Landed { height_m, speed_mps } = rig.events.last().unwrap().kind else {
+                panic!("{:?}", rig.events);
+            };
+            assert!((height_m - 3.0).abs() < 1e-3, "{height_m} m");
+            let impact = (2.0 * 9.81 * 3.0_f32).sqrt();
+            assert!((speed_mps - impact).abs() < 0.6, "{speed_mps} m/s");
+            let far = rig.frames.iter().map(|frame| frame.root.z).fold(0.0, f32::max);
+            assert!(far < 0.5 + gap - 0.2, "{gap} m, {speed} m/s: hips at {far}");
+            let last = rig.frames.last().unwrap().root;
+            assert!((last.y - 0.9).abs() < 0.03, "{last}");
+            // Braked, rather than stopped: the landing is harder.
+            let (acceleration, step) = rig.roughness(fell - 3);
+            assert!(step < impact / 30.0 + 0.15, "{step}");
+            assert!(acceleration < 150.0, "{gap} m, {speed} m/s: {acceleration} m/s²");
+        }
+    }
+}
+
+#[test]
+fn a_slope_is_landed_on() {
+    let rig = Rig::new();
+    let platform = block("platform", [0.0, 0.5, -1.5], [2.0, 0.5, 2.0]);
+    let mut slope = block("slope", [0.0, -0.5, 2.0], [2.0, 0.5, 4.0]);
+    slope.transform.rotation = Quat::from_rotation_x(0.3);
+    rig.scene
+        .update(|scene| {
+            *scene = Scene::new(-5.0)?;
+            scene.set_colliders(&[platform, slope])
+        })
+        .unwrap();
+    let (scene, definitions) = (Arc::clone(&rig.scene), Arc::clone(&rig.definitions));
+    let mut rig = Rig::in_scene(scene, definitions, "a", Vec3::Y);
+    rig.walk(0.0, 2.0);
+    rig.until(120, |kind| matches!(kind, EventKind::Fell { .. }))
+        .unwrap();
+    rig.walk(0.0, 0.0);
+    rig.run(90);
+    let root = rig.frames.last().unwrap().root;
+    let below = rig.scene.snapshot().support(root, 5.0, None).unwrap();
+    assert_eq!(below.surface, Surface::Collider("slope".into()));
+    assert!(
+        (root.y - 0.9 - below.point.y).abs() < 0.15,
+        "{root} over {below:?}"
+    );
+}
+
+#[test]
+fn networks_that_take_long_are_not_asked_to_go_on_from_a_seat() {
+    // Late plans: a character that goes down sits by when the next one takes over.
+    let sitting_down = || {
+        let mut rig = Rig::new();
+        rig.clock = Clock::Runs;
+        rig.plans = Plans::After(10);
+        rig.character.under_load(Strain {
+            expected_frames: 10,
+            lead_frames: 10,
+            stretch: 0.0,
+        });
+        rig.interact("bench", "sit").unwrap();
+        rig
+    };
+    let sits = |kind: &EventKind| matches!(kind, EventKind::Reached { set, .. } if set == "sit");
+    let length = sitting_down().until(900, sits).unwrap() as usize;
+    for stop in length - 40..length + 5 {
+        let mut rig = sitting_down();
+        rig.run(stop);
+        let asked = rig.requests.len();
+        rig.walk(0.0, 1.0);
+        rig.run(90);
+        for request in &rig.requests[asked..] {
+            let low = request.shape.context_roots[3].y;
+            assert!(low >= LOW_HIPS_M, "stopped at {stop} of {length}: hips at {low}");
+        }
+        let last = rig.frames.last().unwrap().root;
+        assert!((last.y - 0.9).abs() < 0.03, "{stop}: {last}");
+    }
+}
+
+#[test]
+fn a_pit_that_no_fall_ends_in_is_no_edge() {
+    // A fall of 20 s is as long as they come.
+    for (deep, falls) in [(1900.0, true), (2500.0, false)] {
+        let rig = on_platform(1.0);
+        rig.scene
+            .update(|scene| {
+                scene.become_scene(Scene::new(-deep)?);
+                Ok::<(), SceneError>(())
+            })
+            .unwrap();
+        let below = stands_on(&rig.scene.snapshot(), Vec3::ZERO, 1.0);
+        let want = Support::Below(falls.then_some(-deep));
+        assert_eq!(below, want);
+        let mut rig = rig;
+        rig.run(5);
+        assert_eq!(rig.words().contains(&"fell"), falls, "{deep} m");
+        assert_eq!(rig.frames.last().unwrap().root.y > 1.8, !falls, "{deep} m");
+    }
+}
+
+#[test]
+fn one_that_starts_inside_of_something_stands_on_its_feet() {
+    let tower = block("tower", [0.0, 5.0, 0.0], [5.0, 5.0, 5.0]);
+    let rig = Rig::new();
+    rig.scene.update(|scene| scene.set_colliders(&[tower])).unwrap();
+    let standing = LocomotionCommand::standing(&rig.style);
+    let pose = &standing.style.idle().rotations;
+    let start = Start::Context {
+        roots: [Vec3::new(0.0, 0.9, 0.0); 4],
+        rotations: pose.repeat(4),
+    };
+    let world = World {
+        scene: Arc::clone(&rig.scene),
+        definitions: Arc::clone(&rig.definitions),
+        holder: Holder::new("b"),
+    };
+    let mut character = Character::in_world(doll_pack(), options(), start, standing, Some(world));
+    assert!((character.view().root.position.y - 0.9).abs() < 1e-5);
+    let request = character.take_request().unwrap();
+    let hips = request.shape.context_roots[3].y;
+    assert!((hips - 0.9).abs() < 1e-5, "the networks see hips at {hips}");
 }

@@ -93,20 +93,21 @@ impl Hand {
     }
 
     /// Where the object is in a frame, which may lie between two of the timeline; `posed` is what is shown.
-    pub(super) fn transform(&self, skeleton: &Skeleton, frame: f32, posed: Posed<'_>) -> Transform {
+    pub(super) fn transform(&self, skeleton: &Skeleton, frame: f64, posed: Posed<'_>) -> Transform {
         let Some(socket) = self.socket() else {
             return self.from;
         };
         joint(skeleton, socket, posed) * self.offset(socket, frame)
     }
 
-    /// Where the object is in the joint's frame.
-    fn offset(&self, socket: &Socket, frame: f32) -> Transform {
-        let held = socket.offset_at(self.from, self.held, frame - self.since as f32);
+    /// Where the object is in the joint's frame. Frames of a session that lasts are many, so they are not counted as `f32`.
+    fn offset(&self, socket: &Socket, frame: f64) -> Transform {
+        let since = (frame - self.since as f64) as f32;
+        let held = socket.offset_at(self.from, self.held, since);
         let Some((at, rest)) = self.rest else {
             return held;
         };
-        let share = (frame - (at as f32 - REST_FRAMES)) / REST_FRAMES;
+        let share = 1.0 + (frame - at as f64) as f32 / REST_FRAMES;
         let share = smoothstep(share.clamp(0.0, 1.0));
         Transform::new(
             held.position.lerp(rest.position, share),
@@ -139,7 +140,7 @@ impl Hand {
     /// It is not put down: from `frame` on it goes back to its socket.
     pub(super) fn stays(&mut self, frame: i64) {
         if let (Some(socket), Some(_)) = (self.socket(), self.rest) {
-            self.from = self.offset(socket, frame as f32);
+            self.from = self.offset(socket, frame as f64);
             (self.since, self.rest) = (frame, None);
         }
     }
@@ -194,4 +195,33 @@ impl Hand {
 fn joint(skeleton: &Skeleton, socket: &Socket, posed: Posed<'_>) -> Transform {
     let (position, rotation) = joint_transform(skeleton, posed.root, posed.rotations, socket.joint);
     Transform::new(position, rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use troupe_motion::Quat;
+
+    use super::super::testing::{definitions, doll_pack};
+    use super::*;
+
+    #[test]
+    fn after_days_what_is_held_moves_as_at_once() {
+        let definition = definitions(&doll_pack()).get("cup").unwrap().definition;
+        let at = |since: i64| {
+            let hand = Hand {
+                instance: "cup".into(),
+                definition: Arc::clone(&definition),
+                variant: 0,
+                socket: 0,
+                since,
+                from: Transform::new(Vec3::X, Quat::IDENTITY),
+                held: Transform::IDENTITY,
+                rest: Some((since + 20, Transform::new(Vec3::Y, Quat::IDENTITY))),
+            };
+            let socket = hand.socket().unwrap();
+            let parts = (0..80).map(|quarter| since as f64 + 0.25 * f64::from(quarter));
+            parts.map(|frame| hand.offset(socket, frame)).collect::<Vec<_>>()
+        };
+        assert_eq!(at(0), at(1 << 40));
+    }
 }

@@ -132,7 +132,7 @@ impl Act {
                 }
                 Action::Release => {
                     let Some(hand) = &self.hand else { continue };
-                    let from = hand.transform(&body.pack.skeleton, at as f32, shown.posed());
+                    let from = hand.transform(&body.pack.skeleton, at as f64, shown.posed());
                     let transform = hand.put_down(&self.world, from)?;
                     let instance = Arc::clone(&hand.instance);
                     self.hand = None;

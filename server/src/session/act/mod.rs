@@ -34,6 +34,8 @@ mod ground_tests;
 #[cfg(test)]
 mod random_tests;
 #[cfg(test)]
+mod shift_tests;
+#[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
@@ -119,12 +121,13 @@ impl Act {
         }
     }
 
-    /// Height of what a character stands on that starts at `place`: the first surface at or below it.
-    pub(super) fn floor_under(world: &World, place: Vec3) -> f32 {
+    /// Height of what a character stands on that starts at `place`, its root `hips_m` over its feet or at them: the first surface at
+    /// or below it, or, inside of something, where its feet are.
+    pub(super) fn floor_under(world: &World, place: Vec3, hips_m: f32) -> f32 {
         const ABOVE_M: f32 = 0.05;
         let scene = world.scene.snapshot();
         match scene.support(place + Vec3::Y * ABOVE_M, footing::DEEPEST_M, None) {
-            Some(hit) if hit.is_inside() => place.y,
+            Some(hit) if hit.is_inside() => place.y - hips_m,
             Some(hit) => hit.point.y,
             None => scene.ground_y_m(),
         }
@@ -153,7 +156,7 @@ impl Act {
     /// What is in the hand, in the frame at the cursor, of which `posed` is what is shown.
     pub(super) fn held(&self, body_of: &Pack, cursor: i64, posed: Posed<'_>) -> Option<HeldObject> {
         let hand = self.hand.as_ref()?;
-        let frame = cursor as f32 / SUB_FRAMES as f32;
+        let frame = cursor as f64 / f64::from(SUB_FRAMES);
         Some(HeldObject {
             instance: Arc::clone(&hand.instance),
             transform: hand.transform(&body_of.skeleton, frame, posed),
@@ -342,7 +345,7 @@ impl Act {
     /// Puts down what is in the hand by its rule, where there is a place for it.
     fn drop_held(&mut self, frame: i64, body: &Body<'_>) {
         let Some(hand) = &self.hand else { return };
-        let at = hand.transform(&body.pack.skeleton, frame as f32, body.shown(frame).posed());
+        let at = hand.transform(&body.pack.skeleton, frame as f64, body.shown(frame).posed());
         let instance = Arc::clone(&hand.instance);
         let kind = match hand.put_down(&self.world, at) {
             Ok(transform) => {
@@ -366,7 +369,7 @@ impl Act {
     /// Lets go of what is in the hand, wherever it then comes to lie.
     fn let_go(&mut self, frame: i64, body: &Body<'_>) {
         let Some(hand) = self.hand.take() else { return };
-        let at = hand.transform(&body.pack.skeleton, frame as f32, body.shown(frame).posed());
+        let at = hand.transform(&body.pack.skeleton, frame as f64, body.shown(frame).posed());
         if let Some(transform) = hand.let_go(&self.world, at) {
             let instance = Arc::clone(&hand.instance);
             self.tell(frame, EventKind::Released { instance, transform });
@@ -426,8 +429,8 @@ impl Act {
         }
     }
 
-    /// Looks at what a character on its feet stands on: a step is taken note of, and where the ground ends a fall
-    /// begins, unless it is busy with an object. Answers whether one did.
+    /// Looks at what a character on its feet stands on: a step is taken note of, ground that has moved is followed, and where the
+    /// ground ends a fall begins, unless it is busy with an object. Answers whether one did.
     fn lose_ground(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
         let may_fall = match &self.doing {
             Doing::Locomotion => true,
@@ -439,9 +442,15 @@ impl Act {
             // What is under the hips of one who sits is no ground.
             return false;
         }
+        if may_fall && let Some(height) = body.footing.shifted(scene, root) {
+            body.shift_footing(frame, height, scene);
+        }
         match footing::stands_on(scene, root, body.footing.level()) {
             Support::At(height) => {
                 body.footing.step_to(height);
+                if may_fall {
+                    body.footing.stands(scene, root);
+                }
                 false
             }
             Support::Below(Some(_)) if may_fall => self.begin_fall(scene, frame, body),

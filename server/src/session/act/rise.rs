@@ -29,7 +29,9 @@ impl Act {
             Doing::Using(using) => using.approaches(),
             Doing::Falling(_) => false,
         };
-        if !on_foot || !std::mem::take(&mut self.left_off) || !body.is_low(splice) {
+        // Locomotion would go on from there.
+        let next = body.timeline.soonest(frame);
+        if !on_foot || !std::mem::take(&mut self.left_off) || !(body.is_low(splice) || body.is_low(next)) {
             return false;
         }
         body.timeline.forget_flight();
