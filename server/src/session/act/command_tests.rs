@@ -136,3 +136,21 @@ fn what_happens_is_told_in_order() {
         );
     }
 }
+
+#[test]
+fn the_way_out_is_not_ended_by_an_end() {
+    for between in [0, 1, 3, 10, 20, 30] {
+        let mut rig = carrying();
+        let known = rig.events.len();
+        rig.give(Intent::EndInteraction).unwrap();
+        rig.run(between);
+        rig.give(Intent::EndInteraction).unwrap();
+        rig.run(100);
+        let words = &rig.words()[known..];
+        assert_eq!(
+            words,
+            ["entered", "reached", "released", "done"],
+            "after {between}"
+        );
+    }
+}
