@@ -1,5 +1,7 @@
 //! Commands that come together or twice, objects that go away while they are carried, and the order of what is told.
 
+use troupe_motion::Vec3;
+
 use super::super::{EventKind, FailReason, Intent};
 use super::testing::*;
 use super::tests::{is_done, with_cup};
@@ -108,6 +110,36 @@ fn a_scene_that_is_put_again_takes_what_is_carried() {
         assert_eq!(last_failure(rig), Some(FailReason::Removed), "{:?}", rig.told());
         assert!(rig.character.held().is_none());
         assert_eq!(rig.object("cup").state, State::Free);
+    }
+}
+
+#[test]
+fn what_is_carried_out_of_the_world_is_freed() {
+    let far = 9_999.4;
+    for intent in [Intent::Drop, Intent::Cancel] {
+        let near = Rig::new();
+        let table = block("table", [far, 0.4, 3.15], [0.6, 0.4, 0.25]);
+        near.scene.update(|scene| scene.set_colliders(&[table])).unwrap();
+        near.move_object("cup", Vec3::new(far, 0.8, 3.0));
+        let mut rig = Rig::in_scene(
+            near.scene,
+            near.definitions,
+            "far",
+            Vec3::new(far - 1.0, 0.0, 1.5),
+        );
+        rig.interact("cup", "quick").unwrap();
+        rig.until(400, is_done).expect("it is taken");
+        rig.walk(1.0, 0.0);
+        rig.run(90);
+        assert!(rig.character.held().unwrap().transform.position.x > 10_000.0);
+        rig.give(intent).unwrap();
+        rig.run(1);
+        assert_eq!(rig.words().last(), Some(&"released"), "{:?}", rig.events.last());
+        let cup = rig.object("cup");
+        assert!(
+            cup.state == State::Free && cup.transform.position.x > 9_999.0,
+            "{cup:?}"
+        );
     }
 }
 
