@@ -23,7 +23,7 @@ pub enum Act {
     },
     /// Leave an interaction that is held, such as sitting, by its exit.
     EndInteraction,
-    /// Break off whatever it does, at once, and stand.
+    /// Break off whatever it does, at once, let go of what is in the hand, and stand.
     Cancel,
     /// Put down what is in the hand.
     Drop,

@@ -34,7 +34,7 @@ pub enum Intent {
     },
     /// Leave what is held by the variant's exit; nothing where there is no interaction.
     EndInteraction,
-    /// Break off whatever it does, at once, and stand.
+    /// Break off whatever it does, at once, let go of what is in the hand, and stand.
     Cancel,
     /// Put down what is in the hand, by its definition's rule; nothing where the hand is empty.
     Drop,

@@ -171,6 +171,11 @@ impl Interaction {
         self.state == State::Approach
     }
 
+    /// Whether it is on the way out: no sets but those of the exit are to come.
+    pub fn exits(&self) -> bool {
+        self.exits
+    }
+
     /// Whether it has gone through to its end.
     pub fn is_over(&self) -> bool {
         self.state == State::Over

@@ -1,5 +1,7 @@
 //! Commands that come together or twice, objects that go away while they are carried, and the order of what is told.
 
+use troupe_motion::Vec3;
+
 use super::super::{EventKind, FailReason, Intent};
 use super::testing::*;
 use super::tests::{is_done, with_cup};
@@ -111,6 +113,36 @@ fn a_scene_that_is_put_again_takes_what_is_carried() {
     }
 }
 
+#[test]
+fn what_is_carried_out_of_the_world_is_freed() {
+    let far = 9_999.4;
+    for intent in [Intent::Drop, Intent::Cancel] {
+        let near = Rig::new();
+        let table = block("table", [far, 0.4, 3.15], [0.6, 0.4, 0.25]);
+        near.scene.update(|scene| scene.set_colliders(&[table])).unwrap();
+        near.move_object("cup", Vec3::new(far, 0.8, 3.0));
+        let mut rig = Rig::in_scene(
+            near.scene,
+            near.definitions,
+            "far",
+            Vec3::new(far - 1.0, 0.0, 1.5),
+        );
+        rig.interact("cup", "quick").unwrap();
+        rig.until(400, is_done).expect("it is taken");
+        rig.walk(1.0, 0.0);
+        rig.run(90);
+        assert!(rig.character.held().unwrap().transform.position.x > 10_000.0);
+        rig.give(intent).unwrap();
+        rig.run(1);
+        assert_eq!(rig.words().last(), Some(&"released"), "{:?}", rig.events.last());
+        let cup = rig.object("cup");
+        assert!(
+            cup.state == State::Free && cup.transform.position.x > 9_999.0,
+            "{cup:?}"
+        );
+    }
+}
+
 /// Where locomotion takes over already, another command ends what is left of an interaction at once.
 #[test]
 fn what_happens_is_told_in_order() {
@@ -133,6 +165,24 @@ fn what_happens_is_told_in_order() {
             frames.iter().all(|&frame| frame <= now + 1),
             "at {stop}: {:?}",
             rig.told()
+        );
+    }
+}
+
+#[test]
+fn the_way_out_is_not_ended_by_an_end() {
+    for between in [0, 1, 3, 10, 20, 30] {
+        let mut rig = carrying();
+        let known = rig.events.len();
+        rig.give(Intent::EndInteraction).unwrap();
+        rig.run(between);
+        rig.give(Intent::EndInteraction).unwrap();
+        rig.run(100);
+        let words = &rig.words()[known..];
+        assert_eq!(
+            words,
+            ["entered", "reached", "released", "done"],
+            "after {between}"
         );
     }
 }

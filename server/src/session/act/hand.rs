@@ -9,7 +9,7 @@ use troupe_motion::{Skeleton, Vec3};
 
 use super::super::{FailReason, World};
 use crate::object::{Definition, Socket};
-use crate::scene::{Scene, SceneError, Transform};
+use crate::scene::{MAX_COORDINATE_M, Scene, SceneError, Transform};
 
 /// Frames over which an object turns in the hand before it is put down.
 const REST_FRAMES: f32 = 10.0;
@@ -181,7 +181,11 @@ impl Hand {
         self.release(world, transform).ok()
     }
 
-    fn release(&self, world: &World, transform: Transform) -> Result<Transform, Refused> {
+    /// Frees the object in the scene, at `transform`; at the edge of the world where that is beyond it, for a scene does not
+    /// take it there and it is to be in nobody's hand.
+    fn release(&self, world: &World, mut transform: Transform) -> Result<Transform, Refused> {
+        let edge = Vec3::splat(MAX_COORDINATE_M);
+        transform.position = transform.position.clamp(-edge, edge);
         let release = |scene: &mut Scene| scene.release(&self.instance, &world.holder, transform);
         world.scene.update(release).map_err(|error| Refused {
             reason: FailReason::Removed,

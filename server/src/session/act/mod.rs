@@ -261,10 +261,10 @@ impl Act {
     }
 
     /// Ends what is held; an interaction that has not come to its object is broken off, and one that is over but for the
-    /// object in the hand goes on with its way out.
+    /// object in the hand goes on with its way out. A way out goes on: it is the end that was asked for.
     fn end(&mut self, frame: i64, body: &mut Body<'_>) {
         match &mut self.doing {
-            Doing::Using(using) if using.approaches() => {
+            Doing::Using(using) if using.approaches() && !using.interaction.exits() => {
                 self.interrupt(frame, body, None);
             }
             Doing::Using(using) => using.end(),
