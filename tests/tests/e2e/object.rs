@@ -78,6 +78,11 @@ fn a_thing_for_the_hand_is_one_of_the_server() {
         "{}",
         text(&told.stderr)
     );
+    // A second one does not take its place unasked.
+    let again = format!("{cup} --name cup --out {out}");
+    failed(&offline(&again), 2, &["is there already", "--force"]);
+    let told = offline(&format!("{again} --variant whole --force"));
+    assert_eq!(printed(&told), "");
     let told = offline(&format!(
         "{cup} --points Hand_R --variant hand --weight 2 --into {out}"
     ));
