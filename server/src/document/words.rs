@@ -28,7 +28,7 @@ pub(crate) fn plain(message: &str) -> String {
         .or(found.strip_suffix(" as u128"))
         .unwrap_or(found);
     match found.char_indices().nth(MAX_FOUND) {
-        Some((cut, _)) => format!("{} ...{expected}", &found[..cut]),
+        Some((cut, _)) => format!("{}…{expected}", &found[..cut]),
         None => format!("{found}{expected}"),
     }
 }
@@ -86,7 +86,7 @@ mod tests {
         );
         let said = plain(&long);
         assert!(
-            said.ends_with(" ..., expected named fields at line 1") && said.len() < 300,
+            said.ends_with("…, expected named fields at line 1") && said.len() < 300,
             "{said}"
         );
     }
