@@ -311,11 +311,11 @@ impl Refusal {
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} ({:?})", self.message, self.code)?;
-        // The message mostly names the field already.
+        // The message mostly names the field already, or is all that is said of it.
         for violation in self
             .violations
             .iter()
-            .filter(|v| !self.message.contains(&v.field))
+            .filter(|v| !self.message.contains(&v.field) && v.description != self.message)
         {
             write!(f, "\n  {}: {}", violation.field, violation.description)?;
         }

@@ -133,13 +133,18 @@ fn greeting(server: &ServerHandle) -> String {
     } else {
         ("troupe", "--clip FILE.bvh --from FRAME --to FRAME --out OUT.glb")
     };
+    // Where the client looks by itself.
+    let server = match (address.ip().is_loopback(), address.port()) {
+        (true, 8080) => String::new(),
+        _ => format!(" --server http://{address}"),
+    };
     format!(
         "Troupe serves gRPC and HTTP on http://{address}\n\
          {packs}\
          Try next:\n  \
            curl http://{address}/v1/packs\n  \
-           {troupe} drive\n  \
-           {troupe} inbetween {clip}\n  \
+           {troupe}{server} drive\n  \
+           {troupe}{server} inbetween {clip}\n  \
            http://{address}/docs/ in a browser, for the HTTP interface\n  \
            http://{address}/metrics, for Prometheus\n"
     )

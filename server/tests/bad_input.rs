@@ -343,7 +343,7 @@ async fn errors_echo_a_little_of_the_request_only() {
         assert_eq!(status, StatusCode::BAD_REQUEST);
         let message = answer.error.message;
         assert!(
-            message.chars().count() < 600 && message.ends_with('…'),
+            message.chars().count() < 600 && message.contains('…'),
             "{message}"
         );
         assert!(answer.error.field.unwrap_or_default().chars().count() <= 257);

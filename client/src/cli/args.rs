@@ -46,7 +46,8 @@ const COMMON: &str = "Server and notes";
 const AFTER: &str = "\
 Exit codes:
   0  done
-  1  an output file could not be written, or the server's answer made no sense
+  1  an output file could not be written, the server's answer made no sense, or what a path
+     waits for did not come
   2  wrong arguments, or a file that cannot be used
   3  no server answers at the address, or not in time
   4  the server refused the request

@@ -98,7 +98,8 @@ pub(super) struct Character {
 
 /// Draw a character that follows a scripted path: the path from above, and poses at equal steps of time.
 ///
-/// In a scene (--scene, or the path's own) the picture shows what is there too, and what happened is printed.
+/// In a scene (--scene, or the path's own) the picture shows what is there too, and what happened is printed. What the character
+/// carries away stays where it was put: put the scene again before another take.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

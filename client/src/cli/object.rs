@@ -33,7 +33,8 @@ enum Action {
     Delete(Delete),
 }
 
-/// Add definitions from files, or replace those of their names. All objects of one get its shape and trigger at once.
+/// Add definitions from files, or replace those of their names. All objects of one get its shape and trigger at once. All files are
+/// checked before the first is put.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -109,8 +110,17 @@ pub(super) async fn run(session: &Session, command: &Object) -> Result<(), Failu
 
 async fn upload(session: &Session, files: &Files, check_only: bool) -> Result<(), Failure> {
     let (client, pack) = session.connect_to_pack(&files.pack).await?;
-    for file in &files.files {
-        let document = read_document(file)?;
+    let documents: Vec<_> = (files.files.iter())
+        .map(|file| Ok((file, read_document(file)?)))
+        .collect::<Result<_, Failure>>()?;
+    // All or none: a bad file among them is found before the first is put.
+    if !check_only && documents.len() > 1 {
+        for (file, document) in &documents {
+            let checked = client.check_object(&pack, document.clone()).await;
+            checked.map_err(|error| document_failure(file, error))?;
+        }
+    }
+    for (file, document) in documents {
         let answer = match check_only {
             true => client.check_object(&pack, document).await,
             false => client.put_object(&pack, document).await,

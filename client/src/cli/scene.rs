@@ -12,7 +12,9 @@ use super::files::{document_failure, read_document};
 use super::packs::table;
 use super::{Session, print};
 
-/// Put scenes on the server, and show those that it has: what characters stand on, run into and use.
+/// Put scenes on the server, and show those that it has: what characters stand on and use.
+///
+/// Colliders carry characters, are in the way to objects, and are what things are put on. They do not stop locomotion.
 #[derive(Debug, Args)]
 pub(super) struct Scene {
     #[command(subcommand)]

@@ -15,7 +15,7 @@ pub struct SceneDoc {
     /// Height of the ground plane, metres. Default 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub ground_m: f32,
-    /// What is there to stand on and to run into.
+    /// What is there to stand on, and what is in the way to objects. Locomotion is not stopped by it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub colliders: Vec<ColliderDoc>,
     /// What may be used.

@@ -49,7 +49,7 @@ use super::{http, ws};
         (name = "motion", description = "Single requests: motion between keyframes"),
         (name = "sessions", description = "Live characters"),
         (name = "styles", description = "Ways to move"),
-        (name = "scenes", description = "What characters stand on, run into and use"),
+        (name = "scenes", description = "What characters stand on and use"),
         (name = "objects", description = "What characters can do with things"),
         (name = "operations", description = "What operators need"),
     )

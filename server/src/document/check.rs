@@ -127,9 +127,12 @@ pub(crate) fn rotation(path: &Path<'_>, wxyz: [f32; 4], what: &str) -> Result<Qu
     ))
 }
 
-/// Names with commas between, as many as fit into an error.
+/// Names with commas between, as many as fit into an error; `none` where there are none.
 pub(crate) fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<_> = names.into_iter().collect();
+    if names.is_empty() {
+        return "none".to_owned();
+    }
     let shown = names[..names.len().min(MAX_LISTED)].join(", ");
     match names.len().checked_sub(MAX_LISTED) {
         Some(more @ 1..) => format!("{shown} and {more} more"),

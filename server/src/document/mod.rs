@@ -10,7 +10,9 @@ mod locate;
 mod read;
 #[cfg(test)]
 pub(crate) mod testing;
+mod words;
 
 pub use check::MAX_NAME_CHARS;
 pub use folder::{forget, keep, read_folder, read_kept};
 pub use read::{Document, DocumentError, Format, Source, parse, read, read_file};
+pub(crate) use words::plain;

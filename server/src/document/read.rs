@@ -7,6 +7,7 @@ use std::path::{Path as FilePath, PathBuf};
 use serde::de::DeserializeOwned;
 
 use super::locate::{in_json, in_toml, line_and_column};
+use super::words::{missing, plain};
 use crate::inbetween::FieldError;
 
 /// How a document is written.
@@ -109,6 +110,21 @@ impl DocumentError {
         }
     }
 
+    /// What a parser says of the field at `path`.
+    fn of_parser<D: Document>(path: &str, message: &str) -> Self {
+        let Some(name) = missing(message) else {
+            return Self {
+                field: path.to_owned(),
+                ..Self::whole::<D>(plain(message), "")
+            };
+        };
+        let dot = if path.is_empty() { "" } else { "." };
+        Self {
+            field: format!("{path}{dot}{name}"),
+            ..Self::whole::<D>("is missing", "")
+        }
+    }
+
     pub(super) fn in_file(mut self, file: &FilePath) -> Self {
         self.source = Source::File(file.to_owned());
         self
@@ -163,8 +179,7 @@ pub fn read<D: Document, T>(
 fn parse_toml<D: Document>(text: &str) -> Result<D, DocumentError> {
     let wrong = |field: String, error: &toml::de::Error| DocumentError {
         place: error.span().map(|span| line_and_column(text, span.start)),
-        field,
-        ..DocumentError::whole::<D>(error.message(), "")
+        ..DocumentError::of_parser::<D>(&field, error.message())
     };
     let reader = toml::Deserializer::parse(text).map_err(|error| wrong(String::new(), &error))?;
     serde_path_to_error::deserialize(reader).map_err(|error| wrong(field_of(error.path()), error.inner()))
@@ -179,8 +194,7 @@ fn parse_json<D: Document>(text: &str) -> Result<D, DocumentError> {
         });
         DocumentError {
             place,
-            field,
-            ..DocumentError::whole::<D>(message.strip_suffix(&end).unwrap_or(&message), "")
+            ..DocumentError::of_parser::<D>(&field, message.strip_suffix(&end).unwrap_or(&message))
         }
     };
     let mut reader = serde_json::Deserializer::from_str(text);

@@ -117,7 +117,7 @@ const WRONG: &[(&str, &str, &str)] = &[
     (
         "reach_m = 0.8",
         "reach_m = \"far\"",
-        "line 11, column 11: trigger.reach_m: invalid type: string \"far\", expected f32",
+        "line 11, column 11: trigger.reach_m: invalid type: string \"far\", expected a number",
     ),
     (
         "reach_m = 0.8",
@@ -282,7 +282,7 @@ const WRONG: &[(&str, &str, &str)] = &[
     (
         "drop_frames = 6",
         "drop_frames = -1",
-        "sets[1].drop_frames: invalid value: integer `-1`, expected u32",
+        "sets[1].drop_frames: invalid value: integer `-1`, expected a whole number of 0 or more",
     ),
     (
         "frames = 20",
@@ -314,7 +314,7 @@ const WRONG: &[(&str, &str, &str)] = &[
         "{}, {}, {}, {}",
         "sets[2].keyframes: has 5 entries; allowed: 1 to 4",
     ),
-    ("name = \"cup\"\n", "", "missing field `name`"),
+    ("name = \"cup\"\n", "", "name: is missing"),
     ("[anchor]", "[anchor", "line 13, column"),
     (
         "[[variants]]\nname = \"quick\"",
@@ -364,7 +364,7 @@ fn json_errors_name_line_field_and_range() {
             "\"reach_m\": 0.8",
             "\"reach_m\": null",
             format!(
-                "line {}, column 19: trigger.reach_m: invalid type: null, expected f32",
+                "line {}, column 19: trigger.reach_m: invalid type: null, expected a number",
                 line("reach_m")
             ),
         ),

@@ -248,6 +248,8 @@ mod tests {
     #[test]
     fn scenes_go_by_name() {
         let table = SceneTable::default();
+        let error = table.get("hall").unwrap_err();
+        assert_eq!(error.to_string(), "there is no scene \"hall\"; there are: none");
         let yard = table.add("yard", Scene::default()).unwrap();
         assert!(Arc::ptr_eq(&yard, &table.get("yard").unwrap()));
         assert_eq!(

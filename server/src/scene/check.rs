@@ -171,8 +171,12 @@ pub(crate) fn shape_error(path: &Path<'_>, kind: &'static str, error: ShapeError
             message: format!("is {found}"),
             allowed,
         },
-        flat_or_hull => path.field("points_m").error(
-            flat_or_hull.to_string(),
+        ShapeError::Flat(least_m) => path.field("points_m").error(
+            "are flat",
+            format!("points that span at least {least_m} m in every direction"),
+        ),
+        ShapeError::Hull => path.field("points_m").error(
+            "have no usable convex hull",
             "points apart from each other that span a volume",
         ),
     }

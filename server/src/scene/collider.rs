@@ -1,4 +1,4 @@
-//! Static colliders: what is there to stand on and to run into.
+//! Static colliders: what is there to stand on, and what is in the way.
 
 use std::sync::Arc;
 

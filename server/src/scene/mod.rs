@@ -1,4 +1,4 @@
-//! Scenes: what a session's characters stand on, run into and may use (paper section 6.2, detection and placement).
+//! Scenes: what a session's characters stand on and may use (paper section 6.2, detection and placement).
 //!
 //! A [`Scene`] has a ground height, static [`Collider`]s and object [`Instance`]s that may move, be reserved and be held.
 //! Two questions are asked of it: which instances' trigger volumes a box meets ([`Scene::detect`]), and what a ray, or a

@@ -188,7 +188,7 @@ const WRONG: &[(&str, &str, &str)] = &[
     (
         "[0, 1, 0], [0, 1, 2]",
         "[0, 0, 1], [2, 0, 1]",
-        "line 18, column 33: colliders[1].shape.convex.points_m: points_m are flat",
+        "line 18, column 33: colliders[1].shape.convex.points_m: are flat; allowed: points that span at least 0.001 m in every direction",
     ),
     (
         "[0, 1, 0], [0, 1, 2]",
@@ -233,7 +233,7 @@ const WRONG: &[(&str, &str, &str)] = &[
     (
         "position_m = [10.0, 0.8, 0.0]\n",
         "",
-        "objects[0]: missing field `position_m`",
+        "objects[0].position_m: is missing",
     ),
     (
         "heading_deg = 45.0",

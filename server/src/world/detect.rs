@@ -84,6 +84,12 @@ impl Store {
     ) -> Result<Question, ApiError> {
         let convention = units::convention(&root.field("convention"), request.convention)?;
         let path = root.field("box");
+        if given.scene.is_empty() {
+            return Err(path
+                .field("scene")
+                .error("is empty", "the name of a scene")
+                .into());
+        }
         let cell = self.scene(&given.scene, &path.field("scene"))?;
         let vector = |name, value: Option<v1::Vec3>| {
             let value = value.unwrap_or_default();

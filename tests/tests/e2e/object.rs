@@ -78,6 +78,11 @@ fn a_thing_for_the_hand_is_one_of_the_server() {
         "{}",
         text(&told.stderr)
     );
+    // A second one does not take its place unasked.
+    let again = format!("{cup} --name cup --out {out}");
+    failed(&offline(&again), 2, &["is there already", "--force"]);
+    let told = offline(&format!("{again} --variant whole --force"));
+    assert_eq!(printed(&told), "");
     let told = offline(&format!(
         "{cup} --points Hand_R --variant hand --weight 2 --into {out}"
     ));
@@ -131,23 +136,23 @@ fn a_seat_is_one_of_the_server() {
 fn the_tutorial_leads_to_an_object_in_a_scene() {
     let docs = std::fs::read_to_string(repository("docs/objects.md")).unwrap();
     let folder = Folder::new("tutorial");
-    let file = folder.file("shrine.toml");
+    let file = folder.file("wayside.toml");
     for command in ["new --from bow.bvh", "new --from curt-bow.bvh"] {
         let (_, rest) = docs.split_once(command).unwrap();
         let (line, _) = rest.split_once(" --pack-folder").unwrap();
         let line = line
             .replace('\\', " ")
-            .replace("shrine.toml", file.to_str().unwrap());
+            .replace("wayside.toml", file.to_str().unwrap());
         printed(&offline(&line));
     }
-    let shrine = load_file(&file, &pack()).unwrap();
+    let wayside = load_file(&file, &pack()).unwrap();
     assert_eq!(
-        (shrine.name.as_str(), shrine.variants.len(), shrine.body.shared),
-        ("shrine", 2, true)
+        (wayside.name.as_str(), wayside.variants.len(), wayside.body.shared),
+        ("wayside", 2, true)
     );
     let (_, rest) = docs.split_once("```toml\n").unwrap();
     let (garden, _) = rest.split_once("```").unwrap();
-    let definitions = Definitions::new([shrine]).unwrap().snapshot();
+    let definitions = Definitions::new([wayside]).unwrap().snapshot();
     let garden = NamedScene::read(garden, Format::Toml, &*definitions).unwrap();
     assert_eq!((garden.name.as_str(), garden.scene.len()), ("garden", 1));
 }

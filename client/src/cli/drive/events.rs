@@ -126,11 +126,19 @@ impl fmt::Display for Told<'_> {
                 let after = of.after.unwrap_or_default();
                 write!(
                     out,
-                    "reached {}: root {:.1} cm, heading {:.1}°, joints {:.1} cm off, drawn to {:.1} cm, {:.1}°, {:.1} cm",
+                    "reached {}: root {:.1} cm, heading {:.1}°, joints {:.1} cm off",
                     of.set,
                     before.root_m * 100.0,
                     before.heading_deg,
                     before.joint_m * 100.0,
+                )?;
+                // One that is left early is not drawn to its keyframe: how far off it is then says nothing of it.
+                if of.early_frames > 0 {
+                    return write!(out, ", left {} frames early", of.early_frames);
+                }
+                write!(
+                    out,
+                    ", drawn to {:.1} cm, {:.1}°, {:.1} cm",
                     after.root_m * 100.0,
                     after.heading_deg,
                     after.joint_m * 100.0,
@@ -196,6 +204,27 @@ mod tests {
         assert_eq!(frames, [6, 10]);
         assert_eq!(seen.events[1].to_string(), "  0.17 s  done with cup");
         assert_eq!(seen.events[1].to_json()["event"]["done"]["instance"], "cup");
+    }
+
+    #[test]
+    fn a_set_that_is_left_early_says_so() {
+        let off = |root_m| v1::KeyframeError {
+            root_m,
+            ..v1::KeyframeError::default()
+        };
+        let told = |early_frames| {
+            let reached = Kind::Reached(v1::KeyframeReached {
+                set: "rise".to_owned(),
+                before: Some(off(0.003)),
+                after: Some(off(0.013)),
+                early_frames,
+                ..v1::KeyframeReached::default()
+            });
+            Told(&reached).to_string()
+        };
+        let before = "reached rise: root 0.3 cm, heading 0.0°, joints 0.0 cm off";
+        assert_eq!(told(10), format!("{before}, left 10 frames early"));
+        assert_eq!(told(0), format!("{before}, drawn to 1.3 cm, 0.0°, 0.0 cm"));
     }
 
     #[test]

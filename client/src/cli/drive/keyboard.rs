@@ -29,6 +29,8 @@ use crate::pack::Pack;
 const DEFAULT_OUT: &str = "take.bvh";
 /// Time over which the speed shown is taken, seconds.
 const SPEED_OVER_S: f32 = 0.5;
+/// Told where U finds no object.
+const NOTHING_AHEAD: &str = "there is nothing to use ahead";
 /// How far ahead objects are looked for, metres.
 const REACH_M: f32 = 1.5;
 
@@ -162,7 +164,13 @@ impl Stage {
                         Asked::Record if self.recording.is_some() => self.stop_recording()?,
                         Asked::Record => self.start_recording(),
                         Asked::Use => self.use_nearest(drive).await,
+                        Asked::End if self.view.in_use.is_none() && self.view.in_hand.is_none() => {
+                            self.nothing("there is nothing in use or in the hand");
+                        }
                         Asked::End => self.act(drive, &Act::EndInteraction),
+                        Asked::PutDown if self.view.in_hand.is_none() => {
+                            self.nothing("there is nothing in the hand");
+                        }
                         Asked::PutDown => self.act(drive, &Act::Drop),
                         Asked::Leave => return Ok(()),
                     },
@@ -190,6 +198,9 @@ impl Stage {
         self.view.commanded = Vec2::new(wanted.velocity.x, wanted.velocity.z);
         self.view.facing = wanted.facing;
         self.uses &= self.view.commanded == Vec2::ZERO;
+        if self.view.commanded != Vec2::ZERO && self.view.note == NOTHING_AHEAD {
+            self.view.note.clear();
+        }
         if self.uses {
             return;
         }
@@ -226,7 +237,14 @@ impl Stage {
         };
         match found.into_iter().find(|of| of.usable).and_then(|of| of.object) {
             Some(object) => self.act(drive, &Act::interact(object.id)),
-            None => self.view.note = "there is nothing to use ahead".to_owned(),
+            None => self.nothing(NOTHING_AHEAD),
+        }
+    }
+
+    /// Tells that a key had nothing to do in the scene.
+    fn nothing(&mut self, told: &str) {
+        if self.view.objects.is_some() {
+            told.clone_into(&mut self.view.note);
         }
     }
 
@@ -234,8 +252,17 @@ impl Stage {
     fn told(&mut self, kind: &Kind) {
         self.view.note = Told(kind).to_string();
         match kind {
-            Kind::Done(_) | Kind::Failed(_) | Kind::Interrupted(_) => self.uses = false,
-            Kind::Released(put) => self.moved(&put.instance, place_of(put.position)),
+            Kind::Started(of) => self.view.in_use = Some(of.instance.clone()),
+            Kind::Entered(of) => self.view.in_use = Some(format!("{}, {}", of.instance, of.set)),
+            Kind::Done(_) | Kind::Failed(_) | Kind::Interrupted(_) => {
+                self.uses = false;
+                self.view.in_use = None;
+            }
+            Kind::Attached(of) => self.view.in_hand = Some(of.instance.clone()),
+            Kind::Released(put) => {
+                self.view.in_hand = None;
+                self.moved(&put.instance, place_of(put.position));
+            }
             _ => {}
         }
     }

@@ -100,14 +100,17 @@ fn in_words(take: &Take) -> String {
         Some(metres) => format!(", {metres:.2} m from the last waypoint"),
         None => String::new(),
     };
+    let mean = match measures.mean_speed_mps {
+        Some(mps) => format!("{mps:.2} m/s on average while told to go, "),
+        None => String::new(),
+    };
     format!(
         "{:.1} s, {:.1} m{miss}\n\
-         speed: {:.2} m/s on average while told to go, {:.2} m/s at most\n\
+         speed: {mean}{:.2} m/s at most\n\
          plans: {} ({} for commands, {} for a low buffer, {} after the interval), {} late, {} failed\n\
          underruns: {}",
         take.clip.duration_s(),
         measures.distance_m,
-        measures.mean_speed_mps,
         measures.most_speed_mps,
         plans(stats),
         stats.plans_for_command,

@@ -11,7 +11,7 @@ use ratatui::style::{Color, Style, Stylize as _};
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
-use ratatui::widgets::{Block, Paragraph};
+use ratatui::widgets::{Block, Paragraph, Wrap};
 use ratatui::{DefaultTerminal, Frame};
 
 use super::keys::Choice;
@@ -90,6 +90,10 @@ pub(super) struct View {
     pub(super) recording_s: Option<f32>,
     /// The objects of the scene; none where it is in no scene.
     pub(super) objects: Option<Vec<Place>>,
+    /// The object in use, and the set that it is at.
+    pub(super) in_use: Option<String>,
+    /// The object in the hand.
+    pub(super) in_hand: Option<String>,
     /// What happened last.
     pub(super) note: String,
 }
@@ -105,21 +109,22 @@ impl View {
     }
 
     pub(super) fn draw(&self, frame: &mut Frame<'_>) {
+        // In a scene the note may be longer than a line.
+        let below = if self.objects.is_some() { 4 } else { 2 };
         let [main, bottom] =
-            Layout::vertical([Constraint::Min(4), Constraint::Length(2)]).areas(frame.area());
+            Layout::vertical([Constraint::Min(4), Constraint::Length(below)]).areas(frame.area());
         let [ground, side] = Layout::horizontal([Constraint::Min(10), Constraint::Length(30)]).areas(main);
         self.draw_ground(frame, ground);
         frame.render_widget(Paragraph::new(self.status()).block(Block::bordered()), side);
         let keys = Line::from(
             " WASD move · QE turn · F face ahead · 1-9 style · +- speed · space stand · R record · Esc leave",
         );
-        let acts = match self.objects {
-            Some(_) => " U use what is near · X end · G put down · ",
-            None => " ",
-        };
-        let note = Line::from(vec![acts.dim(), Span::raw(&self.note)]);
-        let lines = vec![keys.dim(), note];
-        frame.render_widget(Paragraph::new(lines), bottom);
+        let mut lines = vec![keys.dim()];
+        if self.objects.is_some() {
+            lines.push(Line::from(" U use what is near · X end what is held · G put down").dim());
+        }
+        lines.push(Line::from(format!(" {}", self.note)));
+        frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: false }), bottom);
     }
 
     fn draw_ground(&self, frame: &mut Frame<'_>, area: Rect) {
@@ -197,6 +202,15 @@ impl View {
             },
             Line::default(),
         ];
+        if self.objects.is_some() {
+            let told = |of: &Option<String>| of.clone().unwrap_or_else(|| "nothing".to_owned());
+            let at = lines.len() - 1;
+            let scene = [
+                row("in use   ", told(&self.in_use)),
+                row("in hand  ", told(&self.in_hand)),
+            ];
+            lines.splice(at..at, scene);
+        }
         for (nth, style) in self.styles.iter().enumerate().take(9) {
             let line = Line::from(format!("{} {} {:.1} m/s", nth + 1, style.name, style.speed_mps));
             lines.push(if nth == self.style { line.reversed() } else { line });
@@ -255,9 +269,20 @@ mod tests {
             id: "cup-1".to_owned(),
             place: Vec2::new(-1.0, 3.0),
         }]);
+        view.in_hand = Some("cup-1".to_owned());
+        view.note =
+            "reached lift: root 0.1 cm, heading 0.3°, joints 3.6 cm off, drawn to 0.0 cm, 0.0°, 0.0 cm, and \
+                     whatever else there is to say"
+                .to_owned();
         let drawn = drawn(&view, 100, 24);
         assert!(drawn.contains("▪cup-1"), "{drawn}");
-        assert!(drawn.contains("G put down · take-1.bvh written"), "{drawn}");
+        assert!(drawn.contains("G put down"), "{drawn}");
+        assert!(drawn.contains("in use   nothing"), "{drawn}");
+        assert!(drawn.contains("in hand  cup-1"), "{drawn}");
+        assert!(
+            drawn.contains("else there is to say"),
+            "a long note goes on: {drawn}"
+        );
     }
 
     #[test]

@@ -11,7 +11,7 @@ use super::{options_of, scene_of};
 use crate::cli::Session;
 use crate::cli::failure::Failure;
 use crate::cli::live_args::Character;
-use crate::cli::path::{Moment, Path, Player};
+use crate::cli::path::{MOMENT_S, Moment, Path, Player};
 use crate::error::{AnswerError, ClientError};
 use crate::live::{FrameOptions, Recording};
 
@@ -71,8 +71,8 @@ pub(in crate::cli) struct Moved {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::cli) struct Measures {
     pub(in crate::cli) distance_m: f32,
-    /// While it was told to go.
-    pub(in crate::cli) mean_speed_mps: f32,
+    /// While it was told to go; none where it never was.
+    pub(in crate::cli) mean_speed_mps: Option<f32>,
     pub(in crate::cli) most_speed_mps: f32,
     pub(in crate::cli) end_to_last_waypoint_m: Option<f32>,
 }
@@ -102,7 +102,7 @@ impl Take {
         }
         Measures {
             distance_m,
-            mean_speed_mps: sum / count.max(1) as f32,
+            mean_speed_mps: (count > 0).then(|| sum / count as f32),
             most_speed_mps: most,
             end_to_last_waypoint_m: self
                 .goal
@@ -175,6 +175,10 @@ impl Taking<'_> {
             if time_s + 0.5 / hz >= player.ends_s() {
                 break;
             }
+            if let Some((nth, moment)) = player.waits_in_vain(time_s) {
+                bar.finish_and_clear();
+                return Err(self.in_vain(nth, moment));
+            }
             self.command(live, &mut player, &mut style, place);
             let frames = match self.lives_in_scene {
                 // What is in the hand is told for the last frame of a step alone.
@@ -198,6 +202,19 @@ impl Taking<'_> {
         }
         bar.finish_and_clear();
         self.into_take(live.info().await?)
+    }
+
+    /// Why the path cannot go on: its `nth` command waits for a moment that did not come.
+    fn in_vain(&self, nth: usize, moment: Moment) -> Failure {
+        let mut told = format!(
+            "[[command]] {nth} of the path waited {MOMENT_S} s for after = \"{}\", which did not come; what happened:",
+            moment.word()
+        );
+        match self.seen.events.is_empty() {
+            true => told.push_str(" nothing"),
+            false => (self.seen.events.iter()).for_each(|event| told.push_str(&format!("\n{event}"))),
+        }
+        Failure::Other(told)
     }
 
     /// Tells the character what to do from the next frame on.
@@ -342,7 +359,10 @@ mod tests {
         };
         let measures = take.measures();
         assert!((measures.distance_m - 2.0).abs() < 0.02, "{measures:?}");
-        assert!((measures.mean_speed_mps - 1.0).abs() < 0.02, "{measures:?}");
+        assert!(
+            (measures.mean_speed_mps.unwrap() - 1.0).abs() < 0.02,
+            "{measures:?}"
+        );
         assert!((measures.most_speed_mps - 1.0).abs() < 0.05, "{measures:?}");
         assert!((measures.end_to_last_waypoint_m.unwrap() - 0.5).abs() < 0.01);
         assert_eq!(take.order_at(45).unwrap().frame, 0);

@@ -63,11 +63,14 @@ fn subtitle(take: &Take) -> String {
         Some(metres) => format!(" · ends {metres:.2} m from the last waypoint"),
         None => String::new(),
     };
+    let mean = match measures.mean_speed_mps {
+        Some(mps) => format!(" · {mps:.2} m/s on average while told to go"),
+        None => String::new(),
+    };
     format!(
-        "{:.1} s · {:.1} m · {:.2} m/s on average while told to go{miss} · {} plans",
+        "{:.1} s · {:.1} m{mean}{miss} · {} plans",
         take.clip.duration_s(),
         measures.distance_m,
-        measures.mean_speed_mps,
         super::sessions::plans(&take.stats),
     )
 }

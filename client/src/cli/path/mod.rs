@@ -57,6 +57,16 @@ pub(super) enum Moment {
     Done,
 }
 
+impl Moment {
+    /// As files have it.
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Held => "held",
+            Self::Done => "done",
+        }
+    }
+}
+
 /// What a command says about the velocity.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) enum Motion {
@@ -93,8 +103,9 @@ pub(super) struct Waypoint {
 
 /// Time that a path goes on after its last command or waypoint.
 const AFTERMATH_S: f32 = 2.0;
-/// Longest that a path waits for what comes of a command; the server gives up an approach after 20 s.
-const MOMENT_S: f32 = 30.0;
+/// Longest that a path waits for what comes of a command, unless it says how long it goes on; the server gives up an approach
+/// after 20 s.
+pub(super) const MOMENT_S: f32 = 30.0;
 
 impl Path {
     /// Reads a file.

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{AFTERMATH_S, Manner, Moment, Motion, Path, Waypoint, When};
+use super::{AFTERMATH_S, MOMENT_S, Manner, Moment, Motion, Path, Waypoint, When};
 use crate::live::{Act, Locomotion};
 
 /// How far the way to a waypoint may turn from where the character is told to go before it is told anew, radians. Every
@@ -246,6 +246,19 @@ impl<'a> Player<'a> {
                 direction: bearing,
             };
         }
+    }
+
+    /// The command, counted from 1, that has waited too long, and the moment that did not come. A path that says how long it goes on
+    /// may wait to its end.
+    pub(in crate::cli) fn waits_in_vain(&self, time_s: f32) -> Option<(usize, Moment)> {
+        let When::Later {
+            after: Some(moment), ..
+        } = self.path.commands.get(self.next_command)?.when
+        else {
+            return None;
+        };
+        let too_long = self.came_s.is_none() && time_s >= self.given_s + MOMENT_S;
+        (too_long && self.path.seconds.is_none()).then_some((self.next_command + 1, moment))
     }
 
     /// When the path is at its end, as far as it is known.

@@ -188,7 +188,11 @@ impl Check<'_> {
         let entry = spanned.get_ref();
         let time_s = self.number("time_s", entry.time_s.as_ref(), 0.0, MAX_TIME_S)?;
         let wait_s = self.number("wait_s", entry.wait_s.as_ref(), 0.0, MAX_TIME_S)?;
-        let after = entry.after.as_ref().map(|after| self.moment(after)).transpose()?;
+        let after = entry
+            .after
+            .as_ref()
+            .map(|after| self.moment(after, before))
+            .transpose()?;
         let Some((time_s, at)) = time_s.zip(entry.time_s.as_ref()) else {
             if wait_s.is_none() && after.is_none() {
                 return Err(self.fault(spanned, "time_s is missing; or else give after or wait_s"));
@@ -210,7 +214,13 @@ impl Check<'_> {
         Ok(When::At(time_s))
     }
 
-    fn moment(&self, after: &Spanned<String>) -> Result<Moment, String> {
+    /// What a command waits for that comes after these.
+    fn moment(&self, after: &Spanned<String>, before: &[Timed]) -> Result<Moment, String> {
+        let interacts = |command: &Timed| matches!(command.act, Some(Act::Interact { .. }));
+        if !before.iter().any(interacts) {
+            let what = "after waits for what an interact before it began, and there is none";
+            return Err(self.fault(after, what));
+        }
         match after.get_ref().as_str() {
             "held" => Ok(Moment::Held),
             "done" => Ok(Moment::Done),

@@ -87,8 +87,12 @@ fn what_is_wrong_is_named_with_its_line() {
             "line 3: time_s excludes after and wait_s",
         ),
         (
-            "[[command]]\nafter = 'sat'",
-            "line 2: after is \"sat\", but may be \"held\" or \"done\"",
+            "[[command]]\ntime_s = 0\ninteract = 'cup'\n[[command]]\nafter = 'sat'",
+            "line 5: after is \"sat\", but may be \"held\" or \"done\"",
+        ),
+        (
+            "[[command]]\ntime_s = 0\nspeed = 1\n[[command]]\nafter = 'held'",
+            "line 5: after waits for what an interact before it began",
         ),
         ("[[command]]\nwait_s = -1", "line 2: wait_s is -1"),
         (
@@ -243,6 +247,25 @@ fn objects_are_used_one_after_the_other() {
     assert!(player.ends_s() > 30.0, "the end is not known yet");
     assert_eq!(look(&mut player, 14.0), (Some(0.0), vec![]));
     assert_eq!(player.ends_s(), 16.0);
+}
+
+#[test]
+fn what_does_not_come_is_not_waited_for_forever() {
+    let text = "[[command]]\ntime_s = 1\ninteract = 'seat'\n[[command]]\nafter = 'done'\nspeed = 1\n";
+    let path = parse(text);
+    let mut player = Player::new(&path);
+    player.intent(1.0, Vec2::ZERO);
+    // It sits, and nothing ends that.
+    player.came(Moment::Held, 4.0);
+    assert_eq!(player.waits_in_vain(30.9), None);
+    assert!(path.limit_s() > 31.0);
+    assert_eq!(player.waits_in_vain(31.0), Some((2, Moment::Done)));
+    let timed = parse(&format!("seconds = 100\n{text}"));
+    let mut player = Player::new(&timed);
+    player.intent(1.0, Vec2::ZERO);
+    assert_eq!(player.waits_in_vain(90.0), None);
+    player.came(Moment::Done, 91.0);
+    assert_eq!(player.next_command_s(), Some(91.0));
 }
 
 #[test]

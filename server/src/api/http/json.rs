@@ -11,6 +11,7 @@ use troupe_proto::v1;
 
 use crate::api::error::{ApiError, MAX_MESSAGE, MAX_PATH, cut};
 use crate::api::shape::Shapes;
+use crate::document::plain;
 
 /// Limits of a body. `DefaultBodyLimit` enforces the bytes; here they are named in errors.
 #[derive(Clone)]
@@ -88,7 +89,7 @@ pub(in crate::api) fn read<T: Message>(bytes: &[u8], limits: &BodyLimits) -> Res
             };
         }
         ApiError::Malformed {
-            message: cut(&inner.to_string(), MAX_MESSAGE),
+            message: cut(&plain(&inner.to_string()), MAX_MESSAGE),
             field: (path != ".").then(|| cut(&path, MAX_PATH)),
         }
     })?;

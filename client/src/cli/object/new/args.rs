@@ -24,11 +24,11 @@ const WRITING: &str = "Writing";
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  troupe object new --from bow.bvh --frames 20,58,90 --name shrine --hold 58=15 --soft 90=10 --out shrine.toml
-  troupe object new --from greet.bvh --frames 12,40,70 --name shrine --variant nod --into shrine.toml
+  troupe object new --from bow.bvh --frames 20,58,90 --name wayside --distance 1.0 --hold 58=15 --soft 90=10 --out wayside.toml
+  troupe object new --from greet.bvh --frames 12,40,70 --variant nod --distance 1.0 --into wayside.toml
   troupe object new --from reach.bvh --frames 30,55,80 --name cup --points Hand_R --hand Hand_R --hold 55 \
 --release 80 --out cup.toml
-  troupe object new --from bow.bvh --frames 20,58 --name shrine --pack-folder models/human | less")]
+  troupe object new --from bow.bvh --frames 20,58 --name wayside --pack-folder models/human | less")]
 pub(in crate::cli) struct New {
     /// Motion clip in BVH format.
     #[arg(long, value_name = "FILE")]
@@ -87,7 +87,7 @@ pub(in crate::cli) struct New {
     #[arg(long, help_heading = THING)]
     pub(super) shared: bool,
 
-    /// It is a mere place: nothing runs into it.
+    /// It is a mere place: rays and boxes do not hit it.
     #[arg(long, help_heading = THING)]
     pub(super) not_solid: bool,
 
@@ -151,6 +151,10 @@ pub(in crate::cli) struct New {
     /// File to write; without it standard output.
     #[arg(long, value_name = "FILE", help_heading = WRITING)]
     pub(super) out: Option<PathBuf>,
+
+    /// Write --out even where there is such a file; what it holds is gone then, variants that were added too.
+    #[arg(long, requires = "out", help_heading = WRITING)]
+    pub(super) force: bool,
 
     /// Definition (TOML) to add to, as one more variant. All that it says of the object stays.
     #[arg(

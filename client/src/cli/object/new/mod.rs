@@ -23,6 +23,11 @@ use crate::cli::{Session, print};
 use crate::pack::Pack;
 
 pub(super) async fn run(session: &Session, new: &New) -> Result<(), Failure> {
+    // Before any work is done for nothing.
+    if let Some(out) = new.out.as_deref().filter(|out| !new.force && out.exists()) {
+        let why = "is there already; --into adds to it as one more variant, --force replaces it";
+        return Err(Failure::file(out, why));
+    }
     let pack = new.pack.get(session).await?;
     let clip = read_clip(&new.from, &pack, new.scale, &session.term)?;
     let old = new.into.as_deref().map(read).transpose()?;

@@ -34,7 +34,7 @@ pub(super) fn whole(doc: &ObjectDoc, source: &Source<'_>) -> String {
         text.string("description", &doc.description);
     }
     if !doc.solid {
-        text.comment("Nothing runs into it.");
+        text.comment("A mere place: rays and boxes do not hit it.");
         text.value("solid", doc.solid);
     }
     if doc.shared {
