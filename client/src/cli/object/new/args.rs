@@ -84,7 +84,7 @@ pub(in crate::cli) struct New {
     pub(super) pivot: bool,
 
     /// Any number of characters may use it at once.
-    #[arg(long, help_heading = THING)]
+    #[arg(long, help_heading = THING, conflicts_with = "hand")]
     pub(super) shared: bool,
 
     /// It is a mere place: rays and boxes do not hit it.
