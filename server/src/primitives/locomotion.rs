@@ -20,7 +20,8 @@ use super::matching::Matcher;
 use super::reach::{self, Feasible};
 use super::recipe::{
     ANCHOR_AFTER_S, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO, HORIZON_S,
-    SIDE_ANGLE, SIDE_PARTS, STANDING_MPS, STEP_FRAMES, STEP_MARGIN_FRAMES, STEP_TURN, STILL, TARGET_KEYS,
+    SIDE_ANGLE, SIDE_PARTS, STANDING_MPS, STEP_FRAMES, STEP_MARGIN_FRAMES, STEP_TURN, STILL, STOP_POSE,
+    TARGET_KEYS,
 };
 use super::{CONTEXT_FRAMES, GapPose, Guide, LocomotionCommand, PlanContext, PlanTargets, TargetKey};
 use crate::style::cycles::Moment;
@@ -369,39 +370,46 @@ impl Plan<'_> {
         self.context.velocity.with_y(0.0).length() < STILL.0 && turns.abs() < STILL.1
     }
 
-    /// Poses in the gap: of a character that moves, or stands. One that comes to a stop has none, for its feet step as they must.
-    /// The data's stands are full of gestures, and the networks fill one with them that is left to them.
+    /// Poses in the gap. The data's stands are full of gestures, and the networks fill one with them that is left to them; so one
+    /// who stands has a pose half way, as one who walks. One who comes to a stop has it late, for until then its feet step as they
+    /// must; one who turns on the spot has its steps.
     fn gap_poses(&self) -> Vec<GapPose> {
-        if self.feasible.velocity == Vec3::ZERO && !self.stands() {
-            return Vec::new();
+        let halts = self.feasible.velocity == Vec3::ZERO;
+        if halts && !self.stands() {
+            return vec![self.gap_pose(STOP_POSE * self.horizon_s)];
         }
         let local = yaw(-self.feasible.facing) * self.feasible.velocity;
-        let parts = if local.x.atan2(local.z).abs() < SIDE_ANGLE {
+        let parts = if halts || local.x.atan2(local.z).abs() < SIDE_ANGLE {
             FORWARD_PARTS
         } else {
             SIDE_PARTS
         };
         // A gap of more than the usual length has more of them, about as far apart.
         let parts = (parts * self.horizon_s / HORIZON_S).round().max(parts);
-        let pose = |nth: usize| {
-            let place = nth as f32 / parts * self.horizon_s;
-            let frame = NOW + (place * self.context.fps).round() as usize;
-            let (rotations, moment) = self.pose(frame);
-            GapPose {
-                frame,
-                rotations,
-                height_m: moment.height_m,
-            }
-        };
-        (1..parts as usize).map(pose).collect()
+        (1..parts as usize)
+            .map(|nth| self.gap_pose(nth as f32 / parts * self.horizon_s))
+            .collect()
+    }
+
+    /// The blend's pose so many seconds ahead.
+    fn gap_pose(&self, ahead_s: f32) -> GapPose {
+        let frame = NOW + (ahead_s * self.context.fps).round() as usize;
+        let (rotations, moment) = self.pose(frame);
+        GapPose {
+            frame,
+            rotations,
+            height_m: moment.height_m,
+        }
     }
 
     fn targets(&self, steps: Vec<GapPose>) -> PlanTargets {
         let last = self.last();
         let end = self.r_g2(last);
         let given = self.style.allowed_token_counts.len() <= 1;
-        let mut gap_poses = self.gap_poses();
-        gap_poses.extend(steps);
+        let gap_poses = match steps.is_empty() {
+            true => self.gap_poses(),
+            false => steps,
+        };
         PlanTargets {
             targets: (0..TARGET_KEYS)
                 .map(|key| self.target(last + 1 + key - TARGET_KEYS))

@@ -29,6 +29,8 @@ pub const RESYNC_TURN: f32 = 120.0 * DEGREE;
 pub const STANDING_MPS: f32 = 0.05;
 /// A character that is slower than the first (m/s) and turns by less than the second (radians) stands, if it is to.
 pub const STILL: (f32, f32) = (0.12, 0.15);
+/// Share of the way to its target at which one who comes to a stop has a pose.
+pub const STOP_POSE: f32 = 0.8;
 /// Below this speed (m/s) a gait fades into standing, so that no speed has a jump.
 pub const STARTING_MPS: f32 = 0.15;
 /// Seconds of standing after which the root is held where it is: without, it drifts by 1 to 16 cm a minute.
