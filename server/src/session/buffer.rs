@@ -24,13 +24,13 @@ const FAR_FADE_FRAMES: usize = 24;
 /// Most that such a joint goes on turning from where it is, or turns into where it goes, radians a frame.
 const MOST_RATE: f32 = 0.15;
 
-/// How a joint goes over from one motion to another.
-#[derive(Debug, Clone, Copy)]
-struct Fade {
-    /// Over so many frames.
+/// A joint that is far from where a new motion has it.
+#[derive(Debug)]
+struct FarJoint {
+    joint: usize,
+    /// Frames over which it goes there.
     frames: usize,
-    /// The way of a joint that is far away.
-    way: Option<Way>,
+    way: Way,
 }
 
 /// The way of a joint from one rotation to another, each with how it turns there: about an axis in its own frame, radians a frame.
@@ -67,14 +67,6 @@ impl Way {
         let (axis, angle) = self.turn.to_axis_angle();
         let share = smoothstep(step as f32 / frames as f32);
         (from * Quat::from_axis_angle(axis, angle * share)).normalize()
-    }
-}
-
-/// A new motion's share in its frame `step`.
-fn fade_weight(step: usize) -> f32 {
-    match step < CROSSFADE_FRAMES {
-        true => smoothstep((step + 1) as f32 / (CROSSFADE_FRAMES + 1) as f32),
-        false => 1.0,
     }
 }
 
@@ -117,8 +109,6 @@ pub(super) struct MotionBuffer {
     /// `frames * joints`, joint 0 in the world; no joint changes its hemisphere from one frame to the next.
     rotations: Vec<Quat>,
     contacts: Vec<u8>,
-    /// One a joint, while a plan is taken in.
-    fades: Vec<Fade>,
 }
 
 impl MotionBuffer {
@@ -131,7 +121,6 @@ impl MotionBuffer {
             roots: Vec::new(),
             rotations: Vec::new(),
             contacts: Vec::new(),
-            fades: Vec::new(),
         };
         buffer.append(frames);
         buffer
@@ -154,6 +143,13 @@ impl MotionBuffer {
     /// Root position of a frame.
     pub(super) fn root(&self, frame: i64) -> Vec3 {
         self.roots[self.index(frame)]
+    }
+
+    /// Mean velocity over the ground of so many frames before `frame`, of those that are there, m/s.
+    pub(super) fn velocity(&self, frame: i64, frames: i64, fps: f32) -> Vec3 {
+        let from = (frame - frames).max(self.first());
+        let way = (self.root(frame) - self.root(from)).with_y(0.0);
+        way * fps / (frame - from).max(1) as f32
     }
 
     /// Rotations of a frame, one a joint.
@@ -230,10 +226,11 @@ impl MotionBuffer {
         let fade = CROSSFADE_FRAMES.min(plan.roots.len());
         self.draw_out(at + fade as i64);
         let start = self.index(at) + 1;
-        let longest = self.plan_fades(start, &plan, fade);
+        let mut far = self.far_joints(start, &plan, fade);
+        let longest = far.iter().map(|far| far.frames).fold(fade, usize::max);
         self.draw_out(at + longest as i64);
         for step in 0..longest {
-            self.fade(start + step, &plan, step);
+            self.fade(start + step, &plan, step, &mut far);
         }
         self.roots.truncate(start + longest);
         self.rotations.truncate((start + longest) * self.joints);
@@ -241,60 +238,49 @@ impl MotionBuffer {
         self.append(plan.skip(longest, self.joints));
     }
 
-    /// Works out how each joint goes over to `plan`, whose first frame comes to `start`; over how many frames the slowest does.
-    fn plan_fades(&mut self, start: usize, plan: &Frames<'_>, fade: usize) -> usize {
-        let joints = self.joints;
+    /// The joints that are far from where `plan` has them, whose first frame comes to `start`: most often none.
+    fn far_joints(&self, start: usize, plan: &Frames<'_>, fade: usize) -> Vec<FarJoint> {
+        if fade < CROSSFADE_FRAMES {
+            return Vec::new();
+        }
         // A plan ends in what it was made for: by then all of it counts.
         let most = FAR_FADE_FRAMES.min(plan.roots.len() * 3 / 4).max(fade);
-        self.fades.clear();
-        self.fades.extend((0..joints).map(|joint| {
-            let both = |step: usize| {
-                let old = self.rotations[(start + step) * joints + joint];
-                (old, plan.pose(step, joints)[joint])
-            };
-            let apart = (0..fade).map(both).map(|(old, new)| angle_between(old, new));
-            if fade < CROSSFADE_FRAMES || apart.fold(0.0, f32::max) <= FAR {
-                return Fade {
-                    frames: fade,
-                    way: None,
-                };
+        let far = |joint: usize| {
+            let old = |step: usize| self.rotations[(start + step) * self.joints + joint];
+            let new = |step: usize| plan.pose(step.min(plan.roots.len() - 1), self.joints)[joint];
+            let apart = (0..fade).map(|step| angle_between(old(step), new(step)));
+            if apart.fold(0.0, f32::max) <= FAR {
+                return None;
             }
-            let (old, new) = both(0);
-            let far = ((angle_between(old, new) - FAR) / (PI - FAR)).clamp(0.0, 1.0);
+            let far = ((angle_between(old(0), new(0)) - FAR) / (PI - FAR)).clamp(0.0, 1.0);
             let frames = fade + (far * (most - fade) as f32).round() as usize;
-            let ends =
-                [frames - 1, frames].map(|step| plan.pose(step.min(plan.roots.len() - 1), joints)[joint]);
-            Fade {
-                frames,
-                way: Some(Way::new([old, both(1).0], ends)),
-            }
-        }));
-        self.fades.iter().map(|fade| fade.frames).max().unwrap_or(fade)
+            let way = Way::new([old(0), old(1)], [new(frames - 1), new(frames)]);
+            Some(FarJoint { joint, frames, way })
+        };
+        (0..self.joints).filter_map(far).collect()
     }
 
     /// Moves the frame at `index` towards frame `step` of the plan.
-    fn fade(&mut self, index: usize, plan: &Frames<'_>, step: usize) {
-        let weight = fade_weight(step);
-        self.roots[index] = match weight < 1.0 {
-            true => self.roots[index].lerp(plan.roots[step], weight),
-            false => plan.roots[step],
-        };
-        let old = &mut self.rotations[index * self.joints..][..self.joints];
-        for ((old, &new), fade) in old
-            .iter_mut()
-            .zip(plan.pose(step, self.joints))
-            .zip(&mut self.fades)
-        {
-            *old = match &mut fade.way {
-                _ if step >= fade.frames => new,
-                Some(way) => way.at(step, fade.frames),
-                None => old.slerp(new, weight).normalize(),
-            };
-        }
-        self.align(index);
-        if weight >= 0.5 {
+    fn fade(&mut self, index: usize, plan: &Frames<'_>, step: usize, far: &mut [FarJoint]) {
+        let rotations = &mut self.rotations[index * self.joints..][..self.joints];
+        if step < CROSSFADE_FRAMES {
+            let weight = smoothstep((step + 1) as f32 / (CROSSFADE_FRAMES + 1) as f32);
+            self.roots[index] = self.roots[index].lerp(plan.roots[step], weight);
+            for (old, new) in rotations.iter_mut().zip(plan.pose(step, self.joints)) {
+                *old = old.slerp(*new, weight).normalize();
+            }
+            if weight >= 0.5 {
+                self.contacts[index] = plan.contacts[step];
+            }
+        } else {
+            self.roots[index] = plan.roots[step];
+            rotations.copy_from_slice(plan.pose(step, self.joints));
             self.contacts[index] = plan.contacts[step];
         }
+        for far in far.iter_mut().filter(|far| step < far.frames) {
+            rotations[far.joint] = far.way.at(step, far.frames);
+        }
+        self.align(index);
     }
 
     fn append(&mut self, frames: Frames<'_>) {

@@ -433,7 +433,11 @@ impl Character {
             frame: ticket.splice as u64,
             roots: context.global_roots(skeleton.left_axis),
             rotations: &context.rotations,
-            velocity: self.velocity(ticket.splice),
+            velocity: (self.timeline.buffer()).velocity(
+                ticket.splice,
+                VELOCITY_FRAMES as i64,
+                self.pack.manifest.fps,
+            ),
             skeleton,
             fps: self.pack.manifest.fps,
             frames_per_token: self.pack.dims.frames_per_token,
@@ -471,14 +475,6 @@ impl Character {
                 .copied()
                 .collect(),
         }
-    }
-
-    /// Mean velocity over the ground of the frames before `splice`.
-    fn velocity(&self, splice: i64) -> Vec3 {
-        let buffer = self.timeline.buffer();
-        let from = (splice - VELOCITY_FRAMES as i64).max(buffer.first());
-        let way = (buffer.root(splice) - buffer.root(from)).with_y(0.0);
-        way * self.pack.manifest.fps / (splice - from).max(1) as f32
     }
 }
 

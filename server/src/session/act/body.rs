@@ -105,10 +105,8 @@ impl Body<'_> {
     }
 
     /// Mean velocity over the ground of the frames before `frame`, m/s.
-    pub(super) fn speed(&self, frame: i64, frames: i64) -> Vec3 {
-        let buffer = self.timeline.buffer();
-        let from = (frame - frames).max(buffer.first());
-        let way = (buffer.root(frame) - buffer.root(from)).with_y(0.0);
-        way * self.pack.manifest.fps / (frame - from).max(1) as f32
+    pub(super) fn velocity(&self, frame: i64, frames: i64) -> Vec3 {
+        let fps = self.pack.manifest.fps;
+        self.timeline.buffer().velocity(frame, frames, fps)
     }
 }

@@ -47,7 +47,7 @@ impl Act {
     pub(super) fn begin_fall(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
         let (fps, level) = (body.pack.manifest.fps, body.footing.level());
         let shown = body.shown(frame);
-        let velocity = body.speed(frame, VELOCITY_FRAMES);
+        let velocity = body.velocity(frame, VELOCITY_FRAMES);
         let Some(landing) = landing(scene, shown.root.with_y(level), velocity, fps) else {
             return false;
         };

@@ -194,7 +194,7 @@ impl Prepared {
     /// so short a way with gestures: an arm goes up before somebody sits down.
     fn is_there(&self, set: &Set, body: &Body<'_>) -> bool {
         let (from, left_axis) = (body.root(self.splice), body.pack.skeleton.left_axis);
-        let speed = body.speed(self.splice, VELOCITY_FRAMES as i64).length();
+        let speed = body.velocity(self.splice, VELOCITY_FRAMES as i64).length();
         let near = |key: &Key| {
             let to = key.global_root(left_axis);
             (to.position - from.position).with_y(0.0).length() < IN_PLACE_M
@@ -207,7 +207,7 @@ impl Prepared {
     pub(super) fn plan(&self, set: &Set, still: bool, first: bool, body: &Body<'_>) -> SetPlan {
         let way = Way {
             from: body.root(self.splice),
-            velocity: body.speed(self.splice, VELOCITY_FRAMES as i64),
+            velocity: body.velocity(self.splice, VELOCITY_FRAMES as i64),
             first,
         };
         SetPlan {

@@ -385,7 +385,7 @@ impl Using {
         let here = Here {
             frame: at,
             root: body.root(at),
-            velocity: body.speed(at, VELOCITY_FRAMES as i64),
+            velocity: body.velocity(at, VELOCITY_FRAMES as i64),
         };
         let Some(approach) = &mut self.approach else {
             return Ok(true);
