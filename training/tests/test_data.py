@@ -9,7 +9,7 @@ import torch
 from tests_support import random_rotations
 
 from troupe_training.bvh import BvhError, read_bvh
-from troupe_training.features import ClipStore, random_keyframe_mask, random_slot_masks
+from troupe_training.features import ClipStore, kind_of, random_keyframe_mask, random_slot_masks
 from troupe_training.losses import Kinematics
 from troupe_training.prepare import load_clip
 from troupe_training.rotations import (
@@ -67,6 +67,32 @@ def test_segments_start_in_the_segment_frame(cache: Path):
     assert (segments.global_root[:, -1, 0].abs() < 0.05).all()
     # pelvis position is relative to its own projection on the ground
     assert segments.positions[:, :, 0, [0, 2]].abs().max() < 1e-5
+
+
+def test_kinds_are_names_without_the_take():
+    assert (
+        kind_of("dataset-1_walk_old_002.bvh") == kind_of("dataset-1_walk_old_001.bvh") == "dataset-1_walk_old"
+    )
+    assert kind_of("folder/jump 3.bvh") == "folder/jump"
+    assert kind_of("dance.bvh") == "dance"
+
+
+def test_rare_kinds_are_drawn_more_often_than_their_length(cache: Path, tmp_path: Path):
+    """One kind of a ninth of the segments: drawn as often as its length, its root, or evenly, as asked."""
+    for file in cache.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    index = json.loads((cache / "clips.json").read_text())
+    clips = [c for c in index["clips"] if not c["test"] and c["frames"] >= 67][:10]
+    for i, clip in enumerate(clips):
+        clip |= {"name": f"{'rare' if i == 0 else 'common'}_{i}.bvh", "frames": 67}
+    (tmp_path / "clips.json").write_text(json.dumps(index | {"clips": clips}))
+    first = clips[0]["start"]
+    for balance, share in ((1.0, 0.1), (0.5, 0.25), (0.0, 0.5)):
+        store = ClipStore(tmp_path, "train", balance=balance)
+        starts = store.sample(4000, 16, torch.Generator().manual_seed(6))
+        drawn = ((starts >= first) & (starts <= first + 3)).float().mean()
+        assert abs(drawn - share) < 0.03
+        assert len(starts.unique()) == 40, "every segment of every clip is drawn"
 
 
 def test_local_root_integrates_back_to_the_global_root(cache: Path):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from troupe_training.config import PRESETS
+from troupe_training.config import BALANCE, PRESETS
 
 DEFAULT_MINUTES = {"tokenizer": 45.0, "root": 97.0, "pose": 41.0, "refine": 24.0}
 DEFAULT_SEEDS = {"tokenizer": 10, "root": 11, "pose": 12, "refine": 13}
@@ -54,6 +54,12 @@ def _parser() -> argparse.ArgumentParser:
         )
         command.add_argument("--steps", type=int, help="updates for each stage")
         command.add_argument("--frames-per-step", type=int, default=4096, help="frames in one update")
+        command.add_argument(
+            "--balance",
+            type=float,
+            default=BALANCE,
+            help="kinds of motion are drawn by their length to this power: 1 by length, 0 evenly",
+        )
         command.add_argument("--seed", type=int, help="random seed; the default pack's if left out")
         command.add_argument(
             "--device", default="cuda" if torch.cuda.is_available() else "cpu", help="cpu or cuda"
@@ -77,6 +83,13 @@ def _parser() -> argparse.ArgumentParser:
     train = add("train", "Trains one stage; stops at any moment (ctrl-c) and resumes from its checkpoint.")
     train.add_argument("stage", choices=("tokenizer", "root", "pose", "refine"))
     training_options(train)
+    train.add_argument("--rate", type=float, help="highest learning rate; the stage's own if left out")
+    train.add_argument(
+        "--fresh-schedule",
+        action="store_true",
+        help="train a finished stage further: a new budget and learning-rate schedule from its checkpoint "
+        "(leave it out to go on after a stop)",
+    )
 
     export = add("export", "Checkpoints -> a pack of ONNX files, checked against PyTorch.")
     export.add_argument("--run", type=Path, default=Path("runs/human"))
@@ -143,10 +156,20 @@ def _train(args: argparse.Namespace, stage: str) -> bool:
 
     torch.set_num_threads(args.threads)
     minutes = args.minutes if args.minutes or args.steps else DEFAULT_MINUTES[stage]
-    budget = Budget(minutes=minutes, steps=args.steps, learning_rate=DEFAULT_RATES[stage])
+    rate = getattr(args, "rate", None) or DEFAULT_RATES[stage]
+    budget = Budget(minutes=minutes, steps=args.steps, learning_rate=rate)
     seed = args.seed if args.seed is not None else DEFAULT_SEEDS[stage]
     done = train_stage(
-        stage, args.cache, args.run, args.preset, budget, args.frames_per_step, seed, args.device
+        stage,
+        args.cache,
+        args.run,
+        args.preset,
+        budget,
+        args.frames_per_step,
+        seed,
+        args.device,
+        balance=args.balance,
+        fresh_schedule=getattr(args, "fresh_schedule", False),
     )
     if not done:
         print(f"{stage}: stopped; the same command goes on from the checkpoint")

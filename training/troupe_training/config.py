@@ -11,6 +11,8 @@ COUNTS = MAX_TOKENS - MIN_TOKENS + 1
 CONTEXT_FRAMES = 4
 MAX_TARGETS = 4
 SLOTS = CONTEXT_FRAMES + MAX_TARGETS
+# A kind of motion with n possible segments is drawn in proportion to n to this power: 1 is by length, 0 is evenly.
+BALANCE = 1.0
 
 
 @dataclass

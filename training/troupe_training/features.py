@@ -5,6 +5,7 @@ frame and heading 0 there; training then turns each segment by a random heading 
 """
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 import torch
 
 from troupe_training.config import (
+    BALANCE,
     CONTEXT_FRAMES,
     FPS,
     FRAMES_PER_TOKEN,
@@ -71,10 +73,19 @@ def local_root_of(global_root: torch.Tensor) -> torch.Tensor:
     return torch.stack([dx, dz, omega, y], -1)
 
 
-class ClipStore:
-    """The cache of `prepare`, in memory, with random access to segments."""
+def kind_of(name: str) -> str:
+    """What a clip shows: its file name without the take's number, ``walk_old_002.bvh`` to ``walk_old``."""
+    return re.sub(r"[\W_]*\d*$", "", Path(name).with_suffix("").as_posix())
 
-    def __init__(self, cache: Path, split: str, device: str = "cpu"):
+
+class ClipStore:
+    """The cache of `prepare`, in memory, with random access to segments.
+
+    Random segments are balanced over kinds of motion (`kind_of`) with the power ``balance``, so that a style of two takes is
+    seen more often than its share of the frames; 1 draws every segment with equal chance.
+    """
+
+    def __init__(self, cache: Path, split: str, device: str = "cpu", balance: float = BALANCE):
         cache = Path(cache)
         self.skeleton = Skeleton.load(cache / "skeleton.json")
         index = json.loads((cache / "clips.json").read_text())["clips"]
@@ -83,19 +94,30 @@ class ClipStore:
         load = lambda name: torch.from_numpy(np.load(cache / f"{name}.npy")).to(device)
         self.positions, self.six_d = load("positions"), load("six_d")
         self.headings, self.contacts = load("headings"), load("contacts")
-        self._starts = {
+        self.balance = balance
+        tables = {
             tokens: self._start_table(tokens * FRAMES_PER_TOKEN)
             for tokens in range(MIN_TOKENS, MAX_TOKENS + 1)
         }
+        self._starts = {tokens: starts for tokens, (starts, _) in tables.items()}
+        self._shares = {tokens: shares for tokens, (_, shares) in tables.items()}
 
-    def _start_table(self, frames: int) -> torch.Tensor:
-        """Every frame at which a segment of ``frames`` may start."""
-        ranges = [
-            torch.arange(c["start"], c["start"] + c["frames"] - frames + 1)
-            for c in self.clips
-            if c["frames"] >= frames
-        ]
-        return torch.cat(ranges) if ranges else torch.empty(0, dtype=torch.long)
+    def _start_table(self, frames: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """Every frame at which a segment of ``frames`` may start, and the running sum of their chances."""
+        long_enough = [c for c in self.clips if c["frames"] >= frames]
+        if not long_enough:
+            return torch.empty(0, dtype=torch.long), torch.empty(0, dtype=torch.double)
+        counts: dict[str, int] = {}
+        for c in long_enough:
+            kind = kind_of(c["name"])
+            counts[kind] = counts.get(kind, 0) + c["frames"] - frames + 1
+        ranges, chances = [], []
+        for c in long_enough:
+            ranges.append(torch.arange(c["start"], c["start"] + c["frames"] - frames + 1))
+            chance = counts[kind_of(c["name"])] ** (self.balance - 1.0)
+            chances.append(torch.full((len(ranges[-1]),), chance, dtype=torch.double))
+        shares = torch.cat(chances).cumsum(0)
+        return torch.cat(ranges), shares / shares[-1]
 
     def lengths(self) -> list[int]:
         """Token counts for which this store has segments."""
@@ -103,8 +125,9 @@ class ClipStore:
 
     def sample(self, batch: int, tokens: int, generator: torch.Generator) -> torch.Tensor:
         """Random start frames ``[batch]`` of segments with ``tokens`` tokens."""
-        starts = self._starts[tokens]
-        return starts[torch.randint(len(starts), (batch,), generator=generator)]
+        starts, shares = self._starts[tokens], self._shares[tokens]
+        place = torch.rand(batch, generator=generator, dtype=torch.double)
+        return starts[torch.searchsorted(shares, place, right=True).clamp_max(len(starts) - 1)]
 
     @full_precision
     def segments(self, starts: torch.Tensor, frames: int, turn: torch.Tensor | None = None) -> Segments:

@@ -11,6 +11,10 @@ from troupe_training.skeleton import Skeleton
 from troupe_training.tokenizer import Decoded, Decoder
 
 KEYFRAME_WEIGHT = 4.0
+# A joint lower than this above its resting height counts as near the ground, as in the foot-skate figure.
+SKATE_HEIGHT_M = 0.025
+LOW_FOOT_M = 0.1
+FOOT_WEIGHTS = {"slide": 0.6, "ground": 8.0, "skate": 0.5}
 
 
 class Kinematics:
@@ -21,12 +25,45 @@ class Kinematics:
         self.offsets = torch.tensor(skeleton.offsets, dtype=torch.float32, device=device)
         self.ancestors = torch.from_numpy(skeleton.ancestor_matrix()).to(device)
         self.feet = skeleton.contact_joints
+        self.clearance = torch.tensor(skeleton.contact_clearance_m, device=device)
 
     @full_precision
     def positions(self, rotations: torch.Tensor) -> torch.Tensor:
         """Joint positions relative to the root joint ``[..., J, 3]`` from world rotations ``[..., J, 3, 3]``."""
         bones = torch.einsum("...jik,jk->...ji", rotations[..., self.parents, :, :], self.offsets)
         return torch.einsum("lj,...ji->...li", self.ancestors, bones)
+
+
+def near_ground(height: torch.Tensor) -> torch.Tensor:
+    """1 at or below the resting height, 0 from `SKATE_HEIGHT_M` above it, for heights above the resting height."""
+    return (2.0 - 2.0 ** (height / SKATE_HEIGHT_M)).clamp(0.0, 1.0)
+
+
+def foot_losses(world: torch.Tensor, truth: Segments, kinematics: Kinematics) -> dict[str, torch.Tensor]:
+    """How wrongly feet meet the ground, unweighted.
+
+    ``world`` ``[B, T, J, 3]`` are the positions that the server shows: forward kinematics carried by the refined root.
+
+    - ``slide``: by how much feet that stand, or are near the ground, slip over it faster than they truly do, m/s.
+    - ``ground``: error of the height of feet below `LOW_FOOT_M`, m. A pelvis a centimetre too low drags the swinging feet through
+      the ground, which looks like skating and is most of the foot-skate figure.
+    - ``skate``: error of the foot-skate figure itself, m/s.
+    """
+    feet = world[:, 1:, kinematics.feet]
+    speed = _difference(world[:, :, kinematics.feet])[..., [0, 2]]
+    speed = torch.sqrt((speed * speed).sum(-1) + 1e-6)
+    height = feet[..., 1] - kinematics.clearance
+    true_speed = truth.velocities[:, 1:, kinematics.feet][..., [0, 2]].norm(dim=-1)
+    true_height = truth.positions[:, 1:, kinematics.feet, 1] - kinematics.clearance
+    true_low = near_ground(true_height)
+    stands = torch.maximum(truth.contacts[:, 1:] * truth.contacts[:, :-1], true_low)
+    slip = F.relu(speed - true_speed)
+    low = (1.0 - true_height / LOW_FOOT_M).clamp(0.0, 1.0)
+    return {
+        "slide": (slip * stands).sum() / stands.sum().clamp_min(1.0),
+        "ground": ((height - true_height).abs() * low).sum() / low.sum().clamp_min(1.0),
+        "skate": (near_ground(height) * speed - true_low * true_speed).abs().mean(),
+    }
 
 
 def _difference(x: torch.Tensor) -> torch.Tensor:
@@ -54,15 +91,12 @@ def reconstruction_losses(
     world = shown + ground[:, :, None]
     true_world = truth.positions + true_ground[:, :, None]
     speed, true_speed = _difference(world), _difference(true_world)
-    feet = world[:, :, kinematics.feet]
-    planted = truth.contacts[:, 1:] * truth.contacts[:, :-1]
-    slide = (_difference(feet)[..., [0, 2]].abs().sum(-1) * planted).sum() / planted.sum().clamp_min(1.0)
-    return {
+    foot_terms = foot_losses(world, truth, kinematics)
+    return {name: FOOT_WEIGHTS[name] * term for name, term in foot_terms.items()} | {
         "pose": (pose_error * weight).mean(),
         "fk": 6.0 * ((shown - truth.positions).abs() * weight[..., None]).mean(),
         "speed": 0.4 * (speed - true_speed).abs().mean(),
         "acceleration": 0.006 * (_difference(speed) - _difference(true_speed)).abs().mean(),
-        "slide": 0.4 * slide,
         "velocity": 0.2
         * F.smooth_l1_loss(
             decoder.velocity_scale(out.velocities.flatten(2)),

@@ -7,6 +7,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from troupe_training.config import (
+    BALANCE,
     CONTEXT_FRAMES,
     COUNTS,
     FRAMES_PER_TOKEN,
@@ -16,6 +17,7 @@ from troupe_training.config import (
     ModelConfig,
 )
 from troupe_training.features import ClipStore, Segments, random_keyframe_mask, random_slot_masks, slot_frames
+from troupe_training.live import live_conditions
 from troupe_training.losses import Kinematics, reconstruction_losses
 from troupe_training.pose_module import PoseModule, cosine_token_mask
 from troupe_training.root_module import RootModule, baseline_trajectory
@@ -27,6 +29,15 @@ STATISTIC_BATCHES = 40
 # Noise on the decoder's root input, the size of r_g3's error, so that the decoder learns to clean it (r_g4).
 ROOT_NOISE_M = 0.006
 ROOT_NOISE_RAD = 0.015
+# The pelvis height decides whether feet meet the ground, so it weighs more than the way.
+HEIGHT_WEIGHT = 3.0
+# Shares of predicted, not true, root trajectories that the pose module and the refined decoder are trained on. What is
+# served is always predicted; a decoder that sees many true ones learns to copy the root's speed instead of taking it
+# from the feet, and then they skate.
+PREDICTED_ROOTS_POSE = 0.5
+PREDICTED_ROOTS_REFINE = 0.9
+# Share of the refinement's updates under the conditions of live control.
+LIVE_SHARE = 0.4
 
 
 def statistics(
@@ -181,6 +192,7 @@ def root_loss(store: ClipStore, frames_budget: int):
         weight[:, :4] = 3.0
         weight[:, -4:] += 3.0 * masks["global_root"][:, 4:].to(store.device)
         error = (root - segments.global_root).abs() * (weight / weight.mean())[..., None]
+        error[..., 1] = error[..., 1] * HEIGHT_WEIGHT
         step = (
             (root[:, 1:] - root[:, :-1]) - (segments.global_root[:, 1:] - segments.global_root[:, :-1])
         ).abs() * 30.0
@@ -188,16 +200,16 @@ def root_loss(store: ClipStore, frames_budget: int):
             "count": 0.05 * count,
             "position": 2.0 * error[..., :3].mean(),
             "heading": error[..., 3:].mean(),
-            "speed": 0.3 * step.mean(),
+            "speed": 0.5 * step.mean(),
         }
 
     return loss
 
 
 def mixed_root(
-    root: RootModule, segments: Segments, mask: torch.Tensor, generator: torch.Generator
+    root: RootModule, segments: Segments, mask: torch.Tensor, share: float, generator: torch.Generator
 ) -> torch.Tensor:
-    """For half of the samples what the root module predicts from the keyframes in ``mask``, else the truth.
+    """For a ``share`` of the samples what the root module predicts from the keyframes in ``mask``, else the truth.
 
     As in most requests a target keyframe with a pose usually has a root too; the rest is drawn at random.
     """
@@ -213,7 +225,7 @@ def mixed_root(
     )
     with torch.no_grad():
         predicted = run_root(root, segments, masks, torch.ones(batch))[1]
-    use = (torch.rand(batch, 1, 1, generator=generator) < 0.5).to(predicted.device)
+    use = (torch.rand(batch, 1, 1, generator=generator) < share).to(predicted.device)
     return torch.where(use, predicted, segments.global_root)
 
 
@@ -229,7 +241,7 @@ def pose_loss(store: ClipStore, frames_budget: int, tokenizer: Tokenizer, root: 
         hidden = cosine_token_mask(*truth.shape, generator).to(store.device)
         tokens = torch.where(hidden, model.codes, truth)
         num_tokens = torch.full((batch,), truth.shape[1], device=store.device)
-        trajectory = mixed_root(root, segments, mask, generator)
+        trajectory = mixed_root(root, segments, mask, PREDICTED_ROOTS_POSE, generator)
         logits = model(tokens, num_tokens, trajectory, segments.pose * mask[..., None], mask)
         entropy = F.cross_entropy(logits.flatten(0, 2), truth.flatten(), reduction="none").reshape(
             truth.shape
@@ -246,19 +258,25 @@ def refine_loss(store: ClipStore, frames_budget: int, pose: PoseModule, root: Ro
 
     def loss(model: Tokenizer, generator: torch.Generator, progress: float) -> dict[str, torch.Tensor]:
         model.quantizer.eval()  # the codebooks stay: the pose module speaks their language
-        segments = store.batch(frames_budget, generator)
-        batch, frames = segments.pose.shape[:2]
-        mask = random_keyframe_mask(batch, frames, generator).to(store.device)
-        trajectory = mixed_root(root, segments, mask, generator)
+        if float(torch.rand(1, generator=generator)) < LIVE_SHARE:
+            live = live_conditions(store, frames_budget, root, run_root, generator)
+            segments, trajectory = live.segments, live.trajectory
+            given, mask, exact = live.keyframes, live.mask, live.exact
+        else:
+            segments = store.batch(frames_budget, generator)
+            batch, frames = segments.pose.shape[:2]
+            mask = random_keyframe_mask(batch, frames, generator).to(store.device)
+            trajectory = mixed_root(root, segments, mask, PREDICTED_ROOTS_REFINE, generator)
+            given, exact = segments.pose, mask
         with torch.no_grad():
             truth = model.quantizer.tokens(model.encode(segments.pose))
-            num_tokens = torch.full((batch,), truth.shape[1], device=store.device)
+            num_tokens = torch.full(truth.shape[:1], truth.shape[1], device=store.device)
             masked = torch.full_like(truth, pose.codes)
-            guess = pose(masked, num_tokens, trajectory, segments.pose * mask[..., None], mask).argmax(-1)
-            guided = (torch.rand(batch, 1, 1, generator=generator) < 0.25).to(store.device)
+            guess = pose(masked, num_tokens, trajectory, given * mask[..., None], mask).argmax(-1)
+            guided = (torch.rand(len(truth), 1, 1, generator=generator) < 0.25).to(store.device)
             embedded = model.quantizer.embed(torch.where(guided, truth, guess))
-        out = model.decoder(embedded, trajectory, segments.pose, mask)
-        return reconstruction_losses(out, segments, mask, model.decoder, kinematics)
+        out = model.decoder(embedded, trajectory, given, mask)
+        return reconstruction_losses(out, segments, exact, model.decoder, kinematics)
 
     return loss
 
@@ -272,10 +290,15 @@ def train_stage(
     frames_budget: int,
     seed: int,
     device: str,
+    balance: float = BALANCE,
+    fresh_schedule: bool = False,
 ) -> bool:
-    """Trains one stage, resuming its checkpoint; true when its budget is spent."""
+    """Trains one stage, resuming its checkpoint; true when its budget is spent.
+
+    ``fresh_schedule`` counts the budget from the checkpoint on instead of from the stage's first update.
+    """
     torch.manual_seed(seed)
-    store = ClipStore(cache, "train", device)
+    store = ClipStore(cache, "train", device, balance)
     config = PRESETS[preset]
     if stage == "refine":
         model = load(run, "tokenizer", store)
@@ -287,6 +310,8 @@ def train_stage(
     meta = {"model": config.to_dict(), "preset": preset, "seed": seed, "frames_budget": frames_budget}
     trainer = Trainer(run, stage, model, budget, meta, seed, device)
     if trainer.resume():
+        if fresh_schedule:
+            trainer.start_schedule()
         print(f"{stage}: going on from step {trainer.step}")
     losses = {
         "tokenizer": lambda: tokenizer_loss(store, frames_budget),

@@ -1,7 +1,8 @@
 """The training loop that all stages share: optimiser, schedule, averaged weights, checkpoints, curves.
 
 A run is bounded by steps or by minutes, whichever is given; the learning rate follows a cosine over that budget. It may
-be stopped at any moment (ctrl-c or SIGTERM): it writes its checkpoint and the same command goes on from there.
+be stopped at any moment (ctrl-c or SIGTERM): it writes its checkpoint and the same command goes on from there. A trained
+stage can be trained further with a fresh schedule, that is, a new budget counted from where it stands.
 """
 
 import copy
@@ -60,6 +61,7 @@ class Trainer:
             weight_decay=1e-3,
         )
         self.step, self.seconds, self.history = 0, 0.0, []
+        self.schedule_step, self.schedule_seconds = 0, 0.0  # where the present budget began
         self._stop = False
 
     @property
@@ -76,7 +78,18 @@ class Trainer:
         self.average.load_state_dict(state["average"])
         self.optimizer.load_state_dict(state["optimizer"])
         self.step, self.seconds, self.history = state["step"], state["seconds"], state["history"]
+        self.schedule_step = state.get("schedule_step", 0)
+        self.schedule_seconds = state.get("schedule_seconds", 0.0)
         return True
+
+    def start_schedule(self) -> None:
+        """Counts budget, warm-up and averaging from here on, and goes on from the averaged weights."""
+        self.model.load_state_dict(self.average.state_dict())
+        self.schedule_step, self.schedule_seconds = self.step, self.seconds
+
+    def progress(self) -> float:
+        """Share of the present budget that is spent, 0 to 1."""
+        return self.budget.progress(self.step - self.schedule_step, self.seconds - self.schedule_seconds)
 
     def save(self) -> None:
         """Writes the checkpoint and the curve; an interrupted write never destroys the last one."""
@@ -89,6 +102,8 @@ class Trainer:
             "step": self.step,
             "seconds": self.seconds,
             "history": self.history,
+            "schedule_step": self.schedule_step,
+            "schedule_seconds": self.schedule_seconds,
         }
         partial = self.path.with_suffix(".tmp")
         torch.save(state, partial)
@@ -105,14 +120,14 @@ class Trainer:
         bar = tqdm(
             total=100, desc=self.stage, bar_format="{l_bar}{bar}| {n:.1f}% [{elapsed}<{remaining}{postfix}]"
         )
-        bar.update(100 * self.budget.progress(self.step, self.seconds))
+        bar.update(100 * self.progress())
         saved = started = time.monotonic()
         before = self.seconds
         sums: dict[str, float] = {}
         updates = 0
         try:
             while not self._stop:
-                progress = self.budget.progress(self.step, self.seconds)
+                progress = self.progress()
                 if progress >= 1.0:
                     break
                 terms = self._update(loss_fn, generator, progress)
@@ -124,7 +139,7 @@ class Trainer:
                     entry = {name: round(value / updates, 5) for name, value in sums.items()}
                     self.history.append({"step": self.step} | entry)
                     sums, updates = {}, 0
-                    bar.n = round(100 * self.budget.progress(self.step, self.seconds), 2)
+                    bar.n = round(100 * self.progress(), 2)
                     bar.set_postfix_str(f"step {self.step} loss {entry['total']:.4f}")
                 if time.monotonic() - saved > CHECKPOINT_SECONDS:
                     self.save()
@@ -141,7 +156,7 @@ class Trainer:
 
     def _update(self, loss_fn, generator: torch.Generator, progress: float) -> dict[str, float]:
         for group in self.optimizer.param_groups:
-            group["lr"] = self.budget.rate(self.step, progress)
+            group["lr"] = self.budget.rate(self.step - self.schedule_step, progress)
         self.model.train()
         with torch.autocast(torch.device(self.device).type, torch.bfloat16):
             terms = loss_fn(self.model, generator, progress)
@@ -162,7 +177,8 @@ class Trainer:
 
     @torch.no_grad()
     def _average(self) -> None:
-        decay = min(0.999, (1 + self.step) / (10 + self.step))
+        updates = self.step - self.schedule_step
+        decay = min(0.999, (1 + updates) / (10 + updates))
         for mean, now in zip(self.average.parameters(), self.model.parameters(), strict=True):
             mean.lerp_(now, 1 - decay)
         for mean, now in zip(self.average.buffers(), self.model.buffers(), strict=True):
