@@ -106,3 +106,23 @@ def test_an_unknown_part_is_refused():
 def test_digging_ends_where_nothing_is():
     assert dig({"a": {"b": 1}}, "a", "b") == 1
     assert dig({"a": 1}, "a", "b") is None and dig({}, "a") is None
+
+
+def test_every_live_run_has_a_row_and_overload_its_extremes(settings: Settings, tmp_path: Path):
+    live = Store(settings.results, "live")
+    for repeat, underruns in enumerate((0, 7)):
+        figures = {"plans": {"underruns": underruns}, "missing_frames": 0, "slowed_frames": 2, "late_ticks": 1}
+        key = {"engine": "cpu", "characters": 400, "repeat": repeat}
+        result = {"live": figures | {"plans_per_s_and_character": 2.4}, "latency_ms": {"p50": 4.0, "p99": 9.5}}
+        live.add(key, result | {"server": {"rss_peak_bytes": 512 * 2**20}})
+    overload = Store(settings.results, "overload")
+    for repeat, ratio in enumerate((1.5, 1.9, 1.7)):
+        overload.add({"engine": "cpu", "repeat": repeat}, {"p99_ratio": ratio, "memory": {"grown": 3 * 2**20}})
+    page = tmp_path / "page.md"
+    write_report(settings, page)
+    text = page.read_text()
+    assert "| f32 (ONNX Runtime CPU) | 400 | 7 | 0 | 2 | 1 | 2.40 | 4.0 | 9.5 | 512 |" in text
+    assert "3 runs:" in text
+    assert "| the second over the first | 1.50 | 1.70 | 1.90 |" in text
+    assert "| memory at its most over that at the beginning, MiB | 3.0 | 3.0 | 3.0 |" in text
+    assert "failed |" not in text, "what no run has is left out"

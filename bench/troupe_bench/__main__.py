@@ -5,7 +5,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from troupe_bench import instructions, machine, parts, programs, serving
+from troupe_bench import crowd, instructions, machine, parts, programs, serving
 from troupe_bench.programs import Failed, say
 from troupe_bench.report import write_report
 from troupe_bench.settings import Settings
@@ -18,6 +18,8 @@ PARTS = {
     "tune": "try settings of the Python servers",
     "serving": "raw loop, server, LitServe and FastAPI in turns",
     "mixed": "server and LitServe with segments of all lengths",
+    "live": "live characters for minutes",
+    "overload": "five times what the server can do",
     "ceiling": "operations of a segment, and the machine's peak",
     "paper": "packs of the paper's size",
     "idle": "CPU and memory of an idle server",
@@ -81,6 +83,8 @@ def run_part(part: str, settings: Settings, args: argparse.Namespace) -> None:
         serving.serving(settings, tuple(args.targets.split(",")))
     elif part == "mixed":
         serving.mixed(settings)
+    elif part in ("live", "overload"):
+        getattr(crowd, part)(settings)
     elif part in ("ceiling", "paper", "idle", "micro"):
         getattr(parts, part)(settings)
     elif part == "instructions":

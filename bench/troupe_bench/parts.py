@@ -79,7 +79,7 @@ def idle(settings: Settings) -> None:
     """CPU and memory of a server that nobody asks anything, without sessions and with many."""
     store = Store(settings.results, "idle")
     for engine in settings.engines:
-        for repeat in range(min(settings.repeats, 3)):
+        for repeat in range(settings.repeats):
             key = {"engine": engine, "repeat": repeat}
             if store.of(key):
                 continue

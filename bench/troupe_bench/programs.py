@@ -175,22 +175,16 @@ def _group_lives(group: int) -> bool:
 
 def load(workload: str, url: str, *options: str | Path) -> dict:
     """Runs the load tester once and returns the run from its report."""
+    return load_report("run", url, "--workload", workload, *options)["runs"][0]
+
+
+def load_report(command: str, url: str, *options: str | Path) -> dict:
+    """The whole report of a command of the load tester."""
     report = HOME / "logs" / "loadtest.json"
     report.parent.mkdir(parents=True, exist_ok=True)
     report.unlink(missing_ok=True)
-    call(
-        RELEASE / "troupe-loadtest",
-        "run",
-        "--quiet",
-        "--workload",
-        workload,
-        "--url",
-        url,
-        "--json",
-        report,
-        *options,
-    )
-    return json.loads(report.read_text())["runs"][0]
+    call(RELEASE / "troupe-loadtest", command, "--quiet", "--url", url, "--json", report, *options)
+    return json.loads(report.read_text())
 
 
 def raw_loop(engine: str, *options: str | Path) -> list[dict]:

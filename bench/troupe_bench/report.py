@@ -9,8 +9,10 @@ from troupe_bench.report_tables import (
     ceiling_table,
     idle_table,
     instruction_table,
+    live_table,
     micro_table,
     mixed_table,
+    overload_table,
     paper_table,
     serving_table,
     shares_table,
@@ -51,6 +53,20 @@ does beside the networks (checks, segment frames, quaternions, pins to keyframes
         "mixed",
         "12 to 64 frames at 32 clients. LitServe groups the rows of a batch by length, or pads all of them to the longest.",
         mixed_table,
+    ),
+    (
+        "Live characters",
+        "live",
+        """On one Drive stream at 30 Hz for five minutes, each with a new command every 2.5 s. A tick is late by what is over the
+earliest one's time. One row a run.""",
+        live_table,
+    ),
+    (
+        "Overload",
+        "overload",
+        """Single requests of 64 frames for two minutes at five times what the server can do (Poisson arrivals, an open loop), beside 50
+live characters; before it at 90 % of capacity, after it at half.""",
+        overload_table,
     ),
     (
         "Why not more: the ceiling",

@@ -1,5 +1,7 @@
 """The tables of docs/benchmarks.md, each from the results of one part."""
 
+import statistics
+
 from troupe_bench.settings import PAUSE_US
 from troupe_bench.store import Store, dig
 
@@ -241,6 +243,51 @@ def idle_table(store: Store) -> list[str]:
             ]
         )
     return table(["engine", "state", "memory (MiB)", "bytes a session", "CPU of a core"], rows, 2)
+
+
+def live_table(store: Store) -> list[str]:
+    """Every run of live characters: what went wrong in it, and what it took."""
+    rows = []
+    for run in store.data["runs"]:
+        key, result = run["key"], run["result"]
+        counts = [dig(result, "live", "plans", "underruns"), dig(result, "live", "missing_frames")]
+        counts += [dig(result, "live", "slowed_frames"), dig(result, "live", "late_ticks")]
+        figures = [number(value) for value in counts]
+        figures.append(number(dig(result, "live", "plans_per_s_and_character"), 2))
+        figures += [number(dig(result, "latency_ms", name), 1) for name in ("p50", "p99")]
+        memory = dig(result, "server", "rss_peak_bytes")
+        figures.append(number(memory / 2**20 if memory else None))
+        rows.append([ENGINES[key["engine"]], number(key["characters"]), *figures])
+    heads = ["engine", "characters", "underruns", "frames missing", "frames slowed", "late ticks"]
+    return table([*heads, "plans a second each", "tick p50 (ms)", "tick p99 (ms)", "memory (MiB)"], rows)
+
+
+def overload_table(store: Store) -> list[str]:
+    """Overload, the medians and the extremes of the runs."""
+    lines: list[str] = []
+    figures = (
+        ("capacity found, requests a second", ("capacity_per_s",), 1.0, 0),
+        ("answered a second in the overload", ("during", "right_per_s"), 1.0, 0),
+        ("refused, %", ("refused_share",), 100.0, 1),
+        ("failed", ("during", "counts", "failed"), 1.0, 0),
+        ("p99 of the admitted at 90 % of capacity, ms", ("before", "latency_ms", "p99"), 1.0, 0),
+        ("p99 of the admitted in the overload, ms", ("during", "latency_ms", "p99"), 1.0, 0),
+        ("the second over the first", ("p99_ratio",), 1.0, 2),
+        ("as before again after, s", ("recovery_s",), 1.0, 1),
+        ("memory at its most over that at the beginning, MiB", ("memory", "grown"), 2.0**-20, 1),
+        ("frames of live characters slowed in it", ("beside", "slowed_during"), 1.0, 0),
+        ("frames of live characters missing", ("beside", "missing"), 1.0, 0),
+    )
+    for engine in engines_of(store):
+        runs = store.of({"engine": engine})
+        rows = []
+        for text, path, scale, digits in figures:
+            values = sorted(scale * value for result in runs if (value := dig(result, *path)) is not None)
+            if values:
+                shown = (values[0], statistics.median(values), values[-1])
+                rows.append([text, *(number(value, digits) for value in shown)])
+        lines += [f"{ENGINES[engine]}, {len(runs)} runs:", "", *table(["", "least", "median", "most"], rows)]
+    return lines
 
 
 def micro_table(store: Store) -> list[str]:

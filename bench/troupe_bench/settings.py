@@ -24,6 +24,9 @@ class Settings:
     tune_s: float = 5.0
     idle_s: float = 30.0
     idle_sessions: int = 10_000
+    live_characters: int = 400
+    live_s: float = 300.0
+    overload_s: float = 120.0
     clients: tuple[int, ...] = (1, 32, 128)
     request_count: int = 64
     engines: tuple[str, ...] = ("cpu", "openvino-bf16")
@@ -36,6 +39,7 @@ class Settings:
         self.quick, self.repeats, self.results = True, 1, HOME / "results-quick"
         self.warmup_s, self.measured_s, self.raw_s, self.tune_s = 1.0, 3.0, 0.5, 2.0
         self.idle_s, self.idle_sessions, self.clients = 5.0, 500, (1, 32)
+        self.live_characters, self.live_s, self.overload_s = 100, 10.0, 10.0
 
 
 def python_settings(kind: str, quick: bool) -> list[dict]:
