@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use super::eval::Live;
+use super::eval::{Live, Wander};
 use super::live_args::{Drive, Film, Sessions};
 use super::object::Object;
 use super::scene::Scene;
@@ -239,6 +239,7 @@ pub(super) struct Eval {
 #[derive(Debug, Subcommand)]
 pub(super) enum EvalWhat {
     Live(Live),
+    Wander(Wander),
 }
 
 /// Measuring on held-out clips.

@@ -7,6 +7,7 @@ mod evaluator;
 mod live;
 mod report;
 mod stage;
+mod wander;
 mod windows;
 
 use self::bench::Bench;
@@ -20,10 +21,12 @@ use super::{Session, print};
 use crate::pack::Pack;
 
 pub(super) use live::Live;
+pub(super) use wander::Wander;
 
 pub(super) async fn run(session: &Session, command: &Eval) -> Result<(), Failure> {
     match &command.what {
         Some(EvalWhat::Live(command)) => live::run(session, command).await,
+        Some(EvalWhat::Wander(command)) => wander::run(session, command).await,
         None => fill_gaps(session, &command.gaps).await,
     }
 }
