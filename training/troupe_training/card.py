@@ -20,7 +20,28 @@ COLUMNS = [  # figure, heading, factor, decimals
     ("target_root_error_m", "target root (mm) ↓", 1e3, 1),
     ("reaching_success", "target reached (%) ↑", 100, 1),
 ]
+# Those that only reports with intervals have, and of them not all.
+FURTHER = [
+    ("fid", "FID ↓", 1, 3),
+    ("mmd", "MMD ↓", 1, 3),
+    ("joint_diversity_m", "joint diversity (mm)", 1e3, 1),
+    ("latent_diversity", "latent diversity", 1, 3),
+    ("contact_prediction_accuracy", "contacts said right (%) ↑", 100, 1),
+]
 METHODS = [("ground_truth", "ground truth"), ("interpolation", "linear/slerp"), ("pack", "this pack")]
+
+
+def _cell(gap: dict, method: str, figure: str, factor: float, decimals: int) -> str:
+    """A figure of a method with its 95 % interval as far as the report has them, or a dash."""
+    name = "reached" if figure == "reaching_success" else figure
+    found = gap.get("metrics", {}).get(method, {}).get(name) or {"mean": gap[method].get(figure)}
+    if found["mean"] is None:
+        return "–"
+    mean, low, high = (
+        None if found.get(end) is None else f"{found[end] * factor:.{decimals}f}"
+        for end in ("mean", "low", "high")
+    )
+    return mean if low is None or low == high else f"{mean} ({low} to {high})"
 
 
 def _table(gap: dict) -> str:
@@ -28,9 +49,10 @@ def _table(gap: dict) -> str:
         "| measure | " + " | ".join(name for _, name in METHODS) + " |",
         "|---|" + "---:|" * len(METHODS),
     ]
-    for figure, heading, factor, decimals in COLUMNS:
-        values = [f"{gap[method][figure] * factor:.{decimals}f}" for method, _ in METHODS]
-        lines.append(f"| {heading} | " + " | ".join(values) + " |")
+    for figure, heading, factor, decimals in FURTHER + COLUMNS:
+        cells = [_cell(gap, method, figure, factor, decimals) for method, _ in METHODS]
+        if set(cells) != {"–"}:
+            lines.append(f"| {heading} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
@@ -76,7 +98,7 @@ def write_card(pack: Path, evaluation: Path, notes: Path | None) -> None:
             f"Through the server with `troupe eval`: {report['clips']} test clips, a window every {report['stride_frames']} "
             f"frames, four context frames and one target keyframe (pose and root, no velocity), temperature "
             f"{report['temperature']:g}, {report['pose_steps']} pose step. ↓ lower is better, ↑ higher is better, ≈ nearer to "
-            "ground truth is better. L2P is in metres, not normalised."
+            "ground truth is better. L2P is in metres, not normalised. In brackets: 95 % intervals, where the report has them."
         ),
     ]
     for gap in report["gaps"]:

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use super::eval::Live;
+use super::eval::{Live, Wander};
 use super::live_args::{Drive, Film, Sessions};
 use super::object::Object;
 use super::scene::Scene;
@@ -67,7 +67,7 @@ Examples:
 pub(super) enum Command {
     Inbetween(Inbetween),
     Packs(Packs),
-    Eval(Eval),
+    Eval(Box<Eval>),
     Draw(Draw),
     Drive(Drive),
     Film(Film),
@@ -216,13 +216,16 @@ pub(super) struct Packs {
 /// Measure the pack on held-out clips, beside ground truth and interpolation.
 ///
 /// Every clip of the split is cut into windows: four context frames, the gap, and one target keyframe with full pose
-/// and root. The server fills the gap; so does interpolation (linear root, slerp of joint rotations).
+/// and root. The server fills the gap; so does interpolation (linear root, slerp of joint rotations). Diversity comes from some
+/// windows, filled with several seeds at temperature 1. FID, MMD and latent diversity are measured in the latent space of a
+/// motion autoencoder, the `evaluator.onnx` that `troupe-train evaluator` makes. Each figure comes with a 95 % interval.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
   troupe eval --data clips/
   troupe eval --data clips/ --split training/splits/bandai-namco-test.txt --json eval.json
-  troupe eval --data clips/ --gaps 30 --stride 60 --max-windows 200 --seed 1")]
+  troupe eval --data clips/ --gaps 30 --stride 60 --max-windows 200 --seed 1
+  troupe eval --data clips/ --evaluator models/human/evaluator.onnx --seeds 0")]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct Eval {
     #[command(subcommand)]
@@ -236,12 +239,13 @@ pub(super) struct Eval {
 #[derive(Debug, Subcommand)]
 pub(super) enum EvalWhat {
     Live(Live),
+    Wander(Wander),
 }
 
 /// Measuring on held-out clips.
 #[derive(Debug, Args)]
 pub(super) struct GapEval {
-    /// Folder of BVH files.
+    /// Folder of clips: BVH files.
     #[arg(long, value_name = "DIR", required = true)]
     data: Option<PathBuf>,
 
@@ -266,6 +270,19 @@ pub(super) struct GapEval {
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(super) max_windows: Option<usize>,
 
+    /// Motion autoencoder to measure FID, MMD and latent diversity with, or a pack's folder that has one as evaluator.onnx.
+    /// Without it that of models/PACK, if it is there.
+    #[arg(long, value_name = "FILE")]
+    pub(super) evaluator: Option<PathBuf>,
+
+    /// Takes of a window that diversity is measured over; below 2 it is not.
+    #[arg(long, default_value_t = 20, value_name = "N", value_parser = clap::value_parser!(u32).range(..=1000))]
+    pub(super) seeds: u32,
+
+    /// Windows of each gap that diversity is measured on, spread evenly over all.
+    #[arg(long, default_value_t = 100, value_name = "N", value_parser = positive)]
+    pub(super) diversity_windows: usize,
+
     /// Requests in flight at the same time.
     #[arg(long, default_value_t = 32, value_name = "N", value_parser = positive)]
     pub(super) concurrency: usize,
@@ -282,7 +299,7 @@ pub(super) struct GapEval {
 }
 
 impl GapEval {
-    /// Folder of BVH files. It is there: only a subcommand goes without.
+    /// Folder of clips. It is there: only a subcommand goes without.
     pub(super) fn data(&self) -> &Path {
         self.data.as_deref().unwrap_or(Path::new("."))
     }
@@ -339,7 +356,7 @@ impl FromStr for Seconds {
     }
 }
 
-fn positive(text: &str) -> Result<usize, String> {
+pub(super) fn positive(text: &str) -> Result<usize, String> {
     match text.parse::<usize>() {
         Ok(0) => Err("must be 1 or more".to_owned()),
         Ok(number) => Ok(number),

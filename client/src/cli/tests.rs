@@ -45,6 +45,11 @@ fn help_of_eval_live() {
 }
 
 #[test]
+fn help_of_eval_wander() {
+    insta::assert_snapshot!(help(&["eval", "wander"]));
+}
+
+#[test]
 fn help_of_style() {
     insta::assert_snapshot!(help(&["style"]));
 }

@@ -2,21 +2,31 @@
 //! et al. 2020).
 //!
 //! Everything is measured on world transforms from forward kinematics ([`WorldMotion`]). [`evaluate`] measures one
-//! in-betweening task; [`Summary`] gathers many.
+//! in-betweening task; [`Summary`] gathers many, and [`Resamples`] says how far to trust the means. How like two sets of
+//! motions are as a whole, FID and MMD, is measured in the latent space of a motion autoencoder (feature `distribution`).
 
 mod accuracy;
+#[cfg(feature = "distribution")]
+mod distribution;
+mod diversity;
 mod npss;
 mod physical;
 mod precision;
+mod resample;
 mod summary;
 
 pub use accuracy::{l2p_m, l2q};
+#[cfg(feature = "distribution")]
+pub use distribution::{Gaussian, Latents, MMD_SCALE, MMD_SIGMA, Mmd};
+pub use diversity::{joint_diversity_m, mean_pairwise_distance};
 pub use npss::{Npss, npss};
 pub use physical::{
-    contact_accuracy, foot_skate_m_per_frame, joint_acceleration_percentile_mps2, joint_accelerations_mps2,
-    joint_jitter_mps2, penetration_m, percentile, root_jitter_mps2,
+    contact_accuracy, contact_prediction_accuracy, foot_skate_m_per_frame,
+    joint_acceleration_percentile_mps2, joint_accelerations_mps2, joint_jitter_mps2, penetration_m,
+    percentile, root_jitter_mps2,
 };
 pub use precision::{REACH_ANGLE_RAD, REACH_DISTANCE_M, keyframe_error_m, reached, root_error_m};
+pub use resample::{Estimate, Resamples};
 pub use summary::{Evaluation, Figures, Summary, Task, evaluate};
 
 use std::ops::Range;
@@ -43,6 +53,9 @@ pub enum MetricError {
     /// Contacts are measured, but the skeleton has no contact joints.
     #[error("the skeleton has no contact joints")]
     NoContacts,
+    /// Diversity of fewer than two takes.
+    #[error("diversity is measured over two takes or more, not {0}")]
+    Takes(usize),
 }
 
 /// Frames `range` of a motion are there.

@@ -70,8 +70,13 @@ impl Npss {
 
     /// Adds what another gathered.
     pub fn merge(&mut self, other: &Self) {
-        self.weighted += other.weighted;
-        self.weight += other.weight;
+        self.merge_times(other, 1);
+    }
+
+    /// Adds what another gathered, as if it had been gathered so many times.
+    pub(super) fn merge_times(&mut self, other: &Self, times: u32) {
+        self.weighted += other.weighted * f64::from(times);
+        self.weight += other.weight * f64::from(times);
     }
 }
 

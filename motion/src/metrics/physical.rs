@@ -95,6 +95,30 @@ pub fn contact_accuracy(
     Ok(mean(pairs.map(|(a, b)| f64::from(u8::from(a == b)))))
 }
 
+/// Accuracy of contacts that a network says: share (0 to 1) of the frames of `range` and contact joints in which `said` (one
+/// number for each frame and contact joint, from 0 to 1, a contact from one half on) is the contact computed from ground
+/// truth's motion ([`contacts::detect`]).
+///
+/// # Errors
+/// [`MetricError`] where the numbers or the range do not fit or the skeleton has no contact joints.
+pub fn contact_prediction_accuracy(
+    skeleton: &Skeleton,
+    said: &[f32],
+    truth: &WorldMotion,
+    range: Range<usize>,
+    fps: f32,
+) -> Result<f64, MetricError> {
+    check_range(truth, &range)?;
+    let params = contacts_of(skeleton)?;
+    if said.len() != truth.frames() * params.len() {
+        return Err(MetricError::Shape("contacts"));
+    }
+    let wanted = contacts::detect(truth, params, skeleton.ground_y_m, fps);
+    let at = range.start * params.len()..range.end * params.len();
+    let pairs = said[at.clone()].iter().zip(&wanted[at]);
+    Ok(mean(pairs.map(|(&a, &b)| f64::from(u8::from((a >= 0.5) == b)))))
+}
+
 /// Joint jitter: mean over the frames of `range` and all joints of the acceleration's magnitude
 /// `|p[t+1] - 2 p[t] + p[t-1]| * fps²`, m/s².
 ///

@@ -137,6 +137,13 @@ impl Summary {
         self.sums = self.sums.zip(&evaluation.figures, |a, b| a + b);
     }
 
+    /// Adds what another gathered, as if it had been gathered so many times.
+    pub fn merge(&mut self, other: &Self, times: u32) {
+        self.count += other.count * u64::from(times);
+        self.npss.merge_times(&other.npss, times);
+        self.sums = self.sums.zip(&other.sums, |a, b| a + b * f64::from(times));
+    }
+
     /// Tasks added.
     pub fn count(&self) -> u64 {
         self.count
@@ -155,22 +162,82 @@ impl Summary {
 }
 
 impl Figures {
+    /// What the figures are called in reports, in the order of [`Self::values`].
+    pub const NAMES: [&'static str; 13] = [
+        "l2p_m",
+        "l2q",
+        "npss",
+        "foot_skate_m_per_frame",
+        "penetration_m",
+        "contact_accuracy",
+        "joint_jitter_mps2",
+        "root_jitter_mps2",
+        "context_keyframe_error_m",
+        "target_keyframe_error_m",
+        "context_root_error_m",
+        "target_root_error_m",
+        "reached",
+    ];
+
+    /// The figures in the order of [`Self::NAMES`].
+    pub fn values(&self) -> [f64; 13] {
+        [
+            self.l2p_m,
+            self.l2q,
+            self.npss,
+            self.foot_skate_m_per_frame,
+            self.penetration_m,
+            self.contact_accuracy,
+            self.joint_jitter_mps2,
+            self.root_jitter_mps2,
+            self.context_keyframe_error_m,
+            self.target_keyframe_error_m,
+            self.context_root_error_m,
+            self.target_root_error_m,
+            self.reaching_success,
+        ]
+    }
+
+    /// The figures from their values in the order of [`Self::NAMES`].
+    fn from_values(values: [f64; 13]) -> Self {
+        let [
+            l2p_m,
+            l2q,
+            npss,
+            foot_skate_m_per_frame,
+            penetration_m,
+            contact_accuracy,
+            joint_jitter_mps2,
+            root_jitter_mps2,
+            context_keyframe_error_m,
+            target_keyframe_error_m,
+            context_root_error_m,
+            target_root_error_m,
+            reaching_success,
+        ] = values;
+        Self {
+            l2p_m,
+            l2q,
+            npss,
+            foot_skate_m_per_frame,
+            penetration_m,
+            contact_accuracy,
+            joint_jitter_mps2,
+            root_jitter_mps2,
+            context_keyframe_error_m,
+            target_keyframe_error_m,
+            context_root_error_m,
+            target_root_error_m,
+            reaching_success,
+        }
+    }
+
     /// Combines two sets of figures one by one.
     fn zip(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        Self {
-            l2p_m: f(self.l2p_m, other.l2p_m),
-            l2q: f(self.l2q, other.l2q),
-            npss: f(self.npss, other.npss),
-            foot_skate_m_per_frame: f(self.foot_skate_m_per_frame, other.foot_skate_m_per_frame),
-            penetration_m: f(self.penetration_m, other.penetration_m),
-            contact_accuracy: f(self.contact_accuracy, other.contact_accuracy),
-            joint_jitter_mps2: f(self.joint_jitter_mps2, other.joint_jitter_mps2),
-            root_jitter_mps2: f(self.root_jitter_mps2, other.root_jitter_mps2),
-            context_keyframe_error_m: f(self.context_keyframe_error_m, other.context_keyframe_error_m),
-            target_keyframe_error_m: f(self.target_keyframe_error_m, other.target_keyframe_error_m),
-            context_root_error_m: f(self.context_root_error_m, other.context_root_error_m),
-            target_root_error_m: f(self.target_root_error_m, other.target_root_error_m),
-            reaching_success: f(self.reaching_success, other.reaching_success),
+        let (mut values, others) = (self.values(), other.values());
+        for (value, other) in values.iter_mut().zip(others) {
+            *value = f(*value, other);
         }
+        Self::from_values(values)
     }
 }

@@ -213,6 +213,22 @@ fn contact_accuracy_is_a_share() {
 }
 
 #[test]
+fn contacts_that_are_said_are_set_against_those_of_the_motion() {
+    // Standing, so that all four are contacts: one of frame 1's is denied and one doubted, frame 2 is off altogether.
+    let truth = world(&stand(3));
+    let said = [1.0; 4]
+        .into_iter()
+        .chain([0.2, 0.5, 0.9, 1.0])
+        .chain([0.4; 4])
+        .collect::<Vec<_>>();
+    let share = |range| contact_prediction_accuracy(&biped(), &said, &truth, range, 30.0);
+    near(share(0..3).unwrap(), 7.0 / 12.0);
+    near(share(1..2).unwrap(), 0.75);
+    let short = contact_prediction_accuracy(&biped(), &said[..8], &truth, 0..1, 30.0);
+    assert_eq!(short, Err(MetricError::Shape("contacts")));
+}
+
+#[test]
 fn jitter_is_acceleration() {
     // x = t² · 2 cm: a second difference of 4 cm a frame², times 900.
     let mut clip = stand(8);

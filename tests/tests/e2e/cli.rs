@@ -373,13 +373,15 @@ async fn an_evaluation_measures_every_gap_and_says_what_it_skipped() {
         "--gaps",
         "15,45",
     ];
-    let json = ["--json", &path("eval.json"), "--stride", "20"];
-    let said = printed(&troupe(arguments.iter().chain(&json)).await);
+    let options = ["--stride", "20", "--seeds", "3", "--diversity-windows", "4"];
+    let json = ["--json", &path("eval.json")];
+    let said = printed(&troupe(arguments.iter().chain(&options).chain(&json)).await);
     for told in [
-        "Gap of 15 frames, 12 windows",
+        "Gap of 15 frames, 12 windows of 2 clips; diversity of 4, 3 takes each",
         "Gap of 45 frames, 8 windows",
         "ground truth",
         "linear/slerp",
+        "FID, MMD and latent diversity are not measured: no evaluator was given",
         "Skipped clips: 3",
     ] {
         assert!(said.contains(told), "`{told}` is not in:\n{said}");
@@ -401,6 +403,22 @@ async fn an_evaluation_measures_every_gap_and_says_what_it_skipped() {
     ] {
         assert!(gap["pack"][figure].as_f64().unwrap() > 0.0, "{figure}: {gap}");
     }
+    let metrics = &gap["metrics"];
+    for (method, figure) in [
+        ("interpolation", "l2p_m"),
+        ("pack", "npss"),
+        ("pack", "joint_diversity_m"),
+    ] {
+        let of = |end: &str| metrics[method][figure][end].as_f64().unwrap();
+        assert!(
+            of("low") > 0.0 && of("low") <= of("mean") && of("mean") <= of("high"),
+            "{figure}: {metrics}"
+        );
+    }
+    assert_eq!(metrics["pack"]["npss"]["mean"], gap["pack"]["npss"]);
+    assert_eq!(metrics["ground_truth"]["reached"]["mean"], 1.0);
+    assert_eq!(metrics["interpolation"]["joint_diversity_m"]["mean"], 0.0);
+    assert_eq!(metrics["pack"]["fid"], Value::Null);
     let skipped = json["skipped"].as_array().unwrap();
     let reason = |name: &str| {
         skipped
@@ -412,18 +430,7 @@ async fn an_evaluation_measures_every_gap_and_says_what_it_skipped() {
     assert!(reason("broken").is_some() && reason("missing").is_some());
 
     // The same evaluation once more finds the same.
-    let again = [
-        "eval",
-        "--data",
-        &path(""),
-        "--split",
-        &path("split.txt"),
-        "--gaps",
-        "15,45",
-        "--stride",
-        "20",
-        "-q",
-    ];
+    let again = arguments.iter().chain(&options).chain(&["-q"]);
     assert_eq!(printed(&troupe(again).await), said);
 }
 

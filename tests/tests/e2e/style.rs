@@ -224,3 +224,60 @@ async fn live_characters_are_measured() {
     );
     failed(&troupe(["eval", "live", "--data", "."]).await, 2, &["--list"]);
 }
+
+#[tokio::test]
+async fn characters_that_wander_are_measured() {
+    let folder = Folder::new("eval-wander");
+    let file = |name: &str| folder.file(name).to_str().unwrap().to_owned();
+    let few = [
+        "eval",
+        "wander",
+        "--styles",
+        "normal",
+        "--characters",
+        "2",
+        "--seconds",
+        "5",
+    ];
+    let told = printed(
+        &troupe(
+            few.iter()
+                .chain(&["--replan", "4,9", "--json", &file("live.json")]),
+        )
+        .await,
+    );
+    assert!(
+        told.contains("every 4 frames") && told.contains("not measured: foot skate"),
+        "{told}"
+    );
+    let json: Value = serde_json::from_str(&std::fs::read_to_string(file("live.json")).unwrap()).unwrap();
+    let [often, seldom] = [0, 1].map(|nth| &json["runs"][nth]);
+    let plans = |run: &Value| run["plans_per_second"].as_f64().unwrap();
+    assert!(plans(often) > 1.5 * plans(seldom), "{json}");
+    let jitter = &seldom["figures"][1];
+    assert_eq!(jitter["name"], "joint_jitter_mps2");
+    assert!(jitter["live"]["low"].as_f64().unwrap() > 0.0, "{json}");
+
+    // Beside figures of gaps, of this pack and of another.
+    let measure = |mean: f64| serde_json::json!({"mean": mean, "low": 0.9 * mean, "high": 1.1 * mean});
+    let against = |hash: &Value| {
+        serde_json::json!({"content_hash": hash, "gaps": [{"metrics": {"pack": {
+            "foot_skate_m_per_frame": measure(1e3), "joint_jitter_mps2": measure(1e-3), "root_jitter_mps2": measure(1.0),
+        }}}]})
+    };
+    std::fs::write(file("gaps.json"), against(&json["content_hash"]).to_string()).unwrap();
+    std::fs::write(file("other.json"), against(&"sha256:0".into()).to_string()).unwrap();
+    let told = printed(&troupe(few.iter().chain(&["--against", &file("gaps.json")])).await);
+    assert!(
+        told.contains("holds:        foot skate at most 1.5 times"),
+        "{told}"
+    );
+    assert!(
+        told.contains("missed:       joint jitter at most 1.5 times"),
+        "{told}"
+    );
+    let other = troupe(few.iter().chain(&["--against", &file("other.json")])).await;
+    failed(&other, 2, &["other.json", "another pack"]);
+    let often = troupe(few.iter().chain(&["--replan", "2"])).await;
+    failed(&often, 4, &["replan_interval_frames", "3 to 30"]);
+}

@@ -1,31 +1,14 @@
-//! The clips of a split and the windows cut from them.
+//! The windows that are cut from clips.
 
-use std::collections::HashSet;
-use std::path::Path;
-
-use serde::Serialize;
 use troupe_motion::clip::Clip;
 use troupe_motion::metrics::Task;
 
-use crate::cli::args::Scale;
+use super::clips::NamedClip;
 use crate::cli::failure::Failure;
-use crate::cli::files::read_clip;
-use crate::cli::term::Term;
 use crate::inbetween::CONTEXT_FRAMES;
-use crate::pack::Pack;
 
-/// A clip by its file's stem.
-pub(super) struct NamedClip {
-    pub(super) name: String,
-    pub(super) clip: Clip,
-}
-
-/// A clip that could not be used.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Skipped {
-    pub(super) clip: String,
-    pub(super) reason: String,
-}
+/// Frames of a piece of a clip.
+const PIECE_FRAMES: usize = 300;
 
 /// One task: frames of one clip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,66 +28,6 @@ pub(super) fn task(gap_frames: usize) -> Task {
     }
 }
 
-/// Names of the clips to use, sorted: those of the split file, or every BVH file of the folder.
-pub(super) fn clip_names(data: &Path, split: Option<&Path>) -> Result<Vec<String>, Failure> {
-    let mut names: Vec<String> = match split {
-        Some(split) => std::fs::read_to_string(split)
-            .map_err(|e| Failure::file(split, e))?
-            .lines()
-            .map(|line| line.split('#').next().unwrap_or_default().trim())
-            .filter(|line| !line.is_empty())
-            .map(|line| line.strip_suffix(".bvh").unwrap_or(line).to_owned())
-            .collect(),
-        None => std::fs::read_dir(data)
-            .map_err(|e| Failure::file(data, e))?
-            .filter_map(|entry| {
-                let name = entry.ok()?.file_name().into_string().ok()?;
-                Some(name.strip_suffix(".bvh")?.to_owned())
-            })
-            .collect(),
-    };
-    let mut seen = HashSet::new();
-    names.retain(|name| seen.insert(name.clone()));
-    names.sort();
-    Ok(names)
-}
-
-/// Reads clips by name onto the pack's skeleton; those that cannot be used come back with the reason.
-pub(super) fn read_clips(
-    data: &Path,
-    names: &[String],
-    pack: &Pack,
-    scale: Scale,
-    term: &Term,
-) -> (Vec<NamedClip>, Vec<Skipped>) {
-    let bar = term.bar(names.len(), "reading clips");
-    let (mut clips, mut skipped) = (Vec::new(), Vec::new());
-    for name in names {
-        let path = data.join(format!("{name}.bvh"));
-        match read_clip(&path, pack, scale, &Term::new(true)) {
-            Ok(clip) => clips.push(NamedClip {
-                name: name.clone(),
-                clip,
-            }),
-            Err(why) => {
-                let why = why.to_string();
-                // The path in front says the name once more.
-                let reason = why
-                    .strip_prefix(&format!("{}: ", path.display()))
-                    .unwrap_or(&why)
-                    .to_owned();
-                skipped.push(Skipped {
-                    clip: name.clone(),
-                    reason,
-                });
-            }
-        }
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    (clips, skipped)
-}
-
 /// Every window of `task` that starts at a multiple of `stride`, of at most `most` windows spread evenly over all.
 pub(super) fn windows(clips: &[NamedClip], task: Task, stride: usize, most: Option<usize>) -> Vec<Window> {
     let mut all = Vec::new();
@@ -116,6 +39,19 @@ pub(super) fn windows(clips: &[NamedClip], task: Task, stride: usize, most: Opti
         Some(most) if most < all.len() => (0..most).map(|i| all[i * all.len() / most]).collect(),
         _ => all,
     }
+}
+
+/// The piece of a clip that each window is of, counted from 0 over those that have any: what intervals are drawn over. A piece
+/// is a clip, or ten seconds of a longer one. The windows are in the order of their clips.
+pub(super) fn pieces_of(windows: &[Window]) -> Vec<usize> {
+    let piece = |window: &Window| (window.clip, window.start / PIECE_FRAMES);
+    let mut count = 0;
+    let counted = windows.iter().enumerate().map(|(nth, window)| {
+        let new = nth > 0 && piece(&windows[nth - 1]) != piece(window);
+        count += usize::from(new);
+        count
+    });
+    counted.collect()
 }
 
 /// A number that names the same seed for the same window in every run.
@@ -176,15 +112,12 @@ mod tests {
     }
 
     #[test]
-    fn a_split_file_may_have_comments_endings_and_repeats() {
-        let folder = std::env::temp_dir().join(format!("troupe-split-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let split = folder.join("split.txt");
-        std::fs::write(&split, "# held out\nwalk_2.bvh\r\n\nwalk_1  # good\nwalk_2\n").unwrap();
-        let names = clip_names(&folder, Some(&split)).unwrap();
-        std::fs::remove_dir_all(&folder).unwrap();
-        assert_eq!(names, ["walk_1", "walk_2"]);
-        assert!(matches!(clip_names(&folder, None), Err(Failure::Input(_))));
+    fn pieces_are_clips_or_ten_seconds_of_them() {
+        // Clip 1 has no window, and clip 2 those at 0, 200, 400 and 600.
+        let clips = clips(&[40, 19, 700, 20]);
+        let windows = windows(&clips, task(15), 200, None);
+        assert_eq!(pieces_of(&windows), [0, 1, 1, 2, 3, 4]);
+        assert_eq!(pieces_of(&[]), [0; 0]);
     }
 
     #[test]

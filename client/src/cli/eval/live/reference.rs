@@ -8,11 +8,9 @@ use troupe_motion::fk::WorldMotion;
 use troupe_motion::metrics::{foot_skate_m_per_frame, joint_accelerations_mps2};
 
 use crate::cli::args::Scale;
-use crate::cli::eval::windows::clip_names;
+use crate::cli::eval::clips::{clip_names, read_named};
 use crate::cli::failure::Failure;
-use crate::cli::files::read_clip;
 use crate::cli::style::StyleList;
-use crate::cli::term::Term;
 use crate::pack::Pack;
 
 /// Share of a clip at either end that is not looked at: it may start or stop there.
@@ -38,7 +36,7 @@ pub(super) fn read(
     data: &Path,
     styles: &[String],
     takes: usize,
-    (pack, scale, term): (&Pack, Scale, &Term),
+    (pack, scale): (&Pack, Scale),
 ) -> Result<References, Failure> {
     let list = StyleList::read(list)?;
     let names = clip_names(data, None)?;
@@ -53,7 +51,7 @@ pub(super) fn read(
                 .filter(|name| stems.iter().any(|s| s == stem(name)))
                 .take(takes);
             for name in takes {
-                let clip = read_clip(&data.join(format!("{name}.bvh")), pack, scale, term)?;
+                let clip = read_named(data, name, pack, scale)?;
                 reference
                     .add(&clip)
                     .map_err(|e| Failure::file(data, format_args!("{name}: {e}")))?;

@@ -1,0 +1,78 @@
+//! Diversity: how far takes of one task are from each other (Tevet et al. 2022, where it is called multimodality).
+
+use std::ops::Range;
+
+use super::{MetricError, check_pair, mean};
+use crate::fk::WorldMotion;
+
+/// Joint diversity: mean over all pairs of takes, the frames of `range` and all joints of the distance between a joint's two
+/// world positions, metres. The paper gives its own without a unit.
+///
+/// # Errors
+/// [`MetricError`] where there are fewer than two takes, or they or the range do not fit.
+pub fn joint_diversity_m(takes: &[WorldMotion], range: Range<usize>) -> Result<f64, MetricError> {
+    if takes.len() < 2 {
+        return Err(MetricError::Takes(takes.len()));
+    }
+    for take in &takes[1..] {
+        check_pair(&takes[0], take, &range)?;
+    }
+    let joints = takes[0].joints;
+    let of = |take: &'_ WorldMotion| take.positions[range.start * joints..range.end * joints].to_vec();
+    let cut: Vec<_> = takes.iter().map(of).collect();
+    Ok(mean(pairs(&cut).flat_map(|(a, b)| {
+        a.iter().zip(b).map(|(a, b)| f64::from(a.distance(*b)))
+    })))
+}
+
+/// Latent diversity: mean over all pairs of the Euclidean distance between vectors of one length, such as the latents of
+/// several takes. `None` of fewer than two.
+pub fn mean_pairwise_distance(vectors: &[Vec<f32>]) -> Option<f64> {
+    (vectors.len() > 1).then(|| {
+        mean(pairs(vectors).map(|(a, b)| {
+            let squares = a
+                .iter()
+                .zip(b)
+                .map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
+            squares.sum::<f64>().sqrt()
+        }))
+    })
+}
+
+/// Every pair of two different entries, once.
+fn pairs<T>(all: &[T]) -> impl Iterator<Item = (&T, &T)> {
+    all.iter()
+        .enumerate()
+        .flat_map(|(nth, a)| all[nth + 1..].iter().map(move |b| (a, b)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::stand;
+
+    #[test]
+    fn takes_are_compared_in_pairs() {
+        // Three takes stand at x = 0, 0.1 and 0.4 in the frames that count: 0.1, 0.3 and 0.4 m between them.
+        let take = |x: f32| {
+            let mut clip = stand(4);
+            (1..3).for_each(|f| clip.root_positions[f].x += x);
+            WorldMotion::from_clip(&clip)
+        };
+        let takes = [take(0.0), take(0.1), take(0.4)];
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6, "{a} is not {b}");
+        near(joint_diversity_m(&takes, 1..3).unwrap(), 0.8 / 3.0);
+        near(joint_diversity_m(&takes, 0..4).unwrap(), 0.4 / 3.0);
+        near(joint_diversity_m(&takes, 3..4).unwrap(), 0.0);
+        assert_eq!(joint_diversity_m(&takes[..1], 1..3), Err(MetricError::Takes(1)));
+        assert!(joint_diversity_m(&takes, 3..5).is_err());
+        assert!(joint_diversity_m(&[take(0.0), WorldMotion::from_clip(&stand(5))], 0..4).is_err());
+    }
+
+    #[test]
+    fn latents_by_hand() {
+        let latents = [vec![0.0, 0.0], vec![3.0, 4.0], vec![0.0, 4.0]];
+        assert_eq!(mean_pairwise_distance(&latents), Some((5.0 + 4.0 + 3.0) / 3.0));
+        assert_eq!(mean_pairwise_distance(&latents[..1]), None);
+    }
+}
