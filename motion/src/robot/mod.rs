@@ -108,6 +108,15 @@ pub struct Fitted {
     lacking: Vec<Quat>,
 }
 
+impl Fitted {
+    /// Forgets the pose, but keeps the room.
+    pub fn clear(&mut self) {
+        self.angles.clear();
+        self.lacking.clear();
+        (self.residual_rad, self.clamped) = (0.0, 0);
+    }
+}
+
 impl Robot {
     /// The robot's name, as in its URDF.
     pub fn name(&self) -> &str {
