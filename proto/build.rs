@@ -73,7 +73,7 @@ const REQUEST_MESSAGES: [&str; 56] = [
 ];
 
 /// Optional fields, left out of the JSON where they are absent.
-const OPTIONAL_FIELDS: [&str; 72] = [
+const OPTIONAL_FIELDS: [&str; 75] = [
     "Root.position",
     "Root.heading",
     "RootVelocity.height",
@@ -89,6 +89,9 @@ const OPTIONAL_FIELDS: [&str; 72] = [
     "Joint.offset",
     "Pack.left_axis",
     "Pack.contact_rules",
+    "Pack.robot",
+    "Hinge.axis",
+    "Hinge.rest",
     "SessionOptions.position",
     "SessionOptions.ttl_ms",
     "SessionOptions.look_ahead_frames",
@@ -148,6 +151,19 @@ const OPTIONAL_FIELDS: [&str; 72] = [
     "Detected.object",
 ];
 
+/// Lists that most messages do not have, left out of the JSON where they are empty.
+const SPARE_FIELDS: [&str; 9] = [
+    "Keyframe.qpos",
+    "Frames.six_d",
+    "Frames.qpos",
+    "Frames.hinge_residuals",
+    "Frames.clamped_hinges",
+    "FrameBlock.six_d",
+    "FrameBlock.qpos",
+    "FrameBlock.hinge_residuals",
+    "FrameBlock.clamped_hinges",
+];
+
 /// Fields of an enumeration, the module of `proto/src/json.rs` that writes them as words, and the word of value 0.
 const ENUM_FIELDS: [(&str, &str, &str); 15] = [
     ("SessionOptions.convention", "convention", "native"),
@@ -202,6 +218,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         config = config.field_attribute(
             format!(".troupe.v1.{field}"),
             r#"#[serde(skip_serializing_if = "Option::is_none")]"#,
+        );
+    }
+    for field in SPARE_FIELDS {
+        config = config.field_attribute(
+            format!(".troupe.v1.{field}"),
+            r#"#[serde(skip_serializing_if = "Vec::is_empty")]"#,
         );
     }
     for (field, words, default) in ENUM_FIELDS {

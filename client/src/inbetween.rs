@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use glam::{Quat, Vec3};
 use troupe_motion::clip::Clip;
+use troupe_motion::robot::Robot;
 use troupe_motion::rotation::{from_wxyz, to_wxyz};
 use troupe_proto::v1;
 
@@ -29,6 +30,7 @@ pub struct Key {
     velocity: Option<v1::RootVelocity>,
     rotations: Option<Vec<f32>>,
     root_height: Option<f32>,
+    qpos: Vec<f32>,
 }
 
 impl Key {
@@ -79,6 +81,14 @@ impl Key {
         self
     }
 
+    /// Fixes root and pose of a robot by MuJoCo's `qpos`, in place of both. For packs with a robot
+    /// ([`troupe_motion::robot`]).
+    #[must_use]
+    pub fn qpos(mut self, qpos: &[f32]) -> Self {
+        self.qpos = qpos.to_vec();
+        self
+    }
+
     /// The keyframe on the wire.
     pub fn to_message(&self) -> v1::Keyframe {
         let root_height = self.root_height;
@@ -92,6 +102,7 @@ impl Key {
                 rotations,
                 root_height,
             }),
+            qpos: self.qpos.clone(),
         }
     }
 }
@@ -231,6 +242,13 @@ impl InBetween {
         self
     }
 
+    /// Asks for a robot's `qpos` as well.
+    #[must_use]
+    pub fn return_qpos(mut self, yes: bool) -> Self {
+        self.character.return_qpos = yes;
+        self
+    }
+
     /// The task on the wire.
     ///
     /// # Errors
@@ -266,6 +284,12 @@ pub struct InBetweenAnswer {
     pub contacts: Vec<f32>,
     /// Frames x joints: world positions in metres; empty unless asked for.
     pub positions: Vec<Vec3>,
+    /// Frames x numbers of a robot's `qpos`; empty unless asked for.
+    pub qpos: Vec<f32>,
+    /// One a frame: how far a robot's hinges could not follow, radians; empty where the pack has no robot.
+    pub hinge_residuals: Vec<f32>,
+    /// One a frame: a robot's hinges that were asked for more than their limits; empty where the pack has no robot.
+    pub clamped_hinges: Vec<u32>,
     /// What each stage produced; none unless asked for.
     pub intermediates: Option<v1::Intermediates>,
 }
@@ -286,6 +310,13 @@ impl InBetweenAnswer {
         if !frames.positions.is_empty() {
             check_length("frames.positions", &frames.positions, count * joints * 3)?;
         }
+        let of_robot = if pack.robot().is_some() { count } else { 0 };
+        check_length("frames.hinge_residuals", &frames.hinge_residuals, of_robot)?;
+        check_length("frames.clamped_hinges", &frames.clamped_hinges, of_robot)?;
+        if !frames.qpos.is_empty() {
+            let numbers = pack.robot().map_or(0, Robot::qpos_len);
+            check_length("frames.qpos", &frames.qpos, count * numbers)?;
+        }
         let rotations = frames.rotations.as_chunks::<4>().0;
         Ok(Self {
             id: result.id,
@@ -297,6 +328,9 @@ impl InBetweenAnswer {
             )?,
             contacts: frames.contacts,
             positions: vectors(&frames.positions),
+            qpos: frames.qpos,
+            hinge_residuals: frames.hinge_residuals,
+            clamped_hinges: frames.clamped_hinges,
             intermediates: result.intermediates,
         })
     }
@@ -331,7 +365,7 @@ fn check_frame(clip: &Clip, what: &'static str, frame: usize) -> Result<(), Requ
     }
 }
 
-fn check_length(field: &'static str, numbers: &[f32], expected: usize) -> Result<(), AnswerError> {
+fn check_length<T>(field: &'static str, numbers: &[T], expected: usize) -> Result<(), AnswerError> {
     if numbers.len() == expected {
         return Ok(());
     }
@@ -451,7 +485,7 @@ mod tests {
             root_positions: vec![0.0, 0.9, 0.0, 0.0, 0.9, 0.1],
             rotations: [1.0, 0.0, 0.0, 0.0].repeat(4),
             contacts: vec![1.0, 0.5],
-            positions: Vec::new(),
+            ..v1::Frames::default()
         };
         let read = |frames| {
             let result = v1::CharacterResult {
@@ -466,11 +500,13 @@ mod tests {
         assert_eq!(answer.clip.rotations[3], Quat::IDENTITY);
 
         assert_eq!(read(None).unwrap_err(), AnswerError::Missing("frames"));
-        let broken: [fn(&mut v1::Frames); 5] = [
+        let broken: [fn(&mut v1::Frames); 7] = [
             |f| f.frame_count = 3,
             |f| f.rotations.truncate(15),
             |f| f.contacts.push(0.0),
             |f| f.positions.push(0.0),
+            |f| f.qpos.push(0.0),
+            |f| f.clamped_hinges.push(0),
             |f| f.root_positions[0] = f32::NAN,
         ];
         for (nth, break_it) in broken.iter().enumerate() {

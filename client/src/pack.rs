@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use glam::Vec3;
+use troupe_motion::robot::{HingeDoc, Robot, RobotDoc};
 use troupe_motion::skeleton::{ContactParams, Joint, Skeleton};
 use troupe_proto::v1;
 
@@ -34,6 +35,11 @@ impl Pack {
     /// The pack's skeleton, shared by every clip that comes back.
     pub fn skeleton(&self) -> &Arc<Skeleton> {
         &self.skeleton
+    }
+
+    /// The robot that the pack animates; none: it is no robot's.
+    pub fn robot(&self) -> Option<&Robot> {
+        self.skeleton.robot.as_ref()
     }
 
     /// Frames per second.
@@ -131,7 +137,32 @@ fn skeleton(pack: &v1::Pack) -> Result<Skeleton, AnswerError> {
         })
         .transpose()?;
     let left_axis = vector(pack.left_axis).ok_or(AnswerError::Missing("left_axis"))?;
-    Skeleton::new(joints, left_axis, pack.ground_y, contacts).map_err(|e| fault(e.to_string()))
+    let skeleton =
+        Skeleton::new(joints, left_axis, pack.ground_y, contacts).map_err(|e| fault(e.to_string()))?;
+    match &pack.robot {
+        Some(of) => skeleton.with_robot(&robot(of)).map_err(|e| fault(e.to_string())),
+        None => Ok(skeleton),
+    }
+}
+
+/// The robot as it is written; what is not there is refused with the rest of what makes no sense.
+fn robot(robot: &v1::Robot) -> RobotDoc {
+    let hinge = |hinge: &v1::Hinge| {
+        let axis = hinge.axis.unwrap_or_default();
+        let rest = hinge.rest.unwrap_or_default();
+        HingeDoc {
+            joint: hinge.joint.clone(),
+            axis: Vec3::new(axis.x, axis.y, axis.z),
+            rest: [rest.w, rest.x, rest.y, rest.z],
+            lower_rad: hinge.lower,
+            upper_rad: hinge.upper,
+            max_speed_rad_per_s: hinge.max_speed,
+        }
+    };
+    RobotDoc {
+        name: robot.name.clone(),
+        hinges: robot.hinges.iter().map(hinge).collect(),
+    }
 }
 
 #[cfg(test)]
@@ -165,6 +196,50 @@ pub(crate) mod tests {
             }),
             ..v1::Pack::default()
         }
+    }
+
+    /// The same pair as a robot: the foot turns about its left axis.
+    pub(crate) fn robot_message() -> v1::Pack {
+        let hinge = v1::Hinge {
+            joint: "Foot".to_owned(),
+            axis: Some(v1::Vec3 {
+                x: 1.0,
+                y: 0.0,
+                z: 0.0,
+            }),
+            rest: Some(v1::Quat {
+                w: 1.0,
+                x: 0.0,
+                y: 0.0,
+                z: 0.0,
+            }),
+            lower: -0.5,
+            upper: 1.5,
+            max_speed: 10.0,
+        };
+        v1::Pack {
+            robot: Some(v1::Robot {
+                name: "hopper".to_owned(),
+                hinges: vec![hinge],
+                qpos_size: 8,
+            }),
+            ..message()
+        }
+    }
+
+    #[test]
+    fn a_robot_comes_with_its_hinges() {
+        let pack = Pack::try_from(robot_message()).unwrap();
+        let robot = pack.robot().unwrap();
+        assert_eq!(
+            (robot.name(), robot.qpos_len(), robot.hinges()[0].joint),
+            ("hopper", 8, 1)
+        );
+        assert!(Pack::try_from(message()).unwrap().robot().is_none());
+        let mut broken = robot_message();
+        broken.robot.as_mut().unwrap().hinges[0].rest = None;
+        let error = Pack::try_from(broken).unwrap_err().to_string();
+        assert!(error.contains("robot.hinges[0].rest has length 0"), "{error}");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 
 use crate::fk::joint_transform;
-use crate::ik::{Leg, Motion, Posed, Trunk, arms, forward, turn_in_world, two_bone};
+use crate::ik::{Leg, Motion, Posed, Trunk, arms, forward, place_end, turn_limb, two_bone};
 use crate::interpolate::{min_jerk, smoothstep};
 use crate::root::heading_of;
 use crate::rotation::{slerp, yaw};
@@ -423,9 +423,16 @@ impl<'a> Faller<'a> {
         let root = self.course.root(s);
         let pole = forward(self.skeleton, pose);
         for (leg, &(place, rotation)) in self.legs.iter().zip(&self.feet) {
-            let short = two_bone(self.skeleton, root, pose, leg.chain(), place, pole, false);
+            let short = place_end(
+                self.skeleton,
+                root,
+                pose,
+                leg.chain(),
+                (place, 0.0),
+                pole,
+                rotation,
+            );
             *short_m = short_m.max(short);
-            turn_in_world(self.skeleton, pose, leg.foot, rotation);
         }
     }
 
@@ -474,7 +481,8 @@ fn air_pose(skeleton: &Skeleton, legs: &[Leg], standing: &[Quat]) -> Vec<Quat> {
         let goal = foot + (Vec3::Y * FEET_UP_SHARE + forward * FEET_AHEAD_SHARE) * length;
         two_bone(skeleton, Vec3::ZERO, &mut pose, leg.chain(), goal, forward, true);
     }
-    for [upper, _, end] in arms(skeleton) {
+    for arm in arms(skeleton) {
+        let [upper, _, end] = arm;
         let [shoulder, hand] =
             [upper, end].map(|joint| joint_transform(skeleton, Vec3::ZERO, standing, joint));
         let down = hand.0 - shoulder.0;
@@ -482,7 +490,7 @@ fn air_pose(skeleton: &Skeleton, legs: &[Leg], standing: &[Quat]) -> Vec<Quat> {
             // About the forward axis the left arm, at the side that `left` points to, comes up with a positive turn.
             let side = if shoulder.0.dot(left) < 0.0 { -1.0 } else { 1.0 };
             let turn = Quat::from_axis_angle(forward, ARMS_UP * side);
-            turn_in_world(skeleton, &mut pose, upper, turn * shoulder.1);
+            turn_limb(skeleton, &mut pose, arm, turn);
         }
     }
     pose

@@ -24,6 +24,7 @@ pub mod inspect;
 pub mod interpolate;
 pub mod metrics;
 pub mod pin;
+pub mod robot;
 pub mod root;
 pub mod rotation;
 pub mod segment;
@@ -36,6 +37,7 @@ pub mod terrain;
 mod testing;
 
 pub use clip::Clip;
+pub use robot::Robot;
 pub use root::{GlobalRoot, LocalRoot};
 pub use segment::SegmentFrame;
 pub use skeleton::{ContactParams, Joint, Skeleton};

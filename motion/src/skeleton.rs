@@ -5,6 +5,8 @@ use std::collections::HashMap;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
+use crate::robot::{Robot, RobotDoc, RobotError};
+
 /// The most joints that a skeleton may have.
 pub const MAX_JOINTS: usize = 512;
 
@@ -33,7 +35,7 @@ pub struct ContactParams {
 }
 
 /// A validated joint hierarchy. Reads and writes (serde) the `[skeleton]` table of a pack's `pack.toml`, where
-/// parents and contact joints go by name.
+/// parents and contact joints go by name; a robot's hinges have a table of their own ([`RobotDoc`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "SkeletonDoc", into = "SkeletonDoc")]
 #[non_exhaustive]
@@ -46,6 +48,8 @@ pub struct Skeleton {
     pub ground_y_m: f32,
     /// Contact joints, where the skeleton has any.
     pub contacts: Option<ContactParams>,
+    /// The hinges, where it is a robot's.
+    pub robot: Option<Robot>,
 }
 
 /// Why a skeleton was refused.
@@ -135,7 +139,17 @@ impl Skeleton {
             left_axis: left_axis / length,
             ground_y_m,
             contacts,
+            robot: None,
         })
+    }
+
+    /// The skeleton as that of a robot, with the hinges of `robot`.
+    ///
+    /// # Errors
+    /// [`RobotError`]; its text names field and range.
+    pub fn with_robot(mut self, robot: &RobotDoc) -> Result<Self, RobotError> {
+        self.robot = Some(robot.on(&self)?);
+        Ok(self)
     }
 
     /// Number of joints.

@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 use glam::{Quat, Vec3};
 
 use crate::fk::joint_transform;
-use crate::ik::{Leg, Motion, Posed, Trunk, cover, excess_height, forward, turn_in_world, two_bone};
+use crate::ik::{Leg, Motion, Posed, Trunk, cover, excess_height, forward, legs, place_end};
 use crate::interpolate::{min_jerk, smoothstep};
 use crate::rotation::{angle_between, slerp, slerp_pose};
 use crate::skeleton::Skeleton;
@@ -29,6 +29,22 @@ const MAX_DROP_M: f32 = 0.15;
 /// Half the window that the root's coming down is smoothed over, and how far from both ends it is whole, frames.
 const DROP_HALF_WINDOW: usize = 3;
 const EDGE_FRAMES: usize = 6;
+
+/// Hips lower than this over the ground are in no clip that the default pack was trained on, metres.
+pub const LOW_HIPS_M: f32 = 0.70;
+/// The same as a share of the legs' length, for robots: that pack's are 0.80 m long.
+const LOW_HIPS_SHARE: f32 = LOW_HIPS_M / 0.80;
+
+/// Hips lower than this over the ground are those of one who sits or crouches, and networks hardly know them, metres. It is
+/// [`LOW_HIPS_M`] for people, and goes by the legs for robots.
+pub fn low_hips_m(skeleton: &Skeleton) -> f32 {
+    let legs = match skeleton.robot {
+        Some(_) => legs(skeleton),
+        None => Vec::new(),
+    };
+    let shortest = legs.iter().map(|leg| leg.length_m(skeleton));
+    (shortest.min_by(f32::total_cmp)).map_or(LOW_HIPS_M, |length| length * LOW_HIPS_SHARE)
+}
 
 /// Goes from one pose to another with the feet on the ground.
 ///
@@ -101,9 +117,9 @@ fn hold_feet(skeleton: &Skeleton, legs: &[Leg], steps: &[Step], needs: &[f32], m
         let pole = forward(skeleton, pose);
         for (leg, step) in legs.iter().zip(steps) {
             let foot = step.at(t);
-            let short = two_bone(skeleton, *root, pose, leg.chain(), foot.place, pole, false);
+            let (goal, turn) = ((foot.place, 0.0), foot.rotation);
+            let short = place_end(skeleton, *root, pose, leg.chain(), goal, pole, turn);
             motion.short_m = motion.short_m.max(short);
-            turn_in_world(skeleton, pose, leg.foot, foot.rotation);
         }
     }
 }

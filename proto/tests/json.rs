@@ -25,13 +25,20 @@ fn request() -> InBetweenRequest {
             rotations: vec![1.0, 0.0, 0.0, 0.0],
             root_height: Some(0.9),
         }),
+        qpos: Vec::new(),
     };
     InBetweenRequest {
         pack: "human".into(),
         characters: vec![Character {
             id: "one".into(),
             context: vec![keyframe.clone(); 4],
-            targets: vec![keyframe],
+            targets: vec![
+                keyframe,
+                Keyframe {
+                    qpos: vec![0.5; 36],
+                    ..Keyframe::default()
+                },
+            ],
             frame_count: Some(40),
             seed: (1 << 53) - 1,
             temperature: 0.5,

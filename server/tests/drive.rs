@@ -6,8 +6,8 @@ mod common;
 
 use std::time::Duration;
 
-use common::calls::{Client, ids, open, step, walk};
-use common::{JOINTS, TestServer};
+use common::calls::{Client, ids, open, options, step, walk};
+use common::{JOINTS, TestServer, robot};
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 use tokio_stream::wrappers::ReceiverStream;
@@ -109,6 +109,57 @@ async fn freed(client: &mut Client, id: &str) {
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
     panic!("{id} is never free");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_of_qpos_takes_robots_alone() {
+    let folder = robot::Folder::new("stream");
+    let server = robot::start(&folder).await;
+    let mut client = server.sessions().await;
+    open(&mut client, &["human"]).await;
+    let sessions = vec![v1::SessionOptions {
+        pack: robot::G1.into(),
+        ..options("robot")
+    }];
+    client
+        .create_sessions(v1::CreateSessionsRequest { sessions })
+        .await
+        .unwrap();
+    let mut drive = Drive::start(&mut client).await;
+    drive
+        .say(Ask::Open(v1::DriveOpen {
+            encoding: v1::Encoding::Qpos.into(),
+            return_six_d: true,
+            ..v1::DriveOpen::default()
+        }))
+        .await;
+    let session_ids = vec!["human".to_owned(), "robot".to_owned()];
+    drive.say(Ask::Attach(v1::DriveAttach { session_ids })).await;
+    let attached = drive.attached().await;
+    assert_eq!(attached.sessions.len(), 1);
+    let problem = attached.problems[0].problem.as_ref().unwrap();
+    assert_eq!(
+        (attached.problems[0].session_id.as_str(), problem.field.as_str()),
+        ("human", "open.encoding")
+    );
+    assert!(
+        problem.message.contains("pack toy has no robot"),
+        "{}",
+        problem.message
+    );
+    let commands = vec![walk("robot", 1, (0.0, 0.8))];
+    drive.say(Ask::Command(v1::CommandRequest { commands })).await;
+    let mut ahead = 0.0;
+    for _ in 0..45 {
+        let frames = drive.frames().await;
+        let block = &frames.blocks[0];
+        assert_eq!((block.qpos.len(), block.clamped_hinges.len()), (robot::QPOS, 1));
+        assert_eq!(block.six_d.len(), robot::JOINTS * 6);
+        ahead = block.qpos[0];
+    }
+    assert!(ahead > 0.2, "{ahead} m along MuJoCo's X");
+    // The other is in nobody's hands.
+    assert_eq!(session(&mut client, "human").await.clock(), v1::Clock::Free);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -31,6 +31,8 @@ fn every_field_of_a_request_is_described() {
         "Frames",
         "Timing",
         "Pack",
+        "Robot",
+        "Hinge",
         "SessionOptions",
         "Session",
         "SessionStats",

@@ -6,8 +6,8 @@ mod common;
 
 use std::time::Duration;
 
-use common::calls::{ids, open, walk};
-use common::{JOINTS, TestServer};
+use common::calls::{ids, open, options, walk};
+use common::{JOINTS, TestServer, robot};
 use futures_util::{SinkExt as _, StreamExt as _};
 use prost::Message as _;
 use reqwest::StatusCode;
@@ -81,6 +81,31 @@ impl Socket {
         };
         (closing.reason.unwrap(), frame)
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn json_text_drives_a_robot_in_qpos() {
+    let folder = robot::Folder::new("socket");
+    let server = robot::start(&folder).await;
+    let sessions = vec![v1::SessionOptions {
+        pack: robot::G1.into(),
+        ..options("r")
+    }];
+    let request = v1::CreateSessionsRequest { sessions };
+    server.sessions().await.create_sessions(request).await.unwrap();
+    let mut socket = Socket::connect(&server).await;
+    socket
+        .text(json!({ "message": { "open": { "encoding": "qpos" } } }))
+        .await;
+    socket
+        .text(json!({ "message": { "attach": { "session_ids": ["r"] } } }))
+        .await;
+    assert!(matches!(socket.said(false).await, Say::Attached(of) if of.problems.is_empty()));
+    let Say::Frames(frames) = socket.said(true).await else {
+        panic!("no frames");
+    };
+    assert_eq!(frames.blocks[0].qpos.len(), robot::QPOS);
+    assert!(frames.blocks[0].rotations.is_empty());
 }
 
 #[tokio::test(flavor = "multi_thread")]

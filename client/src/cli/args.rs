@@ -92,7 +92,7 @@ pub(super) struct Inbetween {
     #[command(flatten)]
     pub(super) gap: Gap,
 
-    /// File to write; its ending, .bvh or .glb, says the format.
+    /// File to write; its ending, .bvh, .glb or (of a robot) .csv, says the format.
     #[arg(long, value_name = "FILE")]
     pub(super) out: PathBuf,
 
@@ -117,7 +117,7 @@ pub(super) struct Inbetween {
 /// Which gap of which clip to fill, and how.
 #[derive(Debug, Args)]
 pub(super) struct Gap {
-    /// Motion clip in BVH format.
+    /// Motion clip in BVH format, or a robot's as CSV: root x y z qx qy qz qw, then the hinges' angles.
     #[arg(long, value_name = "FILE")]
     pub(super) clip: PathBuf,
 

@@ -16,6 +16,7 @@ use crate::pack::Pack;
 pub(super) async fn run(session: &Session, command: &Inbetween) -> Result<(), Failure> {
     // Before any work is done for nothing.
     let format = Format::of(&command.out)?;
+    (format.check(session, &command.gap.sampling.pack, &command.out)).await?;
     let length = if command.free_timing {
         Some(SegmentLength::Predicted)
     } else {

@@ -40,7 +40,7 @@ pub(super) struct Drive {
     #[arg(long, value_name = "FILE")]
     pub(super) path: Option<PathBuf>,
 
-    /// File to write the motion to; its ending, .bvh or .glb, says the format.
+    /// File to write the motion to; its ending, .bvh, .glb or (of a robot) .csv, says the format.
     #[arg(long, value_name = "FILE")]
     pub(super) out: Option<PathBuf>,
 
@@ -208,6 +208,8 @@ pub(super) enum EncodingArgument {
     F32,
     /// 16-bit rotations and a root in tenths of a millimetre.
     Compact,
+    /// MuJoCo's qpos, of a robot.
+    Qpos,
 }
 
 impl From<EncodingArgument> for Encoding {
@@ -215,6 +217,7 @@ impl From<EncodingArgument> for Encoding {
         match encoding {
             EncodingArgument::F32 => Self::F32,
             EncodingArgument::Compact => Self::Compact,
+            EncodingArgument::Qpos => Self::Qpos,
         }
     }
 }

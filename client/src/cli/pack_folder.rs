@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Deserialize;
 use troupe_motion::Skeleton;
+use troupe_motion::robot::RobotDoc;
 use troupe_proto::v1;
 
 use super::Session;
@@ -47,6 +48,7 @@ struct Manifest {
     context_frames: u32,
     max_targets: u32,
     skeleton: Skeleton,
+    robot: Option<RobotDoc>,
 }
 
 /// Reads the `pack.toml` of a folder; the networks beside it are not looked at.
@@ -68,7 +70,11 @@ pub(super) fn read(folder: &Path) -> Result<Pack, Failure> {
         max_targets: manifest.max_targets,
         ..v1::Pack::default()
     };
-    Ok(Pack::with_skeleton(message, manifest.skeleton))
+    let skeleton = match &manifest.robot {
+        Some(robot) => (manifest.skeleton.with_robot(robot)).map_err(|e| Failure::file(&file, e))?,
+        None => manifest.skeleton,
+    };
+    Ok(Pack::with_skeleton(message, skeleton))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use comfy_table::{Cell, ContentArrangement, Table, presets};
 use serde_json::{Value, json};
+use troupe_proto::v1;
 
 use super::args::Packs;
 use super::failure::Failure;
@@ -60,8 +61,43 @@ fn to_json(pack: &Pack) -> Value {
         "codes": of.codes,
         "parameters": of.parameters,
         "content_hash": of.content_hash,
+        "robot": of.robot.as_ref().map(robot_json),
         "figures": figures(pack),
     })
+}
+
+fn robot_json(robot: &v1::Robot) -> Value {
+    let hinge = |hinge: &v1::Hinge| {
+        json!({
+            "joint": hinge.joint,
+            "lower_rad": hinge.lower,
+            "upper_rad": hinge.upper,
+            "max_speed_rad_per_s": hinge.max_speed,
+        })
+    };
+    json!({
+        "name": robot.name,
+        "qpos_size": robot.qpos_size,
+        "hinges": robot.hinges.iter().map(hinge).collect::<Value>(),
+    })
+}
+
+/// A robot's hinges, one a line, with their limits.
+fn robot_in_words(robot: &v1::Robot) -> String {
+    let hinge = |hinge: &v1::Hinge| {
+        format!(
+            "{}: {} to {} rad, at most {} rad/s",
+            hinge.joint, hinge.lower, hinge.upper, hinge.max_speed
+        )
+    };
+    let hinges = robot.hinges.iter().map(hinge).collect::<Vec<_>>();
+    format!(
+        "{}: {} hinges, qpos of {} numbers\n{}",
+        robot.name,
+        hinges.len(),
+        robot.qpos_size,
+        hinges.join("\n")
+    )
 }
 
 fn list(packs: &[Pack]) -> String {
@@ -135,6 +171,9 @@ fn describe(pack: &Pack) -> String {
     ] {
         table.add_row([what, &text]);
     }
+    if let Some(robot) = &of.robot {
+        table.add_row(["robot", &robot_in_words(robot)]);
+    }
     for (name, figure) in figure_rows(&figures(pack)) {
         table.add_row([name, figure]);
     }
@@ -186,6 +225,23 @@ pub(super) fn table() -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_robot_is_told_with_its_limits() {
+        let message = crate::pack::tests::robot_message();
+        let pack = Pack::try_from(message.clone()).unwrap();
+        let words = robot_in_words(message.robot.as_ref().unwrap());
+        assert_eq!(
+            words,
+            "hopper: 1 hinges, qpos of 8 numbers\nFoot: -0.5 to 1.5 rad, at most 10 rad/s"
+        );
+        assert!(describe(&pack).contains("qpos of 8 numbers"));
+        let json = to_json(&pack);
+        assert_eq!(json["robot"]["hinges"][0]["upper_rad"], 1.5);
+        assert_eq!(json["robot"]["qpos_size"], 8);
+        let human = Pack::try_from(crate::pack::tests::message()).unwrap();
+        assert_eq!(to_json(&human)["robot"], Value::Null);
+    }
 
     #[test]
     fn figures_have_a_row_each_and_inner_tables_one_together() {

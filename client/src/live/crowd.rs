@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use futures_util::future::join_all;
 use futures_util::{StreamExt as _, stream};
+use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
 use super::act::Act;
@@ -286,6 +287,7 @@ impl Crowd {
             commands,
             encoding: self.options.frames.encoding.to_wire(),
             return_positions: self.options.frames.positions,
+            ..v1::StepRequest::default()
         }
     }
 
@@ -294,12 +296,12 @@ impl Crowd {
         self.waited = self.waited.max(Duration::from_micros(answer.waited_us));
         let of = &mut self.chunks[chunk];
         if let Some(block) = answer.blocks.into_iter().next() {
-            let units = |slot: u32| {
+            let convention = |slot: u32| {
                 let member = of.members.get(slot as usize);
                 let member = member.and_then(|member| self.members.get(member));
-                member.map_or(1.0, |m| m.session.convention().units_per_metre())
+                member.map_or(Convention::Native, |m| m.session.convention())
             };
-            of.block.read(block, self.pack.skeleton().joint_count(), units)?;
+            of.block.read(block, self.pack.skeleton(), convention)?;
         }
         for (place, &slot) in of.block.slots().iter().enumerate() {
             let member = of.members.get(slot as usize);

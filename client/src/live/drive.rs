@@ -6,6 +6,7 @@ use futures_util::FutureExt as _;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Streaming;
+use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 use v1::drive_request::Message as Ask;
 use v1::drive_response::Message as Told;
@@ -123,6 +124,7 @@ impl Client {
             encoding: options.frames.encoding.to_wire(),
             return_positions: options.frames.positions,
             close_sessions: options.close_sessions,
+            return_six_d: false,
         };
         // The queue is empty, so it has room.
         let _ = asks.try_send(request(Ask::Open(open)));
@@ -393,9 +395,9 @@ impl Drive {
             if nth >= self.blocks.len() {
                 self.blocks.resize_with(nth + 1, Block::default);
             }
-            let joints = known.pack().skeleton().joint_count();
-            self.blocks[nth].read(message, joints, |slot| {
-                of(slot).map_or(1.0, |s| s.convention().units_per_metre())
+            let skeleton = known.pack().skeleton();
+            self.blocks[nth].read(message, skeleton, |slot| {
+                of(slot).map_or(Convention::Native, Session::convention)
             })?;
         }
         self.held = frames.held;

@@ -4,6 +4,7 @@ use glam::{Quat, Vec3};
 use troupe_motion::GlobalRoot;
 use troupe_motion::codec::{BYTES_PER_ROOT, BYTES_PER_ROTATION, read_roots, read_rotations};
 use troupe_motion::conventions::Convention;
+use troupe_motion::robot::Robot;
 use troupe_motion::rotation::from_wxyz;
 use troupe_motion::skeleton::Skeleton;
 use troupe_proto::v1;
@@ -37,6 +38,8 @@ pub struct Frame<'a> {
     pub contacts: Contacts,
     /// World position of each joint; empty unless asked for.
     pub positions: &'a [Vec3],
+    /// MuJoCo's `qpos`, in its own axes; empty unless frames come so ([`super::Encoding::Qpos`]).
+    pub qpos: &'a [f32],
 }
 
 impl Frame<'_> {
@@ -60,6 +63,11 @@ pub struct Frames<'a> {
     rotations: &'a [Quat],
     contacts: &'a [u8],
     positions: &'a [Vec3],
+    /// Numbers of a `qpos`; 0 where there is none.
+    qpos_len: usize,
+    qpos: &'a [f32],
+    hinge_residuals: &'a [f32],
+    clamped_hinges: &'a [u32],
 }
 
 impl<'a> Frames<'a> {
@@ -86,7 +94,19 @@ impl<'a> Frames<'a> {
             rotations: self.rotations.get(at.clone())?,
             contacts: Contacts(*self.contacts.get(index)?),
             positions: self.positions.get(at).unwrap_or_default(),
+            qpos: &self.qpos[index * self.qpos_len..(index + 1) * self.qpos_len],
         })
+    }
+
+    /// How far the hinges of a robot could not follow the motion, radians, one a frame: the largest angle of any joint in the world.
+    /// Empty unless frames come as `qpos`.
+    pub fn hinge_residuals(&self) -> &'a [f32] {
+        self.hinge_residuals
+    }
+
+    /// Hinges of a robot that were asked for more than their limits, one number a frame. Empty unless frames come as `qpos`.
+    pub fn clamped_hinges(&self) -> &'a [u32] {
+        self.clamped_hinges
     }
 
     /// The newest.
@@ -97,7 +117,7 @@ impl<'a> Frames<'a> {
     /// All, oldest first.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Frame<'a>> + use<'a> {
         let frames = *self;
-        let joints = self.joints;
+        let (joints, numbers) = (self.joints, self.qpos_len);
         self.roots.iter().enumerate().map(move |(i, &root)| Frame {
             root,
             rotations: &frames.rotations[i * joints..(i + 1) * joints],
@@ -106,6 +126,7 @@ impl<'a> Frames<'a> {
                 .positions
                 .get(i * joints..(i + 1) * joints)
                 .unwrap_or_default(),
+            qpos: &frames.qpos[i * numbers..(i + 1) * numbers],
         })
     }
 }
@@ -122,23 +143,31 @@ pub(crate) struct Block {
     contacts: Vec<u8>,
     /// Three numbers a joint.
     positions: Vec<f32>,
+    /// Numbers of a `qpos`; 0 where there is none.
+    qpos_len: usize,
+    qpos: Vec<f32>,
+    hinge_residuals: Vec<f32>,
+    clamped_hinges: Vec<u32>,
 }
 
 impl Block {
-    /// Reads a message in place of what was here. `units_per_metre` gives the unit of the character in a slot.
+    /// Reads a message in place of what was here. `convention` gives that of the character in a slot.
     ///
     /// # Errors
     /// [`AnswerError::Length`] for the first column of the wrong length; the block is then empty.
     pub(crate) fn read(
         &mut self,
         message: v1::FrameBlock,
-        joints: usize,
-        units_per_metre: impl Fn(u32) -> f32,
+        skeleton: &Skeleton,
+        convention: impl Fn(u32) -> Convention,
     ) -> Result<(), AnswerError> {
         self.clear();
-        check(&message, joints)?;
+        check(&message, skeleton)?;
+        let joints = skeleton.joint_count();
         let frames = message.frame_count as usize;
-        if message.packed_roots.is_empty() {
+        if let (Some(robot), false) = (&skeleton.robot, message.qpos.is_empty()) {
+            self.read_qpos(&message, robot, joints, convention);
+        } else if message.packed_roots.is_empty() {
             self.roots
                 .extend_from_slice(bytemuck::cast_slice(&message.root_positions));
             let rotations = message.rotations.as_chunks::<4>().0;
@@ -147,7 +176,7 @@ impl Block {
             read_roots(&message.packed_roots, &mut self.roots);
             read_rotations(&message.packed_rotations, &mut self.rotations);
             for (&slot, roots) in message.slots.iter().zip(self.roots.chunks_exact_mut(frames)) {
-                let units = units_per_metre(slot);
+                let units = convention(slot).units_per_metre();
                 if units != 1.0 {
                     roots.iter_mut().for_each(|root| *root *= units);
                 }
@@ -157,9 +186,40 @@ impl Block {
         self.frame_count = frames;
         self.contacts = message.contacts;
         self.positions = message.positions;
+        self.qpos = message.qpos;
+        self.hinge_residuals = message.hinge_residuals;
+        self.clamped_hinges = message.clamped_hinges;
         self.first_frames = message.first_frames;
         self.slots = message.slots;
         Ok(())
+    }
+
+    /// Roots and rotations that the `qpos` of all frames say, in the conventions of the characters.
+    fn read_qpos(
+        &mut self,
+        message: &v1::FrameBlock,
+        robot: &Robot,
+        joints: usize,
+        convention: impl Fn(u32) -> Convention,
+    ) {
+        self.qpos_len = robot.qpos_len();
+        let rows = message.qpos.chunks_exact(self.qpos_len);
+        let frames = message.frame_count as usize;
+        let slots = message
+            .slots
+            .iter()
+            .flat_map(|&slot| std::iter::repeat_n(slot, frames));
+        for (slot, row) in slots.zip(rows) {
+            let of = convention(slot);
+            let (root, rotation, angles) = robot.read_qpos(row);
+            self.roots.push(of.position_from_native(root));
+            let from = self.rotations.len();
+            self.rotations.resize(from + joints, Quat::IDENTITY);
+            robot.pose(rotation, angles, &mut self.rotations[from..]);
+            for turned in &mut self.rotations[from..] {
+                *turned = of.rotation_from_native(*turned);
+            }
+        }
     }
 
     /// Forgets what was read, but keeps the room.
@@ -168,6 +228,10 @@ impl Block {
         self.slots.clear();
         self.roots.clear();
         self.rotations.clear();
+        self.qpos_len = 0;
+        self.qpos.clear();
+        self.hinge_residuals.clear();
+        self.clamped_hinges.clear();
     }
 
     /// The characters' slots.
@@ -185,29 +249,49 @@ impl Block {
                 rotations: &[],
                 contacts: &[],
                 positions: &[],
+                qpos_len: 0,
+                qpos: &[],
+                hinge_residuals: &[],
+                clamped_hinges: &[],
             };
         }
         let (frames, joints) = (self.frame_count, self.joints);
         let of_frames = place * frames..(place + 1) * frames;
         let of_joints = of_frames.start * joints..of_frames.end * joints;
         let positions: &[Vec3] = bytemuck::cast_slice(&self.positions);
+        let numbers = self.qpos_len;
         Frames {
             first_frame: self.first_frames[place],
             joints,
             roots: &self.roots[of_frames.clone()],
             rotations: &self.rotations[of_joints.clone()],
-            contacts: &self.contacts[of_frames],
+            contacts: &self.contacts[of_frames.clone()],
             positions: positions.get(of_joints).unwrap_or_default(),
+            qpos_len: numbers,
+            qpos: &self.qpos[of_frames.start * numbers..of_frames.end * numbers],
+            hinge_residuals: self.hinge_residuals.get(of_frames.clone()).unwrap_or_default(),
+            clamped_hinges: self.clamped_hinges.get(of_frames).unwrap_or_default(),
         }
     }
 }
 
 /// Checks the length of every column.
-fn check(block: &v1::FrameBlock, joints: usize) -> Result<(), AnswerError> {
+fn check(block: &v1::FrameBlock, skeleton: &Skeleton) -> Result<(), AnswerError> {
+    let joints = skeleton.joint_count();
     let characters = block.slots.len();
     let frames = characters.saturating_mul(block.frame_count as usize);
-    let packed = !block.packed_roots.is_empty();
-    let wanted = |floats: usize, of_packed: bool| if of_packed == packed { floats } else { 0 };
+    let (as_qpos, packed) = (!block.qpos.is_empty(), !block.packed_roots.is_empty());
+    let wanted = |numbers: usize, of_packed: bool| match !as_qpos && of_packed == packed {
+        true => numbers,
+        false => 0,
+    };
+    let of_qpos = |numbers: usize| {
+        if as_qpos {
+            frames.saturating_mul(numbers)
+        } else {
+            0
+        }
+    };
     let columns = [
         ("first_frames", block.first_frames.len(), characters),
         (
@@ -231,6 +315,13 @@ fn check(block: &v1::FrameBlock, joints: usize) -> Result<(), AnswerError> {
             wanted(frames * joints * BYTES_PER_ROTATION, true),
         ),
         ("contacts", block.contacts.len(), frames),
+        (
+            "qpos",
+            block.qpos.len(),
+            of_qpos(skeleton.robot.as_ref().map_or(0, Robot::qpos_len)),
+        ),
+        ("hinge_residuals", block.hinge_residuals.len(), of_qpos(1)),
+        ("clamped_hinges", block.clamped_hinges.len(), of_qpos(1)),
     ];
     let positions = ("positions", block.positions.len(), frames * joints * 3);
     let positions = (!block.positions.is_empty()).then_some(positions);

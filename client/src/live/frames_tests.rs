@@ -3,10 +3,12 @@
 use proptest::prelude::*;
 use troupe_motion::codec::{MAX_ROTATION_ERROR_RAD, write_roots, write_rotations};
 use troupe_motion::rotation::{angle_between, to_wxyz};
+use troupe_motion::skeleton::Joint;
 
 use super::*;
 use crate::error::AnswerError;
 use crate::live::Encoding;
+use crate::pack::Pack;
 
 const JOINTS: usize = 3;
 
@@ -34,6 +36,7 @@ fn message(encoding: Encoding) -> v1::FrameBlock {
             block.root_positions = roots.iter().flat_map(|r| r.to_array()).collect();
             block.rotations = rotations.iter().flat_map(|&q| to_wxyz(q)).collect();
         }
+        Encoding::Qpos => unreachable!("a robot's: see hopper"),
         Encoding::Compact => {
             write_roots(&roots, &mut block.packed_roots);
             write_rotations(&rotations, &mut block.packed_rotations);
@@ -42,9 +45,23 @@ fn message(encoding: Encoding) -> v1::FrameBlock {
     block
 }
 
+/// A skeleton of joints that hang from each other.
+fn chain(joints: usize) -> Skeleton {
+    let joint = |nth: usize| Joint {
+        name: format!("joint {nth}"),
+        parent: nth.checked_sub(1),
+        offset_m: Vec3::Y,
+    };
+    Skeleton::new((0..joints).map(joint).collect(), Vec3::X, 0.0, None).unwrap()
+}
+
+fn native(_: u32) -> Convention {
+    Convention::Native
+}
+
 fn read(message: v1::FrameBlock) -> Result<Block, AnswerError> {
     let mut block = Block::default();
-    block.read(message, JOINTS, |_| 1.0).map(|()| block)
+    block.read(message, &chain(JOINTS), native).map(|()| block)
 }
 
 #[test]
@@ -72,8 +89,13 @@ fn compact_frames_are_close_and_in_the_characters_unit() {
     let (roots, rotations) = parts();
     let mut block = Block::default();
     // Slot 1 is in centimetres.
-    let units = |slot| if slot == 1 { 100.0 } else { 1.0 };
-    block.read(message(Encoding::Compact), JOINTS, units).unwrap();
+    let convention = |slot| match slot {
+        1 => Convention::Unreal,
+        _ => Convention::Native,
+    };
+    block
+        .read(message(Encoding::Compact), &chain(JOINTS), convention)
+        .unwrap();
     for (place, scale) in [(0, 1.0), (1, 100.0)] {
         for (i, frame) in block.frames(place).iter().enumerate() {
             let nth = place * 2 + i;
@@ -86,26 +108,94 @@ fn compact_frames_are_close_and_in_the_characters_unit() {
     }
 }
 
+/// Two frames of a robot of one hinge, in slots 0 and 3.
+fn hopper() -> (Pack, v1::FrameBlock) {
+    let pack = Pack::try_from(crate::pack::tests::robot_message()).unwrap();
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let block = v1::FrameBlock {
+        slots: vec![0, 3],
+        frame_count: 1,
+        first_frames: vec![9, 9],
+        contacts: vec![1, 0],
+        // Two metres ahead, one to the left; turned to the left by a quarter; the foot at 0.4 rad.
+        qpos: [2.0, 1.0, 0.9, half, 0.0, 0.0, half, 0.4].repeat(2),
+        hinge_residuals: vec![0.02, 0.0],
+        clamped_hinges: vec![1, 0],
+        ..v1::FrameBlock::default()
+    };
+    (pack, block)
+}
+
+#[test]
+fn qpos_is_read_as_poses_in_the_characters_convention() {
+    let (pack, message) = hopper();
+    let mut block = Block::default();
+    let convention = |slot| match slot {
+        3 => Convention::Unreal,
+        _ => Convention::Native,
+    };
+    block.read(message, pack.skeleton(), convention).unwrap();
+    for (place, of) in [(0, Convention::Native), (1, Convention::Unreal)] {
+        let frames = block.frames(place);
+        let frame = frames.get(0).unwrap();
+        assert_eq!(Some(frame), frames.iter().next());
+        assert_eq!((frame.qpos.len(), frame.qpos[7]), (8, 0.4));
+        let root = frame.native_root(pack.skeleton(), of);
+        assert!(
+            root.position.abs_diff_eq(Vec3::new(1.0, 0.9, 2.0), 1e-5),
+            "{root:?}"
+        );
+        assert!((root.heading - std::f32::consts::FRAC_PI_2).abs() < 1e-5);
+        let foot = of.rotation_to_native(frame.rotations[1]);
+        assert!(angle_between(foot, Quat::from_rotation_x(0.4)) < 1e-5);
+    }
+    assert_eq!(block.frames(0).hinge_residuals(), [0.02]);
+    assert_eq!(block.frames(1).clamped_hinges(), [0]);
+    // Frames in another form leave nothing of it.
+    let mut plain = hopper().1;
+    (plain.qpos, plain.hinge_residuals, plain.clamped_hinges) = Default::default();
+    plain.root_positions = vec![0.0; 6];
+    plain.rotations = [1.0, 0.0, 0.0, 0.0].repeat(4);
+    block.read(plain, pack.skeleton(), convention).unwrap();
+    let frames = block.frames(1);
+    assert!(frames.get(0).unwrap().qpos.is_empty() && frames.hinge_residuals().is_empty());
+    let mut short = hopper().1;
+    short.qpos.pop();
+    let error = block.read(short, pack.skeleton(), convention).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            AnswerError::Length {
+                field: "qpos",
+                expected: 16,
+                ..
+            }
+        ),
+        "{error}"
+    );
+}
+
 #[test]
 fn a_block_is_read_over_the_last_one() {
     let mut block = Block::default();
     let mut with_positions = message(Encoding::F32);
     with_positions.positions = vec![0.0; 4 * JOINTS * 3];
-    block.read(with_positions, JOINTS, |_| 1.0).unwrap();
-    block.read(message(Encoding::Compact), JOINTS, |_| 1.0).unwrap();
+    let skeleton = chain(JOINTS);
+    block.read(with_positions, &skeleton, native).unwrap();
+    block.read(message(Encoding::Compact), &skeleton, native).unwrap();
     assert_eq!(block.frames(0).len(), 2);
     assert!(block.frames(0).get(0).unwrap().positions.is_empty());
     // One that cannot be read leaves none.
     let mut broken = message(Encoding::F32);
     broken.contacts.pop();
-    assert!(block.read(broken, JOINTS, |_| 1.0).is_err());
+    assert!(block.read(broken, &skeleton, native).is_err());
     assert!(block.frames(0).is_empty());
 }
 
 #[test]
 fn a_column_of_the_wrong_length_is_named() {
     type Break = fn(&mut v1::FrameBlock);
-    let broken: [(&str, Encoding, Break); 9] = [
+    let broken: [(&str, Encoding, Break); 11] = [
         ("first_frames", Encoding::F32, |b| b.first_frames.truncate(1)),
         ("root_positions", Encoding::F32, |b| b.root_positions.push(0.0)),
         ("rotations", Encoding::F32, |b| b.rotations.truncate(40)),
@@ -117,6 +207,9 @@ fn a_column_of_the_wrong_length_is_named() {
             b.packed_rotations.clear()
         }),
         ("rotations", Encoding::Compact, |b| b.rotations.push(1.0)),
+        // Floats and a robot's numbers, of a skeleton that is no robot's.
+        ("root_positions", Encoding::F32, |b| b.qpos.push(1.0)),
+        ("clamped_hinges", Encoding::F32, |b| b.clamped_hinges.push(1)),
     ];
     for (name, encoding, break_it) in broken {
         let mut block = message(encoding);
@@ -131,7 +224,7 @@ fn a_column_of_the_wrong_length_is_named() {
 
 #[test]
 fn the_native_root_is_the_same_in_every_convention() {
-    let skeleton = crate::pack::Pack::try_from(crate::pack::tests::message())
+    let skeleton = Pack::try_from(crate::pack::tests::message())
         .unwrap()
         .skeleton()
         .clone();
@@ -142,6 +235,7 @@ fn the_native_root_is_the_same_in_every_convention() {
             rotations: &[convention.rotation_from_native(turn), Quat::IDENTITY],
             contacts: Contacts::default(),
             positions: &[],
+            qpos: &[],
         };
         let root = frame.native_root(&skeleton, convention);
         assert!(root.position.abs_diff_eq(place, 1e-5) && (root.heading - 0.7).abs() < 1e-5);
@@ -170,7 +264,7 @@ proptest! {
             ..v1::FrameBlock::default()
         };
         let mut out = Block::default();
-        if out.read(block, joints, |_| 1.0).is_ok() {
+        if out.read(block, &chain(joints), native).is_ok() {
             for place in 0..=slots {
                 let read = out.frames(place);
                 prop_assert!(read.iter().all(|frame| frame.rotations.len() == joints));

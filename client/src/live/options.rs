@@ -171,6 +171,8 @@ pub enum Encoding {
     /// Under half the bytes; root to 0.1 mm and rotations to 0.01 degrees
     /// (see [`troupe_motion::codec`] for the bounds).
     Compact,
+    /// MuJoCo's `qpos` as 32-bit floats: a quarter of the bytes of [`Encoding::F32`], for packs with a robot.
+    Qpos,
 }
 
 impl Encoding {
@@ -178,6 +180,7 @@ impl Encoding {
         match self {
             Self::F32 => v1::Encoding::F32,
             Self::Compact => v1::Encoding::Compact,
+            Self::Qpos => v1::Encoding::Qpos,
         }
         .into()
     }

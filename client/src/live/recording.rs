@@ -110,6 +110,7 @@ mod tests {
                     rotations: &[convention.rotation_from_native(turn); 2],
                     contacts: Contacts::default(),
                     positions: &[],
+                    qpos: &[],
                 });
             }
             let clip = recording.into_clip().unwrap();

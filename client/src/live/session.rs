@@ -172,6 +172,7 @@ impl Session {
             commands: self.intent.commands(&self.id),
             encoding: self.options.encoding.to_wire(),
             return_positions: self.options.positions,
+            ..v1::StepRequest::default()
         };
         let answer = self
             .client
@@ -182,12 +183,9 @@ impl Session {
             return Err(ClientError::session(&self.id, problem.into()));
         }
         let block = answer.blocks.into_iter().next();
-        let units = self.convention.units_per_metre();
-        self.block.read(
-            block.ok_or(AnswerError::Missing("blocks"))?,
-            self.pack.skeleton().joint_count(),
-            |_| units,
-        )?;
+        let convention = self.convention;
+        let block = block.ok_or(AnswerError::Missing("blocks"))?;
+        self.block.read(block, self.pack.skeleton(), |_| convention)?;
         self.events = answer.events.into_iter().next().unwrap_or_default();
         self.held = answer.held.into_iter().next();
         self.take_results(&answer.command_results)?;

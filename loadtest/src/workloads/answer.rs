@@ -189,7 +189,7 @@ mod tests {
                     root_positions: vec![0.0, 0.9, 0.0, 0.0, 0.9, 0.1, 0.0, 0.9, 0.2],
                     rotations: [1.0, 0.0, 0.0, 0.0].repeat(3),
                     contacts: vec![0.5; 6],
-                    positions: Vec::new(),
+                    ..v1::Frames::default()
                 }),
                 intermediates: None,
             }],

@@ -88,8 +88,7 @@ impl Stream {
             options: v1::DriveOpen {
                 rate_hz: live.rate_hz,
                 encoding: encoding.into(),
-                return_positions: false,
-                close_sessions: false,
+                ..v1::DriveOpen::default()
             },
             period: Duration::from_secs(1) / live.rate_hz,
             joints,

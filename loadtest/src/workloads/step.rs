@@ -148,7 +148,7 @@ impl Group {
             rate_hz: self.rate_hz,
             commands,
             encoding: encoding.into(),
-            return_positions: false,
+            ..v1::StepRequest::default()
         }
     }
 

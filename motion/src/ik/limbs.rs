@@ -1,5 +1,11 @@
 //! Which joints are legs and arms: told from contact joints and the lengths of bones.
+//!
+//! A robot has a joint for every hinge, several of them a hand's breadth apart or less where a body has one: its limbs are the
+//! chains of hinges that hang from the trunk, and their middle joint is the one that leaves two long bones.
 
+use glam::{Quat, Vec3};
+
+use crate::robot::Robot;
 use crate::skeleton::Skeleton;
 
 use super::two_bone::SHORTEST_BONE_M;
@@ -45,9 +51,12 @@ impl Leg {
             .fold(0, |bits, &bit| bits | 1 << bit)
     }
 
-    /// Length of thigh and shin together, metres.
+    /// Length of thigh and shin together, metres; of a robot's as far as the hinge of its knee stretches them.
     pub fn length_m(&self, skeleton: &Skeleton) -> f32 {
-        bone(skeleton, self.lower) + bone(skeleton, self.foot)
+        match &skeleton.robot {
+            Some(robot) => stretched((skeleton, robot), self.chain()),
+            None => bone(skeleton, self.lower) + bone(skeleton, self.foot),
+        }
     }
 
     /// Whether foot or toe are in contact; without contact joints of its own it never is.
@@ -72,7 +81,7 @@ pub fn legs(skeleton: &Skeleton) -> Vec<Leg> {
             continue;
         }
         let path: Vec<usize> = upwards(skeleton, lowest).collect();
-        let Some(chain) = longest_pair(skeleton, &path, LEAST_LEG_RATIO) else {
+        let Some(chain) = limb(skeleton, &path, LEAST_LEG_RATIO) else {
             continue;
         };
         let bit = |joint| joints.iter().position(|&j| j == joint);
@@ -111,7 +120,7 @@ pub fn arms(skeleton: &Skeleton) -> Vec<[usize; 3]> {
     for leaf in (1..skeleton.joint_count()).filter(|&joint| is_leaf(skeleton, joint)) {
         let path: Vec<usize> = upwards(skeleton, leaf).collect();
         let of_leg = legs.iter().any(|leg| path.contains(&leg.upper));
-        if let Some(chain) = longest_pair(skeleton, &path, LEAST_ARM_RATIO)
+        if let Some(chain) = limb(skeleton, &path, LEAST_ARM_RATIO)
             && !of_leg
             && arm_of(skeleton, chain[2]).is_some()
             && !arms.contains(&chain)
@@ -124,8 +133,14 @@ pub fn arms(skeleton: &Skeleton) -> Vec<[usize; 3]> {
 
 /// The limb of two bones that ends in `joint`, if it can be bent without moving other limbs: `joint`, its parent and its
 /// grandparent, which is not the pelvis, with bones of some length between them, and nothing but single joints (twists)
-/// hanging from them besides. A foot has one too, the leg.
+/// hanging from them besides. A foot has one too, the leg. Of a robot it is the chain of hinges that `joint` ends or is fixed to.
 pub fn arm_of(skeleton: &Skeleton, joint: usize) -> Option<[usize; 3]> {
+    if let Some(robot) = &skeleton.robot {
+        skeleton.joints.get(joint)?;
+        let path: Vec<usize> = upwards(skeleton, joint).collect();
+        let [upper, middle, _] = hinged_limb((skeleton, robot), &path, LEAST_ARM_RATIO)?;
+        return (joint > middle).then_some([upper, middle, joint]);
+    }
     let middle = skeleton.joints.get(joint)?.parent?;
     let upper = skeleton.joints[middle].parent?;
     skeleton.joints[upper].parent?;
@@ -161,6 +176,81 @@ pub(super) fn is_below(skeleton: &Skeleton, joint: usize, other: usize) -> bool 
 /// `joint`, its parent and so on, without the pelvis.
 fn upwards(skeleton: &Skeleton, joint: usize) -> impl Iterator<Item = usize> + '_ {
     std::iter::successors(Some(joint), |&j| skeleton.joints[j].parent).filter(|&j| j != 0)
+}
+
+/// Upper, middle and end joint of the limb on a path upwards.
+fn limb(skeleton: &Skeleton, path: &[usize], least_ratio: f32) -> Option<[usize; 3]> {
+    match &skeleton.robot {
+        Some(robot) => hinged_limb((skeleton, robot), path, least_ratio),
+        None => longest_pair(skeleton, path, least_ratio),
+    }
+}
+
+/// The limb of hinges on a path upwards, up to where others hang from the trunk: from its uppermost hinge to its last, and the
+/// hinge between them that leaves the longest shorter bone.
+fn hinged_limb(
+    (skeleton, robot): (&Skeleton, &Robot),
+    path: &[usize],
+    least_ratio: f32,
+) -> Option<[usize; 3]> {
+    let has_hinge = |&joint: &usize| robot.hinge_of(joint).is_some();
+    let alone = |joint: usize| {
+        let parent = skeleton.joints[joint].parent;
+        let beside =
+            (1..skeleton.joint_count()).filter(|&j| j != joint && skeleton.joints[j].parent == parent);
+        // What is fixed to a bone hangs from it besides.
+        beside.into_iter().all(|j| is_leaf(skeleton, j) && !has_hinge(&j))
+    };
+    let within = path.iter().take_while(|&&joint| alone(joint)).count();
+    // The first that is not alone hangs from the trunk.
+    let limb = &path[..(within + 1).min(path.len())];
+    let upper = limb.iter().rev().copied().find(has_hinge)?;
+    let end = limb.iter().copied().find(has_hinge)?;
+    let length = |a: usize, b: usize| at_rest((skeleton, robot), a, b).0.length();
+    let bones = |middle: usize| [length(upper, middle), length(middle, end)];
+    let shorter = |middle: usize| bones(middle)[0].min(bones(middle)[1]);
+    let between = limb
+        .iter()
+        .copied()
+        .filter(|&joint| has_hinge(&joint) && upper < joint && joint < end);
+    let middle = between.max_by(|&a, &b| shorter(a).total_cmp(&shorter(b)))?;
+    let [first, second] = bones(middle);
+    let (shorter, longer) = (first.min(second), first.max(second));
+    (shorter >= SHORTEST_BONE_M && shorter >= least_ratio * longer).then_some([upper, middle, end])
+}
+
+/// The farthest that the middle hinge of a limb brings its end from its upper joint, metres, with the other hinges at 0.
+fn stretched(of: (&Skeleton, &Robot), [upper, middle, end]: [usize; 3]) -> f32 {
+    let ((knee, turned), (foot, _)) = (at_rest(of, upper, middle), at_rest(of, upper, end));
+    let Some(hinge) = of.1.hinge_of(middle) else {
+        return foot.length();
+    };
+    let axis = turned * of.1.hinges()[hinge].axis;
+    longest(knee, foot - knee, axis)
+}
+
+/// How far two bones reach, the second of which turns about an axis against the first: a hinge that is not square to both never
+/// makes them straight.
+pub(super) fn longest(first: Vec3, second: Vec3, axis: Vec3) -> f32 {
+    let along = |bone: Vec3| bone.dot(axis);
+    let across = |bone: Vec3| (bone - axis * along(bone)).length();
+    (along(first) + along(second)).hypot(across(first) + across(second))
+}
+
+/// Place and rotation of a joint in the frame of one above it, with all hinges between them at 0 or as near as they can be.
+fn at_rest((skeleton, robot): (&Skeleton, &Robot), upper: usize, lower: usize) -> (Vec3, Quat) {
+    let (mut place, mut rotation) = (Vec3::ZERO, Quat::IDENTITY);
+    for joint in upwards(skeleton, lower).take_while(|&joint| joint != upper) {
+        let turned = robot.hinge_of(joint).map_or(Quat::IDENTITY, |hinge| {
+            let hinge = &robot.hinges()[hinge];
+            hinge.rotation(hinge.limited(0.0))
+        });
+        (place, rotation) = (
+            skeleton.joints[joint].offset_m + turned * place,
+            turned * rotation,
+        );
+    }
+    (place, rotation)
 }
 
 /// Upper, middle and end joint of the two bones in a row of which the shorter is longest, on a path upwards.

@@ -2,11 +2,12 @@
 //! from a few points ([`reach_pose`]).
 //!
 //! Nothing here knows joints by name: legs are found by walking up from the skeleton's contact joints ([`legs`]), arms
-//! ([`arms`]) by their shape. Rotations are flat and frame-major, joint 0 in the world and the others parent-relative;
+//! ([`arms`]) by their shape. Limbs of robots bend by their hinges, within the hinges' limits. Rotations are flat and frame-major, joint 0 in the world and the others parent-relative;
 //! contacts are one byte a frame, bit `i` for contact joint `i`. Bones never stretch: a goal out of reach is come as near
 //! to as the limb can, and the distance left is told. Goals, roots and points that are not finite change nothing, and
 //! their distance is told as infinity. New rotations keep the hemisphere of those they replace.
 
+mod hinges;
 mod limbs;
 mod lock;
 mod reach;
@@ -14,6 +15,8 @@ mod smooth;
 mod trunk;
 mod two_bone;
 
+#[cfg(test)]
+mod hinges_tests;
 #[cfg(test)]
 mod lock_tests;
 #[cfg(test)]
@@ -33,11 +36,12 @@ use crate::skeleton::Skeleton;
 pub use limbs::{Leg, MAX_LEGS, arm_of, arms, legs};
 pub use lock::{FootLock, Locked, lock_feet};
 pub use reach::{ReachOptions, Reached, pose_at, reach_pose};
-pub use two_bone::{two_bone, two_bone_soft};
+pub use two_bone::{place_end, two_bone, two_bone_soft};
 
 pub(crate) use lock::excess_height;
 pub(crate) use smooth::{cover, smooth, spans};
-pub(crate) use trunk::{Trunk, turn_in_world};
+pub(crate) use trunk::Trunk;
+pub(crate) use two_bone::turn_limb;
 
 /// One frame of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,7 @@ use glam::{Quat, Vec3};
 use crate::fk::joint_transform;
 use crate::skeleton::Skeleton;
 
-use super::{Leg, Posed, Trunk, arm_of, turn_in_world, two_bone};
+use super::{Leg, Posed, Trunk, arm_of, place_end, two_bone};
 
 /// How far hips go back for balance: metres a radian of bow and metres a metre of crouch.
 const BACK_PER_BOW: f32 = 0.067;
@@ -199,11 +199,11 @@ impl<'a> Stance<'a> {
         self.trunk.bow(skeleton, rotations, angle);
         made.short_m = 0.0;
         for (leg, &foot) in self.legs.iter().zip(&self.feet) {
-            let short = two_bone(skeleton, root, rotations, leg.chain(), foot, self.forward, false);
-            made.short_m = made.short_m.max(short);
             // Feet keep their rotations in the world.
             let turned = joint_transform(skeleton, root, self.base.rotations, leg.foot).1;
-            turn_in_world(skeleton, rotations, leg.foot, turned);
+            let goal = (foot, 0.0);
+            let short = place_end(skeleton, root, rotations, leg.chain(), goal, self.forward, turned);
+            made.short_m = made.short_m.max(short);
         }
         for &(chain, point) in &self.reaching {
             two_bone(skeleton, root, rotations, chain, point, Vec3::NEG_Y, false);

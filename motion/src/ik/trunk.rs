@@ -3,9 +3,11 @@
 use glam::{Quat, Vec3};
 
 use crate::fk::joint_transform;
+use crate::robot::Robot;
 use crate::rotation::align_sign;
 use crate::skeleton::Skeleton;
 
+use super::two_bone::{turn_hinges, turn_limb};
 use super::{arms, forward, limbs};
 
 /// The share of a bow that the pelvis takes; the rest of the trunk shares what is left.
@@ -16,25 +18,35 @@ const PELVIS_SHARE: f32 = 0.55;
 pub(crate) struct Trunk {
     /// From the pelvis up to the joint that the arms hang from.
     spine: Vec<usize>,
-    /// The upper joints of the arms.
-    arms: Vec<usize>,
+    arms: Vec<[usize; 3]>,
 }
 
 impl Trunk {
     pub(crate) fn of(skeleton: &Skeleton) -> Self {
         Self {
             spine: limbs::spine(skeleton),
-            arms: arms(skeleton).iter().map(|arm| arm[0]).collect(),
+            arms: arms(skeleton),
         }
     }
 
     /// Bows a pose forward about the level axis through its left by `angle` (radians), shared by the joints of the spine.
-    /// Arms go on hanging as they did; legs turn with the pelvis.
+    /// Arms go on hanging as they did; legs turn with the pelvis. A robot's trunk bows as far as its hinges can.
     pub(crate) fn bow(&self, skeleton: &Skeleton, rotations: &mut [Quat], angle: f32) {
         if angle == 0.0 {
             return;
         }
         let left = Vec3::Y.cross(forward(skeleton, rotations));
+        match &skeleton.robot {
+            Some(robot) => self.bow_hinges((skeleton, robot), rotations, (left, angle)),
+            None => self.bow_spine(skeleton, rotations, (left, angle)),
+        }
+        let back = Quat::from_axis_angle(left, -angle);
+        for &arm in &self.arms {
+            turn_limb(skeleton, rotations, arm, back);
+        }
+    }
+
+    fn bow_spine(&self, skeleton: &Skeleton, rotations: &mut [Quat], (left, angle): (Vec3, f32)) {
         let rest = (1.0 - PELVIS_SHARE) / (self.spine.len().max(2) - 1) as f32;
         for (nth, &joint) in self.spine.iter().enumerate() {
             let share = match (nth, self.spine.len()) {
@@ -46,10 +58,22 @@ impl Trunk {
             let turn = Quat::from_axis_angle(above.conjugate() * left, angle * share);
             rotations[joint] = align_sign((turn * rotations[joint]).normalize(), rotations[joint]);
         }
-        let back = Quat::from_axis_angle(left, -angle);
-        for &arm in &self.arms {
-            let turned = joint_transform(skeleton, Vec3::ZERO, rotations, arm).1;
-            turn_in_world(skeleton, rotations, arm, back * turned);
+    }
+
+    fn bow_hinges(
+        &self,
+        (skeleton, robot): (&Skeleton, &Robot),
+        rotations: &mut [Quat],
+        (left, angle): (Vec3, f32),
+    ) {
+        let chest = self.spine[self.spine.len() - 1];
+        let bowed = joint_transform(skeleton, Vec3::ZERO, rotations, chest).1;
+        let bowed = Quat::from_axis_angle(left, angle) * bowed;
+        let share = if chest == 0 { 1.0 } else { PELVIS_SHARE };
+        let turn = Quat::from_axis_angle(left, angle * share);
+        rotations[0] = align_sign((turn * rotations[0]).normalize(), rotations[0]);
+        if chest != 0 {
+            turn_hinges((skeleton, robot), rotations, (self.spine[1], chest), bowed);
         }
     }
 }

@@ -4,8 +4,13 @@ use glam::{Quat, Vec3};
 
 use crate::fk::joint_transform;
 use crate::interpolate::smoothstep;
+use crate::robot::Robot;
 use crate::rotation::align_sign;
 use crate::skeleton::Skeleton;
+
+use super::hinges::{Goal, solve};
+use super::limbs::longest;
+use super::trunk::turn_in_world;
 
 /// The straightest that a limb is made, as a share of its length: a little bend keeps the side of the middle joint. A limb
 /// that was straighter may stay so.
@@ -31,6 +36,8 @@ const MET_M: f32 = 1e-6;
 /// The limb becomes no straighter than 0.9995 of its length unless it was, and comes no nearer than 1 mm to its folded
 /// length. Infinity comes back, and nothing changes, where the goal or the pose is not finite, a bone has no length, or the
 /// joints are no chain. Does not allocate.
+///
+/// A robot's limb bends by all its hinges from the upper joint down, within their limits, and needs no pole: they say which way.
 pub fn two_bone(
     skeleton: &Skeleton,
     root: Vec3,
@@ -67,6 +74,19 @@ pub fn two_bone_soft(
         return f32::INFINITY;
     }
     let [upper, middle, end] = chain.map(|joint| joint_transform(skeleton, root, rotations, joint));
+    if let Some(robot) = &skeleton.robot {
+        let rotation = keep_end_rotation.then_some(end.1);
+        let places = [upper.0, middle.0, end.0];
+        return bend_hinges(
+            (skeleton, robot),
+            root,
+            rotations,
+            chain,
+            places,
+            (goal, soft),
+            rotation,
+        );
+    }
     let [above_upper, above_middle, above_end] = chain.map(|joint| match skeleton.joints[joint].parent {
         Some(parent) => joint_transform(skeleton, root, rotations, parent).1,
         None => Quat::IDENTITY,
@@ -87,6 +107,117 @@ pub fn two_bone_soft(
         write(chain[2], turn_lower * above_end, end.1);
     }
     bend.short_m
+}
+
+/// Bends a limb as [`two_bone_soft`] does, and turns its end so that its rotation in the world is `rotation`.
+pub fn place_end(
+    skeleton: &Skeleton,
+    root: Vec3,
+    rotations: &mut [Quat],
+    chain: [usize; 3],
+    (goal, soft): (Vec3, f32),
+    pole: Vec3,
+    rotation: Quat,
+) -> f32 {
+    if let Some(robot) = &skeleton.robot {
+        if rotations.len() < skeleton.joint_count() || !is_chain(skeleton, chain) {
+            return f32::INFINITY;
+        }
+        let places = chain.map(|joint| joint_transform(skeleton, root, rotations, joint).0);
+        let goal = (goal, soft);
+        return bend_hinges(
+            (skeleton, robot),
+            root,
+            rotations,
+            chain,
+            places,
+            goal,
+            Some(rotation),
+        );
+    }
+    let short = two_bone_soft(skeleton, root, rotations, chain, (goal, soft), pole, false);
+    turn_in_world(skeleton, rotations, chain[2], rotation);
+    short
+}
+
+/// Turns a limb as a whole, where it hangs from the body, by `turn` in the world.
+pub(crate) fn turn_limb(skeleton: &Skeleton, rotations: &mut [Quat], chain: [usize; 3], turn: Quat) {
+    let [upper, middle, _] = chain;
+    // The joint that has all the turns between the body and the upper bone.
+    let bone = match (&skeleton.robot, skeleton.joints[middle].parent) {
+        (Some(_), Some(above)) => above,
+        _ => upper,
+    };
+    let turned = turn * joint_transform(skeleton, Vec3::ZERO, rotations, bone).1;
+    match &skeleton.robot {
+        None => turn_in_world(skeleton, rotations, upper, turned),
+        Some(robot) => turn_hinges((skeleton, robot), rotations, (upper, bone), turned),
+    }
+}
+
+/// Turns the hinges from one joint down to another so that its rotation in the world is `rotation`, as near as they can.
+pub(super) fn turn_hinges(
+    of: (&Skeleton, &Robot),
+    rotations: &mut [Quat],
+    (top, end): (usize, usize),
+    rotation: Quat,
+) {
+    let goal = Goal {
+        place: None,
+        rotation: Some(rotation),
+    };
+    // Where it is no limb nothing turns.
+    let _ = solve(of, Vec3::ZERO, rotations, (top, end), &goal);
+}
+
+/// Bends a limb of hinges, whose joints of the chain are at `places`; answers how far it falls short.
+fn bend_hinges(
+    of: (&Skeleton, &Robot),
+    root: Vec3,
+    rotations: &mut [Quat],
+    [top, knee, end]: [usize; 3],
+    [upper, middle, last]: [Vec3; 3],
+    (goal, soft): (Vec3, f32),
+    rotation: Option<Quat>,
+) -> f32 {
+    let (first, second, to) = (middle - upper, last - middle, goal - upper);
+    let (length_1, length_2) = (first.length(), second.length());
+    if !to.is_finite() || length_1 < SHORTEST_BONE_M || length_2 < SHORTEST_BONE_M {
+        return f32::INFINITY;
+    }
+    let turned = joint_transform(of.0, root, rotations, end).1;
+    let keeps = rotation.is_none_or(|rotation| rotation == turned);
+    if keeps && goal.distance(last) <= MET_M {
+        return 0.0;
+    }
+    let most = match of.1.hinge_of(knee) {
+        Some(hinge) => {
+            let axis = joint_transform(of.0, root, rotations, knee).1 * of.1.hinges()[hinge].axis;
+            longest(first, second, axis)
+        }
+        None => length_1 + length_2,
+    };
+    let folded = (length_1 - length_2).abs();
+    let reach = reach(to.length(), last.distance(upper), (folded, most), soft);
+    let eased = upper + to.normalize_or_zero() * reach;
+    let goals = Goal {
+        place: Some(eased),
+        rotation,
+    };
+    match solve(of, root, rotations, (top, end), &goals) {
+        // Eased and what the hinges lack, at most.
+        Some(off) => off + eased.distance(goal),
+        None => f32::INFINITY,
+    }
+}
+
+/// How far from its upper joint the end of a limb, which reaches from `folded` to `most`, comes for a goal at `distance`, where it
+/// is `now`.
+fn reach(distance: f32, now: f32, (folded, most): (f32, f32), soft: f32) -> f32 {
+    let straightest = (most * STRAIGHTEST).max(now);
+    let folded = (folded + FOLDED_M).min(now);
+    let eases = (most * (STRAIGHTEST - soft)).clamp(now.min(straightest), straightest);
+    ease(distance, eases, straightest).max(folded)
 }
 
 /// Each joint is below the one before it.
@@ -123,10 +254,12 @@ fn bend(upper: Vec3, middle: Vec3, end: Vec3, (goal, soft): (Vec3, f32), pole: V
     if !distance.is_finite() {
         return None;
     }
-    let straightest = ((length_1 + length_2) * STRAIGHTEST).max(now);
-    let folded = ((length_1 - length_2).abs() + FOLDED_M).min(now);
-    let eases = ((length_1 + length_2) * (STRAIGHTEST - soft)).clamp(now.min(straightest), straightest);
-    let reach = ease(distance, eases, straightest).max(folded);
+    let reach = reach(
+        distance,
+        now,
+        ((length_1 - length_2).abs(), length_1 + length_2),
+        soft,
+    );
 
     // The plane that the limb bends in, turned along with the line between its ends.
     let toward = to

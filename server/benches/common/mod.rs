@@ -56,7 +56,7 @@ impl Work {
                 root: clip.root_positions[0],
                 rotations: clip.rotations_at(0).to_vec(),
                 contacts: 3,
-                underrun: false,
+                ..FrameOut::default()
             },
             request,
             pack,
@@ -83,6 +83,7 @@ impl Work {
         let form = Form {
             encoding,
             positions: false,
+            six_d: false,
         };
         let mut writer = BlockWriter::new(&self.pack, form, characters, 1);
         for character in 0..characters {
@@ -107,6 +108,7 @@ fn request(clip: &Clip) -> v1::InBetweenRequest {
             heading: None,
         }),
         velocity: None,
+        qpos: Vec::new(),
         pose: Some(v1::Pose {
             rotations: clip
                 .rotations_at(frame)

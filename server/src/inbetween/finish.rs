@@ -3,12 +3,13 @@
 use troupe_motion::fk::{local_from_world_rotations, world_transforms};
 use troupe_motion::pin::{PosePin, pin_poses};
 use troupe_motion::root::heading_of;
-use troupe_motion::rotation::{align_sign, from_six_d, to_wxyz};
+use troupe_motion::rotation::{align_sign, from_six_d, six_d, to_wxyz};
 use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 
-use super::{Given, PIN_REACH_FRAMES, Plan};
+use super::hinges::{HingeColumns, onto_hinges};
+use super::{Given, PIN_REACH_FRAMES, Parts, Plan};
 use crate::engine::RawMotion;
 use crate::pack::{Dims, GLOBAL_ROOT, Pack, SIX_D};
 
@@ -35,10 +36,12 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
         .map(|root| plan.frame.to_world_position(root.position))
         .collect();
     to_world_rotations(&plan.frame, dims.joints, &mut rotations);
-    let positions = match plan.positions {
-        true => world_positions(&pack.skeleton, &root_positions, &rotations),
-        false => Vec::new(),
+    // From here on all that is said of a robot's frames is said of the same poses.
+    let hinges = match &pack.skeleton.robot {
+        Some(robot) => onto_hinges(robot, &root_positions, &mut rotations, plan.parts.qpos),
+        None => HingeColumns::default(),
     };
+    let (positions, six_d) = world_columns(&pack.skeleton, &root_positions, &rotations, plan.parts);
     Ok(v1::CharacterResult {
         id: plan.id.clone(),
         frames: Some(v1::Frames {
@@ -50,8 +53,15 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
                 .map(|c| c.clamp(0.0, 1.0))
                 .collect(),
             positions,
+            six_d,
+            qpos: hinges.qpos,
+            hinge_residuals: hinges.residuals,
+            clamped_hinges: hinges.clamped,
         }),
-        intermediates: plan.intermediates.then(|| intermediates(raw, &plan.frame, dims)),
+        intermediates: plan
+            .parts
+            .intermediates
+            .then(|| intermediates(raw, &plan.frame, dims)),
     })
 }
 
@@ -170,16 +180,33 @@ pub(crate) fn to_world_rotations(frame: &SegmentFrame, joints: usize, rotations:
     }
 }
 
-fn world_positions(skeleton: &Skeleton, roots: &[Vec3], rotations: &[Quat]) -> Vec<f32> {
-    let joints = skeleton.joint_count();
-    let mut positions = vec![Vec3::ZERO; joints];
-    let mut world = vec![Quat::IDENTITY; joints];
-    let mut out = Vec::with_capacity(roots.len() * joints * 3);
-    for (root, pose) in roots.iter().zip(rotations.chunks_exact(joints)) {
-        world_transforms(skeleton, *root, pose, &mut positions, &mut world);
-        out.extend(positions.iter().flat_map(Vec3::to_array));
+/// World positions of all joints and their world rotations in 6D form, each where asked for.
+fn world_columns(
+    skeleton: &Skeleton,
+    roots: &[Vec3],
+    rotations: &[Quat],
+    parts: Parts,
+) -> (Vec<f32>, Vec<f32>) {
+    let (mut positions, mut six_ds) = (Vec::new(), Vec::new());
+    if !(parts.positions || parts.six_d) {
+        return (positions, six_ds);
     }
-    out
+    let joints = skeleton.joint_count();
+    let mut places = vec![Vec3::ZERO; joints];
+    let mut world = vec![Quat::IDENTITY; joints];
+    let room = |wanted: bool, numbers: usize| if wanted { roots.len() * joints * numbers } else { 0 };
+    positions.reserve_exact(room(parts.positions, 3));
+    six_ds.reserve_exact(room(parts.six_d, SIX_D));
+    for (root, pose) in roots.iter().zip(rotations.chunks_exact(joints)) {
+        world_transforms(skeleton, *root, pose, &mut places, &mut world);
+        if parts.positions {
+            positions.extend(places.iter().flat_map(Vec3::to_array));
+        }
+        if parts.six_d {
+            six_ds.extend(world.iter().copied().flat_map(six_d));
+        }
+    }
+    (positions, six_ds)
 }
 
 fn intermediates(raw: &RawMotion, frame: &SegmentFrame, dims: &Dims) -> v1::Intermediates {

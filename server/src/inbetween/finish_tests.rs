@@ -44,8 +44,11 @@ fn plan(frames: Option<usize>, target_roots: Vec<Option<GlobalRoot>>) -> Plan {
                 ..Given::default()
             })
             .collect(),
-        intermediates: true,
-        positions: true,
+        parts: Parts {
+            intermediates: true,
+            positions: true,
+            ..Parts::default()
+        },
     }
 }
 
@@ -192,8 +195,7 @@ fn quaternions_do_not_change_hemisphere() {
 #[test]
 fn only_what_was_asked_for_comes_back() {
     let plan = Plan {
-        intermediates: false,
-        positions: false,
+        parts: Parts::default(),
         ..plan(None, vec![None])
     };
     let result = finish(&raw(3, 0.0), &plan, &toy_pack()).unwrap();

@@ -7,6 +7,7 @@ use troupe_motion::rotation::from_wxyz;
 use troupe_motion::{GlobalRoot, LocalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 
+use super::hinges::check_qpos;
 use super::{
     FieldError, Given, HEADING_TOLERANCE, HEIGHT_TOLERANCE_M, MAX_DISTANCE_M, MAX_HEIGHT_M, MAX_VELOCITY,
     Path, UNIT_TOLERANCE,
@@ -113,6 +114,9 @@ pub(super) fn check(
     role: Role,
     skeleton: &Skeleton,
 ) -> Result<Checked, FieldError> {
+    if !key.qpos.is_empty() {
+        return check_robot(path, key, skeleton);
+    }
     match role {
         Role::Context if key.root.is_none() => {
             return Err(path
@@ -168,6 +172,27 @@ pub(super) fn check(
     })
 }
 
+/// Checks a keyframe that gives root and pose as a robot's `qpos`.
+fn check_robot(path: &Path<'_>, key: &v1::Keyframe, skeleton: &Skeleton) -> Result<Checked, FieldError> {
+    let (root, rotations) = check_qpos(path, key, skeleton)?;
+    let height = root.position.y;
+    check_height(&path.element("qpos", 2), height, skeleton.ground_y_m)?;
+    let velocity = path.field("velocity");
+    let given = key.velocity.and_then(|velocity| velocity.height);
+    if let Some(given) = given {
+        check_same_height(&velocity.field("height"), given, height)?;
+    }
+    let velocity = (key.velocity.as_ref())
+        .map(|velocity| check_velocity(path, velocity, Some(height)))
+        .transpose()?;
+    Ok(Checked {
+        root: Some(root),
+        height: Some(height),
+        velocity,
+        pose: Some(CheckedPose { rotations, height }),
+    })
+}
+
 fn check_position(path: &Path<'_>, root: &v1::Root) -> Result<Vec3, FieldError> {
     let path = path.field("root");
     let path = path.field("position");
@@ -201,19 +226,30 @@ fn check_heights(path: &Path<'_>, key: &v1::Keyframe, ground_y_m: f32) -> Result
     let mut height = None;
     for (path, value) in fields {
         let Some(value) = value else { continue };
-        if (finite(&path, value)? - ground_y_m).abs() > MAX_HEIGHT_M {
-            let (low, high) = (ground_y_m - MAX_HEIGHT_M, ground_y_m + MAX_HEIGHT_M);
-            return Err(path.error(format!("is {value:?} m"), format!("{low} to {high}")));
-        }
-        let height = *height.get_or_insert(value);
-        if (value - height).abs() > HEIGHT_TOLERANCE_M {
-            return Err(path.error(
-                format!("is {value} m, but the keyframe's root is at {height} m"),
-                format!("within {HEIGHT_TOLERANCE_M} m of {height}, or left out"),
-            ));
-        }
+        check_height(&path, value, ground_y_m)?;
+        check_same_height(&path, value, *height.get_or_insert(value))?;
     }
     Ok(height)
+}
+
+fn check_height(path: &Path<'_>, value: f32, ground_y_m: f32) -> Result<(), FieldError> {
+    if (finite(path, value)? - ground_y_m).abs() > MAX_HEIGHT_M {
+        let (low, high) = (ground_y_m - MAX_HEIGHT_M, ground_y_m + MAX_HEIGHT_M);
+        return Err(path.error(format!("is {value:?} m"), format!("{low} to {high}")));
+    }
+    Ok(())
+}
+
+/// What a keyframe gives of its root's height once more.
+fn check_same_height(path: &Path<'_>, value: f32, height: f32) -> Result<(), FieldError> {
+    // NaN is another.
+    if (value - height).abs() <= HEIGHT_TOLERANCE_M {
+        return Ok(());
+    }
+    Err(path.error(
+        format!("is {value} m, but the keyframe's root is at {height} m"),
+        format!("within {HEIGHT_TOLERANCE_M} m of {height}, or left out"),
+    ))
 }
 
 fn check_heading(

@@ -2,11 +2,13 @@
 //!
 //! [`prepare`] checks every value of a request and moves each character into its segment frame (the projected root of
 //! the last context frame at the origin, heading 0), where the model works. [`finish`] turns what the stages made into
-//! frames: world rotations to parent-relative ones, roots and poses pinned to the keyframes, the segment frame undone.
+//! frames: world rotations to parent-relative ones, roots and poses pinned to the keyframes, the segment frame undone, a
+//! robot's poses brought onto its hinges.
 
 mod context;
 mod field;
 mod finish;
+mod hinges;
 mod keyframe;
 mod prepare;
 
@@ -18,7 +20,7 @@ pub use field::{FieldError, Path};
 pub use finish::{NonFinite, finish};
 pub(crate) use finish::{check_finite, parent_relative, roots, to_world_rotations};
 pub(crate) use keyframe::{Checked, KeyWriter};
-pub use prepare::{Given, Plan, RequestLimits, prepare};
+pub use prepare::{Given, Parts, Plan, RequestLimits, prepare};
 
 /// Largest distance of any keyframe from the last context frame, in metres.
 pub const MAX_DISTANCE_M: f32 = 1e4;
@@ -30,6 +32,8 @@ pub const HEIGHT_TOLERANCE_M: f32 = 1e-3;
 pub const HEADING_TOLERANCE: f32 = 0.01;
 /// Largest given velocity of a keyframe, in m/s along an axis and in rad/s.
 pub const MAX_VELOCITY: f32 = 1e3;
+/// How far outside of its hinge's limits an angle of a keyframe may be, radians; it is taken as the limit.
+pub const ANGLE_TOLERANCE_RAD: f32 = 0.01;
 /// Most bytes of a character's id.
 pub const MAX_ID_BYTES: usize = 128;
 /// Frames on either side of a keyframe over which what its pose still lacks fades out.

@@ -28,10 +28,21 @@ pub struct Plan {
     pub context: Vec<Given>,
     /// The target keyframes; the last is the segment's last frame.
     pub targets: Vec<Given>,
-    /// Whether to return what each stage produced.
+    /// What to return besides frames.
+    pub parts: Parts,
+}
+
+/// What an answer holds besides roots, rotations and contacts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Parts {
+    /// What each stage produced.
     pub intermediates: bool,
-    /// Whether to return world joint positions.
+    /// World joint positions.
     pub positions: bool,
+    /// World rotations in 6D form.
+    pub six_d: bool,
+    /// A robot's `qpos`.
+    pub qpos: bool,
 }
 
 /// What a keyframe fixes, in the segment frame.
@@ -85,6 +96,7 @@ fn prepare_character(
     writer: &mut KeyWriter<'_>,
 ) -> Result<(WorkItem, Plan), FieldError> {
     check_options(path, character, &pack.dims)?;
+    check_qpos_wanted(path, character, pack)?;
     let frames = check_frame_count(path, character, &pack.dims)?;
     let allowed_counts = check_counts(path, character, &pack.dims, frames)?;
     let context = check_keyframes(path, "context", &character.context, Role::Context, pack)?;
@@ -118,8 +130,12 @@ fn prepare_character(
         frames,
         context: context.iter().map(|key| key.given(&frame)).collect(),
         targets: targets.iter().map(|key| key.given(&frame)).collect(),
-        intermediates: character.return_intermediates,
-        positions: character.return_positions,
+        parts: Parts {
+            intermediates: character.return_intermediates,
+            positions: character.return_positions,
+            six_d: character.return_six_d,
+            qpos: character.return_qpos,
+        },
     };
     Ok((item, plan))
 }
@@ -163,6 +179,16 @@ fn check_options(path: &Path<'_>, character: &v1::Character, dims: &Dims) -> Res
             Err(path.field("pose_steps").error(format!("is {steps}"), allowed))
         }
         _ => Ok(()),
+    }
+}
+
+fn check_qpos_wanted(path: &Path<'_>, character: &v1::Character, pack: &Pack) -> Result<(), FieldError> {
+    match character.return_qpos && pack.skeleton.robot.is_none() {
+        true => Err(path.field("return_qpos").error(
+            format!("is true, but pack {} has no robot", pack.name()),
+            "false; true for packs with a robot",
+        )),
+        false => Ok(()),
     }
 }
 

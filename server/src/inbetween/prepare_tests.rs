@@ -39,6 +39,7 @@ pub(crate) fn toy_pack() -> Pack {
         parameters: 0,
         content_hash: format!("sha256:{}", "0".repeat(64)),
         skeleton,
+        robot: None,
         training: toml::Table::new(),
         evaluation: toml::Table::new(),
     };
@@ -64,6 +65,7 @@ fn keyframe(x: f32, z: f32, heading: f32) -> v1::Keyframe {
             heading: None,
         }),
         velocity: None,
+        qpos: Vec::new(),
         pose: Some(pose(heading)),
     }
 }

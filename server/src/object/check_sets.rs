@@ -66,6 +66,7 @@ fn check_set(
         .collect::<Result<_, _>>()?;
     Ok(Set {
         name: doc.name.clone(),
+        low_hips_m: pack.low_hips_m,
         origin: doc.origin,
         keyframes,
         motion: doc.motion,

@@ -165,6 +165,8 @@ pub struct Release {
 pub struct Set {
     /// Unique in the definition.
     pub name: String,
+    /// Hips lower than this over the ground are low, metres: the pack's.
+    pub low_hips_m: f32,
     /// What the keyframes are given from.
     pub origin: Origin,
     /// One to four consecutive frames, oldest first.

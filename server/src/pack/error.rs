@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use troupe_motion::robot::RobotError;
+
 /// A pack that cannot be used, and where it is.
 #[derive(Debug, thiserror::Error)]
 #[error("model pack {}: {problem}", folder.display())]
@@ -48,6 +50,9 @@ pub enum PackProblem {
         /// What it may hold.
         allowed: String,
     },
+    /// Hinges that do not make a robot of the skeleton.
+    #[error("pack.toml: {0}")]
+    Robot(#[from] RobotError),
     /// The ONNX files are not those that the manifest speaks of.
     #[error("the ONNX files do not match the manifest: content_hash is {expected}, the files have {found}")]
     ContentHash {

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Skeleton;
+use troupe_motion::robot::RobotDoc;
 
 use super::{Dims, PackProblem};
 
@@ -46,6 +47,9 @@ pub struct Manifest {
     pub content_hash: String,
     /// What the pack animates.
     pub skeleton: Skeleton,
+    /// The skeleton's hinges, where it is a robot's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot: Option<RobotDoc>,
     /// How it was trained; free.
     #[serde(default)]
     pub training: toml::Table,

@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sha2::{Digest as _, Sha256};
-use troupe_motion::Skeleton;
+use troupe_motion::robot::Hinge;
+use troupe_motion::stance::low_hips_m;
+use troupe_motion::{Robot, Skeleton};
 use troupe_proto::v1;
 
 pub use dims::{Dims, GLOBAL_ROOT, LOCAL_ROOT, POSE_FEATURES, SIX_D, TensorSpec, TensorType};
@@ -62,6 +64,8 @@ pub struct Pack {
     pub dims: Dims,
     /// The skeleton that poses and frames are of.
     pub skeleton: Arc<Skeleton>,
+    /// Hips lower than this over the ground are those of one who sits or crouches, metres.
+    pub low_hips_m: f32,
     /// The folder, where the ONNX files are.
     pub folder: PathBuf,
 }
@@ -97,11 +101,16 @@ impl Pack {
     /// [`PackProblem`] where the manifest contradicts itself.
     pub fn from_manifest(manifest: Manifest, folder: &Path) -> Result<Self, PackProblem> {
         let dims = manifest.check()?;
-        let skeleton = Arc::new(manifest.skeleton.clone());
+        let skeleton = manifest.skeleton.clone();
+        let skeleton = match &manifest.robot {
+            Some(robot) => skeleton.with_robot(robot)?,
+            None => skeleton,
+        };
         Ok(Self {
             manifest,
             dims,
-            skeleton,
+            low_hips_m: low_hips_m(&skeleton),
+            skeleton: Arc::new(skeleton),
             folder: folder.to_owned(),
         })
     }
@@ -160,7 +169,29 @@ impl Pack {
             parameters: manifest.parameters,
             figures_json: manifest.figures_json(),
             engine: engine.to_owned(),
+            robot: (self.skeleton.robot.as_ref()).map(|robot| describe_robot(robot, &self.skeleton)),
         }
+    }
+}
+
+fn describe_robot(robot: &Robot, skeleton: &Skeleton) -> v1::Robot {
+    let hinge = |hinge: &Hinge| v1::Hinge {
+        joint: skeleton.joints[hinge.joint].name.clone(),
+        axis: Some(vector(hinge.axis)),
+        rest: Some(v1::Quat {
+            w: hinge.rest.w,
+            x: hinge.rest.x,
+            y: hinge.rest.y,
+            z: hinge.rest.z,
+        }),
+        lower: hinge.lower_rad,
+        upper: hinge.upper_rad,
+        max_speed: hinge.max_speed_rad_per_s,
+    };
+    v1::Robot {
+        name: robot.name().to_owned(),
+        hinges: robot.hinges().iter().map(hinge).collect(),
+        qpos_size: robot.qpos_len() as u32,
     }
 }
 

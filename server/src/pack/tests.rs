@@ -103,7 +103,33 @@ fn a_good_pack_loads_and_describes_itself() {
         public.figures_json,
         r#"{"evaluation":{},"training":{"steps":10}}"#
     );
+    assert_eq!(public.robot, None);
     assert_eq!(find_packs(&folder.0).unwrap(), std::slice::from_ref(&folder.0));
+}
+
+#[test]
+fn a_robots_hinges_are_its_skeletons() {
+    let robot = r#"
+[robot]
+name = "hopper"
+[[robot.hinges]]
+joint = "Foot"
+axis = [1.0, 0.0, 0.0]
+rest = [1.0, 0.0, 0.0, 0.0]
+lower_rad = -0.5
+upper_rad = 1.5
+max_speed_rad_per_s = 9.0
+"#;
+    let manifest = MANIFEST.replace("HASH", &toy_hash()) + robot;
+    let pack = Pack::load(&Folder::new("robot", &manifest).0).unwrap();
+    let hinge = pack.skeleton.robot.as_ref().unwrap().hinges()[0];
+    assert_eq!((hinge.joint, hinge.lower_rad, hinge.upper_rad), (1, -0.5, 1.5));
+    let public = pack.describe(false, "cpu").robot.unwrap();
+    assert_eq!((public.name.as_str(), public.qpos_size), ("hopper", 8));
+    assert_eq!(
+        (public.hinges[0].joint.as_str(), public.hinges[0].max_speed),
+        ("Foot", 9.0)
+    );
 }
 
 #[test]
@@ -128,6 +154,16 @@ fn every_mistake_is_named() {
         ("joints = [\"Foot\"]", "joints = [\"Paw\"]", "Paw"),
         ("sha256:", "md5:", "allowed: sha256: and 64"),
         ("parent = \"Hips\"", "parent = \"\"", "Foot"),
+        (
+            "[training]",
+            "[robot]\nname = \"hopper\"\nhinges = [{ joint = \"Paw\", axis = [1.0, 0.0, 0.0], rest = [1.0, 0.0, 0.0, 0.0], lower_rad = -1.0, upper_rad = 1.0, max_speed_rad_per_s = 9.0 }]\n[training]",
+            "pack.toml: robot.hinges[0].joint is \"Paw\"; allowed: a joint of the skeleton",
+        ),
+        (
+            "[training]",
+            "[robot]\nname = \"hopper\"\nhinges = []\nmass = 3\n[training]",
+            "unknown field `mass`",
+        ),
     ];
     for (index, (from, to, expected)) in cases.into_iter().enumerate() {
         let text = problem(&format!("mistake-{index}"), (from, to));

@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use troupe_motion::ik::Posed;
+use troupe_motion::robot::Fitted;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
@@ -187,7 +188,7 @@ impl Character {
     pub fn held(&self) -> Option<HeldObject> {
         let act = self.act.as_ref().filter(|act| act.holds())?;
         let mut rotations = Vec::new();
-        let (root, _) = self.shown(self.timeline.cursor(), &mut rotations);
+        let (root, _) = self.shown(self.timeline.cursor(), &mut rotations, &mut Fitted::default());
         let rotations = rotations.as_slice();
         act.held(&self.pack, self.timeline.cursor(), Posed { root, rotations })
     }
@@ -266,27 +267,33 @@ impl Character {
 
     /// The frame at the cursor.
     pub fn sample(&self, out: &mut FrameOut) {
-        (out.root, out.contacts) = self.shown(self.timeline.cursor(), &mut out.rotations);
+        (out.root, out.contacts) = self.shown(self.timeline.cursor(), &mut out.rotations, &mut out.fitted);
         out.frame = self.timeline.frame() as u64;
         out.underrun = self.timeline.slowing();
     }
 
     /// The motion at `cursor`, in sub-frames, as it is shown: the buffer's, lifted onto what the character stands on,
-    /// with the arm bent that carries something.
-    fn shown(&self, cursor: i64, rotations: &mut Vec<Quat>) -> (Vec3, u8) {
+    /// with the arm bent that carries something, a robot's pose on its hinges.
+    fn shown(&self, cursor: i64, rotations: &mut Vec<Quat>, fitted: &mut Fitted) -> (Vec3, u8) {
         let (mut root, contacts) = self.timeline.buffer().sample(cursor, rotations);
         let sub_frames = i64::from(SUB_FRAMES);
         let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
-        self.dress(frame, rest as f32 / SUB_FRAMES as f32, &mut root, rotations);
+        let part = rest as f32 / SUB_FRAMES as f32;
+        self.dress((frame, part), &mut root, rotations, fitted);
         (root, contacts)
     }
 
     /// Makes a frame of the buffer, or what is `part` of the way (0 to 1) to the next, one that is shown.
-    fn dress(&self, frame: i64, part: f32, root: &mut Vec3, rotations: &mut [Quat]) {
+    fn dress(&self, (frame, part): (i64, f32), root: &mut Vec3, rotations: &mut [Quat], fitted: &mut Fitted) {
         let skeleton = &self.pack.skeleton;
         if let Some(footing) = &self.footing {
             footing.lift(skeleton, frame, part, root, rotations);
             self.carry.bend(skeleton, frame, part, *root, rotations);
+        }
+        // Last, so that everything that is said of the frame is said of the same pose.
+        match &skeleton.robot {
+            Some(robot) => robot.fit(rotations, fitted),
+            None => fitted.clear(),
         }
     }
 
@@ -303,9 +310,9 @@ impl Character {
     /// The character as it stands.
     pub fn view(&self) -> View {
         let cursor = self.timeline.cursor();
-        let mut pose = Vec::new();
-        let (position, _) = self.shown(cursor, &mut pose);
-        let (before, _) = self.shown(cursor - i64::from(SUB_FRAMES), &mut Vec::new());
+        let (mut pose, mut before, mut fitted) = (Vec::new(), Vec::new(), Fitted::default());
+        let (position, _) = self.shown(cursor, &mut pose, &mut fitted);
+        let (before, _) = self.shown(cursor - i64::from(SUB_FRAMES), &mut before, &mut fitted);
         let way = (position - before).with_y(0.0).length();
         let pelvis = pose.first().copied().unwrap_or_default();
         View {
@@ -325,8 +332,9 @@ impl Character {
         let future = self.timeline.buffer().range(first, last);
         let (mut roots, mut rotations) = (future.roots.to_vec(), future.rotations.to_vec());
         let poses = rotations.chunks_exact_mut(self.pack.skeleton.joint_count());
+        let mut fitted = Fitted::default();
         for (frame, (root, pose)) in (first..).zip(roots.iter_mut().zip(poses)) {
-            self.dress(frame, 0.0, root, pose);
+            self.dress((frame, 0.0), root, pose, &mut fitted);
         }
         Peek {
             first_frame: first as u64,

@@ -3,13 +3,13 @@
 use troupe_motion::codec::{BYTES_PER_ROOT, BYTES_PER_ROTATION, encode_root, encode_rotation};
 use troupe_motion::conventions::Convention;
 use troupe_motion::fk::world_transforms;
-use troupe_motion::rotation::to_wxyz;
-use troupe_motion::{Quat, Skeleton, Vec3};
+use troupe_motion::rotation::{six_d, to_wxyz};
+use troupe_motion::{Quat, Robot, Skeleton, Vec3};
 use troupe_proto::v1;
 
 use super::FrameOut;
 use crate::inbetween::{FieldError, Path};
-use crate::pack::Pack;
+use crate::pack::{Pack, SIX_D};
 
 /// How frames are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,19 +18,41 @@ pub struct Form {
     pub encoding: v1::Encoding,
     /// Whether world joint positions are written too.
     pub positions: bool,
+    /// Whether world rotations in 6D form are written too.
+    pub six_d: bool,
 }
 
 impl Form {
-    /// The form that a message asks for in `encoding` and `return_positions`.
+    /// The form that a message asks for in `encoding`, `return_positions` and `return_six_d`.
     ///
     /// # Errors
     /// [`FieldError`] for a number that is no encoding.
-    pub fn of(path: &Path<'_>, encoding: i32, positions: bool) -> Result<Self, FieldError> {
+    pub fn of(path: &Path<'_>, encoding: i32, positions: bool, six_d: bool) -> Result<Self, FieldError> {
         let encoding = v1::Encoding::try_from(encoding).map_err(|_| {
-            path.field("encoding")
-                .error(format!("is {encoding}"), "f32 (0) or compact (1)")
+            path.field("encoding").error(
+                format!("is {encoding}"),
+                "f32 (0) or compact (1), or qpos (2) of robots",
+            )
         })?;
-        Ok(Self { encoding, positions })
+        Ok(Self {
+            encoding,
+            positions,
+            six_d,
+        })
+    }
+
+    /// Checks that frames of `pack` can be written so. `path` is where the form was asked for.
+    ///
+    /// # Errors
+    /// [`FieldError`] for `qpos` of a pack without a robot.
+    pub fn check(&self, path: &Path<'_>, pack: &Pack) -> Result<(), FieldError> {
+        match self.encoding == v1::Encoding::Qpos && pack.skeleton.robot.is_none() {
+            true => Err(path.field("encoding").error(
+                format!("is qpos, but pack {} has no robot", pack.name()),
+                "f32 or compact; qpos for packs with a robot",
+            )),
+            false => Ok(()),
+        }
     }
 }
 
@@ -40,6 +62,8 @@ pub struct BlockWriter {
     form: Form,
     joints: usize,
     frames: usize,
+    /// Numbers of a robot's `qpos`, where it is written.
+    qpos_len: usize,
     block: v1::FrameBlock,
     /// Scratch of one pose.
     world: (Vec<Vec3>, Vec<Quat>),
@@ -50,11 +74,15 @@ impl BlockWriter {
     pub fn new(pack: &Pack, form: Form, characters: usize, frames: usize) -> Self {
         let joints = pack.skeleton.joint_count();
         let cells = characters * frames;
-        let (floats, bytes) = match form.encoding {
-            v1::Encoding::F32 => (cells, 0),
-            v1::Encoding::Compact => (0, cells),
+        let (floats, bytes, angles) = match form.encoding {
+            v1::Encoding::F32 => (cells, 0, 0),
+            v1::Encoding::Compact => (0, cells, 0),
+            v1::Encoding::Qpos => (0, 0, cells),
         };
-        let posed = if form.positions { joints } else { 0 };
+        let qpos_len = pack.skeleton.robot.as_ref().map_or(0, Robot::qpos_len);
+        let posed = if form.positions || form.six_d { joints } else { 0 };
+        let placed = if form.positions { cells * joints } else { 0 };
+        let turned = if form.six_d { cells * joints } else { 0 };
         let block = v1::FrameBlock {
             pack: pack.name().to_owned(),
             slots: Vec::with_capacity(characters),
@@ -65,12 +93,17 @@ impl BlockWriter {
             packed_roots: vec![0; bytes * BYTES_PER_ROOT],
             packed_rotations: vec![0; bytes * joints * BYTES_PER_ROTATION],
             contacts: vec![0; cells],
-            positions: vec![0.0; cells * posed * 3],
+            positions: vec![0.0; placed * 3],
+            six_d: vec![0.0; turned * SIX_D],
+            qpos: vec![0.0; angles * qpos_len],
+            hinge_residuals: vec![0.0; angles],
+            clamped_hinges: vec![0; angles],
         };
         Self {
             form,
             joints,
             frames,
+            qpos_len,
             block,
             world: (vec![Vec3::ZERO; posed], vec![Quat::IDENTITY; posed]),
         }
@@ -97,9 +130,10 @@ impl BlockWriter {
         match self.form.encoding {
             v1::Encoding::F32 => self.write_floats(cell, out, convention),
             v1::Encoding::Compact => self.write_compact(cell, out, convention),
+            v1::Encoding::Qpos => self.write_qpos(cell, out, skeleton),
         }
-        if self.form.positions {
-            self.write_positions(cell, out, convention, skeleton);
+        if self.form.positions || self.form.six_d {
+            self.write_world(cell, out, convention, skeleton);
         }
     }
 
@@ -130,12 +164,33 @@ impl BlockWriter {
         }
     }
 
-    fn write_positions(&mut self, cell: usize, out: &FrameOut, convention: Convention, skeleton: &Skeleton) {
+    /// In MuJoCo's own axes, whatever the convention.
+    fn write_qpos(&mut self, cell: usize, out: &FrameOut, skeleton: &Skeleton) {
+        // A pack without a robot was refused.
+        let (Some(robot), Some(&pelvis)) = (&skeleton.robot, out.rotations.first()) else {
+            return;
+        };
+        let row = &mut self.block.qpos[cell * self.qpos_len..(cell + 1) * self.qpos_len];
+        robot.write_qpos(out.root, pelvis, &out.fitted.angles, row);
+        self.block.hinge_residuals[cell] = out.fitted.residual_rad;
+        self.block.clamped_hinges[cell] = out.fitted.clamped as u32;
+    }
+
+    fn write_world(&mut self, cell: usize, out: &FrameOut, convention: Convention, skeleton: &Skeleton) {
         let (positions, rotations) = &mut self.world;
         world_transforms(skeleton, out.root, &out.rotations, positions, rotations);
-        let row = &mut self.block.positions[cell * self.joints * 3..(cell + 1) * self.joints * 3];
-        for (place, &position) in row.as_chunks_mut::<3>().0.iter_mut().zip(positions.iter()) {
-            *place = convention.position_from_native(position).to_array();
+        let row = cell * self.joints..(cell + 1) * self.joints;
+        if self.form.positions {
+            let row = &mut self.block.positions[row.start * 3..row.end * 3];
+            for (place, &position) in row.as_chunks_mut::<3>().0.iter_mut().zip(positions.iter()) {
+                *place = convention.position_from_native(position).to_array();
+            }
+        }
+        if self.form.six_d {
+            let row = &mut self.block.six_d[row.start * SIX_D..row.end * SIX_D];
+            for (place, &rotation) in row.as_chunks_mut::<SIX_D>().0.iter_mut().zip(rotations.iter()) {
+                *place = six_d(convention.rotation_from_native(rotation));
+            }
         }
     }
 
@@ -154,6 +209,10 @@ impl BlockWriter {
         retain_rows(&mut block.packed_rotations, characters, &keep);
         retain_rows(&mut block.contacts, characters, &keep);
         retain_rows(&mut block.positions, characters, &keep);
+        retain_rows(&mut block.six_d, characters, &keep);
+        retain_rows(&mut block.qpos, characters, &keep);
+        retain_rows(&mut block.hinge_residuals, characters, &keep);
+        retain_rows(&mut block.clamped_hinges, characters, &keep);
         self.block
     }
 }

@@ -15,7 +15,7 @@ fn frame(number: u64, x: f32) -> FrameOut {
             Quat::from_rotation_x(0.3) * Quat::from_rotation_z(x - 0.2),
         ],
         contacts: 1,
-        underrun: false,
+        ..FrameOut::default()
     }
 }
 
@@ -24,6 +24,7 @@ fn block(encoding: v1::Encoding, convention: Convention) -> v1::FrameBlock {
     let form = Form {
         encoding,
         positions: true,
+        six_d: false,
     };
     let mut writer = BlockWriter::new(&pack, form, 2, 3);
     for character in 0..2 {
@@ -86,6 +87,7 @@ fn positions_are_the_worlds_in_the_sessions_convention() {
     let form = Form {
         encoding: v1::Encoding::F32,
         positions: true,
+        six_d: true,
     };
     let mut writer = BlockWriter::new(&pack, form, 1, 1);
     writer.name(0);
@@ -105,6 +107,10 @@ fn positions_are_the_worlds_in_the_sessions_convention() {
     {
         assert!((found - wanted).abs() < 1e-3, "{:?}", block.positions);
     }
+    // Both joints are turned alike: forward stays, right goes down; in a left-handed frame.
+    for (found, wanted) in block.six_d.iter().zip([1.0, 0.0, 0.0, 0.0, 0.0, -1.0].repeat(2)) {
+        assert!((found - wanted).abs() < 1e-6, "{:?}", block.six_d);
+    }
 }
 
 #[test]
@@ -113,6 +119,7 @@ fn characters_that_failed_leave_no_gap() {
     let form = Form {
         encoding: v1::Encoding::F32,
         positions: false,
+        six_d: false,
     };
     let mut writer = BlockWriter::new(&pack, form, 3, 1);
     for character in 0..3 {
@@ -128,9 +135,9 @@ fn characters_that_failed_leave_no_gap() {
 
 #[test]
 fn an_encoding_that_is_none_is_refused() {
-    let error = Form::of(&Path::root(), 2, false).unwrap_err();
+    let error = Form::of(&Path::root(), 3, false, false).unwrap_err();
     assert_eq!(
         (error.field.as_str(), error.message.as_str()),
-        ("encoding", "is 2")
+        ("encoding", "is 3")
     );
 }

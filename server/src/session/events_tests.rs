@@ -142,11 +142,12 @@ async fn a_tick_takes_what_happened_or_leaves_it() {
         .insert(&cells, Instant::now(), |_| String::new())
         .unwrap();
     let mut roster = Roster::new(registry, TimeSource::default(), 4, false);
-    let attached = roster.attach(&["outside".to_owned(), "inside".to_owned()]);
     let form = Form {
         encoding: v1::Encoding::F32,
         positions: false,
+        six_d: false,
     };
+    let attached = roster.attach(&["outside".to_owned(), "inside".to_owned()], form);
     inside
         .live()
         .events

@@ -206,6 +206,8 @@ fn start(
         .collect();
     let mut frames = check_context(path, "context", &native, pack).map_err(|error| match convention {
         Convention::Native => error,
+        // It has a convention of its own.
+        _ if error.field.contains(".qpos") => error,
         _ => FieldError {
             message: format!("{}, in the native convention", error.message),
             ..error

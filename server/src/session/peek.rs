@@ -42,6 +42,7 @@ fn future(peek: &Peek, pack: &Pack, convention: Convention) -> v1::FrameBlock {
     let form = Form {
         encoding: v1::Encoding::F32,
         positions: false,
+        six_d: false,
     };
     let mut writer = BlockWriter::new(pack, form, 1, peek.roots.len());
     writer.name(0);
@@ -74,6 +75,7 @@ fn plan_view(plan: &PlanRecord, pack: &Pack, convention: Convention) -> v1::Plan
             None,
             convention,
         )),
+        ..v1::Keyframe::default()
     });
     let path = |roots: &[GlobalRoot]| roots.iter().flat_map(|&root| five(root, convention)).collect();
     let targets = &shape.targets;
@@ -157,6 +159,7 @@ fn target(key: &TargetKey, convention: Convention) -> v1::Keyframe {
             .rotations
             .as_ref()
             .map(|rotations| pose(rotations, key.height_m, convention)),
+        ..v1::Keyframe::default()
     }
 }
 

@@ -64,6 +64,7 @@ fn wire(root: Vec3, heading: f32, rotations: &[Quat]) -> v1::Keyframe {
             heading: Some(heading),
         }),
         velocity: None,
+        qpos: Vec::new(),
         pose: Some(v1::Pose {
             rotations: rotations.iter().copied().flat_map(to_wxyz).collect(),
             root_height: None,

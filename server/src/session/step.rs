@@ -76,7 +76,12 @@ pub(super) fn check(request: &v1::StepRequest, limits: &SessionLimits) -> Result
     Ok(StepPlan {
         frames: frames as usize,
         sub_frames: sub_frames(&root, request.rate_hz)?,
-        form: Form::of(&root, request.encoding, request.return_positions)?,
+        form: Form::of(
+            &root,
+            request.encoding,
+            request.return_positions,
+            request.return_six_d,
+        )?,
     })
 }
 
@@ -109,7 +114,7 @@ pub(super) struct Stepped {
 /// Advances the sessions. Those that cannot be served are among the problems.
 pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String], plan: StepPlan) -> Stepped {
     let mut stepped = Stepped::default();
-    let (mut walkers, blocks) = gather(registry, time, ids, &mut stepped.problems);
+    let (mut walkers, blocks) = gather((registry, time), ids, plan.form, &mut stepped.problems);
     let mut writers: Vec<BlockWriter> = blocks
         .iter()
         .map(|(pack, count)| BlockWriter::new(&pack.pack, plan.form, *count, plan.frames))
@@ -157,9 +162,9 @@ pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String],
 
 /// Takes the sessions' clocks, and gives each a place in the block of its pack.
 fn gather(
-    registry: &Registry,
-    time: &TimeSource,
+    (registry, time): (&Registry, &TimeSource),
     ids: &[String],
+    form: Form,
     problems: &mut Vec<(usize, ApiError)>,
 ) -> (Vec<Walker>, Vec<(Arc<LoadedPack>, usize)>) {
     let now = time.now();
@@ -167,9 +172,10 @@ fn gather(
     let mut walkers = Vec::with_capacity(ids.len());
     for (slot, id) in ids.iter().enumerate() {
         let field = || format!("session_ids[{slot}]");
-        let taken = registry
-            .get(id, now, &field)
-            .and_then(|cell| cell.take(Owner::Step, &field));
+        let taken = registry.get(id, now, &field).and_then(|cell| {
+            form.check(&Path::root(), &cell.pack().pack)?;
+            cell.take(Owner::Step, &field)
+        });
         let held = match taken {
             Ok(held) => held,
             Err(error) => {

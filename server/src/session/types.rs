@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use troupe_motion::robot::Fitted;
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 
 use super::{Intent, Meets};
@@ -191,6 +192,8 @@ pub struct FrameOut {
     pub root: Vec3,
     /// One for each joint: the first in the world, others relative to their parents.
     pub rotations: Vec<Quat>,
+    /// Angles of a robot's hinges, which the rotations are of, and what it took; empty where it is none.
+    pub fitted: Fitted,
     /// Bit i for contact joint i.
     pub contacts: u8,
     /// The character had to slow down at this frame.

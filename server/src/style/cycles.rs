@@ -24,6 +24,8 @@ pub(crate) const MATCH_STEPS: usize = 32;
 pub(crate) const MATCH_VELOCITY_S: f32 = 0.1;
 /// Weight of feet and shins against other joints.
 const LEG_WEIGHT: f32 = 3.0;
+/// Joints that are nearer to each other are one, metres.
+const LEAST_BONE_M: f32 = 0.04;
 /// Frames a second that styles are given at.
 const FPS: f32 = 30.0;
 /// Headings of a gait's keys closer together than this are taken out ones, radians.
@@ -102,8 +104,14 @@ impl Cycles {
         let mut joint_weights = vec![1.0; skeleton.joint_count()];
         for &joint in skeleton.contacts.iter().flat_map(|contacts| &contacts.joints) {
             joint_weights[joint] = LEG_WEIGHT;
-            if let Some(parent) = skeleton.joints[joint].parent {
+            // The bone above it, through the joints of one that a robot has several of.
+            let mut at = joint;
+            while let Some(parent) = skeleton.joints[at].parent {
                 joint_weights[parent] = LEG_WEIGHT;
+                if skeleton.joints[at].offset_m.length() >= LEAST_BONE_M {
+                    break;
+                }
+                at = parent;
             }
         }
         let gaits: Vec<Cycle> = style

@@ -52,6 +52,7 @@ pub(crate) fn walker_pack() -> Pack {
         parameters: 0,
         content_hash: format!("sha256:{}", "0".repeat(64)),
         skeleton: (*walker()).clone(),
+        robot: None,
         training: toml::Table::new(),
         evaluation: toml::Table::new(),
     };

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)] // Only tests use it.
 
 pub mod calls;
+pub mod robot;
 pub mod scenes;
 
 use std::path::Path;
@@ -197,6 +198,7 @@ pub fn pack(name: &str) -> Pack {
         parameters: 7,
         content_hash: format!("sha256:{}", "0".repeat(64)),
         skeleton,
+        robot: None,
         training: toml::Table::new(),
         evaluation: toml::Table::new(),
     };
@@ -224,6 +226,15 @@ impl TestServer {
 
     /// A server whose packs, of `config.lanes` lanes or one, take `load_time` to load.
     pub async fn start_unready(change: impl FnOnce(&mut Config), load_time: Duration) -> Self {
+        Self::start_also(change, load_time, |_| Vec::new()).await
+    }
+
+    /// The same with more packs, which `more` makes for so many lanes.
+    pub async fn start_also(
+        change: impl FnOnce(&mut Config),
+        load_time: Duration,
+        more: impl FnOnce(usize) -> Vec<PackSource> + Send + 'static,
+    ) -> Self {
         let mut config = Config::local(Path::new("unused")).unwrap();
         config.default_pack = Some("toy".into());
         change(&mut config);
@@ -246,7 +257,9 @@ impl TestServer {
                     }),
                 }
             };
-            Ok(vec![source("toy"), source("other")])
+            let mut packs = vec![source("toy"), source("other")];
+            packs.extend(more(lanes));
+            Ok(packs)
         };
         let listener = TcpListener::bind(config.listen).await.unwrap();
         let clock = HandClock::default();
@@ -353,6 +366,7 @@ pub fn keyframe(x: f32, z: f32) -> v1::Keyframe {
             heading: None,
         }),
         velocity: None,
+        qpos: Vec::new(),
         pose: Some(v1::Pose {
             rotations,
             root_height: None,

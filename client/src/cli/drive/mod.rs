@@ -25,6 +25,9 @@ use crate::live::{FrameOptions, SessionOptions};
 pub(super) async fn run(session: &Session, command: &Drive) -> Result<(), Failure> {
     // Before any work is done for nothing.
     let format = command.out.as_deref().map(Format::of).transpose()?;
+    if let (Some(format), Some(out)) = (format, &command.out) {
+        format.check(session, &command.character.pack, out).await?;
+    }
     let Some(file) = &command.path else {
         return keyboard::run(session, command, format).await;
     };

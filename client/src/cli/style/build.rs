@@ -12,6 +12,7 @@ use super::rebuild::rebuild;
 use crate::cli::Session;
 use crate::cli::args::Scale;
 use crate::cli::failure::Failure;
+use crate::cli::files::clip_ending;
 use crate::connection::Client;
 use crate::pack::Pack;
 
@@ -106,7 +107,7 @@ impl Builder<'_> {
             }
             let paths: Vec<_> = parts
                 .iter()
-                .map(|p| data.join(format!("{}.bvh", p.clip)))
+                .map(|p| data.join(format!("{}.{}", p.clip, clip_ending(self.pack))))
                 .collect();
             let places: Vec<Place<'_>> = parts
                 .iter()

@@ -7,8 +7,8 @@ use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
 use super::recipe::{
-    FEET_STAY, FIRST_TOKENS, LEAN_M, LEAST_PLAN_FRAMES, LOW_FRAMES, LOW_HIPS_M, LOW_STANCE, NEXT_TOKENS,
-    REACHED_M, SLOWEST, SPARE_TOKENS, STANCE_FRAMES, STAYS_M, TURN_RPS,
+    FEET_STAY, FIRST_TOKENS, LEAN_M, LEAST_PLAN_FRAMES, LOW_FRAMES, LOW_STANCE, NEXT_TOKENS, REACHED_M,
+    SLOWEST, SPARE_TOKENS, STANCE_FRAMES, STAYS_M, TURN_RPS,
 };
 use crate::object::{Anchor, Motion, Set, WorldKeyframe};
 use crate::pack::{Dims, Pack};
@@ -213,7 +213,7 @@ fn upright(root: GlobalRoot, before: GlobalRoot, body: &BodyParts<'_>) -> (Vec3,
 
 /// Whether the motion to these keyframes of `set` is made without the networks, for a character that comes from `from`.
 pub fn suits_stance(set: &Set, keys: &[Key], from: Posed<'_>) -> bool {
-    let low = |height: f32| height < LOW_HIPS_M;
+    let low = |height: f32| height < set.low_hips_m;
     let hands_alone = (set.keyframes.iter()).all(|key| {
         !key.points.is_empty() && key.rotations.is_none() && key.place_m.is_none() && key.heading.is_none()
     });
@@ -226,7 +226,7 @@ pub fn suits_stance(set: &Set, keys: &[Key], from: Posed<'_>) -> bool {
 /// Frames of a motion without the networks to `key`, and how far it leans on the way, radians.
 pub fn stance_frames(set: &Set, skeleton: &Skeleton, from: Posed<'_>, key: &Key) -> (u32, f32) {
     let way = key.root - from.root;
-    let low = from.root.y.min(key.root.y) < LOW_HIPS_M;
+    let low = from.root.y.min(key.root.y) < set.low_hips_m;
     let (frames, lean) = match low {
         true if way.x.hypot(way.z) > LEAN_M => LOW_STANCE,
         true => (LOW_FRAMES, 0.0),

@@ -73,9 +73,7 @@ pub const SETTLE_FRAMES: usize = 14;
 /// Frames that must be left before a keyframe for its motion to be planned again.
 pub const REPLAN_LEFT_FRAMES: i64 = 8;
 
-/// Hips lower than this over the ground are in no clip that the default pack was trained on, metres.
-pub const LOW_HIPS_M: f32 = 0.70;
-/// Frames of a motion without the networks: to or from low hips, and how far it leans on the way, radians, where the hips go
+/// Frames of a motion without the networks: to or from low hips ([`crate::pack::Pack::low_hips_m`]), and how far it leans on the way, radians, where the hips go
 /// forward or back.
 pub const LOW_STANCE: (u32, f32) = (36, 0.7);
 /// The same for hips that go straight down or up.

@@ -10,7 +10,6 @@ use super::footing::STEP_M;
 use super::using::Using;
 use crate::object::{Anchor, Motion, Origin, Set};
 use crate::primitives::object::Entry;
-use crate::primitives::object::recipe::LOW_HIPS_M;
 use crate::scene::{BoxTrace, Scene, Surface, Transform};
 
 /// Half the width and depth of the box that must fit through to where a character starts, metres.
@@ -104,7 +103,7 @@ fn stops(set: &Set) -> bool {
     let low = set.keyframes.iter().filter(|key| key.from_ground);
     let low = low
         .filter_map(|key| key.height_m)
-        .any(|height| height < LOW_HIPS_M);
+        .any(|height| height < set.low_hips_m);
     set.from_stand || set.motion == Some(Motion::Stance) || (low && set.motion.is_none())
 }
 

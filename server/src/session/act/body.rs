@@ -1,6 +1,7 @@
 //! What acting works on: the character's motion, as it is planned and as it is shown.
 
 use troupe_motion::ik::Posed;
+use troupe_motion::robot::Fitted;
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::super::timeline::Timeline;
@@ -47,6 +48,9 @@ impl Body<'_> {
         let skeleton = &self.pack.skeleton;
         self.footing.lift(skeleton, frame, 0.0, &mut root, &mut rotations);
         self.carry.bend(skeleton, frame, 0.0, root, &mut rotations);
+        if let Some(robot) = &skeleton.robot {
+            robot.fit(&mut rotations, &mut Fitted::default());
+        }
         Shown { root, rotations }
     }
 

@@ -3,9 +3,9 @@
 //! As [`super::Footing`] lifts frames as they are shown, this bends the arm: plans know nothing of it.
 
 use troupe_motion::fk::joint_transform;
-use troupe_motion::ik::{Posed, arm_of, two_bone_soft};
+use troupe_motion::ik::{Posed, arm_of, place_end};
 use troupe_motion::interpolate::smoothstep;
-use troupe_motion::rotation::{align_sign, yaw};
+use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
 use super::Body;
@@ -159,17 +159,8 @@ impl Grip {
         for (joint, bent) in [upper, middle].into_iter().zip(self.bent) {
             rotations[joint] = rotations[joint].slerp(bent, weight).normalize();
         }
-        two_bone_soft(
-            skeleton,
-            root,
-            rotations,
-            self.chain,
-            (goal, SOFT),
-            Vec3::NEG_Y,
-            false,
-        );
-        let (_, above) = joint_transform(skeleton, root, rotations, middle);
-        rotations[end] = align_sign((above.conjugate() * turn).normalize(), rotations[end]);
+        let goal = (goal, SOFT);
+        place_end(skeleton, root, rotations, self.chain, goal, Vec3::NEG_Y, turn);
     }
 }
 

@@ -8,7 +8,6 @@ use super::super::{Activity, Character, Clock, EventKind, Start, Strain, World};
 use super::footing::{Support, stands_on};
 use super::testing::*;
 use crate::primitives::LocomotionCommand;
-use crate::primitives::object::recipe::LOW_HIPS_M;
 use crate::scene::{Holder, Scene, SceneError, State, Surface, Transform};
 
 #[test]
@@ -407,7 +406,10 @@ fn networks_that_take_long_are_not_asked_to_go_on_from_a_seat() {
         rig.run(90);
         for request in &rig.requests[asked..] {
             let low = request.shape.context_roots[3].y;
-            assert!(low >= LOW_HIPS_M, "stopped at {stop} of {length}: hips at {low}");
+            assert!(
+                low >= troupe_motion::stance::LOW_HIPS_M,
+                "stopped at {stop} of {length}: hips at {low}"
+            );
         }
         let last = rig.frames.last().unwrap().root;
         assert!((last.y - 0.9).abs() < 0.03, "{stop}: {last}");

@@ -51,7 +51,6 @@ use super::{
 };
 use crate::pack::Pack;
 use crate::primitives::object::KeyframeError;
-use crate::primitives::object::recipe::LOW_HIPS_M;
 use crate::primitives::{LocomotionCommand, PlanTargets};
 use crate::scene::{Scene, Transform};
 
@@ -438,7 +437,7 @@ impl Act {
             Doing::Falling(_) => return false,
         };
         let root = body.timeline.buffer().root(frame);
-        if root.y < LOW_HIPS_M {
+        if root.y < body.pack.low_hips_m {
             // What is under the hips of one who sits is no ground.
             return false;
         }

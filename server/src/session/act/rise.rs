@@ -8,7 +8,7 @@ use troupe_motion::stance::stance_transition;
 
 use super::super::buffer::Frames;
 use super::{Act, Body, Doing};
-use crate::primitives::object::recipe::{LOW_HIPS_M, LOW_STANCE};
+use crate::primitives::object::recipe::LOW_STANCE;
 use crate::scene::Scene;
 
 impl Act {
@@ -47,8 +47,8 @@ impl Body<'_> {
     /// The hips are lower than any that the networks know, and than the style has them.
     fn is_low(&self, frame: i64) -> bool {
         let style = &self.locomotion.command().style;
-        let hips = self.timeline.buffer().root(frame).y;
-        hips < LOW_HIPS_M && style.idle().height_m > LOW_HIPS_M
+        let (hips, low) = (self.timeline.buffer().root(frame).y, self.pack.low_hips_m);
+        hips < low && style.idle().height_m > low
     }
 
     /// Writes the way up from frame `splice` on; the frame at which the character is upright.

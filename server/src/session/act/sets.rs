@@ -14,7 +14,7 @@ use super::hand::{Hand, Refused};
 use super::using::Using;
 use super::{Body, SetPlan, Wish};
 use crate::object::{Action, Anchor, Moment, Origin, Set};
-use crate::primitives::object::recipe::{IN_PLACE_M, LOW_HIPS_M, STANDS_MPS, STOPPED_TURN};
+use crate::primitives::object::recipe::{IN_PLACE_M, STANDS_MPS, STOPPED_TURN};
 use crate::primitives::object::{
     BodyParts, Key, Unreachable, Way, keys, stance_frames, suits_stance, targets,
 };
@@ -160,7 +160,7 @@ fn ground_at(scene: &Scene, set: &Set, anchor: &Anchor, from: Vec3, level: f32) 
         .map(|key| anchor.keyframe(key))
         .unwrap_or_default();
     let place = last.place.map_or(from, |[x, z]| Vec3::new(x, 0.0, z));
-    let low = last.height.is_some_and(|height| height - level < LOW_HIPS_M);
+    let low = last.height.is_some_and(|height| height - level < set.low_hips_m);
     match support(scene, place, level) {
         Support::At(height) if !low => height,
         _ => level,

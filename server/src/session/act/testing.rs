@@ -73,6 +73,7 @@ pub(crate) fn doll_pack() -> Arc<Pack> {
         parameters: 0,
         content_hash: format!("sha256:{}", "0".repeat(64)),
         skeleton: (*doll()).clone(),
+        robot: None,
         training: toml::Table::new(),
         evaluation: toml::Table::new(),
     };

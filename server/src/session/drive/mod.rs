@@ -169,7 +169,7 @@ impl Driving {
         Ok(Self {
             roster: sessions.roster(open.close_sessions),
             sessions: sessions.clone(),
-            form: Form::of(&path, open.encoding, open.return_positions)?,
+            form: Form::of(&path, open.encoding, open.return_positions, open.return_six_d)?,
             sub_frames,
             ticker: Ticker::new(rate_hz),
             dropped_ticks: 0,
@@ -221,7 +221,7 @@ impl Driving {
             Some(Ask::Attach(v1::DriveAttach { session_ids })) => {
                 let path = root.field("attach");
                 units::length(&path.field("session_ids"), session_ids.len(), 1, most)?;
-                Ok(Some(Say::Attached(self.roster.attach(&session_ids))))
+                Ok(Some(Say::Attached(self.roster.attach(&session_ids, self.form))))
             }
             Some(Ask::Detach(v1::DriveDetach { session_ids })) => {
                 let path = root.field("detach");

@@ -8,6 +8,7 @@ use troupe_proto::v1;
 
 use super::outbox::Tick;
 use crate::api::ApiError;
+use crate::inbetween::Path;
 use crate::service::LoadedPack;
 use crate::session::budget;
 use crate::session::cell::{End, Held, Owner, SessionCell};
@@ -59,11 +60,11 @@ impl Roster {
         self.members.is_empty()
     }
 
-    /// Takes sessions onto the stream, those that can be.
-    pub fn attach(&mut self, ids: &[String]) -> v1::DriveAttached {
+    /// Takes sessions onto the stream, those that can be and whose frames can be written in `form`.
+    pub fn attach(&mut self, ids: &[String], form: Form) -> v1::DriveAttached {
         let mut attached = v1::DriveAttached::default();
         for (index, id) in ids.iter().enumerate() {
-            match self.attach_one(index, id) {
+            match self.attach_one(index, id, form) {
                 Ok(slot) => attached.sessions.push(v1::Attached {
                     session_id: id.clone(),
                     slot,
@@ -78,7 +79,7 @@ impl Roster {
         attached
     }
 
-    fn attach_one(&mut self, index: usize, id: &str) -> Result<u32, ApiError> {
+    fn attach_one(&mut self, index: usize, id: &str, form: Form) -> Result<u32, ApiError> {
         let field = || format!("attach.session_ids[{index}]");
         if self.members.len() >= self.limit {
             return Err(ApiError::TooManySessions {
@@ -88,6 +89,7 @@ impl Roster {
             });
         }
         let cell = self.registry.get(id, self.time.now(), &field)?;
+        form.check(&Path::root().field("open"), &cell.pack().pack)?;
         let held = cell.take(Owner::Drive, &field)?;
         let known = self.packs.iter().position(|pack| Arc::ptr_eq(pack, cell.pack()));
         let pack = known.unwrap_or_else(|| {

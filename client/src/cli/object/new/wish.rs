@@ -2,6 +2,7 @@
 
 use troupe_motion::Skeleton;
 use troupe_motion::clip::Clip;
+use troupe_motion::stance::low_hips_m;
 use troupe_proto::docs::{EventDoc, KeyframeDoc, Motion, Origin, SetDoc, SocketDoc};
 
 use super::args::New;
@@ -9,8 +10,6 @@ use super::draft::{Limits, Wrong};
 use super::seat::{HEIGHTS_M, seated};
 use super::stage::{Pose, Stage, View, keyframe};
 
-/// Hips lower than this over the ground are in no clip that the default pack knows, metres.
-const LOW_HIPS_M: f32 = 0.70;
 /// Most frames by which a soft set may be left early.
 const MAX_DROP_FRAMES: u32 = 64;
 /// Most frames that a set may be held.
@@ -220,7 +219,8 @@ impl<'a> Wish<'a> {
     }
 
     fn motion(&self, pose: &Pose, before: Option<&Pose>) -> Option<Motion> {
-        let low = |pose: &Pose| pose.root.position.y - self.skeleton.ground_y_m < LOW_HIPS_M;
+        let low_m = low_hips_m(self.skeleton);
+        let low = |pose: &Pose| pose.root.position.y - self.skeleton.ground_y_m < low_m;
         let low = self.points.is_empty() && (low(pose) || before.is_some_and(low));
         self.new
             .motion

@@ -1,0 +1,263 @@
+//! Limbs of hinges: what [`super::two_bone`] is to ball joints, for robots.
+//!
+//! All hinges of a limb turn a little at a time, by damped least squares (Levenberg-Marquardt), until its end is where it is to
+//! be or comes no nearer; a hinge at its limit stays there while it would go beyond. The same input gives the same pose.
+
+use glam::{Quat, Vec3};
+
+use crate::fk::joint_transform;
+use crate::robot::Robot;
+use crate::rotation::align_sign;
+use crate::skeleton::Skeleton;
+
+/// Most joints of a limb.
+const MOST_JOINTS: usize = 24;
+/// Most steps of a solution.
+const STEPS: usize = 40;
+/// Metres that count as much as a radian, where the end's rotation is given.
+const METRES_PER_RAD: f32 = 0.1;
+/// What is met well enough, metres (radians are weighed by [`METRES_PER_RAD`]).
+const MET_M: f32 = 2e-6;
+/// Least and first damping, metres a radian.
+const DAMPING: (f32, f32) = (1e-3, 2e-2);
+/// Beyond this damping nothing moves any more.
+const STUCK: f32 = 10.0;
+/// The most that a hinge turns in a step, radians.
+const MOST_STEP: f32 = 0.5;
+
+/// What a limb's end is to come to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Goal {
+    /// Its place in the world, metres.
+    pub(super) place: Option<Vec3>,
+    /// Its rotation in the world.
+    pub(super) rotation: Option<Quat>,
+}
+
+/// A number for each part of a goal: place, then rotation. Parts that are not given stay 0.
+type Column = [f32; 6];
+
+/// A joint of the limb.
+#[derive(Clone, Copy, Debug, Default)]
+struct Part {
+    joint: usize,
+    /// Index among the robot's hinges; none where it is fixed.
+    hinge: Option<usize>,
+    angle: f32,
+    /// Where it is in the world, and its axis.
+    place: Vec3,
+    axis: Vec3,
+}
+
+/// The joints from `top` down to `end` as they are in a pose.
+struct Limb<'a> {
+    skeleton: &'a Skeleton,
+    robot: &'a Robot,
+    parts: [Part; MOST_JOINTS],
+    count: usize,
+    /// What the limb hangs from.
+    base: (Vec3, Quat),
+}
+
+/// Turns the hinges from `top` down to `end` so that `end` comes to `goal`. Answers how far it is from the place, metres (0 where
+/// none is given); `None`, and nothing changes, where the joints are no limb or something is not finite. Does not allocate.
+pub(super) fn solve(
+    (skeleton, robot): (&Skeleton, &Robot),
+    root: Vec3,
+    rotations: &mut [Quat],
+    (top, end): (usize, usize),
+    goal: &Goal,
+) -> Option<f32> {
+    let mut limb = Limb::of((skeleton, robot), root, rotations, (top, end))?;
+    let given = goal.place.is_none_or(Vec3::is_finite) && goal.rotation.is_none_or(Quat::is_finite);
+    if !(given && limb.base.0.is_finite() && limb.base.1.is_finite()) {
+        return None;
+    }
+    let mut damping = DAMPING.1;
+    let mut lacking = limb.lacking(goal, rotations);
+    for _ in 0..STEPS {
+        let cost = length(&lacking);
+        if cost <= MET_M || damping > STUCK {
+            break;
+        }
+        let before = limb.parts;
+        limb.step(&lacking, goal, damping);
+        let now = limb.lacking(goal, rotations);
+        if length(&now) < cost {
+            lacking = now;
+            damping = (damping * 0.3).max(DAMPING.0);
+        } else {
+            limb.parts = before;
+            damping *= 4.0;
+        }
+    }
+    for part in &limb.parts[..limb.count] {
+        if let Some(hinge) = part.hinge {
+            let turned = robot.hinges()[hinge].rotation(part.angle);
+            rotations[part.joint] = align_sign(turned, rotations[part.joint]);
+        }
+    }
+    let [x, y, z, ..] = lacking;
+    Some(Vec3::new(x, y, z).length())
+}
+
+impl<'a> Limb<'a> {
+    fn of(
+        (skeleton, robot): (&'a Skeleton, &'a Robot),
+        root: Vec3,
+        rotations: &[Quat],
+        (top, end): (usize, usize),
+    ) -> Option<Self> {
+        let mut parts = [Part::default(); MOST_JOINTS];
+        let mut count = 0;
+        let mut at = Some(end);
+        loop {
+            let joint = at?;
+            let hinge = robot.hinge_of(joint);
+            let angle = hinge.map_or(0.0, |hinge| {
+                let of = &robot.hinges()[hinge];
+                of.limited(of.angle_of(rotations[joint]))
+            });
+            *parts.get_mut(count)? = Part {
+                joint,
+                hinge,
+                angle,
+                ..Part::default()
+            };
+            count += 1;
+            if joint == top {
+                break;
+            }
+            at = skeleton.joints[joint].parent;
+        }
+        parts[..count].reverse();
+        let above = skeleton.joints[top].parent?;
+        Some(Self {
+            skeleton,
+            robot,
+            parts,
+            count,
+            base: joint_transform(skeleton, root, rotations, above),
+        })
+    }
+
+    /// Places the joints by their angles; answers what the end lacks.
+    fn lacking(&mut self, goal: &Goal, rotations: &[Quat]) -> Column {
+        let (mut place, mut rotation) = self.base;
+        for part in &mut self.parts[..self.count] {
+            place += rotation * self.skeleton.joints[part.joint].offset_m;
+            part.place = place;
+            rotation = match part.hinge {
+                Some(hinge) => {
+                    let of = &self.robot.hinges()[hinge];
+                    part.axis = rotation * (of.rest * of.axis);
+                    rotation * of.rotation(part.angle)
+                }
+                None => rotation * rotations[part.joint],
+            };
+        }
+        let far = goal.place.map_or(Vec3::ZERO, |goal| goal - place);
+        let turn = goal.rotation.map_or(Vec3::ZERO, |goal| {
+            let turn = align_sign(goal * rotation.conjugate(), Quat::IDENTITY).normalize();
+            turn.to_scaled_axis() * METRES_PER_RAD
+        });
+        [far.x, far.y, far.z, turn.x, turn.y, turn.z]
+    }
+
+    /// What a radian of a hinge moves of the end.
+    fn column(&self, part: &Part, goal: &Goal) -> Column {
+        let end = self.parts[self.count - 1].place;
+        let moves = match goal.place {
+            Some(_) => part.axis.cross(end - part.place),
+            None => Vec3::ZERO,
+        };
+        let turns = match goal.rotation {
+            Some(_) => part.axis * METRES_PER_RAD,
+            None => Vec3::ZERO,
+        };
+        [moves.x, moves.y, moves.z, turns.x, turns.y, turns.z]
+    }
+
+    /// Turns all hinges a step towards what is lacking.
+    fn step(&mut self, lacking: &Column, goal: &Goal, damping: f32) {
+        let mut columns = [[0.0; 6]; MOST_JOINTS];
+        for (column, part) in columns.iter_mut().zip(&self.parts[..self.count]) {
+            if part.hinge.is_some() {
+                *column = self.column(part, goal);
+            }
+        }
+        let mut turns = [0.0_f32; MOST_JOINTS];
+        // A hinge that would leave its limits stays out of it, and the others make up for it.
+        for _ in 0..3 {
+            let Some(weights) = weights(&columns[..self.count], lacking, damping) else {
+                return;
+            };
+            let mut all_free = true;
+            for nth in 0..self.count {
+                turns[nth] = dot(&columns[nth], &weights);
+                if self.is_held(nth, turns[nth]) {
+                    columns[nth] = [0.0; 6];
+                    turns[nth] = 0.0;
+                    all_free = false;
+                }
+            }
+            if all_free {
+                break;
+            }
+        }
+        let most = turns.iter().fold(0.0_f32, |most, turn| most.max(turn.abs()));
+        let share = (MOST_STEP / most.max(MOST_STEP)).min(1.0);
+        for (part, turn) in self.parts[..self.count].iter_mut().zip(turns) {
+            if let Some(hinge) = part.hinge {
+                part.angle = self.robot.hinges()[hinge].limited(part.angle + turn * share);
+            }
+        }
+    }
+
+    /// Whether a hinge is at a limit that it would go beyond.
+    fn is_held(&self, nth: usize, turn: f32) -> bool {
+        let part = &self.parts[nth];
+        part.hinge.is_some_and(|hinge| {
+            let of = &self.robot.hinges()[hinge];
+            (turn < 0.0 && part.angle <= of.lower_rad) || (turn > 0.0 && part.angle >= of.upper_rad)
+        })
+    }
+}
+
+fn dot(a: &Column, b: &Column) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn length(of: &Column) -> f32 {
+    dot(of, of).sqrt()
+}
+
+/// `(J Jᵀ + damping²)⁻¹ lacking`, with the columns of J, by Cholesky's decomposition. `None` where rounding leaves none.
+fn weights(columns: &[Column], lacking: &Column, damping: f32) -> Option<Column> {
+    let mut l = [[0.0_f32; 6]; 6];
+    for row in 0..6 {
+        for col in 0..=row {
+            let of_columns: f32 = columns.iter().map(|column| column[row] * column[col]).sum();
+            let before: f32 = (0..col).map(|k| l[row][k] * l[col][k]).sum();
+            l[row][col] = if row == col {
+                let square = of_columns + damping * damping - before;
+                if square <= 0.0 {
+                    return None;
+                }
+                square.sqrt()
+            } else {
+                (of_columns - before) / l[col][col]
+            };
+        }
+    }
+    let mut x = *lacking;
+    for row in 0..6 {
+        let before: f32 = (0..row).map(|k| l[row][k] * x[k]).sum();
+        x[row] = (x[row] - before) / l[row][row];
+    }
+    for row in (0..6).rev() {
+        let behind: f32 = (row + 1..6).map(|k| l[k][row] * x[k]).sum();
+        x[row] = (x[row] - behind) / l[row][row];
+    }
+    Some(x)
+}

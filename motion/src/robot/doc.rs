@@ -1,0 +1,252 @@
+//! The written form of a robot, as the table `[robot]` of a `pack.toml`, and its checks.
+
+use glam::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
+
+use super::{Hinge, Link, Robot};
+use crate::rotation::from_wxyz;
+use crate::skeleton::Skeleton;
+
+/// How far an axis or a rotation may be from unit length.
+const UNIT_TOLERANCE: f32 = 1e-3;
+/// Largest angle that a limit may be, radians either way.
+const MAX_LIMIT_RAD: f32 = 100.0;
+
+/// A robot as it is written: joints by name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotDoc {
+    /// The robot's name, as in its URDF.
+    pub name: String,
+    /// The hinges, in the order of MuJoCo's `qpos`.
+    pub hinges: Vec<HingeDoc>,
+}
+
+/// A hinge as it is written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HingeDoc {
+    /// A joint of the skeleton.
+    pub joint: String,
+    /// The axis in the joint's own frame, native axes, unit length.
+    pub axis: Vec3,
+    /// (w, x, y, z): the joint's rotation relative to its parent at angle 0, native axes.
+    pub rest: [f32; 4],
+    /// Smallest angle, radians.
+    pub lower_rad: f32,
+    /// Largest angle, radians.
+    pub upper_rad: f32,
+    /// The fastest that it turns, radians a second.
+    pub max_speed_rad_per_s: f32,
+}
+
+/// Why a robot was refused. `hinge` is the place of the hinge at fault.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RobotError {
+    /// No name.
+    #[error("robot.name is empty; allowed: the name of the robot")]
+    Name,
+    /// No hinges.
+    #[error("robot.hinges is empty; allowed: at least one hinge")]
+    Empty,
+    /// A name that is no joint's.
+    #[error("robot.hinges[{hinge}].joint is {joint:?}; allowed: a joint of the skeleton")]
+    UnknownJoint {
+        #[allow(missing_docs)]
+        hinge: usize,
+        /// The name.
+        joint: String,
+    },
+    /// The root joint, which floats freely.
+    #[error(
+        "robot.hinges[{hinge}].joint is {joint:?}, the root, which floats; allowed: a joint that has a parent"
+    )]
+    Root {
+        #[allow(missing_docs)]
+        hinge: usize,
+        /// The root's name.
+        joint: String,
+    },
+    /// A joint with two hinges.
+    #[error(
+        "robot.hinges[{hinge}].joint is {joint:?}, as that of a hinge before it; allowed: each joint once"
+    )]
+    Twice {
+        #[allow(missing_docs)]
+        hinge: usize,
+        /// The joint's name.
+        joint: String,
+    },
+    /// A hinge that comes before one that it hangs from.
+    #[error(
+        "robot.hinges[{hinge}].joint is {joint:?}, which comes before {above:?} that it hangs from; allowed: parents first"
+    )]
+    Order {
+        #[allow(missing_docs)]
+        hinge: usize,
+        /// The joint's name.
+        joint: String,
+        /// The name of the joint above it.
+        above: String,
+    },
+    /// A vector or quaternion that is not of unit length.
+    #[error("robot.hinges[{hinge}].{field} has length {length}; allowed: 0.999 to 1.001")]
+    Length {
+        #[allow(missing_docs)]
+        hinge: usize,
+        /// `axis` or `rest`.
+        field: &'static str,
+        /// Its length.
+        length: f32,
+    },
+    /// A limit out of range.
+    #[error("robot.hinges[{hinge}].{field} is {found}; allowed: {allowed}")]
+    Limit {
+        #[allow(missing_docs)]
+        hinge: usize,
+        /// `lower_rad`, `upper_rad` or `max_speed_rad_per_s`.
+        field: &'static str,
+        /// What it is.
+        found: f32,
+        /// What it may be.
+        allowed: String,
+    },
+}
+
+impl RobotDoc {
+    /// Checks the robot and finds its joints in `skeleton`.
+    ///
+    /// # Errors
+    /// [`RobotError`] for the first value that is not accepted; its text names field and range.
+    pub fn on(&self, skeleton: &Skeleton) -> Result<Robot, RobotError> {
+        if self.name.is_empty() {
+            return Err(RobotError::Name);
+        }
+        if self.hinges.is_empty() {
+            return Err(RobotError::Empty);
+        }
+        let mut links: Vec<Link> = (skeleton.joints.iter())
+            .map(|joint| Link {
+                parent: joint.parent,
+                hinge: None,
+            })
+            .collect();
+        let mut hinges = Vec::with_capacity(self.hinges.len());
+        for (nth, doc) in self.hinges.iter().enumerate() {
+            let joint = joint_of(nth, &doc.joint, skeleton)?;
+            if links[joint].hinge.is_some() {
+                return Err(RobotError::Twice {
+                    hinge: nth,
+                    joint: doc.joint.clone(),
+                });
+            }
+            links[joint].hinge = Some(nth);
+            hinges.push(doc.check(nth, joint)?);
+        }
+        check_order(&hinges, &links, skeleton)?;
+        Ok(Robot {
+            name: self.name.clone(),
+            hinges,
+            links,
+        })
+    }
+}
+
+impl From<(&Robot, &Skeleton)> for RobotDoc {
+    fn from((robot, skeleton): (&Robot, &Skeleton)) -> Self {
+        let hinge = |of: &Hinge| HingeDoc {
+            joint: skeleton.joints[of.joint].name.clone(),
+            axis: of.axis,
+            rest: crate::rotation::to_wxyz(of.rest),
+            lower_rad: of.lower_rad,
+            upper_rad: of.upper_rad,
+            max_speed_rad_per_s: of.max_speed_rad_per_s,
+        };
+        Self {
+            name: robot.name.clone(),
+            hinges: robot.hinges.iter().map(hinge).collect(),
+        }
+    }
+}
+
+fn joint_of(hinge: usize, name: &str, skeleton: &Skeleton) -> Result<usize, RobotError> {
+    let joint = || name.to_owned();
+    match skeleton.joint_index(name) {
+        None => Err(RobotError::UnknownJoint {
+            hinge,
+            joint: joint(),
+        }),
+        Some(index) if skeleton.joints[index].parent.is_none() => Err(RobotError::Root {
+            hinge,
+            joint: joint(),
+        }),
+        Some(index) => Ok(index),
+    }
+}
+
+/// A hinge comes behind all that it hangs from.
+fn check_order(hinges: &[Hinge], links: &[Link], skeleton: &Skeleton) -> Result<(), RobotError> {
+    for (nth, hinge) in hinges.iter().enumerate() {
+        let mut above = links[hinge.joint].parent;
+        while let Some(joint) = above {
+            if links[joint].hinge.is_some_and(|of| of > nth) {
+                let name = |joint: usize| skeleton.joints[joint].name.clone();
+                return Err(RobotError::Order {
+                    hinge: nth,
+                    joint: name(hinge.joint),
+                    above: name(joint),
+                });
+            }
+            above = links[joint].parent;
+        }
+    }
+    Ok(())
+}
+
+impl HingeDoc {
+    fn check(&self, hinge: usize, joint: usize) -> Result<Hinge, RobotError> {
+        let unit = |field, length: f32| match (length - 1.0).abs() <= UNIT_TOLERANCE {
+            true => Ok(()),
+            // NaN too.
+            false => Err(RobotError::Length { hinge, field, length }),
+        };
+        unit("axis", self.axis.length())?;
+        let rest: Quat = from_wxyz(self.rest);
+        unit("rest", rest.length())?;
+        let limit = |field, found: f32, fits: bool, allowed: String| match fits {
+            true => Ok(()),
+            false => Err(RobotError::Limit {
+                hinge,
+                field,
+                found,
+                allowed,
+            }),
+        };
+        let (lower, upper, speed) = (self.lower_rad, self.upper_rad, self.max_speed_rad_per_s);
+        let low = (-MAX_LIMIT_RAD..=MAX_LIMIT_RAD).contains(&lower);
+        limit(
+            "lower_rad",
+            lower,
+            low,
+            format!("-{MAX_LIMIT_RAD} to {MAX_LIMIT_RAD}"),
+        )?;
+        let high = lower < upper && upper <= MAX_LIMIT_RAD;
+        limit(
+            "upper_rad",
+            upper,
+            high,
+            format!("above {lower}, to {MAX_LIMIT_RAD}"),
+        )?;
+        let fast = speed > 0.0 && speed.is_finite();
+        limit("max_speed_rad_per_s", speed, fast, "above 0".to_owned())?;
+        Ok(Hinge {
+            joint,
+            axis: self.axis.normalize(),
+            rest: rest.normalize(),
+            lower_rad: lower,
+            upper_rad: upper,
+            max_speed_rad_per_s: speed,
+        })
+    }
+}
