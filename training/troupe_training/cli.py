@@ -37,7 +37,22 @@ def _parser() -> argparse.ArgumentParser:
             help="metres per unit of the files; told from the pelvis height if left out",
         )
         command.add_argument(
-            "--split-list", type=Path, help="also write the names of the test clips here, one a line"
+            "--urdf", type=Path, help="the robot whose motion the CSV files hold; without it BVH files are read"
+        )
+        command.add_argument(
+            "--end-effector",
+            action="append",
+            default=[],
+            metavar="NAME=JOINT:x,y,z",
+            help="a point fixed to a robot's joint, metres in its URDF frame; adds to or replaces toes and hands",
+        )
+        command.add_argument("--include", help="regular expression: only files whose name it finds")
+        command.add_argument(
+            "--test-name",
+            help="regular expression: the test split is the files whose name it finds, not 5 %% by a hash",
+        )
+        command.add_argument(
+            "--split-list", type=Path, help="also write the names of the test files here, one a line"
         )
         command.add_argument("--workers", type=int, default=os.cpu_count(), help="parsing processes")
 
@@ -69,8 +84,8 @@ def _parser() -> argparse.ArgumentParser:
         )
         command.add_argument("--credit", action="append", default=[], help="whom to credit; may be repeated")
 
-    prepare = add("prepare", "A folder of BVH files -> cached features.")
-    prepare.add_argument("source", type=Path, help="folder of BVH files, searched recursively")
+    prepare = add("prepare", "A folder of BVH files, or of a robot's CSV files -> cached features.")
+    prepare.add_argument("source", type=Path, help="folder of BVH or CSV files, searched recursively")
     prepare.add_argument("--cache", type=Path, default=Path("runs/cache"), help="folder to write")
     data_options(prepare)
 
@@ -123,7 +138,28 @@ def _parser() -> argparse.ArgumentParser:
 def _prepare(args: argparse.Namespace) -> None:
     from troupe_training.prepare import prepare
 
-    prepare(args.source, args.cache, args.contact_joints, args.scale, args.workers, args.split_list)
+    prepare(
+        args.source,
+        args.cache,
+        _source(args),
+        args.workers,
+        args.split_list,
+        args.include,
+        args.test_name,
+    )
+
+
+def _source(args: argparse.Namespace):
+    """The reader of the data: a robot's CSV files where a URDF is given, else BVH."""
+    from troupe_training.bvh_source import BvhSource
+    from troupe_training.robot_source import RobotSource
+
+    if args.urdf is None:
+        return BvhSource(args.contact_joints, args.scale)
+    try:
+        return RobotSource(args.urdf, args.end_effector, args.contact_joints)
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
 
 
 def _prepare_once(args: argparse.Namespace) -> None:

@@ -1,4 +1,4 @@
-"""The pack's skeleton: joint names, parents, offsets, the pelvis's left axis, contact joints."""
+"""The pack's skeleton: joint names, parents, offsets, the pelvis's left axis, contact joints, a robot's hinges."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -9,7 +9,12 @@ import numpy as np
 
 @dataclass
 class Skeleton:
-    """Joints in file order with parents first; the first joint is the root (pelvis). Offsets in metres."""
+    """Joints in file order with parents first; the first joint is the root (pelvis). Offsets in metres.
+
+    ``robot`` is None for characters; for robots it holds ``name`` and ``hinges`` in the order of the motion file's columns,
+    each with ``joint``, ``axis`` and ``rest`` (w, x, y, z), limits and speed: world rotation of a hinge joint = parent's *
+    rest * rotation about the axis. Joints without a hinge turn with their parent.
+    """
 
     names: list[str]
     parents: list[int]
@@ -19,6 +24,7 @@ class Skeleton:
     contact_max_height_m: list[float] = field(default_factory=list)
     contact_max_speed_mps: float = 0.3
     contact_clearance_m: list[float] = field(default_factory=list)
+    robot: dict | None = None
 
     @property
     def joint_count(self) -> int:
