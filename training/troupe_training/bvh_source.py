@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from troupe_training.bvh import Bvh, BvhError, read_bvh
-from troupe_training.clips import CONTACT_MAX_SPEED_MPS, Clip, Motion, contact_thresholds
-from troupe_training.config import FPS
+from troupe_training.clips import CONTACT_MAX_SPEED_MPS, Clip, Motion, contact_thresholds, resample
 from troupe_training.sides import side_pairs
 from troupe_training.skeleton import Skeleton
 
@@ -22,6 +21,10 @@ class BvhSource:
         self.contact_names = contact_names
         self.scale = scale
 
+    def options(self) -> dict:
+        """What the result depends on besides the files, to tell caches apart."""
+        return {"contact_joints": self.contact_names, "scale": self.scale}
+
     def load(self, path: Path) -> Motion:
         """Parses one file. Raises `BvhError` with the reason where it cannot be used."""
         bvh = read_bvh(path)
@@ -34,7 +37,7 @@ class BvhSource:
         positions, local = positions * scale, local * scale
         if len(joints) > 1 and np.ptp(local[:, 1:], axis=0).max() > 1e-3:
             raise BvhError("bones change length over time")
-        positions, rotations = _resample(positions, rotations, bvh.frame_time)
+        positions, rotations = resample(positions, rotations, 1.0 / bvh.frame_time)
         parents = [j.parent - first if j.parent >= first else -1 for j in joints]
         return Motion([j.name for j in joints], parents, local[0], positions, rotations)
 
@@ -96,22 +99,3 @@ def _hips(names: list[str], parents: list[int]) -> tuple[int, int]:
     if not pairs:
         raise BvhError(f"cannot tell the left from the right hip among {[names[j] for j in hips]}")
     return hips[pairs[0][0]], hips[pairs[0][1]]
-
-
-def _resample(
-    positions: np.ndarray, rotations: np.ndarray, frame_time: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """To 30 fps: linear positions, and rotations by the nearest matrix to the linear mean."""
-    rate = 1.0 / frame_time
-    if abs(rate - FPS) < 5e-4 * FPS or len(positions) < 2:
-        return positions, rotations
-    times = np.arange(0.0, len(positions) - 1 + 1e-6, rate / FPS)
-    lower = np.minimum(times.astype(int), len(positions) - 2)
-    share = times - lower
-
-    def mix(values: np.ndarray) -> np.ndarray:
-        weight = share.reshape((-1,) + (1,) * (values.ndim - 1))
-        return values[lower] * (1 - weight) + values[lower + 1] * weight
-
-    u, _, v = np.linalg.svd(mix(rotations))
-    return mix(positions), u @ v

@@ -3,15 +3,25 @@
 import argparse
 import json
 import os
+import re
+from dataclasses import asdict
 from pathlib import Path
 
 import torch
 
-from troupe_training.config import PRESETS
+from troupe_training.config import FPS, PRESETS
 
 DEFAULT_MINUTES = {"tokenizer": 45.0, "root": 97.0, "pose": 41.0, "refine": 24.0}
 DEFAULT_SEEDS = {"tokenizer": 10, "root": 11, "pose": 12, "refine": 13}
 DEFAULT_RATES = {"tokenizer": 5e-4, "root": 5e-4, "pose": 5e-4, "refine": 4e-4}
+
+
+def _expression(text: str) -> str:
+    try:
+        re.compile(text)
+    except re.error as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no regular expression: {error}") from error
+    return text
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -37,7 +47,9 @@ def _parser() -> argparse.ArgumentParser:
             help="metres per unit of the files; told from the pelvis height if left out",
         )
         command.add_argument(
-            "--urdf", type=Path, help="the robot whose motion the CSV files hold; without it BVH files are read"
+            "--urdf",
+            type=Path,
+            help="the robot whose motion the CSV files hold; without it BVH files are read",
         )
         command.add_argument(
             "--end-effector",
@@ -46,13 +58,22 @@ def _parser() -> argparse.ArgumentParser:
             metavar="NAME=JOINT:x,y,z",
             help="a point fixed to a robot's joint, metres in its URDF frame; adds to or replaces toes and hands",
         )
-        command.add_argument("--include", help="regular expression: only files whose name it finds")
+        command.add_argument("--fps", type=float, default=FPS, help="frames a second of the CSV files")
+        command.add_argument(
+            "--include", type=_expression, help="regular expression: only files whose name it finds"
+        )
         command.add_argument(
             "--test-name",
+            type=_expression,
             help="regular expression: the test split is the files whose name it finds, not 5 %% by a hash",
         )
         command.add_argument(
             "--split-list", type=Path, help="also write the names of the test files here, one a line"
+        )
+        command.add_argument(
+            "--mirror",
+            action="store_true",
+            help="also train on every clip as seen in a mirror, left and right swapped",
         )
         command.add_argument("--workers", type=int, default=os.cpu_count(), help="parsing processes")
 
@@ -125,9 +146,11 @@ def _parser() -> argparse.ArgumentParser:
     random.add_argument("--seed", type=int, default=1, help="random seed")
 
     pack = add(
-        "pack", "A folder of BVH files -> a trained pack: prepare, all stages, export, in one command."
+        "pack",
+        "A folder of BVH files, or of a robot's CSV files and its URDF -> a trained pack: prepare, all stages, export, in "
+        "one command.",
     )
-    pack.add_argument("source", type=Path, help="folder of BVH files")
+    pack.add_argument("source", type=Path, help="folder of BVH or CSV files, searched recursively")
     data_options(pack)
     training_options(pack)
     export_options(pack)
@@ -138,15 +161,13 @@ def _parser() -> argparse.ArgumentParser:
 def _prepare(args: argparse.Namespace) -> None:
     from troupe_training.prepare import prepare
 
-    prepare(
-        args.source,
-        args.cache,
-        _source(args),
-        args.workers,
-        args.split_list,
-        args.include,
-        args.test_name,
-    )
+    prepare(args.source, args.cache, _source(args), args.workers, args.split_list, _choice(args))
+
+
+def _choice(args: argparse.Namespace):
+    from troupe_training.prepare import Choice
+
+    return Choice(args.include, args.test_name, args.mirror)
 
 
 def _source(args: argparse.Namespace):
@@ -157,20 +178,27 @@ def _source(args: argparse.Namespace):
     if args.urdf is None:
         return BvhSource(args.contact_joints, args.scale)
     try:
-        return RobotSource(args.urdf, args.end_effector, args.contact_joints)
+        return RobotSource(args.urdf, args.end_effector, args.contact_joints, args.fps)
     except ValueError as error:
         raise SystemExit(str(error)) from error
 
 
 def _prepare_once(args: argparse.Namespace) -> None:
-    """Prepares, unless the cache is there already; refuses a cache that was made from another folder."""
+    """Prepares, unless the cache is there already; refuses a cache that was made from another folder or otherwise."""
     index = args.cache / "clips.json"
     if not index.exists():
         _prepare(args)
         return
-    source = json.loads(index.read_text())["source"]
-    if Path(source) != args.source.resolve():
-        raise SystemExit(f"{args.cache} was made from {source}; choose another --name, or --run and --cache")
+    made = json.loads(index.read_text())
+    advice = "choose another --name, or --run and --cache"
+    if Path(made["source"]) != args.source.resolve():
+        raise SystemExit(f"{args.cache} was made from {made['source']}; {advice}")
+    wanted = _source(args).options() | asdict(_choice(args))
+    for option, value in made.get("options", wanted).items():
+        if value != wanted.get(option):
+            raise SystemExit(
+                f"{args.cache} was made with {option} = {value}, not {wanted.get(option)}; {advice}"
+            )
 
 
 def _train(args: argparse.Namespace, stage: str) -> bool:
@@ -199,7 +227,10 @@ def _export(args: argparse.Namespace) -> None:
     store = ClipStore(args.cache, "train")
     decoder_stage = "refine" if (args.run / "refine.pt").exists() else "tokenizer"
     tokenizer, root, pose = (load(args.run, s, store) for s in (decoder_stage, "root", "pose"))
-    training = {"clips": len(store.clips), "frames": sum(c["frames"] for c in store.clips)}
+    seen = [c for c in store.clips if not c.get("mirrored")]
+    training = {"clips": len(seen), "frames": sum(c["frames"] for c in seen)}
+    if len(seen) < len(store.clips):
+        training["mirrored"] = True
     config = None
     for stage in STAGES:
         path = args.run / f"{stage}.pt"

@@ -8,7 +8,7 @@ were dropped, cut or look odd, and why; ``skeleton.json`` is the skeleton that a
 import json
 import re
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -26,10 +26,25 @@ from troupe_training.clips import (
     in_test_split,
 )
 from troupe_training.config import FPS
+from troupe_training.mirror import mirror_of
 from troupe_training.robot_source import RobotSource
 from troupe_training.skeleton import Skeleton
 
 MAX_OFFSET_ERROR_M = 0.02
+NOTES_SHOWN = 4  # of one file; clips.json has them all
+
+
+@dataclass
+class Choice:
+    """Which files are taken and what for."""
+
+    include: str | None = None  # only files whose name this expression finds
+    test_name: str | None = None  # finds the names of the test split; a hash of the name tells where left out
+    mirror: bool = False  # adds the mirror image of every training clip
+
+    def tests(self, clip: Clip) -> bool:
+        """True for clips kept for testing."""
+        return in_test_split(clip.file, self.test_name)
 
 
 @dataclass
@@ -84,16 +99,14 @@ def prepare(
     source: BvhSource | RobotSource | None = None,
     workers: int = 1,
     split_list: Path | None = None,
-    include: str | None = None,
-    test_name: str | None = None,
+    choice: Choice | None = None,
 ) -> None:
     """Builds the cache and prints what was kept, cut and dropped, by name and reason.
 
-    ``include`` takes the files alone whose name the expression finds; ``test_name`` finds those of the test split (by a
-    hash of the name where left out). ``split_list`` also gets the names of the test files, one a line.
+    ``split_list`` also gets the names of the test files, one a line.
     """
-    source = source or BvhSource()
-    files = _files(folder, source, include)
+    source, choice = source or BvhSource(), choice or Choice()
+    files = _files(folder, source, choice.include)
     with ProcessPoolExecutor(workers) as pool:
         results = pool.map(partial(_load, source=source), files, chunksize=1 + len(files) // (16 * workers))
         loaded = list(tqdm(results, total=len(files), desc="prepare"))
@@ -105,42 +118,48 @@ def prepare(
     kept = [one for one in loaded if one.dropped is None]
     clips = [clip for one in kept for clip in one.clips]
     offsets = np.median([one.offsets for one in kept], axis=0)
+    notes = {one.file: one.notes for one in kept if one.notes}
     try:
         skeleton = source.skeleton(kept[0].names, kept[0].parents, offsets, clips)
+        if choice.mirror:
+            trained = [c for c in clips if not choice.tests(c)]
+            mirroring = mirror_of(skeleton, trained)
+            notes |= {"mirror": mirroring.notes} if mirroring.notes else {}
+            clips += [mirroring.clip(c) for c in trained]
     except ValueError as error:
         raise SystemExit(str(error)) from error
 
-    notes = {one.file: one.notes for one in kept if one.notes}
     for clip, floor in zip(clips, floor_errors(clips, skeleton), strict=True):
-        if abs(floor) > MAX_FLOOR_ERROR_M:
+        if abs(floor) > MAX_FLOOR_ERROR_M and not clip.mirrored:
             text = f"{clip.name}: its feet stand {floor:+.3f} m off the ground of the other clips"
             notes.setdefault(clip.file, []).append(text)
     dropped = {one.file: one.dropped for one in loaded if one.dropped is not None}
-    _write(Path(cache), skeleton, clips, test_name, {"source": str(Path(folder).resolve())}, dropped, notes)
-    tested = sorted({c.file for c in clips if in_test_split(c.file, test_name)})
+    tested = [choice.tests(c) for c in clips]
+    about = {"source": str(Path(folder).resolve()), "options": source.options() | asdict(choice)}
+    _write(Path(cache), skeleton, clips, tested, about | {"dropped": dropped, "notes": notes})
     if split_list is not None:
-        split_list.write_text("".join(name + "\n" for name in tested))
-    test = sum(in_test_split(c.file, test_name) for c in clips)
-    hours = sum(len(c.positions) for c in clips) / FPS / 3600
+        names = sorted({c.file for c, test in zip(clips, tested, strict=True) if test})
+        split_list.write_text("".join(name + "\n" for name in names))
+    _report(clips, sum(tested), dropped, notes)
+
+
+def _report(clips: list[Clip], test: int, dropped: dict[str, str], notes: dict[str, list[str]]) -> None:
+    mirrored = sum(c.mirrored for c in clips)
+    hours = sum(len(c.positions) for c in clips if not c.mirrored) / FPS / 3600
     print(
-        f"{len(clips)} clips, {hours:.2f} hours; {len(clips) - test} to train, {test} to test; {len(dropped)} dropped"
+        f"{len(clips) - mirrored} clips, {hours:.2f} hours; {len(clips) - mirrored - test} to train"
+        f"{' and as many mirrored' if mirrored else ''}, {test} to test; {len(dropped)} files dropped"
     )
     for name, reason in dropped.items():
         print(f"dropped {name}: {reason}")
     for name, texts in notes.items():
-        for text in texts:
+        for text in texts[:NOTES_SHOWN]:
             print(f"note {name}: {text}")
+        if len(texts) > NOTES_SHOWN:
+            print(f"note {name}: and {len(texts) - NOTES_SHOWN} more, all in clips.json")
 
 
-def _write(
-    cache: Path,
-    skeleton: Skeleton,
-    clips: list[Clip],
-    test_name: str | None,
-    about: dict,
-    dropped: dict[str, str],
-    notes: dict[str, list[str]],
-) -> None:
+def _write(cache: Path, skeleton: Skeleton, clips: list[Clip], tested: list[bool], about: dict) -> None:
     cache.mkdir(parents=True, exist_ok=True)
     skeleton.save(cache / "skeleton.json")
     left = np.array(skeleton.left_axis)
@@ -150,13 +169,11 @@ def _write(
     np.save(cache / "headings.npy", turned.astype(np.float32))
     np.save(cache / "contacts.npy", np.concatenate([detect_contacts(c.positions, skeleton) for c in clips]))
     start, index = 0, []
-    for clip in clips:
+    for clip, test in zip(clips, tested, strict=True):
         frames = len(clip.positions)
-        entry = {"name": clip.name, "start": start, "frames": frames}
-        entry["test"] = in_test_split(clip.file, test_name)
+        entry = {"name": clip.name, "start": start, "frames": frames, "test": test}
         if clip.name != clip.file:
             entry |= {"file": clip.file, "first_frame": clip.first_frame, "mirrored": clip.mirrored}
         index.append(entry)
         start += frames
-    text = json.dumps(about | {"clips": index, "dropped": dropped, "notes": notes}, indent=1)
-    (cache / "clips.json").write_text(text)
+    (cache / "clips.json").write_text(json.dumps(about | {"clips": index}, indent=1))

@@ -8,14 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
 
+from troupe_training.rotations import matrix_to_quat
 from troupe_training.sides import side_pairs
 from troupe_training.urdf import Shape, Urdf, UrdfError, UrdfJoint
 
 NATIVE_FROM_ROS = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 ROS_UP, ROS_FORWARD = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
 ROOT_COLUMNS = ["root x", "root y", "root z", "root qx", "root qy", "root qz", "root qw"]
-LAYER_M = 0.01  # points this near to the extreme one belong to the sole, to its front edge, to the end of a hand
+LAYER_M = (
+    0.01  # points this near to the extreme one belong to the sole, to its front edge, to the end of a hand
+)
 MIN_HAND_M = 0.01
 UNLIMITED_RAD_PER_S = 1000.0  # for hinges whose URDF tells no speed
 MAX_QUATERNION_ERROR = 0.02
@@ -123,10 +127,6 @@ def turn_about(axis: np.ndarray, rotations: np.ndarray) -> np.ndarray:
 
 
 def _quaternion(matrix: np.ndarray) -> np.ndarray:
-    import torch
-
-    from troupe_training.rotations import matrix_to_quat
-
     return matrix_to_quat(torch.from_numpy(matrix)[None])[0].numpy()
 
 
@@ -333,7 +333,9 @@ def read_motion(path: Path, robot: Robot) -> tuple[np.ndarray, np.ndarray, np.nd
     off = np.abs(norm - 1) > MAX_QUATERNION_ERROR
     if off.any():
         row = int(np.argmax(off))
-        raise RobotError(f"frame {row}: the root's quaternion (columns 4 to 7) has length {norm[row]:.3f}, not 1")
+        raise RobotError(
+            f"frame {row}: the root's quaternion (columns 4 to 7) has length {norm[row]:.3f}, not 1"
+        )
     x, y, z, w = (values[:, 3:7] / norm[:, None]).T
     ros = np.stack(
         [

@@ -4,24 +4,45 @@ from pathlib import Path
 
 import numpy as np
 
-from troupe_training.clips import CONTACT_MAX_SPEED_MPS, Clip, Motion, contact_thresholds
+from troupe_training.clips import (
+    CONTACT_MAX_SPEED_MPS,
+    Clip,
+    Motion,
+    contact_thresholds,
+    mix,
+    resample,
+    resample_times,
+)
+from troupe_training.config import FPS
 from troupe_training.robot import RobotError, build_robot, read_motion
 from troupe_training.skeleton import Skeleton
 from troupe_training.urdf import read_urdf
 
 MAX_BEYOND_LIMIT_RAD = 0.5
-NOTED_BEYOND_LIMIT_RAD = 0.02
+NOTED_BEYOND_LIMIT_RAD = 0.05
 MIN_UPRIGHT_SHARE = 0.5
 LEFT_AXIS = [1.0, 0.0, 0.0]  # ROS's +Y
 
 
 class RobotSource:
-    """Reads CSV files at 30 Hz in the order of the URDF's hinges."""
+    """Reads CSV files of ``fps`` frames a second in the order of the URDF's hinges."""
 
     suffix = ".csv"
 
-    def __init__(self, urdf: Path, end_effectors: list[str] = (), contact_names: list[str] | None = None):
+    def __init__(
+        self,
+        urdf: Path,
+        end_effectors: list[str] = (),
+        contact_names: list[str] | None = None,
+        fps: float = FPS,
+    ):
+        self.fps = fps
         self.robot = build_robot(read_urdf(urdf), list(end_effectors), contact_names)
+        self._options = {"urdf": str(Path(urdf).resolve()), "end_effectors": list(end_effectors), "fps": fps}
+
+    def options(self) -> dict:
+        """What the result depends on besides the files, to tell caches apart."""
+        return self._options | {"contact_joints": self.robot.contacts}
 
     def load(self, path: Path) -> Motion:
         """Reads one file. Raises `RobotError` with the column's name where it does not fit the robot."""
@@ -33,6 +54,10 @@ class RobotSource:
             notes.append(
                 f"the root stands upright in {upright:.0%} of the frames: is its quaternion x y z w, and Z up?"
             )
+        times = resample_times(len(angles), self.fps)
+        if times is not None:
+            root_positions, root_rotations = resample(root_positions, root_rotations, self.fps)
+            angles = mix(angles, times)
         positions, rotations = robot.world(root_positions, root_rotations, angles)
         return Motion(robot.names, robot.parents, robot.offsets, positions, rotations, notes)
 
@@ -50,7 +75,9 @@ class RobotSource:
                 )
             if (beyond > NOTED_BEYOND_LIMIT_RAD).any():
                 share = (beyond > NOTED_BEYOND_LIMIT_RAD).mean()
-                notes.append(f"{column} is up to {beyond.max():.2f} rad beyond {limits}, in {share:.1%} of frames")
+                notes.append(
+                    f"{column} is up to {beyond.max():.2f} rad beyond {limits}, in {share:.1%} of frames"
+                )
         return notes
 
     def skeleton(

@@ -41,6 +41,15 @@ class Skeleton:
                 k = self.parents[k]
         return matrix
 
+    def forward_kinematics(self, root: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+        """World positions ``[F, J, 3]`` from root positions ``[F, 3]`` and world rotations ``[F, J, 3, 3]``."""
+        positions = np.zeros((*rotations.shape[:2], 3))
+        positions[:, 0] = root
+        for j in range(1, self.joint_count):
+            parent = self.parents[j]
+            positions[:, j] = positions[:, parent] + rotations[:, parent] @ np.array(self.offsets[j])
+        return positions
+
     def save(self, path: Path) -> None:
         """Writes the skeleton as JSON."""
         Path(path).write_text(json.dumps(asdict(self), indent=1))
