@@ -175,6 +175,10 @@ def _source(args: argparse.Namespace):
     from troupe_training.bvh_source import BvhSource
     from troupe_training.robot_source import RobotSource
 
+    if args.urdf is None and args.end_effector:
+        raise SystemExit("--end-effector is for robots: it needs --urdf")
+    if args.urdf is not None and args.scale is not None:
+        raise SystemExit("--scale is for BVH files: a robot's are in metres")
     if args.urdf is None:
         return BvhSource(args.contact_joints, args.scale)
     try:
@@ -243,7 +247,8 @@ def _export(args: argparse.Namespace) -> None:
     training = {k: v for k, v in training.items() if v is not None}
     about = {"licence": args.licence, "credits": args.credit, "training": training}
     export_pack(args.out, args.name, args.version, config, store, tokenizer, root, pose, about)
-    plot_curves(args.run, args.out / "curves.png")
+    if any(name.endswith("_final_loss") for name in training):  # none after a handful of updates
+        plot_curves(args.run, args.out / "curves.png")
 
 
 def _evaluate(args: argparse.Namespace) -> None:

@@ -3,6 +3,7 @@
 import hashlib
 import re
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import PurePath
 
 import numpy as np
@@ -160,7 +161,7 @@ def _pieces(left_out: np.ndarray, cuts: list[int]) -> list[tuple[int, int]]:
     for first, end in _runs(~left_out):
         inside = [c for c in cuts if first < c < end]
         borders = [first, *inside, end]
-        pieces += list(zip(borders[:-1], borders[1:], strict=True))
+        pieces += list(pairwise(borders))
     return pieces
 
 

@@ -169,7 +169,11 @@ def _average_axes(skeleton: Skeleton, partners: list[int], clips: list[Clip]) ->
             continue
         angle, local[j] = min(fitting, key=lambda fit: fit[0])
         if angle > MAX_POSE_ERROR_DEG:
-            errors.append(f"the average pose of {name} is {angle:.0f}° off the mirror image of {other}'s")
+            single = [skeleton.names[k] for k in children if partners[k] == k]
+            errors.append(
+                f"the average pose of {name} is {angle:.0f}° off the mirror image of {other}'s"
+                + (f"; below it {single} have no partner" if single else "")
+            )
     if errors:
         raise MirrorError("the skeleton cannot be mirrored: " + "; ".join(errors))
     return local

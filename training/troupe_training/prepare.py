@@ -72,7 +72,8 @@ def _load(path: Path, source: BvhSource | RobotSource) -> Loaded:
 def _files(folder: Path, source: BvhSource | RobotSource, include: str | None) -> list[Path]:
     files = sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() == source.suffix)
     if not files:
-        raise SystemExit(f"no {source.suffix} file under {folder}")
+        hint = "; CSV files need their robot's --urdf" if any(Path(folder).rglob("*.csv")) else ""
+        raise SystemExit(f"no {source.suffix} file under {folder}{hint}")
     files = [p for p in files if include is None or re.search(include, p.name)]
     if not files:
         raise SystemExit(f"no {source.suffix} file under {folder} has a name that fits {include!r}")

@@ -17,9 +17,8 @@ from troupe_training.urdf import Shape, Urdf, UrdfError, UrdfJoint
 NATIVE_FROM_ROS = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 ROS_UP, ROS_FORWARD = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
 ROOT_COLUMNS = ["root x", "root y", "root z", "root qx", "root qy", "root qz", "root qw"]
-LAYER_M = (
-    0.01  # points this near to the extreme one belong to the sole, to its front edge, to the end of a hand
-)
+# Points this near to the extreme one belong to the sole, to its front edge, to the end of a hand.
+LAYER_M = 0.01
 MIN_HAND_M = 0.01
 UNLIMITED_RAD_PER_S = 1000.0  # for hinges whose URDF tells no speed
 MAX_QUATERNION_ERROR = 0.02
@@ -252,13 +251,13 @@ class _Tree:
         found, legs = [], self.legs()
         for leaf, side in legs:
             if f"{side}_toe" not in given:
-                found.append((f"{side}_toe", leaf, self._toe(leaf)))
+                found.append((f"{side}_toe", leaf, self._toe(leaf, f"{side}_toe")))
         arms = [pair for pair in self._limbs() if pair[0] != legs[0][0]]
         for pair in arms:
             for leaf, side in zip(pair, ("left", "right"), strict=True):
                 name = f"{side}_hand" if len(arms) == 1 else f"{self.names[leaf]}_end"
                 if name not in given:
-                    found.append((name, leaf, self._hand(leaf)))
+                    found.append((name, leaf, self._hand(leaf, name)))
         return found
 
     def _points(self, leaf: int, name: str, down: np.ndarray) -> np.ndarray:
@@ -272,10 +271,10 @@ class _Tree:
             )
         return np.concatenate([shape.surface(down) for shape in shapes])
 
-    def _toe(self, leaf: int) -> np.ndarray:
+    def _toe(self, leaf: int, name: str) -> np.ndarray:
         """The middle of the sole's front edge, in the leaf's frame: the sole is what is lowest at angle 0."""
         down, forward = (self.zero_rotations[leaf].T @ v for v in (-ROS_UP, ROS_FORWARD))
-        points = self._points(leaf, "left_toe", down)
+        points = self._points(leaf, name, down)
         depth = points @ down
         sole = points[depth > depth.max() - LAYER_M]
         ahead = sole @ forward
@@ -284,12 +283,12 @@ class _Tree:
         middle = (np.min(front @ across) + np.max(front @ across)) / 2
         return ahead.max() * forward + depth.max() * down + middle * across
 
-    def _hand(self, leaf: int) -> np.ndarray:
+    def _hand(self, leaf: int, name: str) -> np.ndarray:
         """The farthest link fixed to the last one; without any, the far end of that link's shape."""
         fixed = self._fixed(self.links[leaf], np.zeros(3), np.eye(3))
         if fixed:
             return max(fixed, key=np.linalg.norm)
-        points = self._points(leaf, "left_hand", -ROS_UP)
+        points = self._points(leaf, name, -ROS_UP)
         middle = (points.min(0) + points.max(0)) / 2
         axis = np.zeros(3)
         axis[np.argmax(np.abs(middle))] = np.sign(middle[np.argmax(np.abs(middle))])

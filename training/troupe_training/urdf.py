@@ -4,9 +4,9 @@ A URDF is small and its subset plain XML, so Python's own reader does. Frames ar
 """
 
 import struct
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -82,6 +82,10 @@ class Urdf:
         """The joints below a link, in the file's order."""
         return [joint for joint in self.joints if joint.parent == link]
 
+    def below(self, link: str) -> set[str]:
+        """A link and every link that hangs on it."""
+        return {link}.union(*(self.below(joint.child) for joint in self.children(link)))
+
 
 def read_urdf(path: Path) -> Urdf:
     """Parses a file. Raises `UrdfError` where it is no URDF, has no tree of links, or a number is none."""
@@ -107,7 +111,12 @@ def read_urdf(path: Path) -> Urdf:
     roots = [name for name in links if name not in children]
     if len(roots) != 1:
         raise UrdfError(f"{path}: a tree has one root link, this has {roots or 'none'}")
-    return Urdf(root.get("name", Path(path).stem), roots[0], links, joints)
+    urdf = Urdf(root.get("name", Path(path).stem), roots[0], links, joints)
+    reached = urdf.below(roots[0])
+    ring = [joint.name for joint in joints if joint.child not in reached]
+    if ring:
+        raise UrdfError(f"joints {ring} form a ring")
+    return urdf
 
 
 def _numbers(element, attribute: str, default: str, count: int, where: str) -> np.ndarray:
