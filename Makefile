@@ -43,7 +43,8 @@ real-clips:
 		mv $(REAL_CLIPS).partial/bandai-namco $(REAL_CLIPS) && rm -rf $(REAL_CLIPS).partial; \
 	fi
 
-# Trains a pack from a folder of BVH files: make pack DATA=folder OUT=models/mine (ARGS="--minutes 5" for a short try)
+# Trains a pack from a folder of BVH files: make pack DATA=folder OUT=models/mine (ARGS="--minutes 5" for a short try), or of a
+# robot's CSV files: make pack DATA=folder OUT=models/my-robot ARGS="--urdf robot.urdf"
 pack: python-env
 	.venv/bin/troupe-train pack "$(DATA)" --out "$(or $(OUT),models/mine)" --name "$(notdir $(or $(OUT),models/mine))" $(ARGS)
 

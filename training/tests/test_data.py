@@ -9,9 +9,9 @@ import torch
 from tests_support import random_rotations
 
 from troupe_training.bvh import BvhError, read_bvh
+from troupe_training.bvh_source import BvhSource
 from troupe_training.features import ClipStore, kind_of, random_keyframe_mask, random_slot_masks
 from troupe_training.losses import Kinematics
-from troupe_training.prepare import load_clip
 from troupe_training.rotations import (
     matrix_to_quat,
     matrix_to_six_d,
@@ -136,6 +136,6 @@ def test_a_moving_joint_above_the_pelvis_carries_it(tmp_path: Path, bvh_folder: 
         values[0], values[2], values[6], values[8] = values[6], values[8], "0", "0"
         lines[i] = " ".join(values)
     (tmp_path / "moved.bvh").write_text("\n".join(lines) + "\n")
-    moved, plain = load_clip(tmp_path / "moved.bvh"), load_clip(bvh_folder / "walk_00.bvh")
-    assert moved["names"] == plain["names"]
-    assert np.allclose(moved["positions"], plain["positions"], atol=1e-4)
+    moved, plain = (BvhSource().load(p) for p in (tmp_path / "moved.bvh", bvh_folder / "walk_00.bvh"))
+    assert moved.names == plain.names
+    assert np.allclose(moved.positions, plain.positions, atol=1e-4)

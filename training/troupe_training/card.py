@@ -56,6 +56,11 @@ def _table(gap: dict) -> str:
     return "\n".join(lines)
 
 
+def _hinges(manifest: dict) -> str:
+    robot = manifest.get("robot")
+    return f" of the robot {robot['name']}, {len(robot['hinges'])} of which are hinges" if robot else ""
+
+
 def _training_rows(training: dict) -> str:
     stages = ("tokenizer", "root", "pose", "refine")
     rows = ["| stage | updates | minutes | final loss |", "|---|---:|---:|---:|"]
@@ -84,13 +89,16 @@ def write_card(pack: Path, evaluation: Path, notes: Path | None) -> None:
         f"# {manifest['name']} {manifest['version']}",
         (
             f"{manifest['parameters'] / 1e6:.1f} million parameters, {size:.0f} MB in 16-bit weights, "
-            f"{len(manifest['skeleton']['joints'])} joints, {manifest['fps']:.0f} Hz, segments of 12 to 64 frames, "
+            f"{len(manifest['skeleton']['joints'])} joints{_hinges(manifest)}, {manifest['fps']:.0f} Hz, segments of 12 to 64 frames, "
             f"{manifest['heads']} heads of {manifest['codes']} codes."
         ),
         f"Licence of the weights: {manifest['licence']}. Credits: {'; '.join(manifest['credits'])}.",
         notes.read_text().strip() if notes else "",
         "## Training",
-        f"{training['clips']} clips, {training['frames']} frames ({training['frames'] / 30 / 3600:.2f} hours).",
+        (
+            f"{training['clips']} clips, {training['frames']} frames ({training['frames'] / 30 / 3600:.2f} hours)"
+            f"{', and each as seen in a mirror' if training.get('mirrored') else ''}."
+        ),
         _training_rows(training),
         "![Loss curves](curves.png)" if (Path(pack) / "curves.png").exists() else "",
         "## Evaluation",

@@ -3,15 +3,25 @@
 import argparse
 import json
 import os
+import re
+from dataclasses import asdict
 from pathlib import Path
 
 import torch
 
-from troupe_training.config import BALANCE, PRESETS
+from troupe_training.config import BALANCE, FPS, PRESETS
 
 DEFAULT_MINUTES = {"tokenizer": 45.0, "root": 97.0, "pose": 41.0, "refine": 24.0}
 DEFAULT_SEEDS = {"tokenizer": 10, "root": 11, "pose": 12, "refine": 13}
 DEFAULT_RATES = {"tokenizer": 5e-4, "root": 5e-4, "pose": 5e-4, "refine": 4e-4}
+
+
+def _expression(text: str) -> str:
+    try:
+        re.compile(text)
+    except re.error as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no regular expression: {error}") from error
+    return text
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -37,7 +47,33 @@ def _parser() -> argparse.ArgumentParser:
             help="metres per unit of the files; told from the pelvis height if left out",
         )
         command.add_argument(
-            "--split-list", type=Path, help="also write the names of the test clips here, one a line"
+            "--urdf",
+            type=Path,
+            help="the robot whose motion the CSV files hold; without it BVH files are read",
+        )
+        command.add_argument(
+            "--end-effector",
+            action="append",
+            default=[],
+            metavar="NAME=JOINT:x,y,z",
+            help="a point fixed to a robot's joint, metres in its URDF frame; adds to or replaces toes and hands",
+        )
+        command.add_argument("--fps", type=float, default=FPS, help="frames a second of the CSV files")
+        command.add_argument(
+            "--include", type=_expression, help="regular expression: only files whose name it finds"
+        )
+        command.add_argument(
+            "--test-name",
+            type=_expression,
+            help="regular expression: the test split is the files whose name it finds, not 5 %% by a hash",
+        )
+        command.add_argument(
+            "--split-list", type=Path, help="also write the names of the test files here, one a line"
+        )
+        command.add_argument(
+            "--mirror",
+            action="store_true",
+            help="also train on every clip as seen in a mirror, left and right swapped",
         )
         command.add_argument("--workers", type=int, default=os.cpu_count(), help="parsing processes")
 
@@ -75,8 +111,8 @@ def _parser() -> argparse.ArgumentParser:
         )
         command.add_argument("--credit", action="append", default=[], help="whom to credit; may be repeated")
 
-    prepare = add("prepare", "A folder of BVH files -> cached features.")
-    prepare.add_argument("source", type=Path, help="folder of BVH files, searched recursively")
+    prepare = add("prepare", "A folder of BVH files, or of a robot's CSV files -> cached features.")
+    prepare.add_argument("source", type=Path, help="folder of BVH or CSV files, searched recursively")
     prepare.add_argument("--cache", type=Path, default=Path("runs/cache"), help="folder to write")
     data_options(prepare)
 
@@ -123,9 +159,11 @@ def _parser() -> argparse.ArgumentParser:
     random.add_argument("--seed", type=int, default=1, help="random seed")
 
     pack = add(
-        "pack", "A folder of BVH files -> a trained pack: prepare, all stages, export, in one command."
+        "pack",
+        "A folder of BVH files, or of a robot's CSV files and its URDF -> a trained pack: prepare, all stages, export, in "
+        "one command.",
     )
-    pack.add_argument("source", type=Path, help="folder of BVH files")
+    pack.add_argument("source", type=Path, help="folder of BVH or CSV files, searched recursively")
     data_options(pack)
     training_options(pack)
     export_options(pack)
@@ -136,18 +174,48 @@ def _parser() -> argparse.ArgumentParser:
 def _prepare(args: argparse.Namespace) -> None:
     from troupe_training.prepare import prepare
 
-    prepare(args.source, args.cache, args.contact_joints, args.scale, args.workers, args.split_list)
+    prepare(args.source, args.cache, _source(args), args.workers, args.split_list, _choice(args))
+
+
+def _choice(args: argparse.Namespace):
+    from troupe_training.prepare import Choice
+
+    return Choice(args.include, args.test_name, args.mirror)
+
+
+def _source(args: argparse.Namespace):
+    """The reader of the data: a robot's CSV files where a URDF is given, else BVH."""
+    from troupe_training.bvh_source import BvhSource
+    from troupe_training.robot_source import RobotSource
+
+    if args.urdf is None and args.end_effector:
+        raise SystemExit("--end-effector is for robots: it needs --urdf")
+    if args.urdf is not None and args.scale is not None:
+        raise SystemExit("--scale is for BVH files: a robot's are in metres")
+    if args.urdf is None:
+        return BvhSource(args.contact_joints, args.scale)
+    try:
+        return RobotSource(args.urdf, args.end_effector, args.contact_joints, args.fps)
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
 
 
 def _prepare_once(args: argparse.Namespace) -> None:
-    """Prepares, unless the cache is there already; refuses a cache that was made from another folder."""
+    """Prepares, unless the cache is there already; refuses a cache that was made from another folder or otherwise."""
     index = args.cache / "clips.json"
     if not index.exists():
         _prepare(args)
         return
-    source = json.loads(index.read_text())["source"]
-    if Path(source) != args.source.resolve():
-        raise SystemExit(f"{args.cache} was made from {source}; choose another --name, or --run and --cache")
+    made = json.loads(index.read_text())
+    advice = "choose another --name, or --run and --cache"
+    if Path(made["source"]) != args.source.resolve():
+        raise SystemExit(f"{args.cache} was made from {made['source']}; {advice}")
+    wanted = _source(args).options() | asdict(_choice(args))
+    for option, value in made.get("options", wanted).items():
+        if value != wanted.get(option):
+            raise SystemExit(
+                f"{args.cache} was made with {option} = {value}, not {wanted.get(option)}; {advice}"
+            )
 
 
 def _train(args: argparse.Namespace, stage: str) -> bool:
@@ -186,7 +254,10 @@ def _export(args: argparse.Namespace) -> None:
     store = ClipStore(args.cache, "train")
     decoder_stage = "refine" if (args.run / "refine.pt").exists() else "tokenizer"
     tokenizer, root, pose = (load(args.run, s, store) for s in (decoder_stage, "root", "pose"))
-    training = {"clips": len(store.clips), "frames": sum(c["frames"] for c in store.clips)}
+    seen = [c for c in store.clips if not c.get("mirrored")]
+    training = {"clips": len(seen), "frames": sum(c["frames"] for c in seen)}
+    if len(seen) < len(store.clips):
+        training["mirrored"] = True
     config = None
     for stage in STAGES:
         path = args.run / f"{stage}.pt"
@@ -199,7 +270,8 @@ def _export(args: argparse.Namespace) -> None:
     training = {k: v for k, v in training.items() if v is not None}
     about = {"licence": args.licence, "credits": args.credit, "training": training}
     export_pack(args.out, args.name, args.version, config, store, tokenizer, root, pose, about)
-    plot_curves(args.run, args.out / "curves.png")
+    if any(name.endswith("_final_loss") for name in training):  # none after a handful of updates
+        plot_curves(args.run, args.out / "curves.png")
 
 
 def _evaluate(args: argparse.Namespace) -> None:

@@ -314,7 +314,18 @@ def write_manifest(
             f"parent = {json.dumps(parent_name)}",
             f"offset_m = {json.dumps(offset)}",
         ]
+    lines += robot_lines(skeleton.robot)
     lines += ["", "[training]"] + [f"{k} = {json.dumps(v)}" for k, v in about.get("training", {}).items()]
     lines += ["", "# Largest difference between ONNX Runtime and PyTorch.", "[training.onnx_check]"]
     lines += [f"{k} = {v:.2e}" for k, v in about["onnx_check"].items()]
     (out / "pack.toml").write_text("\n".join(lines) + "\n")
+
+
+def robot_lines(robot: dict | None) -> list[str]:
+    """The ``[robot]`` table: hinges in the order of the motion files' columns; nothing for characters."""
+    if robot is None:
+        return []
+    lines = ["", "[robot]", f"name = {json.dumps(robot['name'])}"]
+    for hinge in robot["hinges"]:
+        lines += ["", "[[robot.hinges]]"] + [f"{key} = {json.dumps(value)}" for key, value in hinge.items()]
+    return lines

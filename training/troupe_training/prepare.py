@@ -1,251 +1,180 @@
-"""``prepare``: a folder of BVH files -> cached arrays that training reads.
+"""``prepare``: a folder of BVH files, or of a robot's CSV files -> cached arrays that training reads.
 
 The cache holds, for all clips end to end: world joint positions ``[F, J, 3]`` (metres), world rotations in 6D
-``[F, J, 6]``, headings ``[F]``, contacts ``[F, C]``; ``clips.json`` says which frames belong to which clip, which clips
-were dropped and why; ``skeleton.json`` is the skeleton that all kept clips share.
+``[F, J, 6]``, headings ``[F]``, contacts ``[F, C]``; ``clips.json`` says which frames belong to which clip, which files
+were dropped, cut or look odd, and why; ``skeleton.json`` is the skeleton that all kept clips share.
 """
 
-import hashlib
 import json
 import re
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
 
-from troupe_training.bvh import Bvh, BvhError, read_bvh
+from troupe_training.bvh_source import BvhSource
+from troupe_training.clips import (
+    MAX_FLOOR_ERROR_M,
+    Clip,
+    cut,
+    detect_contacts,
+    floor_errors,
+    headings,
+    in_test_split,
+)
+from troupe_training.config import FPS
+from troupe_training.mirror import mirror_of
+from troupe_training.robot_source import RobotSource
 from troupe_training.skeleton import Skeleton
 
-FPS = 30.0
-MIN_CLIP_FRAMES = 16
-MAX_JOINT_SPEED_MPS = 20.0
-MAX_BELOW_GROUND_M = 0.15
 MAX_OFFSET_ERROR_M = 0.02
-CONTACT_HEIGHT_MARGIN_M = 0.05
-CONTACT_MAX_SPEED_MPS = 0.4
+NOTES_SHOWN = 4  # of one file; clips.json has them all
 
 
-def in_test_split(name: str) -> bool:
-    """True for the 5 % of clips kept for testing, chosen by a hash of the file's name."""
-    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big") % 20 == 0
+@dataclass
+class Choice:
+    """Which files are taken and what for."""
+
+    include: str | None = None  # only files whose name this expression finds
+    test_name: str | None = None  # finds the names of the test split; a hash of the name tells where left out
+    mirror: bool = False  # adds the mirror image of every training clip
+
+    def tests(self, clip: Clip) -> bool:
+        """True for clips kept for testing."""
+        return in_test_split(clip.file, self.test_name)
 
 
-def _pelvis(bvh: Bvh, local_positions: np.ndarray, rotations: np.ndarray) -> int:
-    """The joint that is the character's root: below joints (``joint_Root``) that only carry it, standing or moving.
+@dataclass
+class Loaded:
+    """What became of one file: its clips, or the reason why there are none."""
 
-    A joint carries its only child where the child has a position of its own and either the joint never moves or the
-    child moves relative to it.
-    """
-    positions = {"Xposition", "Yposition", "Zposition"}
-    joint = 0
-    while sum(j.parent == joint for j in bvh.joints) == 1 and positions <= set(
-        bvh.joints[joint + 1].channels
-    ):
-        tolerance = 1e-3 * max(np.abs(local_positions).max(), 1e-9)
-        still = max(np.ptp(v[:, joint], axis=0).max() for v in (local_positions, rotations)) < 1e-6
-        carried = np.ptp(local_positions[:, joint + 1], axis=0).max() > tolerance
-        if not (still or carried):
-            break
-        joint += 1
-    return joint
+    file: str
+    names: list[str] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    offsets: np.ndarray | None = None
+    clips: list[Clip] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    dropped: str | None = None
 
 
-def _side_pair(names: list[str], parents: list[int]) -> tuple[int, int]:
-    """The left and the right hip: two children of the root whose names differ in the side alone."""
-    hips = [j for j, p in enumerate(parents) if p == 0]
-    for left in hips:
-        mirrored = {
-            pattern.sub(other, names[left], count=1)
-            for pattern, other in _SIDES
-            if pattern.search(names[left])
-        }
-        for right in hips:
-            if right != left and names[right] in mirrored:
-                return left, right
-    raise BvhError(f"cannot tell the left from the right hip among {[names[j] for j in hips]}")
-
-
-_SIDES = (
-    (re.compile("Left"), "Right"),
-    (re.compile("left"), "right"),
-    (re.compile("LEFT"), "RIGHT"),
-    (re.compile(r"([_.:-])L$"), r"\1R"),
-    (re.compile(r"([_.:-])l$"), r"\1r"),
-    (re.compile(r"(^|[_.:-])L(?=[A-Z_.:-])"), r"\1R"),
-    (re.compile(r"(^|[_.:-])l(?=[A-Z_.:-])"), r"\1r"),
-)
-
-
-def load_clip(path: Path, scale: float | None = None) -> dict:
-    """Parses one file to metres and 30 fps. Raises `BvhError` with the reason where it cannot be used."""
-    bvh = read_bvh(path)
-    positions, rotations, local = bvh.world()
-    first = _pelvis(bvh, local, rotations)
-    positions, rotations, local = positions[:, first:], rotations[:, first:], local[:, first:]
-    joints = bvh.joints[first:]
-    if scale is None:  # a pelvis more than ten units high can only be in centimetres
-        scale = 0.01 if np.median(np.abs(positions[:, 0, 1])) > 10 else 1.0
-    positions, local = positions * scale, local * scale
-    if len(joints) > 1 and np.ptp(local[:, 1:], axis=0).max() > 1e-3:
-        raise BvhError("bones change length over time")
-    positions, rotations = _resample(positions, rotations, bvh.frame_time)
-    if len(positions) < MIN_CLIP_FRAMES:
-        raise BvhError(f"only {len(positions)} frames, at least {MIN_CLIP_FRAMES} are needed")
-    speed = np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() * FPS
-    if speed > MAX_JOINT_SPEED_MPS:
-        raise BvhError(f"a joint moves at {speed:.1f} m/s, at most {MAX_JOINT_SPEED_MPS:.0f} is believed")
-    if positions[..., 1].min() < -MAX_BELOW_GROUND_M:
-        raise BvhError(f"a joint is {-positions[..., 1].min():.2f} m below the ground")
-    return {
-        "names": [j.name for j in joints],
-        "parents": [j.parent - first if j.parent >= first else -1 for j in joints],
-        "offsets": local[0],
-        "positions": positions.astype(np.float32),
-        "six_d": np.concatenate([rotations[..., 0], rotations[..., 1]], -1).astype(np.float32),
-    }
-
-
-def _resample(
-    positions: np.ndarray, rotations: np.ndarray, frame_time: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """To 30 fps: linear positions, and rotations by the nearest matrix to the linear mean."""
-    rate = 1.0 / frame_time
-    if abs(rate - FPS) < 5e-4 * FPS or len(positions) < 2:
-        return positions, rotations
-    times = np.arange(0.0, len(positions) - 1 + 1e-6, rate / FPS)
-    lower = np.minimum(times.astype(int), len(positions) - 2)
-    share = times - lower
-
-    def mix(values: np.ndarray) -> np.ndarray:
-        weight = share.reshape((-1,) + (1,) * (values.ndim - 1))
-        return values[lower] * (1 - weight) + values[lower + 1] * weight
-
-    u, _, v = np.linalg.svd(mix(rotations))
-    return mix(positions), u @ v
-
-
-def _try_load(path: Path, scale: float | None) -> dict:
+def _load(path: Path, source: BvhSource | RobotSource) -> Loaded:
     try:
-        return {"path": path.name} | load_clip(path, scale)
-    except (BvhError, ValueError, LookupError, ArithmeticError, OSError, MemoryError) as error:
-        return {"path": path.name, "reason": str(error) or type(error).__name__}
+        motion = source.load(path)
+        clips, notes = cut(path.name, motion)
+    except (ValueError, LookupError, ArithmeticError, OSError, MemoryError) as error:
+        return Loaded(path.name, dropped=str(error) or type(error).__name__)
+    return Loaded(path.name, motion.names, motion.parents, motion.offsets, clips, notes)
 
 
-def _skeleton_of(clips: list[dict], contact_names: list[str] | None) -> Skeleton:
-    names, parents = clips[0]["names"], clips[0]["parents"]
-    offsets = np.median([c["offsets"] for c in clips], axis=0)
-    offsets[0] = 0.0
-    left, right = _side_pair(names, parents)
-    axis = offsets[left] - offsets[right]
-    axis = np.round(axis / np.linalg.norm(axis), 3)
-    if contact_names is None:
-        contact_names = [n for n in names if any(w in n.lower() for w in ("foot", "toe", "ankle"))]
-    unknown = [n for n in contact_names if n not in names]
-    if unknown or not contact_names:
-        raise BvhError(
-            f"contact joints {unknown or '(none found by name)'} are not among {names}; set --contact-joints"
-        )
-    contacts = [names.index(n) for n in contact_names]
-    heights = np.concatenate([c["positions"][:, contacts, 1] for c in clips])
-    clearance = np.percentile(heights, 1.0, axis=0)
-    return Skeleton(
-        names=names,
-        parents=parents,
-        offsets=[[round(float(v), 6) + 0.0 for v in o] for o in offsets],
-        left_axis=[float(v) for v in axis],
-        contact_joints=contacts,
-        contact_max_height_m=[round(float(h + CONTACT_HEIGHT_MARGIN_M), 4) for h in clearance],
-        contact_max_speed_mps=CONTACT_MAX_SPEED_MPS,
-        contact_clearance_m=[round(float(h), 4) for h in clearance],
-    )
+def _files(folder: Path, source: BvhSource | RobotSource, include: str | None) -> list[Path]:
+    files = sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() == source.suffix)
+    if not files:
+        hint = "; CSV files need their robot's --urdf" if any(Path(folder).rglob("*.csv")) else ""
+        raise SystemExit(f"no {source.suffix} file under {folder}{hint}")
+    files = [p for p in files if include is None or re.search(include, p.name)]
+    if not files:
+        raise SystemExit(f"no {source.suffix} file under {folder} has a name that fits {include!r}")
+    return files
 
 
-def headings(six_d: np.ndarray, left_axis: np.ndarray) -> np.ndarray:
-    """Heading of each frame from the pelvis rotation: left x up, projected on the ground."""
-    pelvis = six_d[:, 0].astype(np.float64)
-    x, y = pelvis[:, :3], pelvis[:, 3:]
-    matrix = np.stack([x, y, np.cross(x, y)], -1)
-    left = matrix @ left_axis
-    return np.arctan2(-left[:, 2], left[:, 0])
-
-
-def detect_contacts(positions: np.ndarray, skeleton: Skeleton) -> np.ndarray:
-    """``[F, C]`` of 0/1: a contact joint that is low and slow stands on the ground."""
-    feet = positions[:, skeleton.contact_joints]
-    speed = np.linalg.norm(np.diff(feet, axis=0, prepend=feet[:1]), axis=-1) * FPS
-    if len(speed) > 1:
-        speed[0] = speed[1]
-    low = feet[..., 1] < np.array(skeleton.contact_max_height_m)
-    return (low & (speed < skeleton.contact_max_speed_mps)).astype(np.float32)
+def _drop_odd_skeletons(loaded: list[Loaded]) -> None:
+    """Drops the files whose joints or bones are not those of the others."""
+    kept = [one for one in loaded if one.dropped is None]
+    for one in kept:
+        if one.names != kept[0].names:
+            one.dropped = "another skeleton than the first clip's"
+    kept = [one for one in kept if one.dropped is None]
+    usual = np.median([one.offsets for one in kept], axis=0)
+    for one in kept:
+        error = np.abs(one.offsets - usual)[1:].max(initial=0.0)
+        if error > MAX_OFFSET_ERROR_M:
+            one.dropped = f"a bone is {error:.3f} m off the usual length"
 
 
 def prepare(
-    source: Path,
+    folder: Path,
     cache: Path,
-    contact_names: list[str] | None = None,
-    scale: float | None = None,
+    source: BvhSource | RobotSource | None = None,
     workers: int = 1,
     split_list: Path | None = None,
+    choice: Choice | None = None,
 ) -> None:
-    """Builds the cache and prints what was kept and what was dropped, by name and reason.
+    """Builds the cache and prints what was kept, cut and dropped, by name and reason.
 
-    ``split_list`` also gets the names of the test clips, one a line.
+    ``split_list`` also gets the names of the test files, one a line.
     """
-    files = sorted(path for path in Path(source).rglob("*") if path.suffix.lower() == ".bvh")
-    if not files:
-        raise SystemExit(f"no .bvh file under {source}")
+    source, choice = source or BvhSource(), choice or Choice()
+    files = _files(folder, source, choice.include)
     with ProcessPoolExecutor(workers) as pool:
-        results = pool.map(partial(_try_load, scale=scale), files, chunksize=8)
+        results = pool.map(partial(_load, source=source), files, chunksize=1 + len(files) // (16 * workers))
         loaded = list(tqdm(results, total=len(files), desc="prepare"))
-    clips = [c for c in loaded if "reason" not in c]
-    dropped = {c["path"]: c["reason"] for c in loaded if "reason" in c}
-    if not clips:
-        raise SystemExit(f"none of {len(files)} files can be used, e.g. {next(iter(dropped.items()))}")
-    reference = clips[0]["names"]
-    for clip in [c for c in clips if c["names"] != reference]:
-        dropped[clip["path"]] = "another skeleton than the first clip's"
-    clips = [c for c in clips if c["names"] == reference]
-    usual = np.median([c["offsets"] for c in clips], axis=0)
-    for clip in clips:
-        error = np.abs(clip["offsets"] - usual)[1:].max(initial=0.0)
-        if error > MAX_OFFSET_ERROR_M:
-            dropped[clip["path"]] = f"a bone is {error:.3f} m off the usual length"
-    clips = [c for c in clips if c["path"] not in dropped]
+    if all(one.dropped for one in loaded):
+        raise SystemExit(
+            f"none of {len(files)} files can be used, e.g. {loaded[0].file}: {loaded[0].dropped}"
+        )
+    _drop_odd_skeletons(loaded)
+    kept = [one for one in loaded if one.dropped is None]
+    clips = [clip for one in kept for clip in one.clips]
+    offsets = np.median([one.offsets for one in kept], axis=0)
+    notes = {one.file: one.notes for one in kept if one.notes}
     try:
-        skeleton = _skeleton_of(clips, contact_names)
-    except BvhError as error:
+        skeleton = source.skeleton(kept[0].names, kept[0].parents, offsets, clips)
+        if choice.mirror:
+            trained = [c for c in clips if not choice.tests(c)]
+            mirroring = mirror_of(skeleton, trained)
+            notes |= {"mirror": mirroring.notes} if mirroring.notes else {}
+            clips += [mirroring.clip(c) for c in trained]
+    except ValueError as error:
         raise SystemExit(str(error)) from error
 
-    cache = Path(cache)
-    cache.mkdir(parents=True, exist_ok=True)
-    skeleton.save(cache / "skeleton.json")
-    left = np.array(skeleton.left_axis)
-    np.save(cache / "positions.npy", np.concatenate([c["positions"] for c in clips]))
-    np.save(cache / "six_d.npy", np.concatenate([c["six_d"] for c in clips]))
-    np.save(
-        cache / "headings.npy", np.concatenate([headings(c["six_d"], left) for c in clips]).astype(np.float32)
-    )
-    np.save(
-        cache / "contacts.npy", np.concatenate([detect_contacts(c["positions"], skeleton) for c in clips])
-    )
-    start, index = 0, []
-    for clip in clips:
-        length = len(clip["positions"])
-        index.append(
-            {"name": clip["path"], "start": start, "frames": length, "test": in_test_split(clip["path"])}
-        )
-        start += length
-    (cache / "clips.json").write_text(
-        json.dumps({"source": str(Path(source).resolve()), "clips": index, "dropped": dropped}, indent=1)
-    )
+    for clip, floor in zip(clips, floor_errors(clips, skeleton), strict=True):
+        if abs(floor) > MAX_FLOOR_ERROR_M and not clip.mirrored:
+            text = f"{clip.name}: its feet stand {floor:+.3f} m off the ground of the other clips"
+            notes.setdefault(clip.file, []).append(text)
+    dropped = {one.file: one.dropped for one in loaded if one.dropped is not None}
+    tested = [choice.tests(c) for c in clips]
+    about = {"source": str(Path(folder).resolve()), "options": source.options() | asdict(choice)}
+    _write(Path(cache), skeleton, clips, tested, about | {"dropped": dropped, "notes": notes})
     if split_list is not None:
-        split_list.write_text("".join(c["name"] + "\n" for c in index if c["test"]))
-    test = sum(c["test"] for c in index)
-    hours = start / FPS / 3600
+        names = sorted({c.file for c, test in zip(clips, tested, strict=True) if test})
+        split_list.write_text("".join(name + "\n" for name in names))
+    _report(clips, sum(tested), dropped, notes)
+
+
+def _report(clips: list[Clip], test: int, dropped: dict[str, str], notes: dict[str, list[str]]) -> None:
+    mirrored = sum(c.mirrored for c in clips)
+    hours = sum(len(c.positions) for c in clips if not c.mirrored) / FPS / 3600
     print(
-        f"{len(index)} clips, {hours:.2f} hours; {len(index) - test} to train, {test} to test; {len(dropped)} dropped"
+        f"{len(clips) - mirrored} clips, {hours:.2f} hours; {len(clips) - mirrored - test} to train"
+        f"{' and as many mirrored' if mirrored else ''}, {test} to test; {len(dropped)} files dropped"
     )
     for name, reason in dropped.items():
         print(f"dropped {name}: {reason}")
+    for name, texts in notes.items():
+        for text in texts[:NOTES_SHOWN]:
+            print(f"note {name}: {text}")
+        if len(texts) > NOTES_SHOWN:
+            print(f"note {name}: and {len(texts) - NOTES_SHOWN} more, all in clips.json")
+
+
+def _write(cache: Path, skeleton: Skeleton, clips: list[Clip], tested: list[bool], about: dict) -> None:
+    cache.mkdir(parents=True, exist_ok=True)
+    skeleton.save(cache / "skeleton.json")
+    left = np.array(skeleton.left_axis)
+    turned = np.concatenate([headings(c.six_d, left) for c in clips])
+    np.save(cache / "positions.npy", np.concatenate([c.positions for c in clips]))
+    np.save(cache / "six_d.npy", np.concatenate([c.six_d for c in clips]))
+    np.save(cache / "headings.npy", turned.astype(np.float32))
+    np.save(cache / "contacts.npy", np.concatenate([detect_contacts(c.positions, skeleton) for c in clips]))
+    start, index = 0, []
+    for clip, test in zip(clips, tested, strict=True):
+        frames = len(clip.positions)
+        entry = {"name": clip.name, "start": start, "frames": frames, "test": test}
+        if clip.name != clip.file:
+            entry |= {"file": clip.file, "first_frame": clip.first_frame, "mirrored": clip.mirrored}
+        index.append(entry)
+        start += frames
+    (cache / "clips.json").write_text(json.dumps(about | {"clips": index}, indent=1))

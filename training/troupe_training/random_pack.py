@@ -63,7 +63,8 @@ class RandomStore:
 
 def skeleton_of(pack: Path) -> Skeleton:
     """The skeleton in a pack's manifest."""
-    table = tomllib.loads((pack / "pack.toml").read_text())["skeleton"]
+    manifest = tomllib.loads((pack / "pack.toml").read_text())
+    table = manifest["skeleton"]
     names = [joint["name"] for joint in table["joints"]]
     contacts = table["contacts"]
     return Skeleton(
@@ -75,6 +76,7 @@ def skeleton_of(pack: Path) -> Skeleton:
         contact_max_height_m=contacts["max_height_m"],
         contact_max_speed_mps=contacts["max_speed_mps"],
         contact_clearance_m=contacts["clearance_m"],
+        robot=manifest.get("robot"),
     )
 
 

@@ -1,4 +1,4 @@
-"""The pack's skeleton: joint names, parents, offsets, the pelvis's left axis, contact joints."""
+"""The pack's skeleton: joint names, parents, offsets, the pelvis's left axis, contact joints, a robot's hinges."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -9,7 +9,12 @@ import numpy as np
 
 @dataclass
 class Skeleton:
-    """Joints in file order with parents first; the first joint is the root (pelvis). Offsets in metres."""
+    """Joints in file order with parents first; the first joint is the root (pelvis). Offsets in metres.
+
+    ``robot`` is None for characters; for robots it holds ``name`` and ``hinges`` in the order of the motion file's columns,
+    each with ``joint``, ``axis`` and ``rest`` (w, x, y, z), limits and speed: world rotation of a hinge joint = parent's *
+    rest * rotation about the axis. Joints without a hinge turn with their parent.
+    """
 
     names: list[str]
     parents: list[int]
@@ -19,6 +24,7 @@ class Skeleton:
     contact_max_height_m: list[float] = field(default_factory=list)
     contact_max_speed_mps: float = 0.3
     contact_clearance_m: list[float] = field(default_factory=list)
+    robot: dict | None = None
 
     @property
     def joint_count(self) -> int:
@@ -34,6 +40,15 @@ class Skeleton:
                 matrix[j, k] = 1.0
                 k = self.parents[k]
         return matrix
+
+    def forward_kinematics(self, root: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+        """World positions ``[F, J, 3]`` from root positions ``[F, 3]`` and world rotations ``[F, J, 3, 3]``."""
+        positions = np.zeros((*rotations.shape[:2], 3))
+        positions[:, 0] = root
+        for j in range(1, self.joint_count):
+            parent = self.parents[j]
+            positions[:, j] = positions[:, parent] + rotations[:, parent] @ np.array(self.offsets[j])
+        return positions
 
     def save(self, path: Path) -> None:
         """Writes the skeleton as JSON."""
