@@ -127,6 +127,10 @@ def _parser() -> argparse.ArgumentParser:
         "(leave it out to go on after a stop)",
     )
 
+    train.add_argument(
+        "--teacher", type=Path, help="run of a trained pack of a larger preset to learn from, for a small one"
+    )
+
     export = add("export", "Checkpoints -> a pack of ONNX files, checked against PyTorch.")
     export.add_argument("--run", type=Path, default=Path("runs/human"))
     export.add_argument("--cache", type=Path, default=Path("runs/cache"))
@@ -238,6 +242,7 @@ def _train(args: argparse.Namespace, stage: str) -> bool:
         args.device,
         balance=args.balance,
         fresh_schedule=getattr(args, "fresh_schedule", False),
+        teacher_run=getattr(args, "teacher", None),
     )
     if not done:
         print(f"{stage}: stopped; the same command goes on from the checkpoint")

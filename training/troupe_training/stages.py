@@ -21,6 +21,14 @@ from troupe_training.live import live_conditions
 from troupe_training.losses import Kinematics, reconstruction_losses
 from troupe_training.pose_module import PoseModule, cosine_token_mask
 from troupe_training.root_module import RootModule, baseline_trajectory
+from troupe_training.teacher import (
+    POSE_SHARE,
+    ROOT_SHARE,
+    Teacher,
+    load_teacher,
+    soft_target,
+    taught_entropy,
+)
 from troupe_training.tokenizer import Tokenizer
 from troupe_training.trainer import Budget, Trainer
 
@@ -98,11 +106,16 @@ def noisy_root(segments: Segments, mask: torch.Tensor, generator: torch.Generato
     return torch.cat([root[..., :3] + shift, turned], -1)
 
 
-def tokenizer_loss(store: ClipStore, frames_budget: int):
-    """Loss of the tokenizer: encode, quantise (with some tokens spoilt), decode with root and keyframes."""
+def tokenizer_loss(store: ClipStore, frames_budget: int, taught: bool = False):
+    """Loss of the tokenizer: encode, quantise (with some tokens spoilt), decode with root and keyframes.
+
+    ``taught``: its tokens are a teacher's, and only the decoder learns.
+    """
     kinematics = Kinematics(store.skeleton, store.device)
 
     def loss(model: Tokenizer, generator: torch.Generator, progress: float) -> dict[str, torch.Tensor]:
+        if taught:
+            model.quantizer.eval()
         segments = store.batch(frames_budget, generator)
         batch, frames = segments.pose.shape[:2]
         mask = random_keyframe_mask(batch, frames, generator).to(store.device)
@@ -174,7 +187,7 @@ def run_root(
     return logits, root[:, : segments.frames]
 
 
-def root_loss(store: ClipStore, frames_budget: int):
+def root_loss(store: ClipStore, frames_budget: int, teacher: RootModule | None = None):
     """Loss of the root module: cross-entropy of the count, and the trajectory in metres."""
 
     def loss(model: RootModule, generator: torch.Generator, progress: float) -> dict[str, torch.Tensor]:
@@ -191,11 +204,14 @@ def root_loss(store: ClipStore, frames_budget: int):
         weight = torch.ones(batch, frames, device=store.device)
         weight[:, :4] = 3.0
         weight[:, -4:] += 3.0 * masks["global_root"][:, 4:].to(store.device)
-        error = (root - segments.global_root).abs() * (weight / weight.mean())[..., None]
+        aim = segments.global_root
+        if teacher is not None:
+            with torch.no_grad():
+                taught = run_root(teacher, segments, masks, known)[1]
+            aim = soft_target(aim, taught, ROOT_SHARE)
+        error = (root - aim).abs() * (weight / weight.mean())[..., None]
         error[..., 1] = error[..., 1] * HEIGHT_WEIGHT
-        step = (
-            (root[:, 1:] - root[:, :-1]) - (segments.global_root[:, 1:] - segments.global_root[:, :-1])
-        ).abs() * 30.0
+        step = ((root[:, 1:] - root[:, :-1]) - (aim[:, 1:] - aim[:, :-1])).abs() * 30.0
         return {
             "count": 0.05 * count,
             "position": 2.0 * error[..., :3].mean(),
@@ -229,7 +245,13 @@ def mixed_root(
     return torch.where(use, predicted, segments.global_root)
 
 
-def pose_loss(store: ClipStore, frames_budget: int, tokenizer: Tokenizer, root: RootModule):
+def pose_loss(
+    store: ClipStore,
+    frames_budget: int,
+    tokenizer: Tokenizer,
+    root: RootModule,
+    teacher: PoseModule | None = None,
+):
     """Loss of the pose module: cross-entropy of the masked tokens."""
 
     def loss(model: PoseModule, generator: torch.Generator, progress: float) -> dict[str, torch.Tensor]:
@@ -242,10 +264,15 @@ def pose_loss(store: ClipStore, frames_budget: int, tokenizer: Tokenizer, root: 
         tokens = torch.where(hidden, model.codes, truth)
         num_tokens = torch.full((batch,), truth.shape[1], device=store.device)
         trajectory = mixed_root(root, segments, mask, PREDICTED_ROOTS_POSE, generator)
-        logits = model(tokens, num_tokens, trajectory, segments.pose * mask[..., None], mask)
+        given = (tokens, num_tokens, trajectory, segments.pose * mask[..., None], mask)
+        logits = model(*given)
         entropy = F.cross_entropy(logits.flatten(0, 2), truth.flatten(), reduction="none").reshape(
             truth.shape
         )
+        if teacher is not None:
+            with torch.no_grad():
+                taught = teacher(*given)
+            entropy = soft_target(entropy, taught_entropy(logits, taught), POSE_SHARE)
         hits = ((logits.argmax(-1) == truth) & hidden).sum() / hidden.sum().clamp_min(1)
         return {"entropy": (entropy * hidden).sum() / hidden.sum().clamp_min(1), "_accuracy": hits}
 
@@ -292,14 +319,17 @@ def train_stage(
     device: str,
     balance: float = BALANCE,
     fresh_schedule: bool = False,
+    teacher_run: Path | None = None,
 ) -> bool:
     """Trains one stage, resuming its checkpoint; true when its budget is spent.
 
-    ``fresh_schedule`` counts the budget from the checkpoint on instead of from the stage's first update.
+    ``fresh_schedule`` counts the budget from the checkpoint on instead of from the stage's first update. ``teacher_run`` is
+    the run of a large pack to learn from; its root module then stands in where this run has none yet.
     """
     torch.manual_seed(seed)
     store = ClipStore(cache, "train", device, balance)
     config = PRESETS[preset]
+    teacher: Teacher | None = load_teacher(teacher_run, load, store) if teacher_run else None
     if stage == "refine":
         model = load(run, "tokenizer", store)
         for parameter in model.decoder.parameters():
@@ -307,20 +337,26 @@ def train_stage(
         config = model.config
     else:
         model = build(stage, config, store).to(device)
+        if teacher and stage == "tokenizer":
+            teacher.lend_tokens(model)
     meta = {"model": config.to_dict(), "preset": preset, "seed": seed, "frames_budget": frames_budget}
     trainer = Trainer(run, stage, model, budget, meta, seed, device)
     if trainer.resume():
         if fresh_schedule:
             trainer.start_schedule()
         print(f"{stage}: going on from step {trainer.step}")
+    taught = {name: getattr(teacher, name, None) for name in ("tokenizer", "root", "pose")}
+
+    def network(name: str):
+        there = (Path(run) / f"{name}.pt").exists()
+        return load(run, name, store) if there or not teacher else taught[name]
+
     losses = {
-        "tokenizer": lambda: tokenizer_loss(store, frames_budget),
-        "root": lambda: root_loss(store, frames_budget),
+        "tokenizer": lambda: tokenizer_loss(store, frames_budget, teacher is not None),
+        "root": lambda: root_loss(store, frames_budget, taught["root"]),
         "pose": lambda: pose_loss(
-            store, frames_budget, load(run, "tokenizer", store), load(run, "root", store)
+            store, frames_budget, network("tokenizer"), network("root"), taught["pose"]
         ),
-        "refine": lambda: refine_loss(
-            store, frames_budget, load(run, "pose", store), load(run, "root", store)
-        ),
+        "refine": lambda: refine_loss(store, frames_budget, network("pose"), network("root")),
     }
     return trainer.fit(losses[stage]())
