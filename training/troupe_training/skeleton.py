@@ -19,6 +19,7 @@ class Skeleton:
     contact_max_height_m: list[float] = field(default_factory=list)
     contact_max_speed_mps: float = 0.3
     contact_clearance_m: list[float] = field(default_factory=list)
+    robot: dict | None = None
 
     @property
     def joint_count(self) -> int:

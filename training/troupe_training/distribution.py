@@ -1,0 +1,80 @@
+"""Measures between sets of motions in the evaluator's latent space, and the diversity of repeated answers.
+
+Latents are the unit vectors that `evaluator.onnx` gives.
+"""
+
+import numpy as np
+import torch
+
+# Kernel width and scale of CMMD (Jayasumana et al. 2024), which works on unit vectors too.
+MMD_SIGMA = 10.0
+MMD_SCALE = 1000.0
+
+
+def gaussian(latents: np.ndarray, counts: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Mean ``[D]`` and covariance ``[D, D]`` (n - 1 below) of ``[W, D]``, each row taken ``counts`` times."""
+    x = latents.astype(np.float64)
+    counts = np.ones(len(x)) if counts is None else counts
+    mean = counts @ x / counts.sum()
+    centred = x - mean
+    return mean, (centred * counts[:, None]).T @ centred / max(counts.sum() - 1.0, 1.0)
+
+
+def frechet(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> float:
+    """Fréchet distance of two Gaussians (Heusel et al. 2017): ``|m - m'|² + tr(C + C' - 2 (C C')^½)``.
+
+    The trace of the root is the sum of the roots of the eigenvalues of ``C^½ C' C^½``, which is symmetric.
+    """
+    values, vectors = np.linalg.eigh(a[1])
+    half = (vectors * np.sqrt(values.clip(0.0))) @ vectors.T
+    shared = np.sqrt(np.linalg.eigvalsh(half @ b[1] @ half).clip(0.0)).sum()
+    distance = ((a[0] - b[0]) ** 2).sum() + np.trace(a[1]) + np.trace(b[1]) - 2.0 * shared
+    return max(float(distance), 0.0)
+
+
+def fid(generated: np.ndarray, truth: np.ndarray) -> float:
+    """Fréchet distance between the Gaussians of two sets of latents ``[W, D]``."""
+    return frechet(gaussian(generated), gaussian(truth))
+
+
+def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Gaussian kernel ``[W, V]`` between latents ``[W, D]`` and ``[V, D]``."""
+    a, b = a.astype(np.float64), b.astype(np.float64)
+    squared = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2.0 * a @ b.T
+    return np.exp(-squared.clip(0.0) / (2.0 * MMD_SIGMA**2))
+
+
+class Mmd:
+    """Squared maximum mean discrepancy of two sets as CMMD computes it: the biased estimate, times 1000.
+
+    Kernels are computed once, so that resampling costs little.
+    """
+
+    def __init__(self, generated: np.ndarray, truth: np.ndarray):
+        self.kernels = kernel(generated, generated), kernel(truth, truth), kernel(generated, truth)
+
+    def value(self, generated: np.ndarray | None = None, truth: np.ndarray | None = None) -> float:
+        """With each row taken so many times (``[W]`` and ``[V]``); once each without."""
+        xx, yy, xy = self.kernels
+        a = np.ones(len(xx)) if generated is None else generated
+        b = np.ones(len(yy)) if truth is None else truth
+        a, b = a / a.sum(), b / b.sum()
+        return MMD_SCALE * float(a @ xx @ a + b @ yy @ b - 2.0 * a @ xy @ b)
+
+
+def mmd(generated: np.ndarray, truth: np.ndarray) -> float:
+    """`Mmd` of two sets of latents ``[W, D]`` and ``[V, D]``."""
+    return Mmd(generated, truth).value()
+
+
+def pairwise_distance(answers: torch.Tensor) -> torch.Tensor:
+    """Mean distance between the S answers to each of B requests ``[S, B, ..., D]``, over all pairs: ``[B]``.
+
+    Distances are Euclidean over the last axis; axes between (frames, joints) are averaged.
+    """
+    count, requests = answers.shape[:2]
+    total = torch.zeros(requests, dtype=torch.float64)
+    for first in range(count - 1):
+        distance = (answers[first + 1 :] - answers[first]).norm(dim=-1).double()
+        total += distance.reshape(count - 1 - first, requests, -1).mean(-1).sum(0)
+    return (total / max(count * (count - 1) / 2, 1)).float()
