@@ -9,9 +9,11 @@ import torch
 
 from troupe_training.config import PRESETS
 
+# Of the stages of a pack; the deterministic baseline has as long as a pack's modules together.
 DEFAULT_MINUTES = {"tokenizer": 45.0, "root": 97.0, "pose": 41.0, "refine": 24.0}
-DEFAULT_SEEDS = {"tokenizer": 10, "root": 11, "pose": 12, "refine": 13}
-DEFAULT_RATES = {"tokenizer": 5e-4, "root": 5e-4, "pose": 5e-4, "refine": 4e-4}
+BASELINE_MINUTES = {"delta": 120.0}
+DEFAULT_SEEDS = {"tokenizer": 10, "root": 11, "pose": 12, "refine": 13, "delta": 14}
+DEFAULT_RATES = {"tokenizer": 5e-4, "root": 5e-4, "pose": 5e-4, "refine": 4e-4, "delta": 5e-4}
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -75,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     data_options(prepare)
 
     train = add("train", "Trains one stage; stops at any moment (ctrl-c) and resumes from its checkpoint.")
-    train.add_argument("stage", choices=("tokenizer", "root", "pose", "refine"))
+    train.add_argument("stage", choices=(*DEFAULT_MINUTES, *BASELINE_MINUTES))
     training_options(train)
 
     export = add("export", "Checkpoints -> a pack of ONNX files, checked against PyTorch.")
@@ -178,7 +180,8 @@ def _train(args: argparse.Namespace, stage: str) -> bool:
     from troupe_training.trainer import Budget
 
     torch.set_num_threads(args.threads)
-    minutes = args.minutes if args.minutes or args.steps else DEFAULT_MINUTES[stage]
+    default = (DEFAULT_MINUTES | BASELINE_MINUTES)[stage]
+    minutes = args.minutes if args.minutes or args.steps else default
     budget = Budget(minutes=minutes, steps=args.steps, learning_rate=DEFAULT_RATES[stage])
     seed = args.seed if args.seed is not None else DEFAULT_SEEDS[stage]
     done = train_stage(
@@ -241,18 +244,26 @@ def _evaluator(args: argparse.Namespace) -> bool:
     return True
 
 
+def _evaluator_of(args: argparse.Namespace, folder: Path) -> Path | None:
+    """The evaluator that was asked for, or the folder's, or none."""
+    path = args.evaluator or folder / "evaluator.onnx"
+    if path.exists():
+        return path
+    if args.evaluator:
+        raise SystemExit(f"{path} is missing: `troupe-train evaluator` makes it")
+    print(f"{path} is missing: no FID, MMD and latent diversity")
+    return None
+
+
 def _evaluate(args: argparse.Namespace) -> None:
+    from troupe_training.delta import DeltaMethod
     from troupe_training.evaluate import Bench, Options, evaluate, of_networks
     from troupe_training.evaluation_tables import markdown, print_report
     from troupe_training.inbetween import Sampling, open_networks
+    from troupe_training.stages import load
 
     torch.set_num_threads(args.threads)
     folder = args.run or args.pack
-    evaluator = args.evaluator or folder / "evaluator.onnx"
-    if not evaluator.exists():
-        if args.evaluator:
-            raise SystemExit(f"{evaluator} is missing: `troupe-train evaluator` makes it")
-        print(f"{evaluator} is missing: no FID, MMD and latent diversity")
     options = Options(
         gaps=args.gaps,
         stride=args.stride,
@@ -263,12 +274,14 @@ def _evaluate(args: argparse.Namespace) -> None:
         diversity_windows=args.diversity_windows,
         max_windows=args.max_windows,
     )
-    bench = Bench(args.cache, options, evaluator if evaluator.exists() else None, args.threads)
+    bench = Bench(args.cache, options, _evaluator_of(args, folder), args.threads)
     methods = {"pack": of_networks(open_networks(folder, bench.store, args.threads))}
     sampled = {"pack"}
     if args.single_head:
         methods["single head"] = of_networks(open_networks(args.single_head, bench.store, args.threads))
         sampled.add("single head")
+    if args.delta:
+        methods["transformer"] = DeltaMethod(load(args.delta, "delta", bench.store), bench.skeleton)
     report = {"source": folder.name} | evaluate(bench, methods, sampled)
     print_report(report)
     if args.json:

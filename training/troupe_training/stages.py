@@ -15,6 +15,7 @@ from troupe_training.config import (
     PRESETS,
     ModelConfig,
 )
+from troupe_training.delta import DeltaInterpolator, delta_loss
 from troupe_training.features import ClipStore, Segments, random_keyframe_mask, random_slot_masks, slot_frames
 from troupe_training.losses import Kinematics, reconstruction_losses
 from troupe_training.pose_module import PoseModule, cosine_token_mask
@@ -23,6 +24,7 @@ from troupe_training.tokenizer import Tokenizer
 from troupe_training.trainer import Budget, Trainer
 
 STAGES = ("tokenizer", "root", "pose", "refine")
+BASELINES = ("delta",)  # trained as stages are, but no part of a pack
 STATISTIC_BATCHES = 40
 # Noise on the decoder's root input, the size of r_g3's error, so that the decoder learns to clean it (r_g4).
 ROOT_NOISE_M = 0.006
@@ -53,6 +55,11 @@ def build(stage: str, config: ModelConfig, store: ClipStore) -> nn.Module:
         model.decoder.pose_scale.set(*stats["pose"])
         model.decoder.root_scale.set(*stats["local_root"])
         model.decoder.velocity_scale.set(*stats["velocity"])
+        return model
+    if stage == "delta":
+        model = DeltaInterpolator(config, joints)
+        model.pose_scale.set(*stats["pose"])
+        model.global_scale.set(*stats["global_root"])
         return model
     model = RootModule(config, joints) if stage == "root" else PoseModule(config, joints)
     model.pose_scale.set(*stats["pose"])
@@ -267,16 +274,19 @@ def train_stage(
     stage: str,
     cache: Path,
     run: Path,
-    preset: str,
+    preset: str | ModelConfig,
     budget: Budget,
     frames_budget: int,
     seed: int,
     device: str,
 ) -> bool:
-    """Trains one stage, resuming its checkpoint; true when its budget is spent."""
+    """Trains one stage, resuming its checkpoint; true when its budget is spent.
+
+    ``preset`` names network sizes, or holds those of a variant.
+    """
     torch.manual_seed(seed)
     store = ClipStore(cache, "train", device)
-    config = PRESETS[preset]
+    name, config = ("variant", preset) if isinstance(preset, ModelConfig) else (preset, PRESETS[preset])
     if stage == "refine":
         model = load(run, "tokenizer", store)
         for parameter in model.decoder.parameters():
@@ -284,7 +294,7 @@ def train_stage(
         config = model.config
     else:
         model = build(stage, config, store).to(device)
-    meta = {"model": config.to_dict(), "preset": preset, "seed": seed, "frames_budget": frames_budget}
+    meta = {"model": config.to_dict(), "preset": name, "seed": seed, "frames_budget": frames_budget}
     trainer = Trainer(run, stage, model, budget, meta, seed, device)
     if trainer.resume():
         print(f"{stage}: going on from step {trainer.step}")
@@ -297,5 +307,6 @@ def train_stage(
         "refine": lambda: refine_loss(
             store, frames_budget, load(run, "pose", store), load(run, "root", store)
         ),
+        "delta": lambda: delta_loss(store, frames_budget),
     }
     return trainer.fit(losses[stage]())
