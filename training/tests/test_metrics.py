@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from troupe_training.distribution import MMD_SCALE, MMD_SIGMA, fid, frechet, mmd, pairwise_distance
+from troupe_training.distribution import MMD_SCALE, MMD_SIGMA, Gaussian, fid, frechet, mmd, pairwise_distance
 from troupe_training.intervals import Bootstrap
 from troupe_training.losses import Kinematics
 from troupe_training.metrics import npss_terms, window_figures
@@ -169,11 +169,22 @@ def test_fid_of_a_shifted_set_is_the_squared_shift():
 
 
 def test_fid_of_scaled_gaussians():
-    """With covariances s² and t² in each dimension the distance is (s - t)² a dimension, correlated or not."""
+    """With covariances s² and t² in each dimension the distance is (s - t)² a dimension, along any axes."""
     turn, _ = np.linalg.qr(np.random.default_rng(2).standard_normal((5, 5)))
-    a = turn @ np.diag([1.0, 4.0, 9.0, 0.0, 1.0]) @ turn.T
-    b = turn @ np.diag([4.0, 4.0, 1.0, 1.0, 0.0]) @ turn.T
-    assert frechet((np.zeros(5), a), (np.zeros(5), b)) == pytest.approx(1 + 0 + 4 + 1 + 1, rel=1e-6)
+    a, b = Gaussian(np.zeros((2, 5))), Gaussian(np.zeros((2, 5)))
+    a.covariance = torch.from_numpy(turn @ np.diag([1.0, 4.0, 9.0, 0.0, 1.0]) @ turn.T)
+    b.covariance = torch.from_numpy(turn @ np.diag([4.0, 4.0, 1.0, 1.0, 0.0]) @ turn.T)
+    assert frechet(a, b) == pytest.approx(1 + 0 + 4 + 1 + 1, rel=1e-6)
+    assert frechet(b, a) == pytest.approx(1 + 0 + 4 + 1 + 1, rel=1e-6)
+
+
+def test_a_gaussian_counts_windows_as_often_as_it_is_told():
+    latents = np.random.default_rng(4).standard_normal((6, 3))
+    times = np.array([2.0, 0.0, 1.0, 3.0, 1.0, 0.0])
+    told, written = Gaussian(latents, times), Gaussian(np.repeat(latents, times.astype(int), axis=0))
+    assert torch.allclose(told.mean, written.mean) and torch.allclose(told.covariance, written.covariance)
+    repeated = np.cov(np.repeat(latents, times.astype(int), axis=0), rowvar=False)
+    assert np.allclose(written.covariance, repeated)
 
 
 def test_mmd_by_hand():
@@ -210,3 +221,33 @@ def test_a_ratio_weighs_windows_by_what_is_below():
     figure = Bootstrap(np.array([0, 0, 1])).ratio(np.array([1.0, 2.0, 0.0]), np.array([1.0, 1.0, 8.0]))
     assert figure["mean"] == pytest.approx(0.3)
     assert figure["low"] == 0.0 and figure["high"] == pytest.approx(1.5)
+
+
+def test_intervals_of_distances_do_not_move_with_what_draws_lack():
+    values = [2.0, *np.linspace(2.9, 3.1, 101)]  # draws lie 1.0 off
+    figure = Bootstrap.statistic([*values, math.nan])
+    assert figure["mean"] == 2.0
+    assert figure["low"] == pytest.approx(1.905) and figure["high"] == pytest.approx(2.095)
+
+
+def test_npss_is_of_the_clips_world():
+    """Telling the heading is the same as turning both motions; and it is no other measure's business."""
+
+    def nodding(pace: float) -> Motion:
+        motion = stand()
+        angles = 70 * np.sin(pace * np.arange(FRAMES))
+        turns = [axis_rotation("X", a) @ axis_rotation("Z", 0.5 * a + 30) for a in angles]
+        motion.rotations[0, :, 1] = torch.from_numpy(np.stack(turns)).float()
+        return motion
+
+    fast, slow = nodding(1.4), nodding(0.5)
+    heading = torch.tensor([2.1])
+    yaw = torch.from_numpy(axis_rotation("Y", np.degrees(2.1))).float()
+    turned = [Motion(m.root, yaw @ m.rotations) for m in (fast, slow)]
+    told = window_figures(fast, slow, SKELETON, Kinematics(SKELETON), heading)
+    made = window_figures(*turned, SKELETON, Kinematics(SKELETON))
+    plain = window_figures(fast, slow, SKELETON, Kinematics(SKELETON))
+    ratio = lambda found: float(found["npss_sum"] / found["npss_weight"])
+    assert ratio(told) == pytest.approx(ratio(made), rel=1e-4)
+    assert ratio(told) != pytest.approx(ratio(plain), rel=1e-2)
+    assert float(told["l2q"]) == pytest.approx(float(plain["l2q"]))

@@ -1,4 +1,4 @@
-"""The command line: prepare, train, export, evaluator, evaluate, curves, card, random-pack, and `pack`, which does all in one go."""
+"""The command line: prepare, train, export, evaluator, evaluate, analyse, curves, card, random-pack, and `pack`, which does all in one go."""
 
 import argparse
 import json
@@ -129,6 +129,30 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--threads", type=int, default=os.cpu_count())
     evaluate.add_argument("--json", type=Path, help="also write the figures here")
     evaluate.add_argument("--markdown", type=Path, help="also write tables for a model card here")
+
+    analyse = add("analyse", "One of the paper's analyses: figures as JSON, a plot as PNG.")
+    analyse.add_argument(
+        "name", choices=("heads-codes", "fsq-vq", "root-interpolation", "replan", "pose-steps")
+    )
+    source = analyse.add_mutually_exclusive_group()
+    source.add_argument("--pack", type=Path, default=Path("models/human"), help="pack to analyse")
+    source.add_argument("--run", type=Path, help="checkpoints to analyse instead; fsq-vq takes a root module")
+    analyse.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    analyse.add_argument("--evaluator", type=Path, help="evaluator.onnx; that of the pack or run if left out")
+    analyse.add_argument("--out", type=Path, default=Path("runs/analyses"), help="folder to write")
+    analyse.add_argument(
+        "--minutes", type=float, default=4.0, help="training of each stage of each variant and seed"
+    )
+    analyse.add_argument("--steps", type=int, help="updates, instead of minutes")
+    analyse.add_argument("--seeds", type=int, nargs="+", default=[1], help="of training, or of the answers")
+    analyse.add_argument("--preset", choices=PRESETS, default="default", help="network sizes of variants")
+    analyse.add_argument("--frames-per-step", type=int, default=4096)
+    analyse.add_argument("--gap", type=int, default=30, help="frames to fill")
+    analyse.add_argument("--stride", type=int, default=20, help="frames between windows")
+    analyse.add_argument("--max-windows", type=int, default=400, help="at most so many, spread evenly")
+    analyse.add_argument("--split", choices=("test", "train"), default="test")
+    analyse.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
+    analyse.add_argument("--threads", type=int, default=os.cpu_count())
 
     curves = add("curves", "Loss curves as PNG.")
     curves.add_argument("--run", type=Path, default=Path("runs/human"))
@@ -290,6 +314,35 @@ def _evaluate(args: argparse.Namespace) -> None:
         args.markdown.write_text(markdown(report))
 
 
+def _analyse(args: argparse.Namespace) -> bool:
+    from troupe_training.analyses import ANALYSES
+    from troupe_training.analyses.common import Setting
+
+    torch.set_num_threads(args.threads)
+    folder = args.run or args.pack
+    setting = Setting(
+        cache=args.cache,
+        out=args.out,
+        source=folder,
+        evaluator=_evaluator_of(args, folder),
+        minutes=args.minutes,
+        steps=args.steps,
+        seeds=args.seeds,
+        preset=PRESETS[args.preset],
+        frames_per_step=args.frames_per_step,
+        gap=args.gap,
+        stride=args.stride,
+        max_windows=args.max_windows,
+        split=args.split,
+        threads=args.threads,
+        device=args.device,
+    )
+    done = ANALYSES[args.name](setting)
+    if not done:
+        print(f"{args.name}: stopped; the same command goes on from its checkpoints")
+    return done
+
+
 def _random_pack(args: argparse.Namespace) -> None:
     from troupe_training.random_pack import random_pack
 
@@ -312,6 +365,8 @@ def main(argv: list[str] | None = None) -> int:
         return 0 if _evaluator(args) else 130
     elif args.command == "evaluate":
         _evaluate(args)
+    elif args.command == "analyse":
+        return 0 if _analyse(args) else 130
     elif args.command == "curves":
         from troupe_training.plots import plot_curves
 

@@ -3,6 +3,8 @@
 Latents are the unit vectors that `evaluator.onnx` gives.
 """
 
+from functools import cached_property
+
 import numpy as np
 import torch
 
@@ -11,30 +13,37 @@ MMD_SIGMA = 10.0
 MMD_SCALE = 1000.0
 
 
-def gaussian(latents: np.ndarray, counts: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Mean ``[D]`` and covariance ``[D, D]`` (n - 1 below) of ``[W, D]``, each row taken ``counts`` times."""
-    x = latents.astype(np.float64)
-    counts = np.ones(len(x)) if counts is None else counts
-    mean = counts @ x / counts.sum()
-    centred = x - mean
-    return mean, (centred * counts[:, None]).T @ centred / max(counts.sum() - 1.0, 1.0)
+class Gaussian:
+    """Mean ``[D]`` and covariance ``[D, D]`` (n - 1 below) of latents ``[W, D]``, each row taken ``counts`` times."""
+
+    def __init__(self, latents: np.ndarray, counts: np.ndarray | None = None):
+        x = torch.from_numpy(latents.astype(np.float64))
+        times = torch.ones(len(x), dtype=torch.float64) if counts is None else torch.from_numpy(counts)
+        self.mean = times @ x / times.sum()
+        centred = (x - self.mean) * times.sqrt()[:, None]
+        self.covariance = centred.T @ centred / (times.sum() - 1.0).clamp_min(1.0)
+
+    @cached_property
+    def root(self) -> torch.Tensor:
+        """The symmetric square root of the covariance."""
+        values, vectors = torch.linalg.eigh(self.covariance)
+        return (vectors * values.clamp_min(0.0).sqrt()) @ vectors.T
 
 
-def frechet(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> float:
+def frechet(a: Gaussian, b: Gaussian) -> float:
     """Fréchet distance of two Gaussians (Heusel et al. 2017): ``|m - m'|² + tr(C + C' - 2 (C C')^½)``.
 
-    The trace of the root is the sum of the roots of the eigenvalues of ``C^½ C' C^½``, which is symmetric.
+    The trace of the root is the sum of the roots of the eigenvalues of ``C'^½ C C'^½``, which is symmetric. The root is
+    kept in ``b``, which many may be compared with.
     """
-    values, vectors = np.linalg.eigh(a[1])
-    half = (vectors * np.sqrt(values.clip(0.0))) @ vectors.T
-    shared = np.sqrt(np.linalg.eigvalsh(half @ b[1] @ half).clip(0.0)).sum()
-    distance = ((a[0] - b[0]) ** 2).sum() + np.trace(a[1]) + np.trace(b[1]) - 2.0 * shared
-    return max(float(distance), 0.0)
+    shared = torch.linalg.eigvalsh(b.root @ a.covariance @ b.root).clamp_min(0.0).sqrt().sum()
+    apart = ((a.mean - b.mean) ** 2).sum()
+    return max(float(apart + a.covariance.trace() + b.covariance.trace() - 2.0 * shared), 0.0)
 
 
 def fid(generated: np.ndarray, truth: np.ndarray) -> float:
     """Fréchet distance between the Gaussians of two sets of latents ``[W, D]``."""
-    return frechet(gaussian(generated), gaussian(truth))
+    return frechet(Gaussian(generated), Gaussian(truth))
 
 
 def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from tqdm import tqdm
 from troupe_training.baselines import interpolate
 from troupe_training.config import CONTEXT_FRAMES, FRAMES_PER_TOKEN, MAX_FRAMES, MIN_TOKENS
 from troupe_training.cut import PIECES, spread, windows
-from troupe_training.distribution import Mmd, frechet, gaussian, pairwise_distance
+from troupe_training.distribution import Gaussian, Mmd, frechet, pairwise_distance
 from troupe_training.evaluator import Latents
 from troupe_training.features import ClipStore, Segments
 from troupe_training.hinges import Hinges, on_hinges
@@ -85,10 +85,12 @@ class Bench:
         kept = spread(len(starts), self.options.max_windows)
         return starts[kept], pieces[kept]
 
-    def segments(self, starts: torch.Tensor, frames: int, title: str) -> Iterator[Segments]:
-        """The windows' frames, some windows at a time."""
+    def segments(
+        self, starts: torch.Tensor, frames: int, title: str
+    ) -> Iterator[tuple[Segments, torch.Tensor]]:
+        """The windows' frames and the segments' headings in the world, some windows at a time."""
         for chunk in tqdm(starts.split(BATCH), desc=title, leave=False):
-            yield self.store.segments(chunk, frames)
+            yield self.store.segments(chunk, frames), self.store.headings[chunk + CONTEXT_FRAMES - 1]
 
     def interpolation(self, segments: Segments, frames: int, sampling: Sampling) -> Motion:
         """The method without a network."""
@@ -113,10 +115,10 @@ class Bench:
         positions, six_d = pose_features(motion, self.kinematics)
         return self.latents.of(global_root_of(motion, self.left_axis), positions, six_d)
 
-    def measure(self, motion: Motion, truth: Motion) -> dict[str, np.ndarray]:
+    def measure(self, motion: Motion, truth: Motion, headings: torch.Tensor) -> dict[str, np.ndarray]:
         """Every figure of B windows by name, ``[B]`` each, and ``latents`` ``[B, 256]`` where there is an evaluator."""
         motion, figures = self.shown(motion)
-        figures |= window_figures(motion, truth, self.skeleton, self.kinematics)
+        figures |= window_figures(motion, truth, self.skeleton, self.kinematics, headings)
         arrays = {name: values.double().numpy() for name, values in figures.items()}
         return arrays | ({"latents": self.encode(motion)} if self.latents else {})
 
@@ -127,7 +129,7 @@ class Bench:
         steps, seeds = self.options.sampling.steps, self.options.diversity_seeds
         gap = slice(CONTEXT_FRAMES, frames - 1)
         found: dict[str, list] = {"joint_diversity_m": [], "latent_diversity": []}
-        for nth, segments in enumerate(self.segments(starts, frames, f"{name}: {seeds} seeds")):
+        for nth, (segments, _) in enumerate(self.segments(starts, frames, f"{name}: {seeds} seeds")):
             positions, latents = [], []
             for seed in range(seeds):
                 sampling = Sampling(steps, 1.0, self.options.sampling.seed + 1_000_003 * nth + seed + 1)
@@ -166,37 +168,53 @@ class Found:
         )
 
 
-def distances(found: Found, truth: Found, bootstrap: Bootstrap) -> dict[str, dict]:
-    """FID and MMD to ground truth; ground truth's own between the windows with even and those with odd numbers."""
-    a, b = found.windows["latents"], truth.windows["latents"]
-    halves = [slice(None), slice(None)] if found is not truth else [slice(0, None, 2), slice(1, None, 2)]
-    a, b = a[halves[0]], b[halves[1]]
-    if min(len(a), len(b)) < 2:
-        return {}
-    discrepancy = Mmd(a, b)
+class Distances:
+    """FID and MMD of methods to ground truth, whose Gaussians are computed once for all draws of clips."""
 
-    def fid(counts: np.ndarray) -> float:
-        return frechet(gaussian(a, counts[halves[0]]), gaussian(b, counts[halves[1]]))
+    def __init__(self, truth: Found):
+        self.truth = truth
+        self.bootstrap = Bootstrap(truth.pieces)
+        latents = truth.windows["latents"]
+        self.gaussians = [Gaussian(latents, times) for times in self.bootstrap.draws(COSTLY_RESAMPLES)]
 
-    def mmd(counts: np.ndarray) -> float:
-        return discrepancy.value(counts[halves[0]], counts[halves[1]])
+    def of(self, found: Found) -> dict[str, dict]:
+        """A method's distances; ground truth's own between the windows with even and those with odd numbers."""
+        if found is self.truth:
+            return self._own()
+        latents, bootstrap = found.windows["latents"], self.bootstrap
+        discrepancy = Mmd(latents, self.truth.windows["latents"])
+        draws = zip(bootstrap.draws(COSTLY_RESAMPLES), self.gaussians, strict=True)
+        return {
+            "mmd": bootstrap.statistic([discrepancy.value(t, t) for t in bootstrap.draws(RESAMPLES)]),
+            "fid": bootstrap.statistic([frechet(Gaussian(latents, times), truth) for times, truth in draws]),
+        }
 
-    return {
-        "mmd": bootstrap.statistic(mmd, RESAMPLES),
-        "fid": bootstrap.statistic(fid, COSTLY_RESAMPLES),
-    }
+    def _own(self) -> dict[str, dict]:
+        latents, bootstrap = self.truth.windows["latents"], self.bootstrap
+        even, odd = slice(0, None, 2), slice(1, None, 2)
+        if len(latents) < 4:
+            return {}
+        discrepancy = Mmd(latents[even], latents[odd])
+        # A draw of few clips may leave one half with nothing.
+        usable = lambda most: [t for t in bootstrap.draws(most) if min(t[even].sum(), t[odd].sum()) > 1]
+        gaussians = lambda t: (Gaussian(latents[half], t[half]) for half in (even, odd))
+        return {
+            "mmd": bootstrap.statistic([discrepancy.value(t[even], t[odd]) for t in usable(RESAMPLES)]),
+            "fid": bootstrap.statistic([frechet(*gaussians(t)) for t in usable(COSTLY_RESAMPLES)]),
+        }
 
 
 def summarise(found: dict[str, Found]) -> dict[str, dict]:
     """``{method: {measure: {mean, low, high}}}`` of one set of windows."""
     truth = found[TRUTH]
     bootstrap = Bootstrap(truth.pieces)
+    distances = Distances(truth) if "latents" in truth.windows else None
     out = {}
     for name, of in found.items():
-        figures = distances(of, truth, bootstrap) if "latents" in of.windows else {}
-        spread_bootstrap = Bootstrap(of.diversity_pieces) if of.diversity else None
-        for figure, values in of.diversity.items():
-            figures[figure] = spread_bootstrap.ratio(values)
+        figures = distances.of(of) if distances else {}
+        if of.diversity:
+            of_pieces = Bootstrap(of.diversity_pieces)
+            figures |= {figure: of_pieces.ratio(values) for figure, values in of.diversity.items()}
         for figure, values in of.windows.items():
             if figure not in ("latents", "npss_sum", "npss_weight"):
                 figures[figure] = bootstrap.ratio(values)
@@ -210,12 +228,12 @@ def measure_gap(bench: Bench, methods: dict[str, Method], sampled: set[str], gap
     options, frames = bench.options, check_gap(gap)
     starts, pieces = bench.windows(frames)
     parts: dict[str, list[dict]] = {name: [] for name in (TRUTH, *methods)}
-    for segments in bench.segments(starts, frames, f"gap {gap}"):
+    for segments, headings in bench.segments(starts, frames, f"gap {gap}"):
         truth = bench.shown(Motion.of(segments))[0]
-        parts[TRUTH].append(bench.measure(Motion.of(segments), truth))
+        parts[TRUTH].append(bench.measure(Motion.of(segments), truth, headings))
         for name, method in methods.items():
             motion = bench.answer(method, segments, frames, options.sampling)
-            parts[name].append(bench.measure(motion, truth))
+            parts[name].append(bench.measure(motion, truth, headings))
     found = {}
     few = spread(len(starts), options.diversity_windows)
     for name, chunks in parts.items():

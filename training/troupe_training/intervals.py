@@ -4,8 +4,6 @@ Windows of one clip overlap and are alike, so whole clips are drawn with replace
 of ten seconds (`cut.windows`).
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 SEED = 20260122
@@ -31,13 +29,19 @@ class Bootstrap:
         low, high = np.percentile(drawn, [2.5, 97.5])
         return {"mean": float(above.sum() / max(below.sum(), 1e-12)), "low": float(low), "high": float(high)}
 
-    def statistic(self, value: Callable[[np.ndarray], float], resamples: int) -> dict[str, float]:
-        """Any figure of window counts ``[W]`` that is not negative.
+    def draws(self, most: int) -> list[np.ndarray]:
+        """Every window once, and then ``most`` draws: how often each window counts, ``[W]``."""
+        return [np.ones(self.counts.shape[1]), *self.counts[:most]]
+
+    @staticmethod
+    def statistic(values: list[float]) -> dict[str, float]:
+        """A figure that is not negative, from its values on `draws`; those that are not finite are left out.
 
         A drawn set has fewer distinct windows than the whole, by which distances between sets grow; the interval is
         moved back by as much as the draws lie off in the mean.
         """
-        whole = value(np.ones(self.counts.shape[1]))
-        drawn = np.array([value(counts) for counts in self.counts[:resamples]])
+        whole, drawn = values[0], np.array([v for v in values[1:] if np.isfinite(v)])
+        if not len(drawn):
+            return {"mean": whole, "low": whole, "high": whole}
         low, high = np.percentile(drawn, [2.5, 97.5]) - (drawn.mean() - whole)
         return {"mean": whole, "low": max(float(low), 0.0), "high": float(high)}

@@ -11,7 +11,7 @@ import torch
 from troupe_training.config import CONTEXT_FRAMES, FPS
 from troupe_training.losses import Kinematics
 from troupe_training.motion import Motion
-from troupe_training.rotations import matrix_to_quat, wrap_angle
+from troupe_training.rotations import matrix_to_quat, wrap_angle, yaw_matrix
 from troupe_training.skeleton import Skeleton
 
 SKATE_HEIGHT_M = 0.025
@@ -79,12 +79,27 @@ def _precision(motion: Motion, truth: Motion, error: torch.Tensor, left_axis: to
     }
 
 
+def _spectra(
+    motion: Motion, truth: Motion, gap: slice, headings: torch.Tensor | None
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """`npss_terms` of both motions' world quaternions, turned into the clip's world where its headings are told."""
+    both = [m.rotations[:, gap] for m in (motion, truth)]
+    if headings is not None:
+        both = [yaw_matrix(headings)[:, None, None] @ rotations for rotations in both]
+    return npss_terms(*(continuous(matrix_to_quat(rotations)).flatten(2) for rotations in both))
+
+
 def window_figures(
-    motion: Motion, truth: Motion, skeleton: Skeleton, kinematics: Kinematics
+    motion: Motion,
+    truth: Motion,
+    skeleton: Skeleton,
+    kinematics: Kinematics,
+    headings: torch.Tensor | None = None,
 ) -> dict[str, torch.Tensor]:
     """Every measure of B windows by name, ``[B]`` each, and NPSS as ``npss_sum`` and ``npss_weight``.
 
-    Windows are four context frames, the gap, and one target frame.
+    Windows are four context frames, the gap, and one target frame, in the segment frame; ``headings`` ``[B]`` are the
+    segments' own in the world of their clips. NPSS alone depends on them.
     """
     last = motion.root.shape[1] - 1
     gap = slice(CONTEXT_FRAMES, last)
@@ -94,7 +109,7 @@ def window_figures(
     nearer = torch.where((quat * true_quat).sum(-1, keepdim=True) < 0, -quat, quat)
     jitter = accelerations(world)[:, CONTEXT_FRAMES - 1 : last - 1]
     true_contacts = contacts(true_world, skeleton)
-    spectra = npss_terms(*(continuous(q[:, gap]).flatten(2) for q in (quat, true_quat)))
+    spectra = _spectra(motion, truth, gap, headings)
     figures = {
         "l2p_m": (error[:, gap] ** 2).sum(-1).sqrt().mean(1),
         "l2q": ((nearer - true_quat)[:, gap] ** 2).sum((-1, -2)).sqrt().mean(1),
