@@ -1,4 +1,4 @@
-"""The command line: prepare, train, export, evaluate, curves, card, random-pack, and `pack`, which does all in one go."""
+"""The command line: prepare, train, export, evaluator, evaluate, analyse, curves, card, random-pack, and `pack`, which does all in one go."""
 
 import argparse
 import json
@@ -11,9 +11,11 @@ import torch
 
 from troupe_training.config import BALANCE, FPS, PRESETS
 
+# Of the stages of a pack; the deterministic baseline has as long as a pack's modules together.
 DEFAULT_MINUTES = {"tokenizer": 45.0, "root": 97.0, "pose": 41.0, "refine": 24.0}
-DEFAULT_SEEDS = {"tokenizer": 10, "root": 11, "pose": 12, "refine": 13}
-DEFAULT_RATES = {"tokenizer": 5e-4, "root": 5e-4, "pose": 5e-4, "refine": 4e-4}
+BASELINE_MINUTES = {"delta": 120.0}
+DEFAULT_SEEDS = {"tokenizer": 10, "root": 11, "pose": 12, "refine": 13, "delta": 14}
+DEFAULT_RATES = {"tokenizer": 5e-4, "root": 5e-4, "pose": 5e-4, "refine": 4e-4, "delta": 5e-4}
 
 
 def _expression(text: str) -> str:
@@ -117,7 +119,7 @@ def _parser() -> argparse.ArgumentParser:
     data_options(prepare)
 
     train = add("train", "Trains one stage; stops at any moment (ctrl-c) and resumes from its checkpoint.")
-    train.add_argument("stage", choices=("tokenizer", "root", "pose", "refine"))
+    train.add_argument("stage", choices=(*DEFAULT_MINUTES, *BASELINE_MINUTES))
     training_options(train)
     train.add_argument("--rate", type=float, help="highest learning rate; the stage's own if left out")
     train.add_argument(
@@ -136,14 +138,74 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument("--cache", type=Path, default=Path("runs/cache"))
     export_options(export)
 
-    evaluate = add("evaluate", "Figures of a pack on the test split, without a server.")
-    evaluate.add_argument("--pack", type=Path, default=Path("models/human"))
+    evaluator = add("evaluator", "Trains the motion autoencoder that FID and MMD are measured with.")
+    evaluator.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    evaluator.add_argument("--out", type=Path, required=True, help="evaluator.onnx to write")
+    evaluator.add_argument(
+        "--run", type=Path, help="folder of the checkpoint; CACHE-evaluator beside the cache if left out"
+    )
+    evaluator.add_argument("--minutes", type=float, default=12.0)
+    evaluator.add_argument("--steps", type=int, help="updates, instead of minutes")
+    evaluator.add_argument("--frames-per-step", type=int, default=4096)
+    evaluator.add_argument("--seed", type=int, default=17)
+    evaluator.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
+    evaluator.add_argument("--threads", type=int, default=os.cpu_count())
+
+    evaluate = add(
+        "evaluate", "Every measure of a pack or of checkpoints on the test split, without a server."
+    )
+    which = evaluate.add_mutually_exclusive_group()
+    which.add_argument("--pack", type=Path, default=Path("models/human"), help="pack folder")
+    which.add_argument("--run", type=Path, help="folder of checkpoints, instead of a pack")
     evaluate.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    evaluate.add_argument(
+        "--evaluator",
+        type=Path,
+        help="evaluator.onnx; that of the pack or run if left out, and no FID, MMD and latent diversity without one",
+    )
+    evaluate.add_argument(
+        "--pinned", action="store_true", help="pin answers to their keyframes as the server does"
+    )
+    evaluate.add_argument("--delta", type=Path, help="run folder of a trained deterministic transformer")
+    evaluate.add_argument(
+        "--single-head", type=Path, help="run or pack folder of the single-head tokenizer ablation"
+    )
     evaluate.add_argument("--gaps", type=int, nargs="+", default=[15, 30, 45])
     evaluate.add_argument("--stride", type=int, default=20, help="frames between evaluation windows")
+    evaluate.add_argument("--max-windows", type=int, help="at most so many windows a gap, spread evenly")
     evaluate.add_argument("--split", choices=("test", "train"), default="test")
+    evaluate.add_argument("--temperature", type=float, default=0.0)
+    evaluate.add_argument("--pose-steps", type=int, default=1)
+    evaluate.add_argument("--seed", type=int, default=0)
+    evaluate.add_argument("--diversity-seeds", type=int, default=20, help="0: no diversity")
+    evaluate.add_argument("--diversity-windows", type=int, default=100, help="windows a gap for diversity")
     evaluate.add_argument("--threads", type=int, default=os.cpu_count())
     evaluate.add_argument("--json", type=Path, help="also write the figures here")
+    evaluate.add_argument("--markdown", type=Path, help="also write tables for a model card here")
+
+    analyse = add("analyse", "One of the paper's analyses: figures as JSON, a plot as PNG.")
+    analyse.add_argument(
+        "name", choices=("heads-codes", "fsq-vq", "root-interpolation", "replan", "pose-steps")
+    )
+    source = analyse.add_mutually_exclusive_group()
+    source.add_argument("--pack", type=Path, default=Path("models/human"), help="pack to analyse")
+    source.add_argument("--run", type=Path, help="checkpoints to analyse instead; fsq-vq takes a root module")
+    analyse.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    analyse.add_argument("--evaluator", type=Path, help="evaluator.onnx; that of the pack or run if left out")
+    analyse.add_argument("--out", type=Path, default=Path("runs/analyses"), help="folder to write")
+    analyse.add_argument(
+        "--minutes", type=float, default=4.0, help="training of each stage of each variant and seed"
+    )
+    analyse.add_argument("--steps", type=int, help="updates, instead of minutes")
+    analyse.add_argument("--seeds", type=int, nargs="+", default=[1], help="of training, or of the answers")
+    analyse.add_argument("--preset", choices=PRESETS, default="default", help="network sizes of variants")
+    analyse.add_argument("--frames-per-step", type=int, default=4096)
+    analyse.add_argument("--gap", type=int, default=30, help="frames to fill")
+    analyse.add_argument("--stride", type=int, default=20, help="frames between windows")
+    analyse.add_argument("--max-windows", type=int, default=400, help="at most so many, spread evenly")
+    analyse.add_argument("--split", choices=("test", "train"), default="test")
+    analyse.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
+    analyse.add_argument("--threads", type=int, default=os.cpu_count())
 
     curves = add("curves", "Loss curves as PNG.")
     curves.add_argument("--run", type=Path, default=Path("runs/human"))
@@ -227,7 +289,8 @@ def _train(args: argparse.Namespace, stage: str) -> bool:
     from troupe_training.trainer import Budget
 
     torch.set_num_threads(args.threads)
-    minutes = args.minutes if args.minutes or args.steps else DEFAULT_MINUTES[stage]
+    default = (DEFAULT_MINUTES | BASELINE_MINUTES)[stage]
+    minutes = args.minutes if args.minutes or args.steps else default
     rate = getattr(args, "rate", None) or DEFAULT_RATES[stage]
     budget = Budget(minutes=minutes, steps=args.steps, learning_rate=rate)
     seed = args.seed if args.seed is not None else DEFAULT_SEEDS[stage]
@@ -279,13 +342,105 @@ def _export(args: argparse.Namespace) -> None:
         plot_curves(args.run, args.out / "curves.png")
 
 
-def _evaluate(args: argparse.Namespace) -> None:
-    from troupe_training.evaluate import evaluate, print_report
+def _evaluator(args: argparse.Namespace) -> bool:
+    from troupe_training.evaluator import LEARNING_RATE, train_evaluator
+    from troupe_training.trainer import Budget
 
-    report = evaluate(args.pack, args.cache, args.gaps, args.stride, args.split, args.threads)
+    torch.set_num_threads(args.threads)
+    run = args.run or args.cache.resolve().with_name(args.cache.resolve().name + "-evaluator")
+    budget = Budget(
+        minutes=None if args.steps else args.minutes, steps=args.steps, learning_rate=LEARNING_RATE
+    )
+    about = train_evaluator(args.cache, run, args.out, budget, args.frames_per_step, args.seed, args.device)
+    if about is None:
+        print("evaluator: stopped; the same command goes on from the checkpoint")
+        return False
+    size = args.out.stat().st_size / 1e6
+    print(
+        f"{args.out}: {size:.1f} MB, {about['steps']} updates, differs from PyTorch by {about['difference']:.1e}"
+    )
+    for split, errors in about["errors"].items():
+        for frames, error in errors.items():
+            print(
+                f"{split}, {frames} frames: joints off by {1e3 * error['joint_m']:.1f} mm, root by "
+                f"{1e3 * error['root_m']:.1f} mm, joint velocities by {error['velocity_mps']:.3f} m/s"
+            )
+    return True
+
+
+def _evaluator_of(args: argparse.Namespace, folder: Path) -> Path | None:
+    """The evaluator that was asked for, or the folder's, or none."""
+    path = args.evaluator or folder / "evaluator.onnx"
+    if path.exists():
+        return path
+    if args.evaluator:
+        raise SystemExit(f"{path} is missing: `troupe-train evaluator` makes it")
+    print(f"{path} is missing: no FID, MMD and latent diversity")
+    return None
+
+
+def _evaluate(args: argparse.Namespace) -> None:
+    from troupe_training.delta import DeltaMethod
+    from troupe_training.evaluate import Bench, Options, evaluate, of_networks
+    from troupe_training.evaluation_tables import markdown, print_report
+    from troupe_training.inbetween import Sampling, open_networks
+    from troupe_training.stages import load
+
+    torch.set_num_threads(args.threads)
+    folder = args.run or args.pack
+    options = Options(
+        gaps=args.gaps,
+        stride=args.stride,
+        split=args.split,
+        pinned=args.pinned,
+        sampling=Sampling(args.pose_steps, args.temperature, args.seed),
+        diversity_seeds=args.diversity_seeds,
+        diversity_windows=args.diversity_windows,
+        max_windows=args.max_windows,
+    )
+    bench = Bench(args.cache, options, _evaluator_of(args, folder), args.threads)
+    methods = {"pack": of_networks(open_networks(folder, bench.store, args.threads))}
+    sampled = {"pack"}
+    if args.single_head:
+        methods["single head"] = of_networks(open_networks(args.single_head, bench.store, args.threads))
+        sampled.add("single head")
+    if args.delta:
+        methods["transformer"] = DeltaMethod(load(args.delta, "delta", bench.store), bench.skeleton)
+    report = {"source": folder.name} | evaluate(bench, methods, sampled)
     print_report(report)
     if args.json:
         args.json.write_text(json.dumps(report, indent=1) + "\n")
+    if args.markdown:
+        args.markdown.write_text(markdown(report))
+
+
+def _analyse(args: argparse.Namespace) -> bool:
+    from troupe_training.analyses import ANALYSES
+    from troupe_training.analyses.common import Setting
+
+    torch.set_num_threads(args.threads)
+    folder = args.run or args.pack
+    setting = Setting(
+        cache=args.cache,
+        out=args.out,
+        source=folder,
+        evaluator=_evaluator_of(args, folder),
+        minutes=args.minutes,
+        steps=args.steps,
+        seeds=args.seeds,
+        preset=PRESETS[args.preset],
+        frames_per_step=args.frames_per_step,
+        gap=args.gap,
+        stride=args.stride,
+        max_windows=args.max_windows,
+        split=args.split,
+        threads=args.threads,
+        device=args.device,
+    )
+    done = ANALYSES[args.name](setting)
+    if not done:
+        print(f"{args.name}: stopped; the same command goes on from its checkpoints")
+    return done
 
 
 def _random_pack(args: argparse.Namespace) -> None:
@@ -306,8 +461,12 @@ def main(argv: list[str] | None = None) -> int:
         return 0 if _train(args, args.stage) else 130
     elif args.command == "export":
         _export(args)
+    elif args.command == "evaluator":
+        return 0 if _evaluator(args) else 130
     elif args.command == "evaluate":
         _evaluate(args)
+    elif args.command == "analyse":
+        return 0 if _analyse(args) else 130
     elif args.command == "curves":
         from troupe_training.plots import plot_curves
 

@@ -1,6 +1,6 @@
 """Sizes of the networks and of training: the default pack's, the paper's for timing, and tiny ones for tests."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 FPS = 30.0
 FRAMES_PER_TOKEN = 4
@@ -32,6 +32,12 @@ class ModelConfig:
     pose_layers: int = 5
     pose_feedforward: int = 4  # width of the pose module's feed-forward layers, in multiples of `pose_dim`
     attention_head_dim: int = 32
+    # Levels of each dimension of a head where it is quantised by rounding (FSQ); none where it has a codebook. Their
+    # product is `codes`, their number `code_dim`.
+    fsq_levels: tuple[int, ...] = ()
+    # The deterministic baseline, of about as many parameters as all networks of a pack together.
+    delta_dim: int = 320
+    delta_layers: int = 9
 
     def to_dict(self) -> dict:
         """Plain values, for checkpoints."""
@@ -48,6 +54,10 @@ PRESETS = {
         pose_dim=160,
         pose_layers=4,
     ),
+    # The ablation of the multi-head tokenizer: one codebook over the same latent width. Matching 4 heads of 256 codes, 2^32
+    # combinations, is out of the question; of what fits, 4096 codes are what 94,000 training tokens still fill, and
+    # embedding and read-out of the pose module already cost two million parameters more.
+    "single-head": replace(ModelConfig(), heads=1, codes=4096, code_dim=96),
     # The parameter counts that section 7.4 gives: 150 M for the pose module of 16 layers and 16 heads at width 1024, 50 M
     # for the root module at width 512, 23.5 M for encoder and decoder together. Those counts fix what the text leaves
     # open: feed-forward layers of twice the width, and 512 channels (the text says 1024, which would make it 94 M).
@@ -82,5 +92,9 @@ PRESETS = {
         pose_dim=32,
         pose_layers=1,
         attention_head_dim=16,
+        delta_dim=32,
+        delta_layers=1,
     ),
 }
+# The levels that Mentzer et al. (2023, table 1) advise for about 2^8 codes; their product is 240.
+FSQ_LEVELS = (8, 6, 5)

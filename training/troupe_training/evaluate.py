@@ -1,225 +1,283 @@
-"""``evaluate``: in-betweening figures of a pack on the test split, beside ground truth and interpolation.
+"""``evaluate``: every measure of a pack or of a run's checkpoints on the test split, beside ground truth and baselines.
 
-Runs the pack's ONNX files without a server, at temperature 0 with one pose step, and measures what the decoder gives:
-unlike the server it does not pin roots and poses to the keyframes. `troupe eval` prints the full table through a
-running server.
+Runs the networks without a server, at temperature 0 with one pose step unless told otherwise. Answers are what the decoder
+gives, or with ``pinned`` what the server would answer, which meets its keyframes. `troupe eval` measures through a running
+server. `docs/evaluation.md` defines every measure.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 import torch
 from tqdm import tqdm
 
-from troupe_training.config import (
-    CONTEXT_FRAMES,
-    COUNTS,
-    FPS,
-    FRAMES_PER_TOKEN,
-    MAX_FRAMES,
-    MAX_TOKENS,
-    MIN_TOKENS,
-    SLOTS,
-)
+from troupe_training.baselines import interpolate
+from troupe_training.config import CONTEXT_FRAMES, FRAMES_PER_TOKEN, MAX_FRAMES, MIN_TOKENS
+from troupe_training.cut import PIECES, spread, windows
+from troupe_training.distribution import Gaussian, Mmd, frechet, pairwise_distance
+from troupe_training.evaluator import Latents
 from troupe_training.features import ClipStore, Segments
+from troupe_training.hinges import Hinges, on_hinges
+from troupe_training.inbetween import Keys, Sampling, in_between
+from troupe_training.intervals import COSTLY_RESAMPLES, RESAMPLES, Bootstrap
 from troupe_training.losses import Kinematics
-from troupe_training.rotations import matrix_to_quat, quat_to_matrix, six_d_to_matrix
+from troupe_training.metrics import window_figures
+from troupe_training.motion import Motion, global_root_of, pose_features
+from troupe_training.pinning import pin
 
-SKATE_HEIGHT_M = 0.025
+TRUTH = "ground truth"
+BATCH = 64
+
+# Fills the windows of captured segments of so many frames, with a choice of tokens where the method has one.
+Method = Callable[[Segments, int, Sampling], Motion]
 
 
 @dataclass
-class Motion:
-    """Root positions ``[B, N, 3]`` and world rotations ``[B, N, J, 3, 3]`` of one method's answer."""
+class Options:
+    """What is measured, and how."""
 
-    root: torch.Tensor
-    rotations: torch.Tensor
+    gaps: list[int] = field(default_factory=lambda: [15, 30, 45])
+    stride: int = 20
+    split: str = "test"
+    pinned: bool = False
+    sampling: Sampling = field(default_factory=Sampling)
+    diversity_seeds: int = 20
+    diversity_windows: int = 100
+    max_windows: int | None = None
 
 
-class Pack:
-    """The three stages of a pack folder, run one after the other."""
-
-    def __init__(self, folder: Path, threads: int):
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        self.stages = {
-            name: onnxruntime.InferenceSession(
-                Path(folder) / f"{name}.onnx", options, providers=["CPUExecutionProvider"]
-            )
-            for name in ("root", "pose", "decoder")
-        }
-        self.heads, self.codes = self.stages["pose"].get_outputs()[0].shape[2:]
-
-    def run(self, stage: str, **inputs: torch.Tensor) -> dict[str, torch.Tensor]:
-        """One stage; tensors by name in, tensors by name out."""
-        session = self.stages[stage]
-        arrays = session.run(None, {name: value.contiguous().numpy() for name, value in inputs.items()})
-        return {o.name: torch.from_numpy(a) for o, a in zip(session.get_outputs(), arrays, strict=True)}
-
-    def in_between(self, segments: Segments, frames: int) -> Motion:
-        """Fills segments of ``frames`` frames from four context frames and the last frame as the one target."""
-        batch, tokens = len(segments.pose), -(-frames // FRAMES_PER_TOKEN)
-        slot = CONTEXT_FRAMES + (frames - 1) - (tokens - 1) * FRAMES_PER_TOKEN
-        index = list(range(CONTEXT_FRAMES)) + [frames - 1]
-        slots = list(range(CONTEXT_FRAMES)) + [slot]
-
-        def keyed(values: torch.Tensor) -> torch.Tensor:
-            out = torch.zeros(batch, SLOTS, values.shape[-1])
-            out[:, slots] = values[:, index]
-            return out
-
-        given = torch.zeros(batch, SLOTS)
-        given[:, slots] = 1.0
-        context_only = given.clone()
-        context_only[:, CONTEXT_FRAMES:] = 0.0
-        allowed = torch.zeros(batch, COUNTS)
-        allowed[:, tokens - MIN_TOKENS] = 1.0
-        root = self.run(
-            "root",
-            key_local_root=keyed(segments.local_root) * context_only[..., None],
-            key_global_root=keyed(segments.global_root),
-            key_pose=keyed(segments.pose),
-            has_local_root=context_only,
-            has_global_root=given,
-            has_pose=given,
-            allowed_counts=allowed,
-            count_noise=torch.zeros(batch, COUNTS),
+def check_gap(gap: int) -> int:
+    """Frames of a window of this gap; ends the command where networks cannot fill it."""
+    frames = CONTEXT_FRAMES + gap + 1
+    if not MIN_TOKENS * FRAMES_PER_TOKEN <= frames <= MAX_FRAMES:
+        raise SystemExit(
+            f"a gap of {gap} frames makes a segment of {frames}; 12 to {MAX_FRAMES} frames are allowed"
         )
-        frame_pose = torch.zeros(batch, MAX_FRAMES, segments.pose.shape[-1])
-        frame_mask = torch.zeros(batch, MAX_FRAMES)
-        frame_pose[:, index] = segments.pose[:, index]
-        frame_mask[:, index] = 1.0
-        rest = {"num_tokens": root["num_tokens"], "global_root": root["global_root"]}
-        rest |= {"frame_pose": frame_pose, "frame_mask": frame_mask}
-        masked = torch.full((batch, MAX_TOKENS, self.heads), self.codes)
-        chosen = self.run("pose", tokens=masked, **rest)["logits"].argmax(-1)
-        out = self.run("decoder", tokens=chosen, **rest)
-        return Motion(out["refined_root"][:, :frames, :3], six_d_to_matrix(out["rotations"][:, :frames]))
+    return frames
 
 
-def interpolate(truth: Motion, frames: int, parents: list[int]) -> Motion:
-    """Linear root and slerped parent-relative rotations between the last context frame and the target."""
-    first, last = CONTEXT_FRAMES - 1, frames - 1
-    share = ((torch.arange(frames) - first) / (last - first)).clamp(0, 1)
-    local = truth.rotations.clone()
-    for j, parent in enumerate(parents):
-        if parent >= 0:
-            local[:, :, j] = truth.rotations[:, :, parent].transpose(-1, -2) @ truth.rotations[:, :, j]
-    a, b = matrix_to_quat(local[:, first]), matrix_to_quat(local[:, last])
-    dot = (a * b).sum(-1, keepdim=True)
-    b = torch.where(dot < 0, -b, b)
-    angle = torch.arccos(dot.abs().clamp(max=1 - 1e-7))[:, None]
-    t = share[None, :, None, None]
-    quat = (torch.sin((1 - t) * angle) * a[:, None] + torch.sin(t * angle) * b[:, None]) / torch.sin(angle)
-    between = quat_to_matrix(quat / quat.norm(dim=-1, keepdim=True))
-    between[:, :CONTEXT_FRAMES] = local[:, :CONTEXT_FRAMES]
-    for j, parent in enumerate(parents):
-        if parent >= 0:
-            between[:, :, j] = between[:, :, parent] @ between[:, :, j]
-    root = truth.root[:, first : first + 1] * (1 - t[..., 0]) + truth.root[:, last:frames] * t[..., 0]
-    root = torch.cat([truth.root[:, :CONTEXT_FRAMES], root[:, CONTEXT_FRAMES:]], 1)
-    return Motion(root, between)
+def of_networks(networks) -> Method:
+    """The method that runs the three stages of a pack or run."""
+    return lambda segments, frames, sampling: in_between(
+        networks, Keys.of(segments, frames), frames, sampling
+    )
 
 
-def npss(predicted: np.ndarray, truth: np.ndarray) -> float:
-    """NPSS of ``[B, T, D]`` sequences (Gopalakrishnan et al. 2019), as the LaFAN1 benchmark computes it."""
-    power = [np.real(np.fft.fft(x, axis=1)) ** 2 for x in (predicted, truth)]
-    total = [p.sum(1) for p in power]
-    share = [p / np.maximum(t, 1e-12)[:, None] for p, t in zip(power, total, strict=True)]
-    distance = np.abs(np.cumsum(share[0], 1) - np.cumsum(share[1], 1)).sum(1)
-    return float((distance * total[1]).sum() / total[1].sum())
+class Bench:
+    """A split's windows, and what all methods are measured with."""
 
+    def __init__(self, cache: Path, options: Options, evaluator: Path | None, threads: int):
+        self.options = options
+        self.store = ClipStore(cache, options.split)
+        self.skeleton = self.store.skeleton
+        self.kinematics = Kinematics(self.skeleton)
+        self.left_axis = torch.tensor(self.skeleton.left_axis)
+        self.latents = Latents(evaluator, threads) if evaluator else None
+        self.hinges = Hinges(self.skeleton) if self.skeleton.robot else None
 
-def continuous(quat: torch.Tensor) -> torch.Tensor:
-    """Quaternions ``[B, T, ..., 4]`` with signs chosen so that each is on the side of the one before it."""
-    sign = torch.where((quat[:, 1:] * quat[:, :-1]).sum(-1, keepdim=True) < 0, -1.0, 1.0)
-    return torch.cat([quat[:, :1], quat[:, 1:] * torch.cumprod(sign, 1)], 1)
-
-
-def measures(
-    motion: Motion, truth: Motion, kinematics: Kinematics, clearance: torch.Tensor, frames: int
-) -> dict:
-    """The figures of one method on one batch, means over its windows (NPSS inputs are returned as arrays)."""
-    gap = slice(CONTEXT_FRAMES, frames - 1)
-    world = kinematics.positions(motion.rotations) + motion.root[:, :, None]
-    true_world = kinematics.positions(truth.rotations) + truth.root[:, :, None]
-    error = (world - true_world).norm(dim=-1)
-    quat, true_quat = matrix_to_quat(motion.rotations), matrix_to_quat(truth.rotations)
-    quat = torch.where((quat * true_quat).sum(-1, keepdim=True) < 0, -quat, quat)
-    feet = world[:, :, kinematics.feet]
-    step = (feet[:, 1:] - feet[:, :-1])[..., [0, 2]].norm(dim=-1)
-    height = feet[:, 1:, :, 1] - clearance
-    skate = step * (2 - 2 ** (height / SKATE_HEIGHT_M)).clamp(0, 1)
-    jitter = (world[:, 2:] - 2 * world[:, 1:-1] + world[:, :-2]).norm(dim=-1) * FPS**2
-    return {
-        "l2p_m": (error[:, gap] ** 2).sum(-1).sqrt().mean().item(),
-        "l2q": ((quat - true_quat)[:, gap] ** 2).sum((-1, -2)).sqrt().mean().item(),
-        "foot_skate_m_per_frame": skate[:, CONTEXT_FRAMES - 1 : frames - 2].mean().item(),
-        "joint_jitter_mps2": jitter[:, CONTEXT_FRAMES - 2 : frames - 3].mean().item(),
-        "context_keyframe_error_m": error[:, :CONTEXT_FRAMES].amax((1, 2)).mean().item(),
-        "target_keyframe_error_m": error[:, frames - 1].amax(-1).mean().item(),
-        "target_root_error_m": (motion.root - truth.root)[:, frames - 1].norm(dim=-1).mean().item(),
-        "npss_inputs": tuple(continuous(q[:, gap]).flatten(2).numpy() for q in (quat, true_quat)),
-    }
-
-
-def windows(store: ClipStore, frames: int, stride: int) -> torch.Tensor:
-    """Start frames of evaluation windows: every ``stride`` frames of every clip that is long enough."""
-    starts = []
-    for clip in store.clips:
-        starts += list(range(clip["start"], clip["start"] + clip["frames"] - frames + 1, stride))
-    return torch.tensor(starts, dtype=torch.long)
-
-
-def evaluate(pack_folder: Path, cache: Path, gaps: list[int], stride: int, split: str, threads: int) -> dict:
-    """``{gap: {method: {measure: value}}}`` for the pack, interpolation and ground truth."""
-    store = ClipStore(cache, split)
-    pack, kinematics = Pack(pack_folder, threads), Kinematics(store.skeleton)
-    clearance = torch.tensor(store.skeleton.contact_clearance_m)
-    report: dict = {}
-    for gap in gaps:
-        frames = CONTEXT_FRAMES + gap + 1
-        if not MIN_TOKENS * FRAMES_PER_TOKEN <= frames <= MAX_FRAMES:
-            raise SystemExit(
-                f"a gap of {gap} frames makes a segment of {frames}; 12 to {MAX_FRAMES} frames are allowed"
-            )
-        collected: dict[str, list[dict]] = {}
-        starts = windows(store, frames, stride)
+    def windows(self, frames: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """Start frames of the windows of so many frames, and the pieces of clips that they are of."""
+        starts, pieces = windows(self.store, frames, self.options.stride)
         if not len(starts):
-            raise SystemExit(f"no clip of the {split} split has {frames} frames")
-        for chunk in tqdm(starts.split(64), desc=f"gap {gap}"):
-            segments = store.segments(chunk, frames)
-            truth = Motion(segments.global_root[..., :3], six_d_to_matrix(segments.six_d))
-            answers = {
-                "pack": pack.in_between(segments, frames),
-                "interpolation": interpolate(truth, frames, store.skeleton.parents),
-                "ground truth": truth,
-            }
-            for name, motion in answers.items():
-                figures = measures(motion, truth, kinematics, clearance, frames) | {"windows": len(chunk)}
-                collected.setdefault(name, []).append(figures)
-        report[str(gap)] = {name: _merge(parts) for name, parts in collected.items()}
-    return report
+            raise SystemExit(f"no clip of the {self.options.split} split has {frames} frames")
+        kept = spread(len(starts), self.options.max_windows)
+        return starts[kept], pieces[kept]
+
+    def segments(
+        self, starts: torch.Tensor, frames: int, title: str
+    ) -> Iterator[tuple[Segments, torch.Tensor]]:
+        """The windows' frames and the segments' headings in the world, some windows at a time."""
+        for chunk in tqdm(starts.split(BATCH), desc=title, leave=False):
+            yield self.store.segments(chunk, frames), self.store.headings[chunk + CONTEXT_FRAMES - 1]
+
+    def interpolation(self, segments: Segments, frames: int, sampling: Sampling) -> Motion:
+        """The method without a network."""
+        return interpolate(Motion.of(segments), frames, self.skeleton.parents)
+
+    def answer(self, method: Method, segments: Segments, frames: int, sampling: Sampling) -> Motion:
+        """A method's answer, pinned if answers are."""
+        motion = method(segments, frames, sampling)
+        if not self.options.pinned:
+            return motion
+        index = [*range(CONTEXT_FRAMES), frames - 1]
+        truth = Motion.of(segments)
+        given = Motion(truth.root[:, index], truth.rotations[:, index])
+        return pin(motion, given, index, self.skeleton.parents, self.left_axis)
+
+    def shown(self, motion: Motion) -> tuple[Motion, dict[str, torch.Tensor]]:
+        """For robots what its hinges make of the motion, and what that took."""
+        return on_hinges(self.hinges, motion) if self.hinges else (motion, {})
+
+    def encode(self, motion: Motion) -> np.ndarray:
+        """Latents of whole windows."""
+        positions, six_d = pose_features(motion, self.kinematics)
+        return self.latents.of(global_root_of(motion, self.left_axis), positions, six_d)
+
+    def measure(self, motion: Motion, truth: Motion, headings: torch.Tensor) -> dict[str, np.ndarray]:
+        """Every figure of B windows by name, ``[B]`` each, and ``latents`` ``[B, 256]`` where there is an evaluator."""
+        motion, figures = self.shown(motion)
+        figures |= window_figures(motion, truth, self.skeleton, self.kinematics, headings)
+        arrays = {name: values.double().numpy() for name, values in figures.items()}
+        return arrays | ({"latents": self.encode(motion)} if self.latents else {})
+
+    def diversity(
+        self, method: Method, starts: torch.Tensor, frames: int, name: str
+    ) -> dict[str, np.ndarray]:
+        """Mean distances between answers to the same request with other seeds at temperature 1, for each window."""
+        steps, seeds = self.options.sampling.steps, self.options.diversity_seeds
+        gap = slice(CONTEXT_FRAMES, frames - 1)
+        found: dict[str, list] = {"joint_diversity_m": [], "latent_diversity": []}
+        for nth, (segments, _) in enumerate(self.segments(starts, frames, f"{name}: {seeds} seeds")):
+            positions, latents = [], []
+            for seed in range(seeds):
+                sampling = Sampling(steps, 1.0, self.options.sampling.seed + 1_000_003 * nth + seed + 1)
+                motion, _ = self.shown(self.answer(method, segments, frames, sampling))
+                positions.append(motion.world(self.kinematics)[:, gap])
+                if self.latents:
+                    latents.append(torch.from_numpy(self.encode(motion)))
+            found["joint_diversity_m"].append(pairwise_distance(torch.stack(positions)))
+            if latents:
+                found["latent_diversity"].append(pairwise_distance(torch.stack(latents)))
+        return {name: torch.cat(parts).double().numpy() for name, parts in found.items() if parts}
 
 
-def _merge(parts: list[dict]) -> dict:
-    weights = np.array([p["windows"] for p in parts], dtype=float)
-    out = {
-        k: float(np.average([p[k] for p in parts], weights=weights))
-        for k in parts[0]
-        if k not in ("npss_inputs", "windows")
+def glue(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Figures of several batches of windows as those of one."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+@dataclass
+class Found:
+    """The figures of one method on one gap (or all gaps): an entry for each window, diversity for some windows."""
+
+    windows: dict[str, np.ndarray]
+    pieces: np.ndarray
+    diversity: dict[str, np.ndarray] = field(default_factory=dict)
+    diversity_pieces: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+
+    @staticmethod
+    def join(parts: list["Found"]) -> "Found":
+        """Several gaps as one set of windows."""
+        return Found(
+            glue([p.windows for p in parts]),
+            np.concatenate([p.pieces for p in parts]),
+            glue([p.diversity for p in parts]),
+            np.concatenate([p.diversity_pieces for p in parts]),
+        )
+
+
+class Distances:
+    """FID and MMD of methods to ground truth, whose Gaussians are computed once for all draws of clips."""
+
+    def __init__(self, truth: Found):
+        self.truth = truth
+        self.bootstrap = Bootstrap(truth.pieces)
+        latents = truth.windows["latents"]
+        self.gaussians = [Gaussian(latents, times) for times in self.bootstrap.draws(COSTLY_RESAMPLES)]
+
+    def of(self, found: Found) -> dict[str, dict]:
+        """A method's distances; ground truth's own between the windows with even and those with odd numbers."""
+        if found is self.truth:
+            return self._own()
+        latents, bootstrap = found.windows["latents"], self.bootstrap
+        discrepancy = Mmd(latents, self.truth.windows["latents"])
+        draws = zip(bootstrap.draws(COSTLY_RESAMPLES), self.gaussians, strict=True)
+        return {
+            "mmd": bootstrap.statistic([discrepancy.value(t, t) for t in bootstrap.draws(RESAMPLES)]),
+            "fid": bootstrap.statistic([frechet(Gaussian(latents, times), truth) for times, truth in draws]),
+        }
+
+    def _own(self) -> dict[str, dict]:
+        latents, bootstrap = self.truth.windows["latents"], self.bootstrap
+        even, odd = slice(0, None, 2), slice(1, None, 2)
+        if len(latents) < 4:
+            return {}
+        discrepancy = Mmd(latents[even], latents[odd])
+        # A draw of few clips may leave one half with nothing.
+        usable = lambda most: [t for t in bootstrap.draws(most) if min(t[even].sum(), t[odd].sum()) > 1]
+        gaussians = lambda t: (Gaussian(latents[half], t[half]) for half in (even, odd))
+        return {
+            "mmd": bootstrap.statistic([discrepancy.value(t[even], t[odd]) for t in usable(RESAMPLES)]),
+            "fid": bootstrap.statistic([frechet(*gaussians(t)) for t in usable(COSTLY_RESAMPLES)]),
+        }
+
+
+def summarise(found: dict[str, Found]) -> dict[str, dict]:
+    """``{method: {measure: {mean, low, high}}}`` of one set of windows."""
+    truth = found[TRUTH]
+    bootstrap = Bootstrap(truth.pieces)
+    distances = Distances(truth) if "latents" in truth.windows else None
+    out = {}
+    for name, of in found.items():
+        figures = distances.of(of) if distances else {}
+        if of.diversity:
+            of_pieces = Bootstrap(of.diversity_pieces)
+            figures |= {figure: of_pieces.ratio(values) for figure, values in of.diversity.items()}
+        for figure, values in of.windows.items():
+            if figure not in ("latents", "npss_sum", "npss_weight"):
+                figures[figure] = bootstrap.ratio(values)
+        figures["npss"] = bootstrap.ratio(of.windows["npss_sum"], of.windows["npss_weight"])
+        out[name] = figures
+    return out
+
+
+def measure_gap(bench: Bench, methods: dict[str, Method], sampled: set[str], gap: int) -> dict[str, Found]:
+    """All methods on the windows of one gap; those in ``sampled`` can answer in more than one way."""
+    options, frames = bench.options, check_gap(gap)
+    starts, pieces = bench.windows(frames)
+    parts: dict[str, list[dict]] = {name: [] for name in (TRUTH, *methods)}
+    for segments, headings in bench.segments(starts, frames, f"gap {gap}"):
+        truth = bench.shown(Motion.of(segments))[0]
+        parts[TRUTH].append(bench.measure(Motion.of(segments), truth, headings))
+        for name, method in methods.items():
+            motion = bench.answer(method, segments, frames, options.sampling)
+            parts[name].append(bench.measure(motion, truth, headings))
+    found = {}
+    few = spread(len(starts), options.diversity_windows)
+    for name, chunks in parts.items():
+        figures = glue(chunks)
+        found[name] = Found(figures, pieces.numpy())
+        if options.diversity_seeds < 2 or name == TRUTH:
+            continue
+        if name in sampled:
+            found[name].diversity = bench.diversity(methods[name], starts[few], frames, name)
+        else:
+            zeros = ("joint_diversity_m", *(["latent_diversity"] if bench.latents else []))
+            found[name].diversity = {figure: np.zeros(len(few)) for figure in zeros}
+        found[name].diversity_pieces = pieces[few].numpy()
+    return found
+
+
+def evaluate(bench: Bench, methods: dict[str, Method], sampled: set[str]) -> dict:
+    """The report: for each gap and for all gaps together every method's figures with their intervals.
+
+    ``methods`` are measured beside ground truth and interpolation; those in ``sampled`` choose tokens.
+    """
+    options = bench.options
+    methods = {"interpolation": bench.interpolation} | methods
+    every = {gap: measure_gap(bench, methods, sampled, gap) for gap in options.gaps}
+    report = {
+        "split": options.split,
+        "clips": len({int(p) // PIECES for found in every.values() for p in found[TRUTH].pieces}),
+        "stride_frames": options.stride,
+        "pinned": options.pinned,
+        "temperature": options.sampling.temperature,
+        "pose_steps": options.sampling.steps,
+        "seed": options.sampling.seed,
+        "diversity": {
+            "seeds": options.diversity_seeds,
+            "windows": options.diversity_windows,
+            "temperature": 1.0,
+        },
+        "robot": bench.skeleton.robot["name"] if bench.skeleton.robot else None,
+        "gaps": [
+            {"gap_frames": gap, "windows": len(found[TRUTH].pieces), "methods": summarise(found)}
+            for gap, found in every.items()
+        ],
     }
-    predicted, truth = (np.concatenate([p["npss_inputs"][i] for p in parts]) for i in (0, 1))
-    return out | {"npss": npss(predicted, truth), "windows": int(weights.sum())}
-
-
-def print_report(report: dict) -> None:
-    """A plain table, one block a gap."""
-    for gap, methods in report.items():
-        names = [k for k in next(iter(methods.values())) if k != "windows"]
-        print(f"\ngap {gap} frames, {methods['pack']['windows']} windows")
-        print(" " * 15 + "".join(f"{n[:22]:>24}" for n in names))
-        for method, values in methods.items():
-            print(f"{method:15}" + "".join(f"{values[n]:24.5f}" for n in names))
+    if len(every) > 1:
+        joined = {name: Found.join([f[name] for f in every.values()]) for name in (TRUTH, *methods)}
+        report["all_gaps"] = {"windows": len(joined[TRUTH].pieces), "methods": summarise(joined)}
+    return report

@@ -8,12 +8,12 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from troupe_training.stages import STAGES
+from troupe_training.stages import BASELINES, STAGES
 
 
 def plot_curves(run: Path, out: Path) -> None:
     """Draws every term of every stage that has a history in ``run``."""
-    histories = {s: Path(run) / f"{s}.json" for s in STAGES}
+    histories = {s: Path(run) / f"{s}.json" for s in STAGES + BASELINES}
     histories = {s: json.loads(p.read_text()) for s, p in histories.items() if p.exists()}
     histories = {stage: data for stage, data in histories.items() if data["history"]}
     if not histories:

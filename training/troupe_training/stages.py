@@ -16,6 +16,7 @@ from troupe_training.config import (
     PRESETS,
     ModelConfig,
 )
+from troupe_training.delta import DeltaInterpolator, delta_loss
 from troupe_training.features import ClipStore, Segments, random_keyframe_mask, random_slot_masks, slot_frames
 from troupe_training.live import live_conditions
 from troupe_training.losses import Kinematics, reconstruction_losses
@@ -33,6 +34,7 @@ from troupe_training.tokenizer import Tokenizer
 from troupe_training.trainer import Budget, Trainer
 
 STAGES = ("tokenizer", "root", "pose", "refine")
+BASELINES = ("delta",)  # trained as stages are, but no part of a pack
 STATISTIC_BATCHES = 40
 # Noise on the decoder's root input, the size of r_g3's error, so that the decoder learns to clean it (r_g4).
 ROOT_NOISE_M = 0.006
@@ -72,6 +74,11 @@ def build(stage: str, config: ModelConfig, store: ClipStore) -> nn.Module:
         model.decoder.pose_scale.set(*stats["pose"])
         model.decoder.root_scale.set(*stats["local_root"])
         model.decoder.velocity_scale.set(*stats["velocity"])
+        return model
+    if stage == "delta":
+        model = DeltaInterpolator(config, joints)
+        model.pose_scale.set(*stats["pose"])
+        model.global_scale.set(*stats["global_root"])
         return model
     model = RootModule(config, joints) if stage == "root" else PoseModule(config, joints)
     model.pose_scale.set(*stats["pose"])
@@ -312,7 +319,7 @@ def train_stage(
     stage: str,
     cache: Path,
     run: Path,
-    preset: str,
+    preset: str | ModelConfig,
     budget: Budget,
     frames_budget: int,
     seed: int,
@@ -323,12 +330,13 @@ def train_stage(
 ) -> bool:
     """Trains one stage, resuming its checkpoint; true when its budget is spent.
 
-    ``fresh_schedule`` counts the budget from the checkpoint on instead of from the stage's first update. ``teacher_run`` is
-    the run of a large pack to learn from; its root module then stands in where this run has none yet.
+    ``preset`` names network sizes, or holds those of a variant. ``fresh_schedule`` counts the budget from the checkpoint on
+    instead of from the stage's first update. ``teacher_run`` is the run of a large pack to learn from; its root module
+    then stands in where this run has none yet.
     """
     torch.manual_seed(seed)
     store = ClipStore(cache, "train", device, balance)
-    config = PRESETS[preset]
+    sizes, config = ("variant", preset) if isinstance(preset, ModelConfig) else (preset, PRESETS[preset])
     teacher: Teacher | None = load_teacher(teacher_run, load, store) if teacher_run else None
     if stage == "refine":
         model = load(run, "tokenizer", store)
@@ -339,7 +347,7 @@ def train_stage(
         model = build(stage, config, store).to(device)
         if teacher and stage == "tokenizer":
             teacher.lend_tokens(model)
-    meta = {"model": config.to_dict(), "preset": preset, "seed": seed, "frames_budget": frames_budget}
+    meta = {"model": config.to_dict(), "preset": sizes, "seed": seed, "frames_budget": frames_budget}
     trainer = Trainer(run, stage, model, budget, meta, seed, device)
     if trainer.resume():
         if fresh_schedule:
@@ -358,5 +366,6 @@ def train_stage(
             store, frames_budget, network("tokenizer"), network("root"), taught["pose"]
         ),
         "refine": lambda: refine_loss(store, frames_budget, network("pose"), network("root")),
+        "delta": lambda: delta_loss(store, frames_budget),
     }
     return trainer.fit(losses[stage]())

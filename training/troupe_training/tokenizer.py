@@ -112,6 +112,59 @@ class MultiHeadQuantizer(nn.Module):
             self.book[head] = self.total[head] / self.count[head][:, None].clamp_min(1e-5)
 
 
+class FiniteScalarQuantizer(nn.Module):
+    """K heads whose few dimensions are each rounded to fixed levels (FSQ, Mentzer et al. 2023); nothing to learn.
+
+    A head's code counts its levels, the first dimension fastest. Embeddings are the levels, -1 to 1.
+    """
+
+    def __init__(self, config: ModelConfig):
+        super().__init__()
+        levels = torch.tensor(config.fsq_levels, dtype=torch.float32)
+        self.heads, self.codes, self.dim = config.heads, config.codes, config.code_dim
+        if min(config.fsq_levels) < 3:
+            raise ValueError(f"each of {config.fsq_levels} must be 3 or more: two levels have no middle")
+        if int(levels.prod()) != self.codes or len(levels) != self.dim:
+            raise ValueError(
+                f"{config.fsq_levels} make {int(levels.prod())} codes of {len(levels)} dimensions"
+            )
+        basis = torch.cat([torch.ones(1), levels[:-1].cumprod(0)])
+        place = torch.arange(self.codes)[:, None].div(basis, rounding_mode="floor") % levels
+        self.register_buffer("levels", levels)
+        self.register_buffer("basis", basis)
+        book = (place - levels.div(2, rounding_mode="floor")) / levels.div(2, rounding_mode="floor")
+        self.register_buffer("book", book.expand(self.heads, -1, -1).clone())
+
+    embed = MultiHeadQuantizer.embed
+
+    @full_precision
+    def _rounded(self, latent: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Bounded latents ``[..., K, dim]`` before and after rounding, in whole levels about 0."""
+        z = latent.float().unflatten(-1, (self.heads, self.dim))
+        half = (self.levels - 1) * (1 - 1e-3) / 2
+        # An even number of levels lies half a level off; the shift has a latent of 0 stay at 0.
+        offset = torch.where(self.levels % 2 == 0, 0.5, 0.0)
+        bounded = torch.tanh(z + torch.atanh(offset / half)) * half - offset
+        return bounded, bounded.round()
+
+    def tokens(self, latent: torch.Tensor) -> torch.Tensor:
+        """Codes ``[B, n, K]`` of latents ``[B, n, K*code_dim]``."""
+        _, rounded = self._rounded(latent)
+        place = rounded + self.levels.div(2, rounding_mode="floor")
+        return (place * self.basis).sum(-1).long()
+
+    def forward(self, latent: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Straight-through embeddings, tokens and a commitment loss of zero."""
+        bounded, rounded = self._rounded(latent)
+        through = (bounded + (rounded - bounded).detach()) / self.levels.div(2, rounding_mode="floor")
+        return through.flatten(2), self.tokens(latent), through.new_zeros(())
+
+
+def quantizer_of(config: ModelConfig) -> nn.Module:
+    """The quantizer that a configuration names."""
+    return FiniteScalarQuantizer(config) if config.fsq_levels else MultiHeadQuantizer(config)
+
+
 class Decoder(nn.Module):
     """Token embeddings, root trajectory and keyframes to frames (paper equation 3)."""
 
@@ -225,7 +278,7 @@ class Tokenizer(nn.Module):
         super().__init__()
         self.config = config
         self.encoder = Encoder(config, joints * 9)
-        self.quantizer = MultiHeadQuantizer(config)
+        self.quantizer = quantizer_of(config)
         self.decoder = Decoder(config, joints, contacts)
 
     def encode(self, pose: torch.Tensor) -> torch.Tensor:

@@ -1,0 +1,139 @@
+//! Rust's measures and pinning against Python's: a small motion whose figures both test suites compute
+//! (`training/tests/test_shared_figures.py` writes the file).
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::Value;
+use troupe_motion::metrics::{Task, evaluate};
+use troupe_motion::pin::{PosePin, pin_poses};
+use troupe_motion::root::heading_of;
+use troupe_motion::segment::{RootPin, pin_targets};
+use troupe_motion::{Clip, ContactParams, GlobalRoot, Joint, Quat, Skeleton, Vec3};
+
+const FRAMES: usize = 20;
+const JOINTS: usize = 8;
+const PIN_REACH_FRAMES: usize = 8;
+const TASK: Task = Task {
+    context_frames: 4,
+    gap_frames: 15,
+    target_frames: 1,
+};
+
+fn skeleton() -> Arc<Skeleton> {
+    let joint = |name: &str, parent, offset| Joint {
+        name: name.to_owned(),
+        parent,
+        offset_m: Vec3::from_array(offset),
+    };
+    let joints = vec![
+        joint("Hips", None, [0.0, 0.0, 0.0]),
+        joint("Spine", Some(0), [0.0, 0.4, 0.0]),
+        joint("Leg_L", Some(0), [0.1, 0.0, 0.0]),
+        joint("Foot_L", Some(2), [0.0, -0.9, 0.0]),
+        joint("Toes_L", Some(3), [0.0, -0.05, 0.12]),
+        joint("Leg_R", Some(0), [-0.1, 0.0, 0.0]),
+        joint("Foot_R", Some(5), [0.0, -0.9, 0.0]),
+        joint("Toes_R", Some(6), [0.0, -0.05, 0.12]),
+    ];
+    let contacts = ContactParams {
+        joints: vec![3, 4, 6, 7],
+        max_height_m: vec![0.12, 0.06, 0.12, 0.06],
+        max_speed_mps: 0.4,
+        clearance_m: vec![0.07, 0.02, 0.07, 0.02],
+    };
+    Arc::new(Skeleton::new(joints, Vec3::X, 0.0, Some(contacts)).unwrap())
+}
+
+fn shared() -> Value {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/shared_figures.json");
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn numbers(value: &Value) -> Vec<f32> {
+    let array = value.as_array().unwrap();
+    array.iter().map(|v| v.as_f64().unwrap() as f32).collect()
+}
+
+fn clip(data: &Value) -> Clip {
+    let roots = numbers(&data["root_positions"]);
+    let rotations = numbers(&data["rotations_wxyz"]);
+    let roots = roots.chunks_exact(3).map(Vec3::from_slice).collect();
+    let quat = |q: &[f32]| Quat::from_xyzw(q[1], q[2], q[3], q[0]).normalize();
+    let rotations = rotations.chunks_exact(4).map(quat).collect();
+    Clip::new(skeleton(), 30.0, roots, rotations).unwrap()
+}
+
+/// The names that differ, with both figures.
+fn differences(motion: &Clip, truth: &Clip, wanted: &Value) -> Vec<String> {
+    let figures = serde_json::to_value(evaluate(motion, truth, TASK).unwrap().figures).unwrap();
+    let wanted = wanted.as_object().unwrap();
+    let pairs = wanted.iter().map(|(name, value)| {
+        // Rust's older name of it.
+        let found = figures.get(name).or_else(|| figures.get("reaching_success"));
+        (
+            name,
+            found.and_then(Value::as_f64).unwrap(),
+            value.as_f64().unwrap(),
+        )
+    });
+    pairs
+        .filter(|(_, found, wanted)| !((found - wanted).abs() <= 2e-3 * wanted.abs() + 5e-5))
+        .map(|(name, found, wanted)| format!("{name}: {found} here, {wanted} in Python"))
+        .collect()
+}
+
+#[test]
+fn figures_are_those_of_python() {
+    let data = shared();
+    let (motion, truth) = (clip(&data["motion"]), clip(&data["truth"]));
+    assert_eq!(differences(&motion, &truth, &data["figures"]), [""; 0]);
+    let pinned = clip(&data["pinned"]);
+    assert_eq!(differences(&pinned, &truth, &data["pinned_figures"]), [""; 0]);
+}
+
+/// As the server's answers are pinned.
+fn pinned(motion: &Clip, truth: &Clip) -> (Vec<GlobalRoot>, Vec<Quat>) {
+    let mut roots = motion.roots();
+    let mut rotations = motion.rotations.clone();
+    for (root, pose) in roots.iter_mut().zip(rotations.chunks_exact(JOINTS)) {
+        root.heading = heading_of(pose[0], Vec3::X);
+    }
+    let frames = [0, 1, 2, 3, FRAMES - 1];
+    let root_pins = frames.map(|frame| RootPin {
+        frame,
+        root: truth.root_at(frame),
+    });
+    roots[0] = root_pins[0].root;
+    pin_targets(&mut roots, &mut rotations, JOINTS, 0, &root_pins);
+    let pose_pins = frames.map(|frame| PosePin {
+        frame,
+        rotations: truth.rotations_at(frame),
+    });
+    pin_poses(&mut rotations, JOINTS, &pose_pins, PIN_REACH_FRAMES);
+    (roots, rotations)
+}
+
+#[test]
+fn pinning_is_that_of_python() {
+    let data = shared();
+    let (roots, rotations) = pinned(&clip(&data["motion"]), &clip(&data["truth"]));
+    let wanted = clip(&data["pinned"]);
+    for frame in 0..FRAMES {
+        let (here, there) = (roots[frame].position, wanted.root_positions[frame]);
+        assert!(
+            here.distance(there) < 1e-4,
+            "root of frame {frame}: {here} and {there}"
+        );
+        for joint in 0..JOINTS {
+            let (here, there) = (
+                rotations[frame * JOINTS + joint],
+                wanted.rotations_at(frame)[joint],
+            );
+            assert!(
+                here.dot(there).abs() > 1.0 - 1e-6,
+                "joint {joint} of frame {frame}: {here} and {there}"
+            );
+        }
+    }
+}

@@ -1,0 +1,104 @@
+"""Robots: world rotations onto hinge angles within their limits, and back.
+
+``Skeleton.robot`` holds the hinges: the joint, its axis in its own frame, its rest rotation relative to the parent joint
+(w x y z) and its limits in radians. The world rotation of a hinge joint is ``R_parent · rest · R(axis, angle)``; a joint
+without a hinge turns with its parent, and the root floats.
+"""
+
+from dataclasses import dataclass
+
+import torch
+
+from troupe_training.losses import Kinematics
+from troupe_training.motion import Motion, local_rotations
+from troupe_training.rotations import matrix_to_quat, quat_to_matrix
+from troupe_training.skeleton import Skeleton
+
+FULL_TURN = 2.0 * torch.pi
+# An angle that is past its limit by less is rounding, not a limit met.
+TOLERANCE_RAD = 1e-4
+
+
+@dataclass
+class Projection:
+    """What hinges within their limits make of rotations ``[..., J, 3, 3]``; H hinges in the robot's order."""
+
+    rotations: torch.Tensor  # [..., J, 3, 3], world
+    positions: torch.Tensor  # [..., J, 3], metres, relative to the root joint
+    angles: torch.Tensor  # [..., H], radians, within the limits
+    residual_rad: (
+        torch.Tensor
+    )  # [..., H]: angle between the joint's rotation and its hinge's nearest, before limits
+    clamped: torch.Tensor  # [..., H], true where the nearest angle was out of the limits
+
+
+class Hinges:
+    """The hinges of a robot's skeleton as tensors."""
+
+    def __init__(self, skeleton: Skeleton):
+        if not skeleton.robot:
+            raise ValueError("the skeleton is no robot's: it has no hinges")
+        hinges = skeleton.robot["hinges"]
+        column = lambda name: torch.tensor([h[name] for h in hinges], dtype=torch.float32)
+        self.parents, self.kinematics = skeleton.parents, Kinematics(skeleton)
+        self.joints = [skeleton.names.index(h["joint"]) for h in hinges]
+        self.hinge_of = {joint: i for i, joint in enumerate(self.joints)}
+        self.axis, self.rest = column("axis"), quat_to_matrix(column("rest"))
+        self.lower, self.upper = column("lower_rad"), column("upper_rad")
+
+    def turns(self, angles: torch.Tensor) -> torch.Tensor:
+        """Rotations ``[..., H, 3, 3]`` relative to the parent joint at ``angles`` ``[..., H]``."""
+        half = (angles / 2)[..., None]
+        return self.rest @ quat_to_matrix(torch.cat([torch.cos(half), torch.sin(half) * self.axis], -1))
+
+    def nearest(self, local: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Nearest angles ``[..., H]`` to parent-relative rotations ``[..., H, 3, 3]``, and what is left over.
+
+        Of the angles a full turn apart, that nearest to the limits.
+        """
+        quat = matrix_to_quat(self.rest.transpose(-1, -2) @ local)
+        along = (quat[..., 1:] * self.axis).sum(-1)
+        angle = 2.0 * torch.atan2(along, quat[..., 0])
+        angle = angle - FULL_TURN * torch.round((angle - (self.lower + self.upper) / 2) / FULL_TURN)
+        across = (quat[..., 1:] - along[..., None] * self.axis).norm(dim=-1)
+        residual = 2.0 * torch.atan2(across, (along**2 + quat[..., 0] ** 2).sqrt())
+        return angle, residual
+
+    def rotations(self, root: torch.Tensor, angles: torch.Tensor) -> torch.Tensor:
+        """World rotations ``[..., J, 3, 3]`` from the root's ``[..., 3, 3]`` and angles ``[..., H]``."""
+        turns = self.turns(angles)
+        world: list[torch.Tensor] = []
+        for joint, parent in enumerate(self.parents):
+            if parent < 0:
+                world.append(root)
+            elif joint in self.hinge_of:
+                world.append(world[parent] @ turns[..., self.hinge_of[joint], :, :])
+            else:
+                world.append(world[parent])
+        return torch.stack(world, -3)
+
+    def project(self, rotations: torch.Tensor) -> Projection:
+        """Each joint's rotation relative to its parent onto its hinge, for itself, and the whole by kinematics."""
+        local = local_rotations(rotations, self.parents)[..., self.joints, :, :]
+        nearest, residual = self.nearest(local)
+        angles = torch.minimum(torch.maximum(nearest, self.lower), self.upper)
+        world = self.rotations(rotations[..., 0, :, :], angles)
+        clamped = (angles - nearest).abs() > TOLERANCE_RAD
+        return Projection(world, self.kinematics.positions(world), angles, residual, clamped)
+
+
+def project_to_hinges(skeleton: Skeleton, rotations: torch.Tensor) -> Projection:
+    """World rotations ``[..., J, 3, 3]`` of a robot onto its hinges within their limits."""
+    return Hinges(skeleton).project(rotations)
+
+
+def on_hinges(hinges: Hinges, motion: Motion) -> tuple[Motion, dict[str, torch.Tensor]]:
+    """The motion that the robot can make, and for each of the B motions what that took (angles in degrees)."""
+    made = hinges.project(motion.rotations)
+    residual = torch.rad2deg(made.residual_rad).flatten(1)
+    figures = {
+        "hinge_residual_mean_deg": residual.mean(1),
+        "hinge_residual_max_deg": residual.amax(1),
+        "hinge_clamped_share": made.clamped.float().flatten(1).mean(1),
+    }
+    return Motion(motion.root, made.rotations, motion.contacts), figures
