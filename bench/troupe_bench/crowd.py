@@ -20,7 +20,9 @@ def live(settings: Settings) -> None:
             options = ("--characters", str(settings.live_characters), "--warmup", "10s")
             run = programs.load("drive", server.url, *options, "--duration", f"{settings.live_s:g}s")
         store.add(key, {name: run.get(name) for name in RUN_PARTS})
-        say(f"{key}: {dig(run, 'live', 'plans', 'underruns')} underruns, ticks p99 {run['latency_ms']['p99']:.1f} ms late")
+        say(
+            f"{key}: {dig(run, 'live', 'plans', 'underruns')} underruns, ticks p99 {run['latency_ms']['p99']:.1f} ms late"
+        )
 
 
 def overload(settings: Settings) -> None:

@@ -66,7 +66,9 @@ def test_losses_take_the_teachers_word(store: ClipStore):
     taught = root_loss(store, 400, teacher.root)(root, torch.Generator().manual_seed(3), 0.0)
     assert alone["position"] != taught["position"] and alone["count"] == taught["count"]
     losses = [
-        pose_loss(store, 400, teacher.tokenizer, teacher.root, of)(pose, torch.Generator().manual_seed(3), 0.0)
+        pose_loss(store, 400, teacher.tokenizer, teacher.root, of)(
+            pose, torch.Generator().manual_seed(3), 0.0
+        )
         for of in (None, teacher.pose)
     ]
     assert losses[0]["entropy"] != losses[1]["entropy"]

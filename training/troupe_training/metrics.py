@@ -9,12 +9,11 @@ import numpy as np
 import torch
 
 from troupe_training.config import CONTEXT_FRAMES, FPS
-from troupe_training.losses import Kinematics
+from troupe_training.losses import Kinematics, near_ground
 from troupe_training.motion import Motion
 from troupe_training.rotations import matrix_to_quat, wrap_angle, yaw_matrix
 from troupe_training.skeleton import Skeleton
 
-SKATE_HEIGHT_M = 0.025
 PENETRATION_TOLERANCE_M = 0.005
 REACH_DISTANCE_M = 0.05
 REACH_ANGLE_RAD = float(np.radians(15.0))
@@ -26,7 +25,7 @@ def foot_skate(positions: torch.Tensor, skeleton: Skeleton) -> torch.Tensor:
     feet = positions[:, :, skeleton.contact_joints]
     step = (feet[:, 1:] - feet[:, :-1])[..., [0, 2]].norm(dim=-1)
     height = feet[:, 1:, :, 1] - torch.tensor(skeleton.contact_clearance_m)
-    return step * (2 - 2 ** (height / SKATE_HEIGHT_M)).clamp(0, 1)
+    return step * near_ground(height)
 
 
 def penetration(positions: torch.Tensor, skeleton: Skeleton) -> torch.Tensor:

@@ -38,7 +38,9 @@ class Teacher:
             try:
                 mine.load_state_dict(theirs.state_dict())
             except RuntimeError as error:
-                raise SystemExit(f"the teacher's {name} has other sizes than the preset's: {error}") from error
+                raise SystemExit(
+                    f"the teacher's {name} has other sizes than the preset's: {error}"
+                ) from error
             mine.requires_grad_(False)
 
 
