@@ -25,7 +25,7 @@ use crate::pack::Pack;
 /// Sets of pieces of clips that intervals of means come from.
 pub(super) const SETS: usize = 1000;
 /// The same of FID and MMD, which take long.
-pub(super) const DISTRIBUTION_SETS: usize = 200;
+pub(super) const DISTRIBUTION_SETS: usize = 100;
 /// Temperature at which diversity is measured.
 pub(super) const DIVERSITY_TEMPERATURE: f32 = 1.0;
 /// Windows that the evaluator takes at a time.
