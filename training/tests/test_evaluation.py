@@ -1,6 +1,7 @@
 """Evaluation: the evaluator's export, pinning, sampling, and the report of a pack and of a run."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import torch
 from troupe_training.baselines import interpolate
 from troupe_training.cli import main
 from troupe_training.config import CONTEXT_FRAMES
+from troupe_training.cut import any_length
 from troupe_training.evaluation_tables import markdown, table
 from troupe_training.evaluator import OPERATORS, Evaluator, Latents, _set_scales, inputs_of
 from troupe_training.features import ClipStore
@@ -74,16 +76,19 @@ def test_the_evaluator_learns_and_is_exported_in_plain_operators(evaluator: Path
         assert all(isinstance(axis, str) for axis in shapes[name][:2]) and shapes[name][2:] == rest
 
 
-def test_latents_are_of_length_one_and_do_not_depend_on_the_batch(evaluator: Path, store: ClipStore):
+def test_latents_spread_by_one_and_do_not_depend_on_the_batch(evaluator: Path, store: ClipStore):
     latents = Latents(evaluator / "evaluator.onnx", 1)
+    generator = torch.Generator().manual_seed(6)
+    many = np.concatenate([latents.of(**inputs_of(any_length(store, 1024, generator))) for _ in range(12)])
+    assert np.abs(many.mean(0)).max() < 0.2
+    assert np.square(many).sum(1).mean() == pytest.approx(1.0, rel=0.3)
     for frames in (12, 35, 47):
         inputs = inputs_of(walks(store, frames))
         together = latents.of(**inputs)
         assert together.shape == (6, 256)
-        np.testing.assert_allclose(np.linalg.norm(together, axis=1), 1.0, atol=1e-5)
         alone = latents.of(**{name: value[2:3] for name, value in inputs.items()})
-        np.testing.assert_allclose(alone, together[2:3], atol=1e-5)
-        assert np.abs(together[0] - together[1]).max() > 1e-3
+        np.testing.assert_allclose(alone, together[2:3], atol=1e-4)
+        assert np.abs(together[0] - together[1]).max() > 1e-2
 
 
 def test_a_motions_features_are_those_of_its_segment(store: ClipStore):
@@ -230,7 +235,7 @@ def test_evaluate_reports_every_measure_with_its_interval(
     assert methods["interpolation"]["joint_diversity_m"]["mean"] == 0.0
     assert methods["pack"]["joint_diversity_m"]["mean"] > 0.0
     assert methods["interpolation"]["fid"]["mean"] > 0.0
-    assert report["all_gaps"]["windows"] == 80
+    assert report["all_gaps"]["windows"] == 80 and len(report["evaluator"]) == 64
     card = (tmp_path / "card.md").read_text()
     assert "### Gap of 30 frames" in card and "FID ↓" in card and "MotionBricks" not in card
 
@@ -248,6 +253,32 @@ def test_without_an_evaluator_the_rest_is_measured(run: Path, cache: Path, tmp_p
     assert "l2p_m" in figures and not {"fid", "joint_diversity_m"} & set(figures)
     with pytest.raises(SystemExit, match="12 to 64"):
         main([*argv, "--gaps", "60"])
+
+
+def test_robots_are_measured_on_their_hinges(run: Path, cache: Path, tmp_path: Path):
+    """The walks on legs of hinges, limited so that the networks' knees do not fit."""
+    robot_cache = tmp_path / "cache"
+    shutil.copytree(cache, robot_cache)
+    skeleton = json.loads((cache / "skeleton.json").read_text())
+    joints = [n for n in skeleton["names"] if "Leg" in n or "Foot" in n]
+    hinge = {"axis": [1.0, 0.0, 0.0], "rest": [1.0, 0.0, 0.0, 0.0], "lower_rad": -1.0, "upper_rad": 0.1}
+    robot = {"name": "g1_like", "hinges": [{"joint": joint} | hinge for joint in joints]}
+    (robot_cache / "skeleton.json").write_text(json.dumps(skeleton | {"robot": robot}))
+    argv = ["evaluate", "--run", str(run), "--cache", str(robot_cache), "--gaps", "30", "--split", "train"]
+    argv += ["--max-windows", "10", "--diversity-seeds", "2", "--diversity-windows", "2"]
+    argv += ["--json", str(tmp_path / "report.json"), "--markdown", str(tmp_path / "card.md")]
+    assert main([*argv, "--pinned"]) == 0
+    report = json.loads((tmp_path / "report.json").read_text())
+    methods = report["gaps"][0]["methods"]
+    assert report["robot"] == "g1_like"
+    assert methods["ground truth"]["l2p_m"]["mean"] < 1e-6, "truth is put onto the hinges too"
+    assert 0.0 < methods["ground truth"]["hinge_clamped_share"]["mean"] < 0.5
+    assert (
+        methods["pack"]["hinge_residual_max_deg"]["mean"]
+        >= methods["pack"]["hinge_residual_mean_deg"]["mean"]
+    )
+    assert methods["pack"]["target_keyframe_error_m"]["mean"] < 1e-3
+    assert "MotionBricks, table 4" in (tmp_path / "card.md").read_text()
 
 
 def test_tables_show_the_paper_beside_g1_only():

@@ -146,7 +146,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     evaluator.add_argument("--minutes", type=float, default=12.0)
     evaluator.add_argument("--steps", type=int, help="updates, instead of minutes")
-    evaluator.add_argument("--frames-per-step", type=int, default=4096)
+    evaluator.add_argument("--frames-per-step", type=int, default=2048)
     evaluator.add_argument("--seed", type=int, default=17)
     evaluator.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     evaluator.add_argument("--threads", type=int, default=os.cpu_count())

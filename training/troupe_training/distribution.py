@@ -1,6 +1,6 @@
 """Measures between sets of motions in the evaluator's latent space, and the diversity of repeated answers.
 
-Latents are the unit vectors that `evaluator.onnx` gives.
+Latents are what `evaluator.onnx` gives: of length one in the root mean square over the train split.
 """
 
 from functools import cached_property
@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import torch
 
-# Kernel width and scale of CMMD (Jayasumana et al. 2024), which works on unit vectors too.
+# Kernel width and scale of CMMD (Jayasumana et al. 2024), whose vectors are of about that length too.
 MMD_SIGMA = 10.0
 MMD_SCALE = 1000.0
 

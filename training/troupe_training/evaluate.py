@@ -271,6 +271,7 @@ def evaluate(bench: Bench, methods: dict[str, Method], sampled: set[str]) -> dic
             "windows": options.diversity_windows,
             "temperature": 1.0,
         },
+        "evaluator": bench.latents.sha256 if bench.latents else None,
         "robot": bench.skeleton.robot["name"] if bench.skeleton.robot else None,
         "gaps": [
             {"gap_frames": gap, "windows": len(found[TRUTH].pieces), "methods": summarise(found)}

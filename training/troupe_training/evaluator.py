@@ -2,11 +2,13 @@
 
 TMR's autoencoder (Petrovich et al. 2023) without the text: an ACTOR-like transformer VAE, whose encoder reads frames behind
 two tokens, one for the mean and one for the deviation. It is trained on the train split alone, on segments of any
-length from 12 to 64 frames. The latent is the mean, scaled to length one.
+length from 12 to 64 frames. The latent is the mean, shifted and scaled so that those of the train split have mean 0 and
+length one in the root mean square.
 
 The graph holds plain operators of opset 17 only, so that small runtimes can run it.
 """
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from troupe_training.config import FPS, MAX_FRAMES
-from troupe_training.cut import any_length, windows
+from troupe_training.cut import any_length, spread, windows
 from troupe_training.features import ClipStore, Segments
 from troupe_training.layers import Standardiser, full_precision, sinusoids
 from troupe_training.trainer import Budget, Trainer
@@ -25,6 +27,7 @@ from troupe_training.trainer import Budget, Trainer
 LATENT = 256
 DIM = 192
 LAYERS = 4
+DECODER_LAYERS = 3  # not exported
 HEAD_DIM = 32
 FEEDFORWARD = 2
 KL_WEIGHT = 1e-5  # TMR's
@@ -33,6 +36,7 @@ SEED = 17
 LEARNING_RATE = 6e-4
 STATISTIC_BATCHES = 40
 TOLERANCE = 1e-3
+REPORTED_WINDOWS = 600
 REPORTED_FRAMES = (20, 35, 50)  # windows of gaps of 15, 30 and 45 frames
 CHECKED = ((1, 12), (3, 20), (5, 33), (2, 64))  # batch size, frames
 INPUTS = ("root", "positions", "six_d")
@@ -99,8 +103,11 @@ class Evaluator(nn.Module):
         self.encoder = nn.Sequential(*(Layer() for _ in range(LAYERS)), Norm())
         self.mean, self.deviation = nn.Linear(DIM, LATENT), nn.Linear(DIM, LATENT)
         self.open = nn.Linear(LATENT, DIM)
-        self.decoder = nn.Sequential(*(Layer() for _ in range(LAYERS)), Norm())
+        self.decoder = nn.Sequential(*(Layer() for _ in range(DECODER_LAYERS)), Norm())
         self.leave = nn.Linear(DIM, total)
+        # Of the means over the train split; measured when training is done.
+        self.register_buffer("centre", torch.zeros(LATENT))
+        self.register_buffer("spread", torch.ones(()))
 
     @full_precision
     def features(self, root: torch.Tensor, positions: torch.Tensor, six_d: torch.Tensor) -> torch.Tensor:
@@ -129,9 +136,9 @@ class Evaluator(nn.Module):
         return self.leave(self.decoder(x))
 
     def forward(self, root: torch.Tensor, positions: torch.Tensor, six_d: torch.Tensor) -> torch.Tensor:
-        """Latents ``[B, 256]`` of length one."""
+        """Latents ``[B, 256]``."""
         mean, _ = self.encode(self.features(root, positions, six_d))
-        return mean / torch.sqrt((mean * mean).sum(-1, keepdim=True) + 1e-12)
+        return (mean - self.centre) / self.spread
 
 
 def inputs_of(segments: Segments) -> dict[str, torch.Tensor]:
@@ -149,6 +156,16 @@ def _set_scales(model: Evaluator, store: ClipStore) -> None:
     parts = torch.cat(rows).split(list(model.widths.values()), -1)
     for (name, scale), part in zip(model.scales.items(), parts, strict=True):
         scale.set(part.mean(0), part.std(0).clamp_min(FLOORS[name]))
+
+
+@torch.no_grad()
+def _set_latent_scale(model: Evaluator, store: ClipStore) -> None:
+    """Where the latents of random training segments lie and how far apart."""
+    generator = torch.Generator().manual_seed(4321)
+    batches = (any_length(store, 4096, generator) for _ in range(STATISTIC_BATCHES))
+    means = torch.cat([model.encode(model.features(**inputs_of(b)))[0] for b in batches])
+    model.centre.copy_(means.mean(0))
+    model.spread.copy_((means - model.centre).square().sum(-1).mean().sqrt().clamp_min(1e-6))
 
 
 def loss_of(store: ClipStore, frames_budget: int):
@@ -169,6 +186,7 @@ def loss_of(store: ClipStore, frames_budget: int):
 def reconstruction_error(model: Evaluator, store: ClipStore, frames: int) -> dict[str, float]:
     """How far the decoder's joints, roots and velocities are off on segments of ``frames`` frames, in the mean."""
     starts, _ = windows(store, frames, frames // 2)
+    starts = starts[spread(len(starts), REPORTED_WINDOWS)]
     sums, count = {"joint_m": 0.0, "root_m": 0.0, "velocity_mps": 0.0}, 0
     for chunk in starts.split(64):
         features = model.features(**inputs_of(store.segments(chunk, frames)))
@@ -202,6 +220,7 @@ def train_evaluator(
         return None
     model = trainer.average.to("cpu").eval().requires_grad_(False)
     store, test = ClipStore(cache, "train"), ClipStore(cache, "test")
+    _set_latent_scale(model, store)
     errors = {
         name: {frames: reconstruction_error(model, split, frames) for frames in REPORTED_FRAMES}
         for name, split in (("train", store), ("test", test))
@@ -266,8 +285,11 @@ class Latents:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
         self.session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+        self.sha256 = hashlib.sha256(
+            Path(path).read_bytes()
+        ).hexdigest()  # latents of another file do not compare
 
     def of(self, root: torch.Tensor, positions: torch.Tensor, six_d: torch.Tensor) -> np.ndarray:
-        """Latents ``[B, 256]`` of length one."""
+        """Latents ``[B, 256]``."""
         values = zip(INPUTS, (root, positions, six_d), strict=True)
         return self.session.run(None, {name: value.contiguous().numpy() for name, value in values})[0]
