@@ -33,11 +33,17 @@ struct Kind {
     read: fn(&Path, &Pack, Scale) -> Result<Clip, Failure>,
 }
 
-/// All kinds that can be read. A new one is an entry here, and its name in the help of `--data`.
-const KINDS: [Kind; 1] = [Kind {
-    ending: ".bvh",
-    read: |path, pack, scale| read_clip(path, pack, scale, &Term::new(true)),
-}];
+/// All kinds that can be read: BVH, and for packs of robots Unitree's CSV. A new one is an entry here, and its name in the
+/// help of `--data`.
+const KINDS: [Kind; 2] = [kind(".bvh"), kind(".csv")];
+
+/// Files of an ending that tells `read_clip` how to read them.
+const fn kind(ending: &'static str) -> Kind {
+    Kind {
+        ending,
+        read: |path, pack, scale| read_clip(path, pack, scale, &Term::new(true)),
+    }
+}
 
 /// Endings of the files that can be read, for messages.
 pub(super) fn endings() -> String {
