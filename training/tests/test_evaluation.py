@@ -285,7 +285,7 @@ def test_tables_show_the_paper_beside_g1_only():
     figure = {"mean": 0.5, "low": 0.4, "high": 0.6}
     methods = {"ground truth": {"fid": figure, "reached": figure}, "pack": {"fid": figure}}
     text = table(methods, paper=True)
-    assert "| FID ↓ | 0.500 (0.400–0.600) | 0.500 (0.400–0.600) | (0.891) |" in text
+    assert "| FID ↓ | 0.5000 (0.4000–0.6000) | 0.5000 (0.4000–0.6000) | (0.8910) |" in text
     assert "| target reached (%) ↑ | 50.0 (40.0–60.0) | – | 61.1 |" in text
     report = {"split": "test", "clips": 4, "stride_frames": 20, "pinned": False, "temperature": 0.0}
     report |= {"pose_steps": 1, "diversity": {"seeds": 0}, "gaps": []}

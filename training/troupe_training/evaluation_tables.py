@@ -16,8 +16,8 @@ class Row:
 
 
 ROWS = (
-    Row("mmd", "MMD ↓", 1, 3),
-    Row("fid", "FID ↓", 1, 3),
+    Row("mmd", "MMD ↓", 1, 4),
+    Row("fid", "FID ↓", 1, 4),
     Row("joint_diversity_m", "joint diversity (mm)", 1e3, 1),
     Row("latent_diversity", "latent diversity", 1, 3),
     Row("joint_jitter_mps2", "joint jitter (m/s²) ≈"),
