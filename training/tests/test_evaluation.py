@@ -36,7 +36,7 @@ def evaluator(cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     argv = ["evaluator", "--cache", str(cache), "--out", str(folder / "evaluator.onnx"), "--threads", "1"]
     argv += ["--run", str(folder), "--frames-per-step", "512"]
     assert main([*argv, "--steps", "20"]) == 0
-    assert main([*argv, "--steps", "60"]) == 0  # goes on from its checkpoint
+    assert main([*argv, "--steps", "100"]) == 0  # goes on from its checkpoint
     return folder
 
 
