@@ -94,8 +94,12 @@ impl Character {
             },
         );
         let facing = context.global_roots(pack.skeleton.left_axis)[CONTEXT_FRAMES - 1].heading;
+        let timeline = Timeline::new(buffer, options.look_ahead_frames, options.seed);
         let mut character = Self {
-            timeline: Timeline::new(buffer, options.look_ahead_frames, options.seed),
+            timeline: match world {
+                Some(_) => timeline.looks_ahead(),
+                None => timeline,
+            },
             stretch: 0.0,
             unfinished: false,
             inbox: Inbox::default(),

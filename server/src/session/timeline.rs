@@ -5,6 +5,10 @@
 //! for at frame f takes over at its splice frame, `look_ahead` frames on, and stays in flight until the cursor is
 //! there, however early it comes. So frames do not depend on how long plans take, as long as none is late.
 //!
+//! What is in the buffer beyond the splice frame does depend on it. Locomotion never looks there, but whoever acts in a scene does: where
+//! an approach will be, how a fall begins. A clock that waits therefore waits for such a character's plans at the frame after the
+//! one at which they were asked for ([`Timeline::looks_ahead`]).
+//!
 //! While a character uses an object, or falls, what it does next is not the policy's: [`Timeline::settle_for`] asks for the
 //! plan that is wished for and no other, [`Timeline::hold`] and [`Timeline::put`] write motion that no plan made.
 
@@ -92,6 +96,8 @@ pub(super) struct Timeline {
     /// The command changed since the last plan was asked for.
     command_changed: bool,
     flight: Option<Flight>,
+    /// Decisions look at frames beyond the splice frame of a plan in flight.
+    looks_ahead: bool,
     /// A plan that the one in flight was asked for in the stead of. It comes where the networks had it already.
     replaced: Option<Ticket>,
     last_splice: Option<i64>,
@@ -123,6 +129,7 @@ impl Timeline {
             failed: false,
             command_changed: true,
             flight: None,
+            looks_ahead: false,
             replaced: None,
             last_splice: None,
             last_cause: PlanCause::Command,
@@ -130,6 +137,12 @@ impl Timeline {
             next_number: 0,
             stats: Stats::default(),
         }
+    }
+
+    /// The same for a character whose decisions look at frames that a plan in flight may replace.
+    pub(super) fn looks_ahead(self) -> Self {
+        let looks_ahead = true;
+        Self { looks_ahead, ..self }
     }
 
     pub(super) fn buffer(&self) -> &MotionBuffer {
@@ -220,14 +233,15 @@ impl Timeline {
             let (frame, moving) = (self.frame(), self.pending > 0);
             let stuck = moving && self.flight.is_none() && self.frames_left() == 0;
             let unsettled = self.settled != Some(frame) && (moving || clock == Clock::Runs);
+            // Before the frame is settled: it must be settled once, with the plan.
+            if moving && clock == Clock::Waits && self.is_waited_for() {
+                return Stop::NeedsPlan;
+            }
             if self.on_frame() && (stuck || unsettled) {
                 return Stop::AtFrame(frame);
             }
             if !moving {
                 return Stop::Done;
-            }
-            if clock == Clock::Waits && self.overdue() {
-                return Stop::NeedsPlan;
             }
             self.go(clock);
         }
@@ -266,6 +280,18 @@ impl Timeline {
     fn overdue(&self) -> bool {
         self.flight
             .is_some_and(|flight| !flight.arrived && flight.ticket.splice * SUB <= self.cursor)
+    }
+
+    /// A clock that waits goes no further without the plan in flight.
+    fn is_waited_for(&self) -> bool {
+        let missing = self.flight.filter(|flight| !flight.arrived);
+        missing.is_some_and(|Flight { ticket, .. }| {
+            let by = match self.looks_ahead {
+                true => ticket.splice.min(ticket.asked_at + 1),
+                false => ticket.splice,
+            };
+            by * SUB <= self.cursor
+        })
     }
 
     /// Whole frames in the buffer beyond the cursor.

@@ -169,4 +169,24 @@ proptest! {
         }
         prop_assert!(ends.open.is_empty(), "{:?} of {:?}", ends, rig.events);
     }
+
+    #[test]
+    fn a_waiting_clock_gives_the_same_whenever_plans_come(
+        events in prop::collection::vec(event(), 1..40),
+        delays in prop::collection::vec(0u32..8, 1..5),
+    ) {
+        let events: Vec<_> = events.into_iter().filter(|event| !matches!(event, Event::Plans(_))).collect();
+        let told = |delays: &[u32]| {
+            let mut rig = Rig::new();
+            for (event, &delay) in events.iter().zip(delays.iter().cycle()) {
+                rig.plans = Plans::After(delay);
+                carry_out(&mut rig, event);
+            }
+            let frames = rig.frames.into_iter().map(|frame| (frame.root, frame.rotations, frame.contacts));
+            (frames.collect::<Vec<_>>(), rig.events)
+        };
+        let (at_once, later) = (told(&[0]), told(&delays));
+        prop_assert_eq!(at_once.1, later.1);
+        prop_assert_eq!(at_once.0.iter().zip(&later.0).position(|(a, b)| a != b), None);
+    }
 }
