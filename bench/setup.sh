@@ -14,6 +14,7 @@ python3 -m venv "$home/venv"
 pip=("$home/venv/bin/python" -m pip --disable-pip-version-check install --quiet)
 "${pip[@]}" -r bench/requirements.txt
 "${pip[@]}" --no-deps --target "$home/ort-cpu" onnxruntime==1.31.1
-"${pip[@]}" --no-deps --target "$home/ort-openvino" onnxruntime-openvino==1.24.1 ||
+# openvino, of the version that is in the other, counts the time of its operators.
+"${pip[@]}" --no-deps --target "$home/ort-openvino" onnxruntime-openvino==1.24.1 openvino==2025.4.1 ||
     echo "onnxruntime-openvino is not to be had here: the OpenVINO rows are left out." >&2
 touch "$stamp"

@@ -6,6 +6,7 @@ import pytest
 
 from troupe_bench import instructions
 from troupe_bench.__main__ import parse
+from troupe_bench.operators import kind_of
 from troupe_bench.report import measured_apart, write_report
 from troupe_bench.settings import Settings, python_settings
 from troupe_bench.store import Store, dig
@@ -43,6 +44,14 @@ def test_results_outlive_the_process_and_medians_are_over_repeats(settings: Sett
     assert store.median({"target": "nobody"}, "frames_per_s") is None
     store.clear()
     assert Store(settings.results, "serving").data["runs"] == []
+
+
+def test_the_page_has_shares_of_operators_and_the_rate_of_products(settings: Settings, tmp_path: Path):
+    ms = {kind_of(operator): ms for operator, ms in (("MatMul", 6.0), ("Softmax", 1.0), ("Gather", 1.0), ("Gelu", 2.0))}
+    stages = {stage: {"ms": ms, "mflop": 1200.0} for stage in ("root", "pose", "decoder")}
+    Store(settings.results, "operators").add({"engine": "cpu"}, {"batch": 16, "stages": stages})
+    write_report(settings, page := tmp_path / "page.md")
+    assert "| f32 (ONNX Runtime CPU) | pose | 10.0 | 60 % | 10 % | 10 % | 20 % | 200 |" in page.read_text()
 
 
 def test_the_page_has_ratios_and_says_what_is_missing(settings: Settings, tmp_path: Path):

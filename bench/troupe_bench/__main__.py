@@ -21,6 +21,7 @@ PARTS = {
     "live": "live characters for minutes",
     "overload": "five times what the server can do",
     "ceiling": "operations of a segment, and the machine's peak",
+    "operators": "time of the networks by kind of operator",
     "paper": "packs of the paper's size",
     "idle": "CPU and memory of an idle server",
     "micro": "criterion benches",
@@ -85,7 +86,7 @@ def run_part(part: str, settings: Settings, args: argparse.Namespace) -> None:
         serving.mixed(settings)
     elif part in ("live", "overload"):
         getattr(crowd, part)(settings)
-    elif part in ("ceiling", "paper", "idle", "micro"):
+    elif part in ("ceiling", "operators", "paper", "idle", "micro"):
         getattr(parts, part)(settings)
     elif part == "instructions":
         instructions.count(settings)

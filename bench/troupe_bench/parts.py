@@ -1,10 +1,11 @@
-"""The parts beside serving: the paper's size, the ceiling, an idle server, micro-benchmarks."""
+"""The parts beside serving: the paper's size, the ceiling, operators, an idle server, micro-benchmarks."""
 
 import contextlib
 import json
 import os
 import subprocess
 import time
+from collections.abc import Iterator
 
 from troupe_bench import programs
 from troupe_bench.machine import ROOT, cpu_seconds, resident_bytes
@@ -18,25 +19,36 @@ PAPER_BATCHES = (1, 4, 16, 32, 64)
 
 def ceiling(settings: Settings) -> None:
     """Operations of a segment and the machine's peak, for each engine."""
-    store = Store(settings.results, "ceiling")
+    seconds, repeats = ("0.3", "1") if settings.quick else ("2", "5")
+    for engine, result in _each_engine(settings, "ceiling", "--seconds", seconds, "--repeats", repeats):
+        say(
+            f"{engine}: {result['segment_mflop']:.0f} MFLOP a segment, {result['peak_gflop_per_s']:.0f} GFLOP/s at peak"
+        )
+
+
+def operators(settings: Settings) -> None:
+    """Time of the networks by kind of operator, for each engine."""
+    for engine, result in _each_engine(settings, "operators", "--runs", "3" if settings.quick else "50"):
+        took = [sum(stage["ms"].values()) for stage in result["stages"].values()]
+        say(f"{engine}: {sum(took):.1f} ms for {result['batch']} segments in one thread")
+
+
+def _each_engine(settings: Settings, part: str, *arguments: str) -> Iterator[tuple[str, dict]]:
+    """Runs a module of a part's name for each engine that it has not run for, and keeps the JSON that it prints."""
+    store = Store(settings.results, part)
     for engine in settings.engines:
         key = {"engine": engine}
         if store.of(key):
             continue
         paths = os.pathsep.join([str(ROOT / "bench"), str(HOME / programs.RUNTIMES[engine])])
-        seconds, repeats = ("0.3", "1") if settings.quick else ("2", "5")
         printed = programs.call(
             HOME / "venv" / "bin" / "python",
-            "-m",
-            "troupe_bench.ceiling",
-            *("--pack", settings.pack, "--engine", engine, "--seconds", seconds, "--repeats", repeats),
+            *("-m", f"troupe_bench.{part}", "--pack", settings.pack, "--engine", engine, *arguments),
             env={"PYTHONPATH": paths},
         )
         result = json.loads(printed.splitlines()[-1])
         store.add(key, result)
-        say(
-            f"{engine}: {result['segment_mflop']:.0f} MFLOP a segment, {result['peak_gflop_per_s']:.0f} GFLOP/s at peak"
-        )
+        yield engine, result
 
 
 def paper(settings: Settings) -> None:

@@ -12,6 +12,7 @@ from troupe_bench.report_tables import (
     live_table,
     micro_table,
     mixed_table,
+    operators_table,
     overload_table,
     paper_table,
     serving_table,
@@ -74,6 +75,14 @@ live characters; before it at 90 % of capacity, after it at half.""",
         """Two operations for each multiplication in matrix products and convolutions of a 64-frame segment, and the machine's best at
 large matrix products through the same engine. No way of serving these networks on this machine goes beyond the last column.""",
         ceiling_table,
+    ),
+    (
+        "Where the networks' time goes",
+        "operators",
+        """One thread, 16 segments of 64 frames, by kind of operator, from the engines' own counters: matrix products and convolutions, norms
+and softmaxes, what moves numbers about (reordering, slicing, gathering, padding), and what works element by element. The last column is
+what the products reach; the table above has what two cores reach in large ones.""",
+        operators_table,
     ),
     (
         "The paper's size",

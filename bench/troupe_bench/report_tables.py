@@ -196,6 +196,21 @@ def ceiling_table(store: Store) -> list[str]:
     return table(["engine", *heads, "segment (MFLOP)", "peak (GFLOP/s)", "frames/s at peak"], rows)
 
 
+def operators_table(store: Store) -> list[str]:
+    """Time by stage and kind of operator."""
+    kinds = ("products", "norms", "moves", "elementwise")
+    rows = []
+    for engine in engines_of(store):
+        for stage in STAGES:
+            key = {"engine": engine}
+            took = [store.median(key, "stages", stage, "ms", kind) or 0.0 for kind in kinds]
+            rate = (store.median(key, "stages", stage, "mflop") or 0.0) / took[0] if took[0] else None
+            shares = [number(100 * ms / sum(took), 0, " %") for ms in took] if sum(took) else []
+            rows.append([ENGINES[engine], stage, number(sum(took), 1), *shares, number(rate)])
+    heads = ["engine", "stage", "a batch (ms)", "products", "norms, softmax", "moves", "element by element"]
+    return table([*heads, "products (GFLOP/s)"], rows, 2)
+
+
 def paper_table(store: Store) -> list[str]:
     """The paper's size by preset and engine, at the best batch and alone."""
     rows = []
