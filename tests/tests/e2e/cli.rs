@@ -415,7 +415,11 @@ async fn an_evaluation_measures_every_gap_and_says_what_it_skipped() {
             "{figure}: {metrics}"
         );
     }
-    assert_eq!(metrics["pack"]["npss"]["mean"], gap["pack"]["npss"]);
+    let (mean, alone) = (&metrics["pack"]["npss"]["mean"], &gap["pack"]["npss"]);
+    assert!(
+        (mean.as_f64().unwrap() - alone.as_f64().unwrap()).abs() < 1e-9,
+        "{mean} {alone}"
+    );
     assert_eq!(metrics["ground_truth"]["reached"]["mean"], 1.0);
     assert_eq!(metrics["interpolation"]["joint_diversity_m"]["mean"], 0.0);
     assert_eq!(metrics["pack"]["fid"], Value::Null);
