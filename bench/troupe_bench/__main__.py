@@ -30,6 +30,10 @@ PARTS = {
 }
 
 
+WITHOUT_PACK = ("paper", "micro", "instructions")
+"""Parts that do not measure the pack."""
+
+
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Reads the command line."""
     listed = "\n".join(f"  {name:<13}{text}" for name, text in PARTS.items())
@@ -98,6 +102,18 @@ def run_part(part: str, settings: Settings, args: argparse.Namespace) -> None:
         say(f"written: {out}")
 
 
+def begin(part: str, settings: Settings, fresh: bool) -> None:
+    """Notes what a part is measured on, and forgets what was measured of another pack."""
+    facts = machine.describe() | {"pack": machine.pack_id(settings.pack)}
+    Store.commit = facts["commit"]
+    Store(settings.results, "machine").note("machine", facts)
+    store = Store(settings.results, part)
+    if fresh:
+        store.clear()
+    if part not in WITHOUT_PACK and store.of_pack(facts["pack"]):
+        say("what was measured of another pack is forgotten")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Runs the parts; a part that fails does not keep the others from running."""
     args = parse(arguments)
@@ -106,12 +122,11 @@ def main(arguments: list[str] | None = None) -> int:
     say(f"engines: {', '.join(settings.engines)}; the serving part takes about {minutes:.0f} minutes")
     if args.time:
         return 0
-    Store(settings.results, "machine").note("machine", machine.describe())
     failed = []
     for part in args.parts or PARTS:
-        if args.fresh and part not in ("build", "report"):
-            Store(settings.results, part).clear()
         say(f"== {part}: {PARTS[part]}")
+        if part not in ("build", "verify", "report"):
+            begin(part, settings, args.fresh)
         if part == "instructions" and not shutil.which("valgrind"):
             say("valgrind is not here: left out")
             continue

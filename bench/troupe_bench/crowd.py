@@ -1,4 +1,4 @@
-"""Live characters over minutes, and overload: the server with the engine that it chooses by itself."""
+"""Live characters over minutes, and overload, on the last engine of the list: bf16 where that runs."""
 
 from troupe_bench import programs
 from troupe_bench.programs import say

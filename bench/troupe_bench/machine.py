@@ -3,6 +3,7 @@
 import os
 import platform
 import subprocess
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -53,6 +54,12 @@ def describe() -> dict:
         "changed": bool(output_of("git", "status", "--porcelain", "--untracked-files=no")),
         "load_before": os.getloadavg()[0],
     }
+
+
+def pack_id(folder: Path) -> str:
+    """A pack's name, version and the begin of its networks' hash."""
+    manifest = tomllib.loads((folder / "pack.toml").read_text())
+    return f"{manifest['name']} {manifest['version']} ({manifest['content_hash'].removeprefix('sha256:')[:8]})"
 
 
 def process_tree(pid: int) -> list[int]:

@@ -28,7 +28,8 @@ LONGEST_PAUSE_S = 20 * 60
 
 INTRO = """# Benchmarks
 
-Written by `make bench`; every figure is a median of the repeats that its table names. [How it is measured](../bench/README.md).
+Written by `make bench`. Medians where a table names its repeats; of ratios, the median of those of each turn, with the least and the most.
+"Bar" is what we set out to reach. [How it is measured](../bench/README.md).
 """
 
 SECTIONS = (
@@ -73,7 +74,8 @@ live characters; before it at 90 % of capacity, after it at half.""",
         "Why not more: the ceiling",
         "ceiling",
         """Two operations for each multiplication in matrix products and convolutions of a 64-frame segment, and the machine's best at
-large matrix products through the same engine. No way of serving these networks on this machine goes beyond the last column.""",
+large matrix products through the same engine (of three shapes the best, as measured). The last column is what the networks would give if all of
+their time went into products of that speed.""",
         ceiling_table,
     ),
     (
@@ -81,7 +83,7 @@ large matrix products through the same engine. No way of serving these networks 
         "operators",
         """One thread, 16 segments of 64 frames, by kind of operator, from the engines' own counters: matrix products and convolutions, norms
 and softmaxes, what moves numbers about (reordering, slicing, gathering, padding), and what works element by element. The last column is
-what the products reach; the table above has what two cores reach in large ones.""",
+what the products reach; the table above has what all cores reach in large ones.""",
         operators_table,
     ),
     (
@@ -121,7 +123,7 @@ def machine_lines(machine: dict) -> str:
     return (
         f"Measured on {machine['cores']:g} cores of {machine['cpu']} ({', '.join(machine['flags']) or 'no vector extensions'}),\n"
         f"{machine['memory_gib']:g} GiB, {machine['system']}, {machine['rustc']}, Python {machine['python']}; commit "
-        f"{machine['commit']}{changed}."
+        f"{machine['commit']}{changed}. Pack {machine.get('pack', 'not noted')}."
     )
 
 
@@ -132,6 +134,14 @@ def measured_apart(store: Store) -> str:
         return ""
     told = "; ".join(f"{_rows(runs)} {_span(runs)}" for runs in sittings)
     return f"Not measured in one go, so the machine may have changed between: {told} (UTC)."
+
+
+def measured_at(store: Store, machine: dict | None) -> str:
+    """The commits whose code a part was measured with, where that is not the one of the page."""
+    commits = list(dict.fromkeys(run["commit"] for run in store.data["runs"] if run.get("commit")))
+    if not commits or commits == [(machine or {}).get("commit")]:
+        return ""
+    return f"Measured with the code of {', '.join(commits)}."
 
 
 def _rows(runs: list[dict]) -> str:
@@ -158,12 +168,19 @@ def write_report(settings: Settings, out: Path) -> None:
         parts.append(machine_lines(machine))
     if settings.quick:
         parts.append("**A quick look: one short run each. Not the real figures.**")
+    told = set()
     for title, part, text, table in SECTIONS:
         store = Store(settings.results, part)
         lines = table(store) if store.data["runs"] else []
         parts.append(f"## {title}")
         if lines:
-            parts += [text, measured_apart(store), store.data.get("remark", ""), "\n".join(lines)]
+            notes = (
+                []
+                if part in told
+                else [measured_apart(store), store.data.get("remark", ""), measured_at(store, machine)]
+            )
+            parts += [text, *notes, "\n".join(lines)]
+            told.add(part)
         else:
             parts.append(f"Not measured yet: `make bench PARTS={part}`.")
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -8,6 +8,7 @@ from troupe_bench.store import Store, dig
 NAMES = {"raw": "raw loop", "troupe": "**Troupe**", "litserve": "LitServe", "fastapi": "FastAPI"}
 ENGINES = {"cpu": "f32 (ONNX Runtime CPU)", "openvino-bf16": "bf16 (OpenVINO)"}
 STAGES = ("root", "pose", "decoder")
+FRAMES = ("throughput", "frames_per_s")
 PAUSE = f"{PAUSE_US / 1000:g} ms"
 
 
@@ -32,7 +33,7 @@ def engines_of(store: Store) -> list[str]:
 
 def frames_of(store: Store, **key: object) -> float | None:
     """Median frames a second of a target."""
-    path = ("frames_per_s",) if key.get("target") == "raw" else ("throughput", "frames_per_s")
+    path = ("frames_per_s",) if key.get("target") == "raw" else FRAMES
     return store.median(key, *path)
 
 
@@ -88,26 +89,25 @@ def summary_table(store: Store) -> list[str]:
     rows = []
     for engine in engines_of(store):
         best = best_batch(store, engine)
-        served = [
-            frames_of(store, engine=engine, target="troupe", clients=clients)
+        served = {
+            clients: frames_of(store, engine=engine, target="troupe", clients=clients) or 0.0
             for clients in {key["clients"] for key in store.every_key() if key["target"] == "troupe"}
-        ]
-        most = max((value for value in served if value), default=None)
-        if best and best[1] and most:
-            share = 100 * most / best[1]
-            rows.append(
-                [ENGINES[engine], "frames/s at saturation, of the raw loop's best", number(share, 0, " %"), "≥ 90 %"]
-            )
-        alone = store.median({"engine": engine, "target": "raw", "alone": True}, "call_ms_p50")
-        one = store.median({"engine": engine, "target": "troupe", "clients": 1}, "latency_ms", "p50")
-        if alone and one:
-            rows.append(
-                [ENGINES[engine], "p50 of one caller above raw batch 1", number(one - alone, 2, " ms"), "≤ 0.5 ms"]
-            )
-        paused = store.median({"engine": engine, "target": "raw", "alone": "paused"}, "call_ms_p50")
-        if paused and one:
-            what = f"p50 of one caller above raw batch 1 on a core that slept {PAUSE}"
-            rows.append([ENGINES[engine], what, number(one - paused, 2, " ms"), ""])
+        }
+        if best and served:
+            ours = {"engine": engine, "target": "troupe", "clients": max(served, key=served.__getitem__)}
+            theirs = {"engine": engine, "target": "raw", "batch": best[0]}
+            pairs = store.turns((ours, *FRAMES), (theirs, "frames_per_s"))
+            shares = [100 * mine / raw for mine, raw in pairs]
+            what = "frames/s at saturation, of the raw loop's best"
+            rows += _measured(engine, what, shares, 0, " %", "≥ 90 %")
+        one = {"engine": engine, "target": "troupe", "clients": 1}
+        for alone, what, bar in (
+            (True, "p50 of one caller above raw batch 1", "≤ 0.5 ms"),
+            ("paused", f"p50 of one caller above raw batch 1 on a core that slept {PAUSE}", ""),
+        ):
+            raw = {"engine": engine, "target": "raw", "alone": alone}
+            pairs = store.turns((one, "latency_ms", "p50"), (raw, "call_ms_p50"))
+            rows += _measured(engine, what, [mine - theirs for mine, theirs in pairs], 2, " ms", bar)
         for target in ("litserve", "fastapi"):
             rows += _against(store, engine, target)
     if {"cpu", "openvino-bf16"} <= set(engines_of(store)):
@@ -120,17 +120,22 @@ def _against(store: Store, engine: str, target: str, their_engine: str = "") -> 
     """Throughput and tail beside a Python server, on the same engine if no other is named."""
     ours = {"engine": engine, "target": "troupe", "clients": 32}
     theirs = {"engine": their_engine or engine, "target": target, "clients": 32}
-    frames = [frames_of(store, **key) for key in (ours, theirs)]
-    tails = [store.median(key, "latency_ms", "p99") for key in (ours, theirs)]
-    if not all(frames) or not all(tails):
-        return []
     bars = ("≥ 3 ×", "≤ 1 ×") if target == "litserve" else ("", "")
     beside = f"{NAMES[target]}{f' on {ENGINES[their_engine]}' if their_engine else ''}"
-    ratios = (frames[0] / frames[1], tails[0] / tails[1])
-    return [
-        [ENGINES[engine], f"{what} at 32 clients against {beside}", number(ratio, 2, " ×"), bar]
-        for what, ratio, bar in zip(("throughput", "p99"), ratios, bars, strict=True)
-    ]
+    rows = []
+    for what, path, bar in zip(("throughput", "p99"), (FRAMES, ("latency_ms", "p99")), bars, strict=True):
+        ratios = [mine / other for mine, other in store.turns((ours, *path), (theirs, *path)) if other]
+        rows += _measured(engine, f"{what} at 32 clients against {beside}", ratios, 2, " ×", bar)
+    return rows
+
+
+def _measured(engine: str, what: str, values: list[float], decimals: int, unit: str, bar: str) -> list[list[str]]:
+    """A row with the median of what each turn gave, and the extremes where they differ; none where nothing was measured."""
+    if not values:
+        return []
+    least, middle, most = (number(f(values), decimals, unit) for f in (min, statistics.median, max))
+    spread = "" if least == most else f" ({least.removesuffix(unit)} to {most.removesuffix(unit)})"
+    return [[ENGINES[engine], what, middle + spread, bar]]
 
 
 def shares_table(store: Store) -> list[str]:
@@ -301,7 +306,7 @@ def overload_table(store: Store) -> list[str]:
             if values:
                 shown = (values[0], statistics.median(values), values[-1])
                 rows.append([text, *(number(value, digits) for value in shown)])
-        lines += [f"{ENGINES[engine]}, {len(runs)} runs:", "", *table(["", "least", "median", "most"], rows)]
+        lines += [f"{ENGINES[engine]}, {len(runs)} runs:", "", *table(["", "least", "median", "most"], rows), ""]
     return lines
 
 

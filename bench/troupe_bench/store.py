@@ -10,6 +10,9 @@ from typing import Any
 class Store:
     """The results of one part: a list of runs, each with a key."""
 
+    commit = ""
+    """The code that is measured, noted with each run."""
+
     def __init__(self, folder: Path, part: str):
         self.path = folder / f"{part}.json"
         self.data: dict[str, Any] = {"runs": []}
@@ -28,8 +31,17 @@ class Store:
 
     def add(self, key: dict, result: dict) -> None:
         """Keeps one measurement."""
-        self.data["runs"].append({"key": key, "at": round(time.time()), "result": result})
+        code = {"commit": self.commit} if self.commit else {}
+        self.data["runs"].append({"key": key, "at": round(time.time()), **code, "result": result})
         self._save()
+
+    def of_pack(self, pack: str) -> bool:
+        """Notes which pack is measured. Runs of another are forgotten: says whether there were any."""
+        other = bool(self.data["runs"]) and self.data.get("pack") != pack
+        if other:
+            self.clear()
+        self.note("pack", pack)
+        return other
 
     def of(self, key: dict) -> list[dict]:
         """The results of every run whose key has all of ``key``."""
@@ -57,6 +69,15 @@ class Store:
         """The median over the runs of ``key`` of the number at ``path``; None where there is none."""
         values = [value for result in self.of(key) if (value := dig(result, *path)) is not None]
         return statistics.median(values) if values else None
+
+    def turns(self, one: tuple, other: tuple) -> list[tuple[float, float]]:
+        """Pairs of numbers of the same turn: each side is a key and the path of its number."""
+        numbers = []
+        for key, *path in (one, other):
+            runs = [run for run in self.data["runs"] if key.items() <= run["key"].items()]
+            found = {run["key"].get("repeat"): dig(run["result"], *path) for run in runs}
+            numbers.append({turn: value for turn, value in found.items() if value is not None})
+        return [(value, numbers[1][turn]) for turn, value in numbers[0].items() if turn in numbers[1]]
 
     def _save(self) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)

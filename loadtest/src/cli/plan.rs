@@ -146,9 +146,15 @@ impl OverloadArgs {
             found,
             kept: found <= allowed,
         };
-        let ratio = self
-            .expect_p99_ratio
-            .map(|allowed| at_most("expect-p99-ratio", allowed, found.p99_ratio));
+        // Where nothing was answered there is no ratio.
+        let measured = found.before.counts.right > 0 && found.during.counts.right > 0;
+        let ratio = self.expect_p99_ratio.map(|allowed| {
+            let bound = at_most("expect-p99-ratio", allowed, found.p99_ratio);
+            BoundResult {
+                kept: bound.kept && measured,
+                ..bound
+            }
+        });
         // One that did not recover took longer than the time that was watched.
         let watched = self.after.0.as_secs_f64();
         let recovery = self.expect_recovery_s.map(|allowed| match found.recovery_s {

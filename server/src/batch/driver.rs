@@ -259,6 +259,8 @@ impl Shared {
                 return Some(batch);
             }
             if core.is_over() {
+                // Whoever sleeps on for work that will not come any more ends too.
+                self.bells.iter().for_each(Condvar::notify_one);
                 return None;
             }
             let now = Instant::now();

@@ -50,7 +50,7 @@ const LIVE_MEMORY: Duration = Duration::from_secs(2);
 const MIN_SLICE: usize = 4;
 /// Fewer characters than this are not split up to save padding or to share them: to wait for the next lane costs more.
 const MIN_SPLIT: usize = 8;
-/// A lane that answered fewer than this waits for nobody.
+/// A lane that answered fewer callers than this waits for nobody.
 const MIN_GATHER: usize = 4;
 /// The part of its batch's time that a lane waits at most.
 const GATHER_PART: u32 = 10;
@@ -344,10 +344,10 @@ impl Scheduler {
         *known = state;
         let done = self.meter.done(lane, now);
         self.gathers[lane] = done
-            .filter(|&(_, answered)| state == Lane::JustFreed && answered >= MIN_GATHER)
-            .map(|(took, answered)| Gather {
-                until: now + took / GATHER_PART,
-                answered,
+            .filter(|done| state == Lane::JustFreed && done.callers >= MIN_GATHER)
+            .map(|done| Gather {
+                until: now + done.took / GATHER_PART,
+                answered: done.characters,
                 wanted: None,
             });
         if state == Lane::Lost {
@@ -506,7 +506,7 @@ impl Scheduler {
             }
         }
         if !parts.is_empty() {
-            self.meter.began(lane, now, wanted - room);
+            self.meter.began(lane, now, wanted - room, parts.len());
         }
         (parts, calls)
     }

@@ -111,8 +111,8 @@ struct Model {
     now: Instant,
     requests: BTreeMap<RequestId, Known>,
     lanes: BTreeMap<usize, Option<Vec<RequestId>>>,
-    /// Since when lanes run how many characters.
-    running: BTreeMap<usize, (Instant, usize)>,
+    /// Since when lanes run batches, of how many characters and callers.
+    running: BTreeMap<usize, (Instant, usize, usize)>,
     /// Until when lanes may wait for those that they have answered.
     gathers: BTreeMap<usize, Instant>,
 }
@@ -226,8 +226,8 @@ impl Model {
 
     fn finish(&mut self, lane: usize) {
         self.lanes.insert(lane, None);
-        if let Some((since, characters)) = self.running.remove(&lane)
-            && characters >= 4
+        if let Some((since, _, callers)) = self.running.remove(&lane)
+            && callers >= 4
         {
             self.gathers.insert(lane, self.now + (self.now - since) / 10);
         }
@@ -268,7 +268,7 @@ impl Model {
         assert_eq!(self.lanes[&cut.lane], None, "the lane is not free");
         let share = self.ready_characters().div_ceil(self.free_lanes());
         if self.limits.batch_delay.is_zero() && self.limits.live_slice.is_zero() && !expires {
-            let running: usize = self.running.values().map(|(_, characters)| characters).sum();
+            let running: usize = self.running.values().map(|(_, characters, _)| characters).sum();
             let even = (self.ready_characters() + running)
                 .div_ceil(self.lanes.len())
                 .max(8);
@@ -284,7 +284,7 @@ impl Model {
                 "{size} of {whole} or {even}"
             );
         }
-        self.running.insert(cut.lane, (self.now, size));
+        self.running.insert(cut.lane, (self.now, size, cut.parts.len()));
         self.gathers.remove(&cut.lane);
         self.lanes.insert(cut.lane, Some(Vec::new()));
         for part in &cut.parts {

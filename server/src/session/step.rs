@@ -26,6 +26,8 @@ use crate::service::LoadedPack;
 
 /// Most frames of a step.
 pub const MAX_STEP_FRAMES: u32 = 120;
+/// Most frames of all characters of a step together: an answer is made as a whole.
+pub const MAX_STEP_CHARACTER_FRAMES: usize = 131_072;
 /// Frame rates that the timeline divides into.
 const RATES_HZ: [u32; 3] = [30, 50, 60];
 /// Plans that may fail one after the other before the session counts as one that cannot be served.
@@ -71,6 +73,13 @@ pub(super) fn check(request: &v1::StepRequest, limits: &SessionLimits) -> Result
     }
     let frames = request.frames.max(1);
     units::count_within(&root.field("frames"), frames, 1, MAX_STEP_FRAMES)?;
+    if ids.len() * frames as usize > MAX_STEP_CHARACTER_FRAMES {
+        let most = (MAX_STEP_CHARACTER_FRAMES / ids.len()).max(1);
+        return Err(root.field("frames").error(
+            format!("is {frames} for {} sessions", ids.len()),
+            format!("1 to {most} for so many, {MAX_STEP_CHARACTER_FRAMES} frames in all"),
+        ));
+    }
     let commands = &root.field("commands");
     units::length(commands, request.commands.len(), 0, super::commands::MAX_COMMANDS)?;
     Ok(StepPlan {
@@ -259,8 +268,10 @@ impl Walker {
         let mut moved = live.character.advance(0, Clock::Waits);
         loop {
             if let Some(request) = cell.settle(&mut live) {
-                // The batcher's way in does not block; the answer comes over another task.
+                // The answer comes over another task, or, where the runtime ends, from within: it takes the lock.
+                drop(live);
                 planner::ask(&cell, request, Patience::Waits);
+                live = cell.live();
             }
             if moved == Advance::NeedsPlan {
                 self.trouble = trouble(live.trouble.as_ref());
@@ -342,4 +353,31 @@ pub(super) fn problems(ids: &[String], problems: &[(usize, ApiError)]) -> Vec<v1
         problem: Some(error.problem()),
     });
     each.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_frames_of_a_step_are_bounded_in_all() {
+        let mut limits = crate::config::Config::local(std::path::Path::new("models"))
+            .unwrap()
+            .session_limits();
+        limits.per_request = 10_000;
+        let of = |sessions: usize, frames| {
+            let request = v1::StepRequest {
+                session_ids: (0..sessions).map(|i| i.to_string()).collect(),
+                frames,
+                ..v1::StepRequest::default()
+            };
+            check(&request, &limits).map(|plan| plan.frames)
+        };
+        assert_eq!(of(1092, 120).ok(), Some(120));
+        let error = of(2000, 120).expect_err("240,000 frames").to_string();
+        assert!(
+            error.contains("frames: is 120 for 2000 sessions") && error.contains("1 to 65"),
+            "{error}"
+        );
+    }
 }

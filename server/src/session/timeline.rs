@@ -478,7 +478,7 @@ impl Timeline {
             });
         } else {
             self.flight = None;
-            // Where the cursor waited, its frame is settled again, as if the plan had been in time.
+            // The frame at the cursor, if it is at one, is settled again, as if the plan had been in time.
             self.settled = None;
         }
     }

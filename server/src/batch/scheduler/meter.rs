@@ -18,8 +18,8 @@ const QUEUE_PRIOR_S: f64 = 0.1;
 ///   It takes in what live plans took away from them, and tells how long a call would wait (Little's law).
 #[derive(Debug)]
 pub(super) struct Meter {
-    /// The batch of each lane: when it was cut, and its characters.
-    running: Vec<Option<(Instant, usize)>>,
+    /// The batch of each lane.
+    running: Vec<Option<Running>>,
     lanes: usize,
     lane_time_s: f64,
     lane_characters: f64,
@@ -27,6 +27,25 @@ pub(super) struct Meter {
     queue_characters: f64,
     /// Since when calls are left waiting, without a look at how many left.
     backlog_since: Option<Instant>,
+}
+
+/// A batch that is with a lane.
+#[derive(Debug, Clone, Copy)]
+struct Running {
+    /// When it was cut.
+    since: Instant,
+    characters: usize,
+    callers: usize,
+}
+
+/// A batch that is done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Done {
+    /// How long it took.
+    pub(super) took: Duration,
+    pub(super) characters: usize,
+    /// Whose work it was: requests, or plans of one character each.
+    pub(super) callers: usize,
 }
 
 impl Meter {
@@ -42,18 +61,30 @@ impl Meter {
         }
     }
 
-    /// A lane has a batch.
-    pub(super) fn began(&mut self, lane: usize, now: Instant, characters: usize) {
-        self.running[lane] = Some((now, characters));
+    /// A lane has a batch, of so many characters of so many callers.
+    pub(super) fn began(&mut self, lane: usize, since: Instant, characters: usize, callers: usize) {
+        self.running[lane] = Some(Running {
+            since,
+            characters,
+            callers,
+        });
     }
 
-    /// A lane has none any more. Answers how long its batch took, and how many characters it had.
-    pub(super) fn done(&mut self, lane: usize, now: Instant) -> Option<(Duration, usize)> {
-        let (since, characters) = self.running[lane].take()?;
+    /// A lane has none any more. Answers what it had.
+    pub(super) fn done(&mut self, lane: usize, now: Instant) -> Option<Done> {
+        let Running {
+            since,
+            characters,
+            callers,
+        } = self.running[lane].take()?;
         let took = now.saturating_duration_since(since);
         self.lane_time_s = self.lane_time_s * LANE_MEMORY + took.as_secs_f64();
         self.lane_characters = self.lane_characters * LANE_MEMORY + characters as f64;
-        Some((took, characters))
+        Some(Done {
+            took,
+            characters,
+            callers,
+        })
     }
 
     /// Characters that are with lanes now.
@@ -61,7 +92,7 @@ impl Meter {
         self.running
             .iter()
             .flatten()
-            .map(|(_, characters)| characters)
+            .map(|running| running.characters)
             .sum()
     }
 
@@ -121,7 +152,7 @@ mod tests {
         assert_eq!(meter.batch_within(Duration::from_millis(51)), 10);
         for batch in 0..100 {
             let at = start + Duration::from_millis(20) * batch;
-            meter.began(1, at, 10);
+            meter.began(1, at, 10, 1);
             meter.done(1, at + Duration::from_millis(20));
         }
         assert!((24..=25).contains(&meter.batch_within(Duration::from_millis(50))));

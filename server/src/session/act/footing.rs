@@ -109,6 +109,8 @@ pub(in crate::session) struct Footing {
     lifts: Vec<Lift>,
     /// Height of what it stands on at the frame that was settled last, metres.
     level: f32,
+    /// The frame behind which lifts are to be worked out anew.
+    stale: Option<i64>,
     /// Where it stood on its feet last, and the revision of the scene then.
     stood: Option<(Vec3, u64)>,
     scratch: Vec<Lift>,
@@ -123,6 +125,7 @@ impl Footing {
             first: 0,
             lifts: vec![Lift::even(level)],
             level,
+            stale: None,
             stood: None,
             scratch: Vec::new(),
             levels: Vec::new(),
@@ -232,6 +235,17 @@ impl Footing {
         self.scratch = kept;
         std::mem::swap(&mut self.lifts, &mut self.scratch);
         self.first = from;
+    }
+
+    /// The frames behind `shown` have changed. Their lifts are worked out when the next frame is settled, with the scene as it is then:
+    /// a plan may come at any moment.
+    pub(super) fn changed(&mut self, shown: i64) {
+        self.stale = Some(self.stale.map_or(shown, |stale| stale.min(shown)));
+    }
+
+    /// The frame behind which lifts are to be worked out anew, once.
+    pub(super) fn take_changed(&mut self) -> Option<i64> {
+        self.stale.take()
     }
 
     /// Works out the lifts of the frames behind `shown`, which have changed, or the ground has.

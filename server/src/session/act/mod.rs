@@ -388,6 +388,9 @@ impl Act {
 
     fn decide(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
         let scene = self.world.scene.snapshot();
+        if let Some(from) = body.footing.take_changed() {
+            body.renew_footing(from, &scene);
+        }
         self.watch_hand(&scene, frame, body);
         if self.settle_rise(&scene, frame, body) {
             return Next::Wait;
@@ -479,8 +482,7 @@ impl Act {
             Doing::Falling(_) => {}
         }
         self.settle_arm(body.carry.settled(), body);
-        let scene = self.world.scene.snapshot();
-        body.renew_footing(from, &scene);
+        body.footing.changed(from);
     }
 
     /// A plan will not come.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 use troupe_motion::Vec3;
 
-use super::super::{Activity, Clock, EventKind, FailReason, Intent};
+use super::super::{Activity, Clock, EventKind, FailReason, Intent, SUB_FRAMES};
 use super::testing::*;
 use crate::scene::{Holder, State, Transform};
 
@@ -174,19 +174,41 @@ proptest! {
     fn a_waiting_clock_gives_the_same_whenever_plans_come(
         events in prop::collection::vec(event(), 1..40),
         delays in prop::collection::vec(0u32..8, 1..5),
+        rate_hz in prop::sample::select(vec![30, 50, 60]),
     ) {
-        let events: Vec<_> = events.into_iter().filter(|event| !matches!(event, Event::Plans(_))).collect();
-        let told = |delays: &[u32]| {
-            let mut rig = Rig::new();
-            for (event, &delay) in events.iter().zip(delays.iter().cycle()) {
-                rig.plans = Plans::After(delay);
-                carry_out(&mut rig, event);
-            }
-            let frames = rig.frames.into_iter().map(|frame| (frame.root, frame.rotations, frame.contacts));
-            (frames.collect::<Vec<_>>(), rig.events)
-        };
-        let (at_once, later) = (told(&[0]), told(&delays));
-        prop_assert_eq!(at_once.1, later.1);
-        prop_assert_eq!(at_once.0.iter().zip(&later.0).position(|(a, b)| a != b), None);
+        let (at_once, later) = (shared_scene(&events, &[0], rate_hz), shared_scene(&events, &delays, rate_hz));
+        for (at_once, later) in at_once.iter().zip(&later) {
+            prop_assert_eq!(&at_once.events, &later.events);
+            let shown = |rig: &Rig| -> Vec<_> {
+                let frames = rig.frames.iter();
+                frames.map(|frame| (frame.root, frame.rotations.clone(), frame.contacts)).collect()
+            };
+            let differs = shown(at_once).iter().zip(shown(later)).position(|(a, b)| *a != b);
+            prop_assert_eq!(differs, None);
+        }
     }
+}
+
+/// Two characters of one scene that take turns tick by tick; each takes every other event, and plans come so many ticks after they
+/// were asked for.
+fn shared_scene(events: &[Event], delays: &[u32], rate_hz: u32) -> [Rig; 2] {
+    let first = Rig::new();
+    let (scene, definitions) = (Arc::clone(&first.scene), Arc::clone(&first.definitions));
+    let mut rigs = [
+        first,
+        Rig::in_scene(scene, definitions, "b", Vec3::new(1.5, 0.0, 0.5)),
+    ];
+    let delays = delays.iter().cycle();
+    for (nth, (event, &delay)) in events.iter().zip(delays).enumerate() {
+        for rig in &mut rigs {
+            rig.sub_frames = SUB_FRAMES * 30 / rate_hz;
+            rig.plans = Plans::After(delay);
+        }
+        match *event {
+            Event::Frames(frames) => (0..frames).for_each(|_| rigs.iter_mut().for_each(Rig::tick)),
+            Event::Plans(_) => {}
+            _ => carry_out(&mut rigs[nth % 2], event),
+        }
+    }
+    rigs
 }

@@ -47,6 +47,8 @@ pub(crate) struct Rig {
     pub(crate) style: Arc<Style>,
     pub(crate) clock: Clock,
     pub(crate) plans: Plans,
+    /// Sub-frames of a tick.
+    pub(crate) sub_frames: u32,
     open: Option<(PlanRequest, u32)>,
     sequence: u64,
     pub(crate) frames: Vec<FrameOut>,
@@ -85,6 +87,7 @@ impl Rig {
             style,
             clock: Clock::Waits,
             plans: Plans::AtOnce,
+            sub_frames: SUB_FRAMES,
             open: None,
             sequence: 0,
             frames: Vec::new(),
@@ -114,9 +117,9 @@ impl Rig {
         self.give(Intent::Locomote(command)).unwrap();
     }
 
-    /// One frame on.
+    /// One tick on.
     pub(crate) fn tick(&mut self) {
-        let mut left = SUB_FRAMES;
+        let mut left = self.sub_frames;
         loop {
             let moved = self.character.advance(left, self.clock);
             left = 0;
