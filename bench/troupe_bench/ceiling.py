@@ -19,7 +19,7 @@ import onnx
 import onnxruntime
 from onnx import TensorProto, helper, numpy_helper
 
-from troupe_bench.cli import ENGINES
+from troupe_bench.cli import ENGINES, STAGES
 from troupe_bench.machine import cores
 from troupe_bench.stages import open_session
 
@@ -137,9 +137,7 @@ def main() -> None:
     args = parser.parse_args()
     manifest = tomllib.loads((args.pack / "pack.toml").read_text())
     tokens, per_token = manifest["max_tokens"], manifest["frames_per_token"]
-    stages = {
-        stage: count_operations(args.pack / f"{stage}.onnx", tokens, per_token) for stage in ("root", "pose", "decoder")
-    }
+    stages = {stage: count_operations(args.pack / f"{stage}.onnx", tokens, per_token) for stage in STAGES}
     lanes = max(1, math.floor(cores()))
     peaks = sorted(gemm_peak(args.engine, lanes, args.seconds) for _ in range(args.repeats))
     peak = peaks[len(peaks) // 2]

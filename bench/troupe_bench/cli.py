@@ -1,10 +1,11 @@
-"""What the Python servers' command lines share."""
+"""What the Python programs share: engines, stages, and the command line of the servers."""
 
 import argparse
 import json
 from pathlib import Path
 
 ENGINES = ("cpu", "openvino-bf16")
+STAGES = ("root", "pose", "decoder")
 
 
 def add_server_options(parser: argparse.ArgumentParser) -> None:

@@ -15,27 +15,31 @@ import numpy as np
 import onnxruntime
 
 from troupe_bench.ceiling import count_operations, stage_inputs
-from troupe_bench.cli import ENGINES
+from troupe_bench.cli import ENGINES, STAGES
 
-STAGES = ("root", "pose", "decoder")
 KINDS = {
     "products": ("MatMul", "Gemm", "Conv", "FullyConnected", "Convolution"),
     "norms": ("LayerNormalization", "SkipLayerNormalization", "MVN", "RMS", "Softmax", "GroupNormalization"),
     "moves": (
-        *(
-            "Transpose",
-            "Reshape",
-            "Concat",
-            "Reorder",
-            "Split",
-            "Slice",
-            "StridedSlice",
-            "Gather",
-            "Expand",
-            "Tile",
-            "Pad",
-        ),
-        *("Broadcast", "Unsqueeze", "Squeeze", "Cast", "Convert", "ScatterUpdate", "VariadicSplit", "GatherND"),
+        "Transpose",
+        "Reshape",
+        "Concat",
+        "Reorder",
+        "Split",
+        "VariadicSplit",
+        "Slice",
+        "StridedSlice",
+        "Gather",
+        "GatherND",
+        "Expand",
+        "Tile",
+        "Pad",
+        "Broadcast",
+        "Unsqueeze",
+        "Squeeze",
+        "Cast",
+        "Convert",
+        "ScatterUpdate",
     ),
 }
 """Kinds of operators; all others work element by element (OpenVINO's `Subgraph` is many of them in one)."""

@@ -2,12 +2,12 @@
 
 import statistics
 
+from troupe_bench.cli import STAGES
 from troupe_bench.settings import PAUSE_US
 from troupe_bench.store import Store, dig
 
 NAMES = {"raw": "raw loop", "troupe": "**Troupe**", "litserve": "LitServe", "fastapi": "FastAPI"}
 ENGINES = {"cpu": "f32 (ONNX Runtime CPU)", "openvino-bf16": "bf16 (OpenVINO)"}
-STAGES = ("root", "pose", "decoder")
 FRAMES = ("throughput", "frames_per_s")
 PAUSE = f"{PAUSE_US / 1000:g} ms"
 

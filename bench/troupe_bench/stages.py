@@ -14,6 +14,7 @@ import numpy as np
 import onnxruntime
 
 from troupe_bench.body import CONTEXT_FRAMES, Task, read_task, write_answer
+from troupe_bench.cli import STAGES
 
 SLOTS = 8  # the context frames and the last four frames of the segment
 BUCKETS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
@@ -77,9 +78,8 @@ class Stages:
         self.group = group
         # OpenVINO plans anew for a batch size it has not met; ONNX Runtime's own kernels do not mind.
         self.pad_batch = engine != "cpu"
-        names = ("root", "pose", "decoder")
         self.root, self.pose, self.decoder = (
-            open_session(pack / f"{name}.onnx", engine, threads, spin) for name in names
+            open_session(pack / f"{name}.onnx", engine, threads, spin) for name in STAGES
         )
 
     def warm_up(self, bodies: Sequence[bytes], largest: int) -> None:

@@ -284,14 +284,8 @@ impl Timeline {
 
     /// A clock that waits goes no further without the plan in flight.
     fn is_waited_for(&self) -> bool {
-        let missing = self.flight.filter(|flight| !flight.arrived);
-        missing.is_some_and(|Flight { ticket, .. }| {
-            let by = match self.looks_ahead {
-                true => ticket.splice.min(ticket.asked_at + 1),
-                false => ticket.splice,
-            };
-            by * SUB <= self.cursor
-        })
+        let early = |flight: Flight| !flight.arrived && (flight.ticket.asked_at + 1) * SUB <= self.cursor;
+        self.overdue() || self.looks_ahead && self.flight.is_some_and(early)
     }
 
     /// Whole frames in the buffer beyond the cursor.
