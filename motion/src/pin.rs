@@ -7,6 +7,7 @@
 use glam::Quat;
 
 use crate::interpolate::smoothstep;
+use crate::rotation::align_sign;
 
 /// A pose that a frame must have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,13 +47,20 @@ pub fn pin_poses(rotations: &mut [Quat], joints: usize, pins: &[PosePin<'_>], re
         for frame in
             before.max(pin.frame.saturating_sub(reach_frames))..after.min(pin.frame + reach_frames + 1)
         {
+            let made = &mut rotations[frame * joints..][..joints];
+            if frame == pin.frame {
+                for (made, given) in made.iter_mut().zip(pin.rotations) {
+                    *made = align_sign(*given, *made);
+                }
+                continue;
+            }
             let room = if frame < pin.frame {
                 pin.frame + 1 - before
             } else {
                 after - pin.frame
             };
             let weight = fade(frame.abs_diff(pin.frame), reach_frames.min(room));
-            for (made, lacking) in rotations[frame * joints..][..joints].iter_mut().zip(lacking) {
+            for (made, lacking) in made.iter_mut().zip(lacking) {
                 *made = (Quat::IDENTITY.slerp(*lacking, weight) * *made).normalize();
             }
         }

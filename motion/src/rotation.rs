@@ -1,6 +1,7 @@
 //! Rotations: the continuous 6D form, sign alignment, yaw, and wire order.
 
 use glam::{Quat, Vec3};
+use wide::f32x4;
 
 /// The 6D form of a rotation: the first two columns of its matrix, column 0 then column 1 (Zhou et al. 2019).
 #[inline]
@@ -24,6 +25,75 @@ pub fn from_six_d(d: [f32; 6]) -> Quat {
         across(x, y)
     };
     Quat::from_mat3(&glam::Mat3::from_cols(x, y, x.cross(y)))
+}
+
+/// [`from_six_d`] of as many rotations as both `six_d` (six numbers each) and `out` hold. Does not allocate.
+///
+/// Four at a time, to the last bit what [`from_six_d`] gives one by one.
+pub fn from_six_ds(six_d: &[f32], out: &mut [Quat]) {
+    let one_by_one = |six_d: &[[f32; 6]], out: &mut [Quat]| {
+        for (out, &d) in out.iter_mut().zip(six_d) {
+            *out = from_six_d(d);
+        }
+    };
+    let (fours, rest) = six_d.as_chunks().0.as_chunks();
+    let (out_fours, out_rest) = out.as_chunks_mut();
+    for (d, out) in fours.iter().zip(out_fours.iter_mut()) {
+        match four_from_six_d(d) {
+            Some(rotations) => *out = rotations,
+            None => one_by_one(d, out),
+        }
+    }
+    match fours.get(out_fours.len()) {
+        Some(four) => one_by_one(four, out_rest),
+        None => one_by_one(rest, out_rest),
+    }
+}
+
+/// Four rotations at once, or nothing where the columns of one are not well apart or not of a usual size.
+///
+/// The branches of [`from_six_d`], and of the quaternion of a matrix after it, become choices number by number.
+#[inline]
+fn four_from_six_d(d: &[[f32; 6]; 4]) -> Option<[Quat; 4]> {
+    let across_four = |number: usize| f32x4::new([d[0][number], d[1][number], d[2][number], d[3][number]]);
+    let [ax, ay, az, bx, by, bz] = std::array::from_fn(across_four);
+
+    let a_squared = ax * ax + ay * ay + az * az;
+    let b_squared = bx * bx + by * by + bz * bz;
+    let shrink = f32x4::ONE / a_squared.sqrt();
+    let (xx, xy, xz) = (ax * shrink, ay * shrink, az * shrink);
+    let along = xx * bx + xy * by + xz * bz;
+    let (yx, yy, yz) = (bx - xx * along, by - xy * along, bz - xz * along);
+    let y_squared = yx * yx + yy * yy + yz * yz;
+    let usual = |squared: f32x4| squared.simd_gt(f32x4::splat(1e-12)) & squared.simd_lt(f32x4::splat(1e12));
+    let well_apart = y_squared.simd_gt(b_squared * NEARLY_ALONG);
+    if !(usual(a_squared) & usual(b_squared) & well_apart).all() {
+        return None;
+    }
+    let shrink = f32x4::ONE / y_squared.sqrt();
+    let (yx, yy, yz) = (yx * shrink, yy * shrink, yz * shrink);
+    let (zx, zy, zz) = (xy * yz - xz * yy, xz * yx - xx * yz, xx * yy - xy * yx);
+
+    // Four times the squares of x, y, z and w; the largest is the one to divide by.
+    let (one_less, one_more) = (f32x4::ONE - zz, f32x4::ONE + zz);
+    let (sum, difference) = (xx + yy, yy - xx);
+    let (x4, y4) = (one_less - difference, one_less + difference);
+    let (z4, w4) = (one_more - sum, one_more + sum);
+    let (xy_sum, xz_sum, yz_sum) = (xy + yx, xz + zx, yz + zy);
+    let (yz_gap, zx_gap, xy_gap) = (yz - zy, zx - xz, xy - yx);
+    let pick = |x: f32x4, y: f32x4, z: f32x4, w: f32x4| {
+        let x_or_y = difference.simd_le(f32x4::ZERO).select(x, y);
+        let z_or_w = sum.simd_le(f32x4::ZERO).select(z, w);
+        zz.simd_le(f32x4::ZERO).select(x_or_y, z_or_w)
+    };
+    let scale = f32x4::HALF / pick(x4, y4, z4, w4).sqrt();
+    let columns = [
+        pick(x4, xy_sum, xz_sum, yz_gap) * scale,
+        pick(xy_sum, y4, yz_sum, zx_gap) * scale,
+        pick(xz_sum, yz_sum, z4, xy_gap) * scale,
+        pick(yz_gap, zx_gap, xy_gap, w4) * scale,
+    ];
+    Some(f32x4::transpose(columns).map(|row| Quat::from_array(row.to_array())))
 }
 
 /// Square of the sine below which two columns count as nearly along each other: what is left of one across the other
@@ -147,6 +217,27 @@ pub(crate) mod tests {
             prop_assert!(angle_between(from_six_d(six_d(q)), q) < 1e-3);
             let (a, b) = (six_d(from_six_d(six_d(q))), six_d(q));
             for i in 0..6 { prop_assert!((a[i] - b[i]).abs() < 2e-6); }
+        }
+
+        #[test]
+        fn four_at_a_time_is_one_by_one(
+            rotations in proptest::collection::vec((any_quat(), 1e-3f32..1e3, any::<bool>()), 0..14),
+            bent in -1f32..1.0,
+        ) {
+            let six_ds: Vec<[f32; 6]> = rotations
+                .iter()
+                .map(|&(rotation, size, plain)| {
+                    let d = six_d(rotation).map(|number| number * size);
+                    // Columns that are not across each other, and some that are the same.
+                    if plain { d } else { [d[0], d[1], d[2], d[3] + bent, d[1], d[2]] }
+                })
+                .collect();
+            for room in 0..=rotations.len() {
+                let mut found = vec![Quat::IDENTITY; room];
+                from_six_ds(six_ds.as_flattened(), &mut found);
+                let wanted: Vec<Quat> = six_ds[..room].iter().map(|&d| from_six_d(d)).collect();
+                prop_assert_eq!(found, wanted);
+            }
         }
 
         #[test]

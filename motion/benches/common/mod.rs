@@ -12,7 +12,7 @@ use troupe_motion::features::pose_features;
 use troupe_motion::fk::{local_from_world_rotations, world_transforms};
 use troupe_motion::interpolate::blend;
 use troupe_motion::pin::{PosePin, pin_poses};
-use troupe_motion::rotation::{from_six_d, six_d};
+use troupe_motion::rotation::{from_six_ds, six_d};
 use troupe_motion::{Clip, Quat, Skeleton, Vec3};
 
 /// Frames of the longest segment.
@@ -99,9 +99,7 @@ impl Segment {
     pub fn parent_relative(&mut self) -> Quat {
         let joints = self.clip.skeleton.joint_count();
         for (frame, six_d) in self.six_d.chunks_exact(joints).enumerate() {
-            for (rotation, &d) in self.world.iter_mut().zip(six_d) {
-                *rotation = from_six_d(d);
-            }
+            from_six_ds(six_d.as_flattened(), &mut self.world);
             let out = &mut self.rotations[frame * joints..(frame + 1) * joints];
             local_from_world_rotations(&self.clip.skeleton, &self.world, out);
         }

@@ -57,19 +57,24 @@ fn some_limits() -> impl Strategy<Value = Limits> {
     let slice = prop_oneof![Just(0u64), 1u64..100];
     let delay = (prop_oneof![Just(0u64), 1u64..50], 0usize..6);
     let batch = (1usize..20, any::<bool>());
-    (1usize..5, batch, 0usize..40, 0u64..400, delay, slice).prop_map(
-        |(lanes, (max_batch, padded), spare, ageing_ms, (delay_ms, preferred_batch), slice_ms)| Limits {
-            lanes,
-            max_batch,
-            padded,
-            max_queued: 12 + spare,
-            max_live: 3 + spare,
-            max_wait: Duration::ZERO,
-            max_standing_wait: Duration::ZERO,
-            ageing: Duration::from_millis(ageing_ms),
-            batch_delay: Duration::from_millis(delay_ms),
-            preferred_batch,
-            live_slice: Duration::from_millis(slice_ms),
+    let wait = || prop_oneof![Just(0u64), 1u64..200];
+    let delays = (delay, slice, wait(), wait());
+    (1usize..5, batch, 0usize..40, 0u64..400, delays).prop_map(
+        |(lanes, (max_batch, padded), spare, ageing_ms, delays)| {
+            let ((delay_ms, preferred_batch), slice_ms, wait_ms, standing_ms) = delays;
+            Limits {
+                lanes,
+                max_batch,
+                padded,
+                max_queued: 12 + spare,
+                max_live: 3 + spare,
+                max_wait: Duration::from_millis(wait_ms),
+                max_standing_wait: Duration::from_millis(standing_ms),
+                ageing: Duration::from_millis(ageing_ms),
+                batch_delay: Duration::from_millis(delay_ms),
+                preferred_batch,
+                live_slice: Duration::from_millis(slice_ms),
+            }
         },
     )
 }
@@ -115,17 +120,21 @@ struct Model {
     running: BTreeMap<usize, (Instant, usize, usize)>,
     /// Until when lanes may wait for those that they have answered.
     gathers: BTreeMap<usize, Instant>,
+    /// When a settled queue was last without calls.
+    calm_at: Instant,
 }
 
 impl Model {
     fn new(limits: Limits) -> Self {
+        let now = Instant::now();
         Self {
             limits,
-            now: Instant::now(),
+            now,
             requests: BTreeMap::new(),
             lanes: (0..limits.lanes).map(|lane| (lane, None)).collect(),
             running: BTreeMap::new(),
             gathers: BTreeMap::new(),
+            calm_at: now,
         }
     }
 
@@ -173,6 +182,18 @@ impl Model {
             .sum()
     }
 
+    /// Whether a call may be refused for so long a wait.
+    fn is_too_long(&self, class: Class, wait: Duration) -> bool {
+        let Limits {
+            max_wait,
+            max_standing_wait,
+            ..
+        } = self.limits;
+        let overload = !max_standing_wait.is_zero() && self.now - self.calm_at > max_standing_wait;
+        let too_long = wait > max_wait || overload && wait > max_standing_wait;
+        class == Class::Request && self.free_lanes() == 0 && !max_wait.is_zero() && too_long
+    }
+
     fn arrive(&mut self, request: RequestId, characters: usize, order: Order, actions: &[Action]) {
         let replaced = self
             .requests
@@ -187,6 +208,14 @@ impl Model {
         let freed = replaced.map_or(0, |older| self.requests[&older].left());
         let room = self.limits.room(order.class) + self.free_lanes() * self.limits.max_batch;
         let fits = self.pending(order.class) - freed + characters <= room;
+        let too_slow = match actions {
+            [Action::Refuse { refusal, .. }] => {
+                assert_eq!(refusal.full, !fits, "the wrong reason");
+                !refusal.full && self.is_too_long(order.class, refusal.expected_wait)
+            }
+            _ => false,
+        };
+        let fits = fits && !too_slow;
         let mut known = Known {
             order,
             place_since: self.now,
@@ -253,6 +282,9 @@ impl Model {
                 Action::Cut(cut) => self.cut(&cut, expires),
                 other => panic!("unexpected {other:?}"),
             }
+        }
+        if self.pending(Class::Request) == 0 {
+            self.calm_at = self.now;
         }
         let free = self.lanes.iter().filter(|(_, parts)| parts.is_none());
         let gather = |lane| self.gathers.get(lane).is_some_and(|&until| until > self.now);

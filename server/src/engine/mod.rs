@@ -22,6 +22,7 @@ pub use pipeline::{Pipeline, RowAnswer, StageTimes, lengths};
 pub use raw::{RawLoop, straight_walk};
 pub use select::{Check, Decision, Selector};
 pub use sizes::BatchSizes;
+pub(crate) use tensors::all_finite;
 pub use tensors::{DecoderOutput, PoseOutput, RootInput, RootOutput, Rows, TokenInput};
 pub use work::{GapPose, KeyTensors, RawMotion, RootGuide, WorkItem};
 

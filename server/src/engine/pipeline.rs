@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use super::sampling::{PoseSampler, fill_count_noise};
 use super::{
     BatchSizes, DecoderOutput, EngineError, PoseOutput, RawMotion, RootInput, RootOutput, Stages, TokenInput,
-    WorkItem,
+    WorkItem, all_finite,
 };
 use crate::pack::{Dims, GLOBAL_ROOT, SIX_D, Stage};
 
@@ -231,7 +231,7 @@ impl Pipeline {
         let tokens = self.checked_count(self.root_output.num_tokens.row(row)[0], item)?;
         let frames = tokens * self.dims.frames_per_token;
         let trajectory = &self.root_output.global_root.row(row)[..frames * GLOBAL_ROOT];
-        if trajectory.iter().all(|value| value.is_finite()) {
+        if all_finite(trajectory) {
             Ok(tokens)
         } else {
             Err(output(Stage::Root, "a trajectory that is not finite"))

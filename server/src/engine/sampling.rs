@@ -6,6 +6,8 @@ use std::f32::consts::FRAC_PI_2;
 use rand::{Rng as _, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
+use super::all_finite;
+
 /// Random streams of a character, one a purpose: a choice in one stage does not shift those of another.
 #[derive(Debug, Clone, Copy)]
 enum Stream {
@@ -76,7 +78,7 @@ impl PoseSampler {
             if tokens[entry] != masked {
                 continue;
             }
-            if !logits.iter().all(|logit| logit.is_finite()) {
+            if !all_finite(logits) {
                 return false;
             }
             let code = if self.temperature > 0.0 {
@@ -103,15 +105,23 @@ impl PoseSampler {
     }
 }
 
-/// Index of the largest value, the first of equals.
+/// Index of the largest value, the first of equals; 0 of none.
 fn argmax(values: &[f32]) -> usize {
-    let mut best = 0;
-    for (index, value) in values.iter().enumerate() {
-        if *value > values[best] {
-            best = index;
+    // As many running maxima as a processor takes at once; which of them has the largest is looked up after.
+    const LANES: usize = 8;
+    let larger = |a: f32, b: f32| if b > a { b } else { a };
+    let (chunks, rest) = values.as_chunks::<LANES>();
+    let mut tops = [f32::NEG_INFINITY; LANES];
+    for chunk in chunks {
+        for (top, &value) in tops.iter_mut().zip(chunk) {
+            *top = larger(*top, value);
         }
     }
-    best
+    let top = tops
+        .iter()
+        .chain(rest)
+        .fold(f32::NEG_INFINITY, |top, &value| larger(top, value));
+    values.iter().position(|&value| value == top).unwrap_or(0)
 }
 
 /// Inverse-CDF sample of `softmax(logits / temperature)` at `unit` in [0, 1).

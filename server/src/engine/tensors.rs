@@ -2,6 +2,13 @@
 
 use crate::pack::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
 
+/// Whether what a stage gave is usable. Looks at all numbers, without a way out in the middle, which takes several at once.
+pub(crate) fn all_finite(values: &[f32]) -> bool {
+    values
+        .iter()
+        .fold(true, |finite, value| finite & value.is_finite())
+}
+
 /// A batch of equally wide rows in one allocation, without gaps: the first rows are a tensor as they lie.
 #[derive(Debug, Clone)]
 pub struct Rows<T> {

@@ -3,14 +3,14 @@
 use troupe_motion::fk::{local_from_world_rotations, world_transforms};
 use troupe_motion::pin::{PosePin, pin_poses};
 use troupe_motion::root::heading_of;
-use troupe_motion::rotation::{align_sign, from_six_d, six_d, to_wxyz};
+use troupe_motion::rotation::{align_sign, from_six_ds, six_d, to_wxyz};
 use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 
 use super::hinges::{HingeColumns, onto_hinges};
 use super::{Given, PIN_REACH_FRAMES, Parts, Plan};
-use crate::engine::RawMotion;
+use crate::engine::{RawMotion, all_finite};
 use crate::pack::{Dims, GLOBAL_ROOT, Pack, SIX_D};
 
 /// The model gave numbers that are not finite.
@@ -46,8 +46,8 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
         id: plan.id.clone(),
         frames: Some(v1::Frames {
             frame_count: frames as u32,
-            root_positions: root_positions.iter().flat_map(Vec3::to_array).collect(),
-            rotations: rotations.iter().copied().flat_map(to_wxyz).collect(),
+            root_positions: flat(&root_positions, Vec3::to_array),
+            rotations: flat(&rotations, |&rotation| to_wxyz(rotation)),
             contacts: raw.contacts[..frames * dims.contacts]
                 .iter()
                 .map(|c| c.clamp(0.0, 1.0))
@@ -65,6 +65,15 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
     })
 }
 
+/// The numbers of all `items`, one after another, in one allocation.
+fn flat<T, const N: usize>(items: &[T], numbers: impl Fn(&T) -> [f32; N]) -> Vec<f32> {
+    let mut all = Vec::with_capacity(items.len() * N);
+    for item in items {
+        all.extend_from_slice(&numbers(item));
+    }
+    all
+}
+
 /// Checks that all that the stages gave is finite.
 ///
 /// # Errors
@@ -77,8 +86,7 @@ pub(crate) fn check_finite(raw: &RawMotion) -> Result<(), NonFinite> {
         &raw.rotations,
         &raw.contacts,
     ];
-    let finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
-    if outputs.into_iter().all(|values| finite(values)) {
+    if outputs.into_iter().all(|values| all_finite(values)) {
         Ok(())
     } else {
         Err(NonFinite)
@@ -149,22 +157,11 @@ pub(crate) fn roots(values: &[f32]) -> impl Iterator<Item = GlobalRoot> {
 /// World 6D rotations to quaternions, joint 0 in the (segment's) world and the others relative to their parents.
 pub(crate) fn parent_relative(raw: &RawMotion, frames: usize, dims: &Dims, skeleton: &Skeleton) -> Vec<Quat> {
     let joints = dims.joints;
-    let mut world = vec![Quat::IDENTITY; joints];
+    let mut world = vec![Quat::IDENTITY; frames * joints];
+    from_six_ds(&raw.rotations, &mut world);
     let mut rotations = vec![Quat::IDENTITY; frames * joints];
-    for (frame, six_d) in raw
-        .rotations
-        .chunks_exact(joints * SIX_D)
-        .take(frames)
-        .enumerate()
-    {
-        for (rotation, d) in world.iter_mut().zip(six_d.chunks_exact(SIX_D)) {
-            *rotation = from_six_d([d[0], d[1], d[2], d[3], d[4], d[5]]);
-        }
-        local_from_world_rotations(
-            skeleton,
-            &world,
-            &mut rotations[frame * joints..(frame + 1) * joints],
-        );
+    for (world, local) in world.chunks_exact(joints).zip(rotations.chunks_exact_mut(joints)) {
+        local_from_world_rotations(skeleton, world, local);
     }
     rotations
 }

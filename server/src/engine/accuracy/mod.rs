@@ -8,7 +8,7 @@ mod probe;
 
 use troupe_motion::fk::{local_from_world_rotations, world_transforms};
 use troupe_motion::root::wrap_angle;
-use troupe_motion::rotation::from_six_d;
+use troupe_motion::rotation::from_six_ds;
 use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
 use super::{DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput, WorkItem};
@@ -327,9 +327,7 @@ impl Joints {
     fn place(&mut self, skeleton: &Skeleton, dims: &Dims, output: &DecoderOutput, row: usize, frame: usize) {
         let width = dims.joints * SIX_D;
         let six_d = &output.rotations.row(row)[frame * width..(frame + 1) * width];
-        for (rotation, d) in self.rotations.iter_mut().zip(six_d.chunks_exact(SIX_D)) {
-            *rotation = from_six_d([d[0], d[1], d[2], d[3], d[4], d[5]]);
-        }
+        from_six_ds(six_d, &mut self.rotations);
         local_from_world_rotations(skeleton, &self.rotations, &mut self.local);
         let root = &output.global_root.row(row)[frame * GLOBAL_ROOT..];
         let root = Vec3::new(root[0], root[1], root[2]);
