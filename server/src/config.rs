@@ -117,8 +117,8 @@ pub struct Config {
     )]
     pub max_queue_ms: u64,
 
-    /// The same once calls have waited without a break for longer than this: then it is no burst but an overload, and a long
-    /// queue serves nobody sooner. In milliseconds; 0: no difference is made.
+    /// The same once calls have waited without a break for as long: then it is no burst but an overload, and a long queue
+    /// serves nobody sooner. Until then it falls from the one to the other. In milliseconds; 0: no difference is made.
     #[config(
         env = "TROUPE_MAX_STANDING_QUEUE_MS",
         default = 200,

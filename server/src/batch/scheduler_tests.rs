@@ -483,6 +483,58 @@ fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
 }
 
 #[test]
+fn the_longest_wait_falls_while_a_queue_stands() {
+    let limits = |wait, standing| Limits {
+        max_wait: Duration::from_millis(wait),
+        max_standing_wait: Duration::from_millis(standing),
+        ..Limits::default()
+    };
+    let longest = |limits: Limits, standing: Option<u64>| {
+        limits
+            .longest_wait(standing.map(Duration::from_millis))
+            .as_millis()
+    };
+    let falls = [None, Some(0), Some(50), Some(100), Some(200), Some(9000)];
+    assert_eq!(
+        falls.map(|standing| longest(limits(1000, 200), standing)),
+        [1000, 1000, 800, 600, 200, 200]
+    );
+    for standing in falls {
+        assert_eq!(longest(limits(1000, 0), standing), 1000, "no difference is made");
+        assert_eq!(
+            longest(limits(100, 200), standing),
+            100,
+            "never more than the other"
+        );
+        assert_eq!(longest(limits(0, 200), standing), 0, "no limit");
+    }
+}
+
+#[test]
+fn an_overload_fills_no_more_of_the_queue_than_a_burst_that_is_evened_out() {
+    let mut setup = Setup::busy(Limits {
+        max_queued: 10_000,
+        max_wait: Duration::from_millis(1000),
+        max_standing_wait: Duration::from_millis(200),
+        ..limits()
+    });
+    let mut longest = 0;
+    // 8 characters leave every 8 ms. As many come, then five times as many.
+    for round in 0..300 {
+        for _ in 0..if round < 100 { 8 } else { 40 } {
+            if setup.refused(1).is_none() {
+                setup.call(1);
+            }
+        }
+        longest = longest.max(setup.scheduler.pending_characters());
+        setup.pass(8);
+        setup.free(0);
+        setup.cuts();
+    }
+    assert!((400..=600).contains(&longest), "{longest} wait at most");
+}
+
+#[test]
 fn a_queue_that_stands_for_long_is_kept_short() {
     let mut setup = Setup::busy(Limits {
         max_queued: 10_000,
