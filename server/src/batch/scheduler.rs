@@ -321,8 +321,11 @@ impl Scheduler {
         let free = self.lanes.iter().filter(|lane| lane.is_free()).count();
         let room = self.limits.room(class) + free * self.limits.max_batch;
         let wait = self.meter.wait(pending);
+        // What the lanes take with their next batches is no queue that could be shorter, however slow they are.
+        let next_batches = self.lanes() * self.limits.max_batch;
         let standing = self
             .standing_since
+            .filter(|_| pending > next_batches)
             .map(|since| now.saturating_duration_since(since));
         let longest = self.limits.longest_wait(standing);
         let full = characters > room.saturating_sub(pending);

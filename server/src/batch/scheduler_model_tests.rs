@@ -183,14 +183,17 @@ impl Model {
     }
 
     /// Whether a call may be refused for so long a wait.
-    fn is_too_long(&self, class: Class, wait: Duration) -> bool {
+    fn is_too_long(&self, class: Class, pending: usize, wait: Duration) -> bool {
         let Limits {
             max_wait,
             max_standing_wait,
             ..
         } = self.limits;
-        let overload = !max_standing_wait.is_zero() && self.now - self.calm_at > max_standing_wait;
-        let too_long = wait > max_wait || overload && wait > max_standing_wait;
+        let stands = !max_standing_wait.is_zero() && pending > self.lanes.len() * self.limits.max_batch;
+        // It falls from the one to the other.
+        let stood = (self.now - self.calm_at).as_secs_f64() / max_standing_wait.as_secs_f64().max(1e-9);
+        let fallen = max_wait.saturating_sub(max_standing_wait).mul_f64(stood.min(1.0));
+        let too_long = wait > max_wait || stands && wait + Duration::from_nanos(1) > max_wait - fallen;
         class == Class::Request && self.free_lanes() == 0 && !max_wait.is_zero() && too_long
     }
 
@@ -207,11 +210,12 @@ impl Model {
             .map(|(request, _)| *request);
         let freed = replaced.map_or(0, |older| self.requests[&older].left());
         let room = self.limits.room(order.class) + self.free_lanes() * self.limits.max_batch;
-        let fits = self.pending(order.class) - freed + characters <= room;
+        let pending = self.pending(order.class) - freed;
+        let fits = pending + characters <= room;
         let too_slow = match actions {
             [Action::Refuse { refusal, .. }] => {
                 assert_eq!(refusal.full, !fits, "the wrong reason");
-                !refusal.full && self.is_too_long(order.class, refusal.expected_wait)
+                !refusal.full && self.is_too_long(order.class, pending, refusal.expected_wait)
             }
             _ => false,
         };

@@ -535,6 +535,28 @@ fn an_overload_fills_no_more_of_the_queue_than_a_burst_that_is_evened_out() {
 }
 
 #[test]
+fn slow_lanes_may_always_have_their_next_batches_waiting() {
+    let mut setup = Setup::busy(Limits {
+        max_batch: 8,
+        max_wait: Duration::from_millis(20_000),
+        max_standing_wait: Duration::from_millis(200),
+        ..limits()
+    });
+    // A batch of 8 takes a second.
+    let mut most = 0;
+    for _ in 0..30 {
+        while setup.scheduler.pending_characters() < 20 && setup.refused(1).is_none() {
+            setup.call(1);
+        }
+        most = setup.scheduler.pending_characters();
+        setup.pass(1000);
+        setup.free(0);
+        setup.cuts();
+    }
+    assert_eq!(most, 9, "one batch waits, and what came when there was none more");
+}
+
+#[test]
 fn a_queue_that_stands_for_long_is_kept_short() {
     let mut setup = Setup::busy(Limits {
         max_queued: 10_000,

@@ -25,7 +25,7 @@ pub struct Limits {
     pub max_wait: Duration,
     /// The same where calls have waited without a break for this long or longer: then it is no burst that the queue evens out
     /// but an overload, in which a long queue serves no more and every admitted call later. Until then it falls from the
-    /// one to the other. Zero: no difference is made. (The controlled delay of Nichols and Jacobson 2012, as request
+    /// one to the other. A batch for each lane may always wait that long. Zero: no difference is made. (The controlled delay of Nichols and Jacobson 2012, as request
     /// queues have it.)
     pub max_standing_wait: Duration,
     /// What InBetween calls wait for before they go in front of live plans.
