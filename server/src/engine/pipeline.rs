@@ -17,16 +17,20 @@ use super::{
 };
 use crate::pack::{Dims, GLOBAL_ROOT, SIX_D, Stage};
 
-/// Token axes that an engine is asked for, in rising order. They go from the fewest to the most tokens in steps of a
-/// fifth, or one token, so that less than a fifth of a call is padding; it is the most alone where the engine does not
-/// take `any` length.
+/// Token axes that an engine is asked for, in rising order: the most tokens, three quarters of it, and so on down to half.
+/// It is the most alone where the engine does not take `any` length.
+///
+/// They are few, for a batch of segments of all lengths parts into a group for each. A call of a stage costs as much as four
+/// rows of the longest segment do beside others, so tighter lengths save less than the calls that they add.
 pub fn lengths(dims: &Dims, any: bool) -> Vec<usize> {
-    let first = if any { dims.min_tokens } else { dims.max_tokens };
-    let mut lengths: Vec<usize> =
-        std::iter::successors(Some(first), |length| Some(length + (length / 5).max(1)))
-            .take_while(|&length| length < dims.max_tokens)
-            .collect();
-    lengths.push(dims.max_tokens);
+    let shortest = match any {
+        true => (dims.max_tokens / 2).max(dims.min_tokens),
+        false => dims.max_tokens,
+    };
+    let mut lengths: Vec<usize> = std::iter::successors(Some(dims.max_tokens), |length| Some(length * 3 / 4))
+        .take_while(|&length| length >= shortest)
+        .collect();
+    lengths.reverse();
     lengths
 }
 
