@@ -11,6 +11,16 @@ fn limits() -> Limits {
     }
 }
 
+/// Room for all; calls wait as long as this, and in an overload as that.
+fn waits(max_wait_ms: u64, max_standing_wait_ms: u64) -> Limits {
+    Limits {
+        max_queued: 10_000,
+        max_wait: Duration::from_millis(max_wait_ms),
+        max_standing_wait: Duration::from_millis(max_standing_wait_ms),
+        ..limits()
+    }
+}
+
 /// A batch: its lane, why it was cut, and its parts as (request, first character, characters).
 type Seen = (usize, CutReason, Vec<(u64, usize, usize)>);
 
@@ -484,11 +494,6 @@ fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
 
 #[test]
 fn the_longest_wait_falls_while_a_queue_stands() {
-    let limits = |wait, standing| Limits {
-        max_wait: Duration::from_millis(wait),
-        max_standing_wait: Duration::from_millis(standing),
-        ..Limits::default()
-    };
     let longest = |limits: Limits, standing: Option<u64>| {
         limits
             .longest_wait(standing.map(Duration::from_millis))
@@ -496,28 +501,23 @@ fn the_longest_wait_falls_while_a_queue_stands() {
     };
     let falls = [None, Some(0), Some(50), Some(100), Some(200), Some(9000)];
     assert_eq!(
-        falls.map(|standing| longest(limits(1000, 200), standing)),
+        falls.map(|standing| longest(waits(1000, 200), standing)),
         [1000, 1000, 800, 600, 200, 200]
     );
     for standing in falls {
-        assert_eq!(longest(limits(1000, 0), standing), 1000, "no difference is made");
+        assert_eq!(longest(waits(1000, 0), standing), 1000, "no difference is made");
         assert_eq!(
-            longest(limits(100, 200), standing),
+            longest(waits(100, 200), standing),
             100,
             "never more than the other"
         );
-        assert_eq!(longest(limits(0, 200), standing), 0, "no limit");
+        assert_eq!(longest(waits(0, 200), standing), 0, "no limit");
     }
 }
 
 #[test]
 fn an_overload_fills_no_more_of_the_queue_than_a_burst_that_is_evened_out() {
-    let mut setup = Setup::busy(Limits {
-        max_queued: 10_000,
-        max_wait: Duration::from_millis(1000),
-        max_standing_wait: Duration::from_millis(200),
-        ..limits()
-    });
+    let mut setup = Setup::busy(waits(1000, 200));
     let mut longest = 0;
     // 8 characters leave every 8 ms. As many come, then five times as many.
     for round in 0..300 {
@@ -536,12 +536,7 @@ fn an_overload_fills_no_more_of_the_queue_than_a_burst_that_is_evened_out() {
 
 #[test]
 fn slow_lanes_may_always_have_their_next_batches_waiting() {
-    let mut setup = Setup::busy(Limits {
-        max_batch: 8,
-        max_wait: Duration::from_millis(20_000),
-        max_standing_wait: Duration::from_millis(200),
-        ..limits()
-    });
+    let mut setup = Setup::busy(waits(20_000, 200));
     // A batch of 8 takes a second.
     let mut most = 0;
     for _ in 0..30 {
@@ -558,12 +553,7 @@ fn slow_lanes_may_always_have_their_next_batches_waiting() {
 
 #[test]
 fn a_queue_that_stands_for_long_is_kept_short() {
-    let mut setup = Setup::busy(Limits {
-        max_queued: 10_000,
-        max_wait: Duration::from_millis(1000),
-        max_standing_wait: Duration::from_millis(250),
-        ..limits()
-    });
+    let mut setup = Setup::busy(waits(1000, 250));
     let fill = |setup: &mut Setup| {
         while setup.refused(1).is_none() {
             setup.call(1);
