@@ -263,7 +263,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     let styles = tokio::task::spawn_blocking(move || StyleTable::load(&for_styles, folder))
         .await
         .map_err(|_| StartError::Internal("the task that loads styles has stopped".to_owned()))??;
-    let max_batch = config.max_batch;
+    let max_batch = config.max_batch_of(decision.as_ref().map(|decision| decision.engine));
     let (for_engine, engine_metrics) = (pack.clone(), metrics.clone());
     let factory: EngineFactory = Arc::new(move |lane| {
         let loading = Instant::now();
@@ -280,7 +280,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         padded: decision
             .as_ref()
             .is_none_or(|decision| !decision.engine.takes_any_batch()),
-        ..config.batch_limits()
+        ..config.batch_limits(max_batch)
     };
     let batcher = Batcher::start(pack.name(), limits, metrics.clone(), factory)
         .await

@@ -158,7 +158,7 @@ fn the_configuration_template_is_printed() {
     assert!(
         String::from_utf8(output.stdout)
             .unwrap()
-            .contains("#max_batch = 32")
+            .contains("#max_batch = 0")
     );
 }
 

@@ -56,13 +56,13 @@ impl Noisy {
 impl Stages for Noisy {
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
         self.inner.root(rows, input, output)?;
-        self.blur(output.global_root.first_mut(rows), self.root);
+        self.blur(output.global_root.range_mut(0..rows), self.root);
         Ok(())
     }
 
     fn pose(&mut self, rows: usize, input: &TokenInput, output: &mut PoseOutput) -> Result<(), EngineError> {
         self.inner.pose(rows, input, output)?;
-        self.blur(output.logits.first_mut(rows), self.logits);
+        self.blur(output.logits.range_mut(0..rows), self.logits);
         Ok(())
     }
 
@@ -73,7 +73,7 @@ impl Stages for Noisy {
         output: &mut DecoderOutput,
     ) -> Result<(), EngineError> {
         self.inner.decoder(rows, input, output)?;
-        self.blur(output.rotations.first_mut(rows), self.rotations);
+        self.blur(output.rotations.range_mut(0..rows), self.rotations);
         Ok(())
     }
 }

@@ -174,34 +174,76 @@ fn a_pack_with_a_fixed_time_axis_serves_the_same() {
     }
 }
 
+#[test]
+fn graphs_that_do_not_name_their_axes_are_served_too() {
+    let pack = Pack::load(&pack_folder()).unwrap();
+    let names = ["batch", "tokens", "4*tokens"];
+    let nameless = rewritten(&pack, "nameless-axes", |graph| {
+        names.iter().for_each(|name| forget_axis(graph, name));
+    });
+    let items: Vec<WorkItem> = (0..5).map(|seed| item(&pack, seed)).collect();
+    for engine in engines(&selector()) {
+        let any_batch = |pack: &Pack| {
+            let stages = selector().load(pack, engine).unwrap();
+            (stages.any_batch(), Pipeline::new(pack.dims, Box::new(stages), 8))
+        };
+        let fixed_shapes = engine == EngineKind::OpenvinoBf16;
+        let (batch, mut pipeline) = any_batch(&nameless);
+        assert_eq!(batch, any_batch(&pack).0 && !fixed_shapes, "{engine}");
+        let (together, times) = run(&mut pipeline, &items);
+        assert_eq!(times.bucket, if batch { 5 } else { 6 }, "{engine}");
+        for (item, together) in items.iter().zip(&together) {
+            let alone = run(&mut pipeline, std::slice::from_ref(item)).0;
+            assert!(alone[0] == *together, "{engine}");
+        }
+    }
+}
+
 /// A copy of `pack` whose graphs fix the time axis at the longest segment, as those of older packs do.
 fn with_fixed_time(pack: &Pack) -> Pack {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fixed-time");
+    rewritten(pack, "fixed-time", |graph| {
+        fix_axis(graph, "tokens", pack.dims.max_tokens);
+        fix_axis(graph, "4*tokens", pack.dims.max_frames());
+    })
+}
+
+/// A copy of `pack` with other graphs.
+fn rewritten(pack: &Pack, name: &str, change: impl Fn(&mut [u8])) -> Pack {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::create_dir_all(&folder).unwrap();
     for stage in Stage::ALL {
         let mut graph = std::fs::read(pack.stage_file(stage)).unwrap();
-        fix_axis(&mut graph, "tokens", pack.dims.max_tokens);
-        fix_axis(&mut graph, "4*tokens", pack.dims.max_frames());
+        change(&mut graph);
         std::fs::write(folder.join(stage.file_name()), graph).unwrap();
     }
-    let mut fixed = pack.clone();
-    fixed.folder = folder;
-    fixed
+    let mut rewritten = pack.clone();
+    rewritten.folder = folder;
+    rewritten
 }
 
 /// Gives every axis called `name` in an ONNX file the length `value`, in as many bytes: field 2 of the message
 /// `Dimension` is an axis's name, field 1 its length, as a number that may be written with leading zeros.
 fn fix_axis(graph: &mut [u8], name: &str, value: usize) {
-    let named = [&[0x12, name.len() as u8], name.as_bytes()].concat();
     let mut fixed = vec![0x08];
     fixed.extend((0..name.len()).map(|index| (value >> (7 * index)) as u8 | 0x80));
     fixed.push(0);
-    let places: Vec<usize> = (0..graph.len() - named.len())
-        .filter(|&at| graph[at..].starts_with(&named))
-        .collect();
-    for at in places {
+    for at in places_of_axis(graph, name) {
         graph[at..at + fixed.len()].copy_from_slice(&fixed);
     }
+}
+
+/// Takes the name from every axis called `name`: it becomes field 3, what the axis is for.
+fn forget_axis(graph: &mut [u8], name: &str) {
+    for at in places_of_axis(graph, name) {
+        graph[at] = 0x1a;
+    }
+}
+
+fn places_of_axis(graph: &[u8], name: &str) -> Vec<usize> {
+    let named = [&[0x12, name.len() as u8], name.as_bytes()].concat();
+    (0..graph.len() - named.len())
+        .filter(|&at| graph[at..].starts_with(&named))
+        .collect()
 }
 
 #[test]

@@ -84,7 +84,11 @@ fn main() -> anyhow::Result<()> {
     let selector = config.selector()?;
     let decision = selector.choose(&pack)?;
     let stages = selector.load(&pack, decision.engine)?;
-    let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), args.at_once.min(32));
+    let mut pipeline = Pipeline::new(
+        pack.dims,
+        Box::new(stages),
+        args.at_once.min(config.max_batch_of(Some(decision.engine))),
+    );
     pipeline.warm_up()?;
     let mut runner = Runner::new(pack.clone(), pipeline);
 

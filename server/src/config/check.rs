@@ -3,11 +3,12 @@
 use super::{Config, ConfigError};
 use crate::session::TTL_RANGE_MS;
 
+const MOST_BATCH: usize = 4096;
+
 impl Config {
     /// The configuration itself where its values are in their ranges.
     pub(super) fn checked(self) -> Result<Self, ConfigError> {
         let at_least_one = [
-            ("max_batch", self.max_batch),
             ("max_characters_per_request", self.max_characters_per_request),
             ("max_message_bytes", self.max_message_bytes),
             ("max_connections", self.max_connections),
@@ -25,7 +26,7 @@ impl Config {
             }
         }
         let at_most = [
-            ("max_batch", self.max_batch, 4096),
+            ("max_batch", self.max_batch, MOST_BATCH),
             ("threads", self.threads, 1024),
             ("lanes", self.lanes, 64),
             ("max_connections", self.max_connections, 1_000_000),
@@ -46,7 +47,10 @@ impl Config {
             (
                 "preferred_batch",
                 self.preferred_batch as u64,
-                self.max_batch as u64,
+                match self.max_batch {
+                    0 => MOST_BATCH as u64,
+                    most => most as u64,
+                },
             ),
             ("live_batch_ms", self.live_batch_ms, 60_000),
         ];

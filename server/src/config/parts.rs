@@ -6,7 +6,7 @@ use super::Config;
 use crate::batch::scheduler::Limits;
 use crate::engine::machine::{Machine, available_cores};
 use crate::engine::onnx::Runtime;
-use crate::engine::{EngineError, Lanes, Selector};
+use crate::engine::{EngineError, EngineKind, Lanes, Selector};
 use crate::inbetween::RequestLimits;
 use crate::session::SessionLimits;
 use crate::world::Folders;
@@ -15,11 +15,20 @@ use crate::world::Folders;
 const MIN_AGEING: Duration = Duration::from_secs(2);
 
 impl Config {
-    /// The batcher's limits, for an engine of one lane that pads its batches.
-    pub fn batch_limits(&self) -> Limits {
+    /// Most characters in one batch of an engine; of none where the caller brings one.
+    pub fn max_batch_of(&self, engine: Option<EngineKind>) -> usize {
+        match (self.max_batch, engine) {
+            (0, Some(engine)) => engine.usual_batch(),
+            (0, None) => EngineKind::Cpu.usual_batch(),
+            (most, _) => most,
+        }
+    }
+
+    /// The batcher's limits, for a lane that pads its batches.
+    pub fn batch_limits(&self, max_batch: usize) -> Limits {
         Limits {
             lanes: 1,
-            max_batch: self.max_batch,
+            max_batch,
             padded: true,
             max_queued: self.max_queued_characters,
             max_live: self.max_sessions,

@@ -153,9 +153,14 @@ impl Report {
         let mut problem = |error: &dyn std::fmt::Display| self.problems.push(format!("pack {name}: {error}"));
         let decision = selector.choose(pack).map_err(|error| problem(&error)).ok();
         let trial = decision.as_ref().and_then(|decision| {
-            Trial::run(selector, pack, decision.engine, config.max_batch)
-                .map_err(|error| problem(&error))
-                .ok()
+            Trial::run(
+                selector,
+                pack,
+                decision.engine,
+                config.max_batch_of(Some(decision.engine)),
+            )
+            .map_err(|error| problem(&error))
+            .ok()
         });
         if let Some(decision) = &decision {
             if decision.check.as_ref().is_some_and(|check| !check.passed) {

@@ -30,12 +30,17 @@ pub use work::{GapPose, KeyTensors, RawMotion, RootGuide, WorkItem};
 ///
 /// `rows` is the batch size of the call, and the token axis of the pose stage and the decoder is [`TokenInput::length`],
 /// one of [`lengths`]. Unless it takes [any batch](Stages::any_batch), `rows` is one of [`BatchSizes`]: an engine sees few
-/// different shapes, all of them during warm-up. Only the first `rows` rows of inputs and outputs count. A row's result must
-/// not depend on the other rows.
+/// different shapes, all of them during warm-up. Only the first `rows` rows of inputs and outputs count; inputs have room for more,
+/// up to a multiple of 8, which hold anything. A row's result must not depend on the other rows.
 pub trait Stages: Send {
-    /// Whether the first call of a shape is as fast as later ones. Then batches are not padded, and warm-up is short.
+    /// Whether a batch of any size is as fast as those of the warm-up. Then batches are not padded, and warm-up is short.
     fn any_batch(&self) -> bool {
         false
+    }
+
+    /// Batches that warm-up must meet where [any batch](Self::any_batch) is taken, beside the smallest and the largest.
+    fn call_rows(&self) -> &[usize] {
+        &[]
     }
 
     /// Whether the pose stage and the decoder take calls that are shorter than the pack's longest segment.

@@ -20,8 +20,8 @@ use crate::pack::{Dims, GLOBAL_ROOT, SIX_D, Stage};
 /// Token axes that an engine is asked for, in rising order: the most tokens, three quarters of it, and so on down to half.
 /// It is the most alone where the engine does not take `any` length.
 ///
-/// They are few, for a batch of segments of all lengths parts into a group for each. A call of a stage costs as much as four
-/// rows of the longest segment do beside others, so tighter lengths save less than the calls that they add.
+/// They are few, for a batch of segments of all lengths parts into a group for each. A call of a stage costs as much as one or
+/// two rows of the longest segment do, and with OpenVINO each length has networks of its own.
 pub fn lengths(dims: &Dims, any: bool) -> Vec<usize> {
     let shortest = match any {
         true => (dims.max_tokens / 2).max(dims.min_tokens),
@@ -97,15 +97,16 @@ impl Pipeline {
     }
 
     /// Runs every stage once in every shape: the first run of a shape is slow, so it must not meet a caller. The largest
-    /// comes first, for the engine's memory grows by less then. An engine that takes any batch runs the largest and the
-    /// smallest alone.
+    /// comes first, for the engine's memory grows by less then. An engine that takes any batch runs the largest, the
+    /// smallest and those that it [names](Stages::call_rows) alone.
     ///
     /// # Errors
     /// [`EngineError`] where a stage fails.
     pub fn warm_up(&mut self) -> Result<(), EngineError> {
         let mut sizes = self.sizes.all().to_vec();
         if self.stages.any_batch() {
-            sizes.retain(|&size| size == 1 || Some(&size) == self.sizes.all().last());
+            let calls = self.stages.call_rows();
+            sizes.retain(|size| [1, self.sizes.largest()].contains(size) || calls.contains(size));
         }
         for bucket in sizes.into_iter().rev() {
             self.clear_padding(0, bucket);

@@ -33,6 +33,11 @@ impl BatchSizes {
         &self.sizes
     }
 
+    /// The largest batch.
+    pub fn largest(&self) -> usize {
+        self.sizes.last().copied().unwrap_or(1)
+    }
+
     /// The size of a batch of so many rows, padding included: the smallest that holds them. More than the largest batch
     /// are left as they are.
     pub fn for_rows(&self, rows: usize) -> usize {

@@ -1,6 +1,11 @@
 //! Input and output buffers of the stages: allocated once for the largest batch, then reused.
 
+use std::ops::Range;
+
 use crate::pack::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
+
+/// An engine may make calls of up to so many rows, of which the last are padding: inputs have room for them.
+pub(super) const MOST_PADDED_ROWS: usize = 8;
 
 /// Whether what a stage gave is usable. Looks at all numbers, without a way out in the middle, which takes several at once.
 pub(crate) fn all_finite(values: &[f32]) -> bool {
@@ -46,20 +51,25 @@ impl<T: Copy + Default> Rows<T> {
         &mut self.data[row * self.width..(row + 1) * self.width]
     }
 
-    /// The first `rows` rows in one slice.
-    ///
-    /// # Panics
-    /// If there are fewer rows.
-    pub fn first(&self, rows: usize) -> &[T] {
-        &self.data[..rows * self.width]
+    /// Elements of a row.
+    pub fn width(&self) -> usize {
+        self.width
     }
 
-    /// The first `rows` rows in one slice, to write.
+    /// Some rows in one slice.
     ///
     /// # Panics
     /// If there are fewer rows.
-    pub fn first_mut(&mut self, rows: usize) -> &mut [T] {
-        &mut self.data[..rows * self.width]
+    pub fn range(&self, rows: Range<usize>) -> &[T] {
+        &self.data[rows.start * self.width..rows.end * self.width]
+    }
+
+    /// Some rows in one slice, to write.
+    ///
+    /// # Panics
+    /// If there are fewer rows.
+    pub fn range_mut(&mut self, rows: Range<usize>) -> &mut [T] {
+        &mut self.data[rows.start * self.width..rows.end * self.width]
     }
 
     /// Sets every element of `row`.
@@ -92,6 +102,7 @@ pub struct RootInput {
 impl RootInput {
     /// Buffers for up to `rows` characters.
     pub fn new(dims: &Dims, rows: usize) -> Self {
+        let rows = rows.next_multiple_of(MOST_PADDED_ROWS);
         let slots = dims.slots();
         Self {
             key_local_root: Rows::new(rows, slots * LOCAL_ROOT),
@@ -163,6 +174,7 @@ pub struct TokenInput {
 impl TokenInput {
     /// Buffers for up to `rows` characters, laid out for the longest segments.
     pub fn new(dims: &Dims, rows: usize) -> Self {
+        let rows = rows.next_multiple_of(MOST_PADDED_ROWS);
         let frames = dims.max_frames();
         Self {
             length: dims.max_tokens,

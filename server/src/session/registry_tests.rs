@@ -57,7 +57,7 @@ impl Setup {
         let metrics = telemetry.pack(pack.name(), "1");
         let dims = pack.dims;
         let factory: EngineFactory = Arc::new(move |_| Ok(Pipeline::new(dims, Box::new(Idle), 1)));
-        let batcher = Batcher::start("test", config.batch_limits(), metrics.clone(), factory);
+        let batcher = Batcher::start("test", config.batch_limits(8), metrics.clone(), factory);
         let loaded = LoadedPack {
             styles: StyleTable::load(&pack, None).unwrap(),
             sessions: telemetry.sessions(pack.name(), "1"),

@@ -1,10 +1,14 @@
 //! The stages on ONNX Runtime, loaded at run time from the library that `ORT_DYLIB_PATH` names.
 
+mod calls;
+mod network;
 mod runtime;
 mod session;
 mod signature;
 
-use ort::session::{Session, SessionOutputs};
+use std::ops::Range;
+
+use ort::session::SessionOutputs;
 use ort::value::{PrimitiveTensorElementType, TensorRef};
 
 use super::{
@@ -12,18 +16,23 @@ use super::{
 };
 use crate::pack::{Dims, GLOBAL_ROOT, LOCAL_ROOT, Pack, Stage};
 
+use calls::CALL_ROWS;
+use network::{FixedNetworks, Network};
 pub use runtime::{LIBRARY_VARIABLE, Runtime};
 pub use session::SessionOptions;
 use signature::{check_signature, takes_any_length};
 
-/// The three sessions of a pack, for one lane.
+/// Largest file of a stage that has a network for each shape: every one of them holds all weights.
+const MOST_FIXED_BYTES: u64 = 32 << 20;
+
+/// The three stages of a pack, for one lane.
 pub struct OnnxStages {
     engine: EngineKind,
     dims: Dims,
     any_length: bool,
-    root: Session,
-    pose: Session,
-    decoder: Session,
+    root: Network,
+    pose: Network,
+    decoder: Network,
 }
 
 impl OnnxStages {
@@ -32,43 +41,83 @@ impl OnnxStages {
     /// # Errors
     /// [`EngineError::Load`] or [`EngineError::Signature`], which name the file.
     pub fn load(runtime: &Runtime, pack: &Pack, options: SessionOptions) -> Result<Self, EngineError> {
-        let session = |stage: Stage| {
-            let session = session::open(runtime, options, &pack.stage_file(stage)).map_err(|reason| {
-                EngineError::Load {
-                    file: stage.file_name(),
-                    reason,
-                }
-            })?;
-            check_signature(&pack.dims, stage, session.inputs(), session.outputs()).map_err(|problem| {
-                EngineError::Signature {
-                    file: stage.file_name(),
-                    problem,
-                }
-            })?;
-            Ok(session)
-        };
-        let (root, pose, decoder) = (
-            session(Stage::Root)?,
-            session(Stage::Pose)?,
-            session(Stage::Decoder)?,
-        );
-        let any_length = [(Stage::Pose, &pose), (Stage::Decoder, &decoder)]
-            .into_iter()
-            .all(|(stage, session)| takes_any_length(&pack.dims, stage, session.inputs()));
+        let network = |stage| load_network(runtime, pack, options, stage);
+        let (root, _) = network(Stage::Root)?;
+        let (pose, pose_any_length) = network(Stage::Pose)?;
+        let (decoder, decoder_any_length) = network(Stage::Decoder)?;
         Ok(Self {
             engine: options.engine,
             dims: pack.dims,
-            any_length,
+            any_length: pose_any_length && decoder_any_length,
             root,
             pose,
             decoder,
         })
     }
+
+    fn has_fixed_shapes(&self) -> bool {
+        let networks = [&self.root, &self.pose, &self.decoder];
+        networks
+            .iter()
+            .all(|network| matches!(network, Network::Fixed(_)))
+    }
+}
+
+/// A stage's networks, and whether it takes segments of any length.
+fn load_network(
+    runtime: &Runtime,
+    pack: &Pack,
+    options: SessionOptions,
+    stage: Stage,
+) -> Result<(Network, bool), EngineError> {
+    let file = pack.stage_file(stage);
+    let open = |options: SessionOptions| {
+        session::open(runtime, options, &file, &[]).map_err(|reason| EngineError::Load {
+            file: stage.file_name(),
+            reason,
+        })
+    };
+    // OpenVINO makes kernels as it opens a graph; what the graph looks like the CPU's own provider tells sooner.
+    let looks = match options.engine {
+        EngineKind::OpenvinoBf16 => SessionOptions {
+            engine: EngineKind::Cpu,
+            ..options
+        },
+        _ => options,
+    };
+    let session = open(looks)?;
+    check_signature(&pack.dims, stage, session.inputs(), session.outputs()).map_err(|problem| {
+        EngineError::Signature {
+            file: stage.file_name(),
+            problem,
+        }
+    })?;
+    let any_length = takes_any_length(&pack.dims, stage, session.inputs());
+    if options.engine != EngineKind::OpenvinoBf16 {
+        return Ok((Network::Open(session), any_length));
+    }
+    let is_small = std::fs::metadata(&file).is_ok_and(|file| file.len() <= MOST_FIXED_BYTES);
+    let fixed = is_small
+        .then(|| FixedNetworks::new(runtime, options, file.clone(), stage, pack.dims, &session))
+        .flatten();
+    let network = match fixed {
+        Some(networks) => Network::Fixed(Box::new(networks)),
+        None => Network::Open(open(options)?),
+    };
+    Ok((network, any_length))
 }
 
 impl Stages for OnnxStages {
+    /// False with OpenVINO for graphs that are large or do not name their open axes.
     fn any_batch(&self) -> bool {
-        self.engine.takes_any_batch()
+        self.engine.takes_any_batch() && (self.engine == EngineKind::Cpu || self.has_fixed_shapes())
+    }
+
+    fn call_rows(&self) -> &[usize] {
+        match self.has_fixed_shapes() {
+            true => &CALL_ROWS,
+            false => &[],
+        }
     }
 
     /// True where the graphs leave their time axis open. Packs of format 1 may fix it at the longest segment.
@@ -77,44 +126,34 @@ impl Stages for OnnxStages {
     }
 
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
-        let failed = |error: ort::Error| run_error(Stage::Root, &error);
-        let (slots, counts) = (self.dims.slots(), self.dims.counts());
-        let outputs = self
-            .root
-            .run(ort::inputs! {
-                "key_local_root" => view(rows, &[slots, LOCAL_ROOT], &input.key_local_root).map_err(failed)?,
-                "key_global_root" => view(rows, &[slots, GLOBAL_ROOT], &input.key_global_root).map_err(failed)?,
-                "key_pose" => view(rows, &[slots, self.dims.pose()], &input.key_pose).map_err(failed)?,
-                "has_local_root" => view(rows, &[slots], &input.has_local_root).map_err(failed)?,
-                "has_global_root" => view(rows, &[slots], &input.has_global_root).map_err(failed)?,
-                "has_pose" => view(rows, &[slots], &input.has_pose).map_err(failed)?,
-                "allowed_counts" => view(rows, &[counts], &input.allowed_counts).map_err(failed)?,
-                "count_noise" => view(rows, &[counts], &input.count_noise).map_err(failed)?,
+        let (slots, counts, pose) = (self.dims.slots(), self.dims.counts(), self.dims.pose());
+        let inputs = |call: Range<usize>| {
+            Ok(ort::inputs! {
+                "key_local_root" => view(&call, &[slots, LOCAL_ROOT], &input.key_local_root)?,
+                "key_global_root" => view(&call, &[slots, GLOBAL_ROOT], &input.key_global_root)?,
+                "key_pose" => view(&call, &[slots, pose], &input.key_pose)?,
+                "has_local_root" => view(&call, &[slots], &input.has_local_root)?,
+                "has_global_root" => view(&call, &[slots], &input.has_global_root)?,
+                "has_pose" => view(&call, &[slots], &input.has_pose)?,
+                "allowed_counts" => view(&call, &[counts], &input.allowed_counts)?,
+                "count_noise" => view(&call, &[counts], &input.count_noise)?,
             })
-            .map_err(failed)?;
-        copy_out(
-            Stage::Root,
-            &outputs,
-            "num_tokens",
-            output.num_tokens.first_mut(rows),
-        )?;
-        copy_out(
-            Stage::Root,
-            &outputs,
-            "count_probs",
-            output.count_probs.first_mut(rows),
-        )?;
-        copy_out(
-            Stage::Root,
-            &outputs,
-            "global_root",
-            output.global_root.first_mut(rows),
-        )
+        };
+        let length = self.dims.max_tokens;
+        self.root.run(Stage::Root, rows, length, inputs, |call, outputs| {
+            let from = Outputs::new(Stage::Root, outputs, call, rows);
+            from.copy("num_tokens", &mut output.num_tokens)?;
+            from.copy("count_probs", &mut output.count_probs)?;
+            from.copy("global_root", &mut output.global_root)
+        })
     }
 
     fn pose(&mut self, rows: usize, input: &TokenInput, output: &mut PoseOutput) -> Result<(), EngineError> {
-        let outputs = run_tokens(&self.dims, Stage::Pose, &mut self.pose, rows, input)?;
-        copy_out(Stage::Pose, &outputs, "logits", output.logits.first_mut(rows))
+        let inputs = |call| token_inputs(&self.dims, input, &call);
+        self.pose
+            .run(Stage::Pose, rows, input.length(), inputs, |call, outputs| {
+                Outputs::new(Stage::Pose, outputs, call, rows).copy("logits", &mut output.logits)
+            })
     }
 
     fn decoder(
@@ -123,78 +162,87 @@ impl Stages for OnnxStages {
         input: &TokenInput,
         output: &mut DecoderOutput,
     ) -> Result<(), EngineError> {
-        let outputs = run_tokens(&self.dims, Stage::Decoder, &mut self.decoder, rows, input)?;
-        copy_out(
-            Stage::Decoder,
-            &outputs,
-            "rotations",
-            output.rotations.first_mut(rows),
-        )?;
-        copy_out(
-            Stage::Decoder,
-            &outputs,
-            "refined_root",
-            output.global_root.first_mut(rows),
-        )?;
-        copy_out(
-            Stage::Decoder,
-            &outputs,
-            "contacts",
-            output.contacts.first_mut(rows),
-        )
+        let inputs = |call| token_inputs(&self.dims, input, &call);
+        self.decoder
+            .run(Stage::Decoder, rows, input.length(), inputs, |call, outputs| {
+                let from = Outputs::new(Stage::Decoder, outputs, call, rows);
+                from.copy("rotations", &mut output.rotations)?;
+                from.copy("refined_root", &mut output.global_root)?;
+                from.copy("contacts", &mut output.contacts)
+            })
     }
 }
 
-/// Runs the pose stage or the decoder: both read the same tensors.
-fn run_tokens<'s>(
+/// What the pose stage and the decoder read: both the same tensors.
+fn token_inputs<'a>(
     dims: &Dims,
-    stage: Stage,
-    session: &'s mut Session,
-    rows: usize,
-    input: &TokenInput,
-) -> Result<SessionOutputs<'s>, EngineError> {
-    let failed = |error: ort::Error| run_error(stage, &error);
+    input: &'a TokenInput,
+    call: &Range<usize>,
+) -> ort::Result<network::Inputs<'a>> {
     let tokens = input.length();
     let frames = tokens * dims.frames_per_token;
-    session
-        .run(ort::inputs! {
-            "tokens" => view(rows, &[tokens, dims.heads], &input.tokens).map_err(failed)?,
-            "num_tokens" => view(rows, &[], &input.num_tokens).map_err(failed)?,
-            "global_root" => view(rows, &[frames, GLOBAL_ROOT], &input.global_root).map_err(failed)?,
-            "frame_pose" => view(rows, &[frames, dims.pose()], &input.frame_pose).map_err(failed)?,
-            "frame_mask" => view(rows, &[frames], &input.frame_mask).map_err(failed)?,
-        })
-        .map_err(failed)
+    Ok(ort::inputs! {
+        "tokens" => view(call, &[tokens, dims.heads], &input.tokens)?,
+        "num_tokens" => view(call, &[], &input.num_tokens)?,
+        "global_root" => view(call, &[frames, GLOBAL_ROOT], &input.global_root)?,
+        "frame_pose" => view(call, &[frames, dims.pose()], &input.frame_pose)?,
+        "frame_mask" => view(call, &[frames], &input.frame_mask)?,
+    })
 }
 
-/// The first `rows` rows as a tensor that borrows them.
-fn view<'a, T>(rows: usize, shape: &[usize], data: &'a Rows<T>) -> ort::Result<TensorRef<'a, T>>
+/// The rows of a call as a tensor that borrows them.
+fn view<'a, T>(call: &Range<usize>, shape: &[usize], data: &'a Rows<T>) -> ort::Result<TensorRef<'a, T>>
 where
     T: PrimitiveTensorElementType + std::fmt::Debug + Copy + Default + 'static,
 {
-    let full: Vec<usize> = std::iter::once(rows).chain(shape.iter().copied()).collect();
-    TensorRef::from_array_view((full, data.first(rows)))
+    let full: Vec<usize> = std::iter::once(call.len()).chain(shape.iter().copied()).collect();
+    TensorRef::from_array_view((full, data.range(call.clone())))
 }
 
-fn copy_out<T: PrimitiveTensorElementType + Copy>(
+/// What a call gave.
+struct Outputs<'a, 's> {
     stage: Stage,
-    outputs: &SessionOutputs<'_>,
-    name: &str,
-    into: &mut [T],
-) -> Result<(), EngineError> {
-    let problem = |problem: String| EngineError::Output { stage, problem };
-    let value = outputs.get(name).ok_or_else(|| problem(format!("no {name}")))?;
-    let (shape, data) = value
-        .try_extract_tensor::<T>()
-        .map_err(|error| run_error(stage, &error))?;
-    if data.len() != into.len() {
-        return Err(problem(format!(
-            "{name} of shape {shape:?}, expected {} elements",
-            into.len()
-        )));
+    outputs: &'a SessionOutputs<'s>,
+    /// Its rows, padding included.
+    call: Range<usize>,
+    /// Its rows without padding.
+    wanted: Range<usize>,
+}
+
+impl<'a, 's> Outputs<'a, 's> {
+    /// Of a call for a batch of `rows` rows.
+    fn new(stage: Stage, outputs: &'a SessionOutputs<'s>, call: Range<usize>, rows: usize) -> Self {
+        Self {
+            stage,
+            outputs,
+            wanted: call.start..call.end.min(rows),
+            call,
+        }
     }
-    into.copy_from_slice(data);
-    Ok(())
+
+    fn copy<T>(&self, name: &str, into: &mut Rows<T>) -> Result<(), EngineError>
+    where
+        T: PrimitiveTensorElementType + Copy + Default,
+    {
+        let stage = self.stage;
+        let problem = |problem: String| EngineError::Output { stage, problem };
+        let value = self
+            .outputs
+            .get(name)
+            .ok_or_else(|| problem(format!("no {name}")))?;
+        let (shape, data) = value
+            .try_extract_tensor::<T>()
+            .map_err(|error| run_error(stage, &error))?;
+        let expected = self.call.len() * into.width();
+        if data.len() != expected {
+            return Err(problem(format!(
+                "{name} of shape {shape:?}, expected {expected} elements"
+            )));
+        }
+        let into = into.range_mut(self.wanted.clone());
+        into.copy_from_slice(&data[..into.len()]);
+        Ok(())
+    }
 }
 
 fn run_error(stage: Stage, error: &ort::Error) -> EngineError {

@@ -22,9 +22,22 @@ pub struct SessionOptions {
     pub spin: bool,
 }
 
-/// Opens the graph in `path`.
-pub(super) fn open(runtime: &Runtime, options: SessionOptions, path: &Path) -> Result<Session, String> {
-    let builder = Session::builder(runtime.environment())
+/// The length that an open axis of a graph gets.
+pub(super) struct FixedAxis<'a> {
+    /// The axis.
+    pub(super) name: &'a str,
+    /// Its length.
+    pub(super) size: usize,
+}
+
+/// Opens the graph in `path`, with axes that are open in it fixed.
+pub(super) fn open(
+    runtime: &Runtime,
+    options: SessionOptions,
+    path: &Path,
+    fixed: &[FixedAxis<'_>],
+) -> Result<Session, String> {
+    let mut builder = Session::builder(runtime.environment())
         .map_err(|error| one_line(&error))?
         .with_optimization_level(GraphOptimizationLevel::All)
         .map_err(|error| one_line(&error))?
@@ -37,6 +50,11 @@ pub(super) fn open(runtime: &Runtime, options: SessionOptions, path: &Path) -> R
         .map_err(|error| one_line(&error))?
         .with_intra_op_spinning(options.spin)
         .map_err(|error| one_line(&error))?;
+    for axis in fixed {
+        builder = builder
+            .with_dimension_override(axis.name, axis.size as i64)
+            .map_err(|error| one_line(&error))?;
+    }
     let mut builder = match provider(options) {
         Some(provider) => builder
             .with_execution_providers([provider.error_on_failure()])
