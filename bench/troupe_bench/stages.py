@@ -17,6 +17,7 @@ from troupe_bench.body import CONTEXT_FRAMES, Task, read_task, write_answer
 from troupe_bench.cli import STAGES
 
 SLOTS = 8  # the context frames and the last four frames of the segment
+CALL_ROWS = (1, 2, 4, 8)
 BUCKETS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 OPENVINO = '{"CPU":{"INFERENCE_PRECISION_HINT":"bf16","INFERENCE_NUM_THREADS":"%d","ENABLE_CPU_PINNING":"NO"}}'
 
@@ -35,9 +36,13 @@ class Solved:
         return write_answer(len(self.tokens), self.rotations, self.root, self.contacts)
 
 
-def open_session(path: Path, engine: str, threads: int, spin: bool) -> onnxruntime.InferenceSession:
-    """One stage on ``engine`` with ``threads`` threads."""
+def open_session(
+    path: Path, engine: str, threads: int, spin: bool, axes: dict[str, int]
+) -> onnxruntime.InferenceSession:
+    """One stage on ``engine`` with ``threads`` threads, and ``axes`` that are open in its graph fixed."""
     options = onnxruntime.SessionOptions()
+    for name, size in axes.items():
+        options.add_free_dimension_override_by_name(name, size)
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.enable_mem_pattern = False  # shapes change from batch to batch
@@ -49,6 +54,30 @@ def open_session(path: Path, engine: str, threads: int, spin: bool) -> onnxrunti
         settings = {"device_type": "CPU", "load_config": OPENVINO % threads}
         providers.insert(0, ("OpenVINOExecutionProvider", settings))
     return onnxruntime.InferenceSession(str(path), options, providers=providers)
+
+
+class Network:
+    """One stage: a session for all shapes and, with OpenVINO, one for each size of a call of the longest segments.
+
+    The latter are the server's (`server/src/engine/onnx/network.rs`), which has them for other lengths too.
+    """
+
+    def __init__(self, path: Path, engine: str, threads: int, spin: bool, longest: dict[str, int]):
+        self.open = open_session(path, engine, threads, spin, {})
+        sizes = () if engine == "cpu" else CALL_ROWS
+        self.fixed = {rows: open_session(path, engine, threads, spin, {"batch": rows} | longest) for rows in sizes}
+
+    def run(self, names: list[str], inputs: dict[str, np.ndarray], longest: bool) -> list[np.ndarray]:
+        """The outputs called ``names``. ``longest`` says that the inputs are of the longest segments."""
+        if not (self.fixed and longest):
+            return self.open.run(names, inputs)
+        rows, done, parts = len(next(iter(inputs.values()))), 0, []
+        while done < rows:
+            size = max(size for size in CALL_ROWS if size <= rows - done)
+            call = {name: values[done : done + size] for name, values in inputs.items()}
+            parts.append(self.fixed[size].run(names, call))
+            done += size
+        return parts[0] if len(parts) == 1 else [np.concatenate(part) for part in zip(*parts, strict=True)]
 
 
 @functools.cache
@@ -78,8 +107,9 @@ class Stages:
         self.group = group
         # OpenVINO plans anew for a batch size it has not met; ONNX Runtime's own kernels do not mind.
         self.pad_batch = engine != "cpu"
+        longest = {"tokens": self.max_tokens, "4*tokens": self.max_tokens * self.per_token}
         self.root, self.pose, self.decoder = (
-            open_session(pack / f"{name}.onnx", engine, threads, spin) for name in STAGES
+            Network(pack / f"{name}.onnx", engine, threads, spin, {} if name == "root" else longest) for name in STAGES
         )
 
     def warm_up(self, bodies: Sequence[bytes], largest: int) -> None:
@@ -108,14 +138,18 @@ class Stages:
                 solved[row] = answer
         return solved
 
-    def _rows(self, wanted: int) -> int:
+    def _rows(self, wanted: int, longest: bool) -> int:
+        """Rows of a batch, padding included."""
         if not self.pad_batch:
             return wanted
+        if longest:
+            whole, rest = divmod(wanted, CALL_ROWS[-1])
+            return whole * CALL_ROWS[-1] + next(rows for rows in (0, 1, 2, 4, 6, 8) if rows >= rest)
         return next((bucket for bucket in BUCKETS if bucket >= wanted), wanted)
 
     def _run_root(self, tasks: Sequence[Task]) -> tuple[np.ndarray, np.ndarray]:
         """Token counts ``[B]`` and trajectories ``[B, 64, 5]``."""
-        rows = self._rows(len(tasks))
+        rows = self._rows(len(tasks), True)
         local = np.zeros((rows, SLOTS, 4), np.float32)
         root = np.zeros((rows, SLOTS, 5), np.float32)
         pose = np.zeros((rows, SLOTS, self.pose_width), np.float32)
@@ -140,12 +174,14 @@ class Stages:
             "allowed_counts": allowed,
             "count_noise": np.zeros((rows, self.counts), np.float32),
         }
-        counts, trajectory = self.root.run(["num_tokens", "global_root"], inputs)
+        counts, trajectory = self.root.run(["num_tokens", "global_root"], inputs, True)
         return counts[: len(tasks)], trajectory[: len(tasks)]
 
     def _run_tokens(self, tasks: Sequence[Task], counts: np.ndarray, roots: np.ndarray) -> list[Solved]:
         """Pose stage and decoder for rows padded to their longest."""
-        rows, length = self._rows(len(tasks)), int(counts.max())
+        length = int(counts.max())
+        longest = length == self.max_tokens
+        rows = self._rows(len(tasks), longest)
         span = length * self.per_token
         tokens = np.zeros((rows, length, self.heads), np.int64)
         num_tokens = np.full(rows, self.min_tokens, np.int64)
@@ -168,9 +204,9 @@ class Stages:
             "frame_pose": frame_pose,
             "frame_mask": frame_mask,
         }
-        chosen = self.pose.run(["logits"], inputs)[0].argmax(-1)
+        chosen = self.pose.run(["logits"], inputs, longest)[0].argmax(-1)
         inputs["tokens"] = chosen
-        rotations, refined, contacts = self.decoder.run(["rotations", "refined_root", "contacts"], inputs)
+        rotations, refined, contacts = self.decoder.run(["rotations", "refined_root", "contacts"], inputs, longest)
         return [
             Solved(chosen[row, :count], rotations[row, :end], refined[row, :end], contacts[row, :end])
             for row, (count, end) in enumerate(zip(counts, frames, strict=True))
