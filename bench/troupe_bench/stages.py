@@ -17,7 +17,7 @@ from troupe_bench.body import CONTEXT_FRAMES, Task, read_task, write_answer
 from troupe_bench.cli import STAGES
 
 SLOTS = 8  # the context frames and the last four frames of the segment
-CALL_ROWS = (1, 2, 4, 8)
+CALL_ROWS = (1, 4, 8)
 BUCKETS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 OPENVINO = '{"CPU":{"INFERENCE_PRECISION_HINT":"bf16","INFERENCE_NUM_THREADS":"%d","ENABLE_CPU_PINNING":"NO"}}'
 
@@ -37,11 +37,11 @@ class Solved:
 
 
 def open_session(
-    path: Path, engine: str, threads: int, spin: bool, axes: dict[str, int]
+    path: Path, engine: str, threads: int, spin: bool, axes: dict[str, int] | None = None
 ) -> onnxruntime.InferenceSession:
     """One stage on ``engine`` with ``threads`` threads, and ``axes`` that are open in its graph fixed."""
     options = onnxruntime.SessionOptions()
-    for name, size in axes.items():
+    for name, size in (axes or {}).items():
         options.add_free_dimension_override_by_name(name, size)
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
@@ -63,7 +63,7 @@ class Network:
     """
 
     def __init__(self, path: Path, engine: str, threads: int, spin: bool, longest: dict[str, int]):
-        self.open = open_session(path, engine, threads, spin, {})
+        self.open = open_session(path, engine, threads, spin)
         sizes = () if engine == "cpu" else CALL_ROWS
         self.fixed = {rows: open_session(path, engine, threads, spin, {"batch": rows} | longest) for rows in sizes}
 
@@ -144,7 +144,7 @@ class Stages:
             return wanted
         if longest:
             whole, rest = divmod(wanted, CALL_ROWS[-1])
-            return whole * CALL_ROWS[-1] + next(rows for rows in (0, 1, 2, 4, 6, 8) if rows >= rest)
+            return whole * CALL_ROWS[-1] + next(rows for rows in (0, 1, 2, 4, 5, 8) if rows >= rest)
         return next((bucket for bucket in BUCKETS if bucket >= wanted), wanted)
 
     def _run_root(self, tasks: Sequence[Task]) -> tuple[np.ndarray, np.ndarray]:

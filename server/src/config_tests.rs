@@ -3,6 +3,7 @@ use std::time::Duration;
 use clap::{CommandFactory as _, Parser as _};
 
 use super::*;
+use crate::engine::onnx::Batching;
 
 fn load(args: &[&str]) -> Result<Config, ConfigError> {
     let args = std::iter::once("troupe-server").chain(args.iter().copied());
@@ -139,6 +140,17 @@ fn calls_stay_behind_live_plans_for_longer_than_they_should_ever_wait() {
         (unlimited.max_wait, unlimited.ageing),
         (Duration::ZERO, Duration::from_secs(10))
     );
+}
+
+#[test]
+fn the_largest_batch_is_the_engines_own_unless_it_is_set() {
+    let batching = Batching {
+        any_size: true,
+        usual_most: 8,
+    };
+    let most = |args: &[&str]| load(args).unwrap().max_batch_of(batching);
+    assert_eq!((most(&[]), most(&["--max-batch", "0"])), (8, 8));
+    assert_eq!(most(&["--max-batch", "20"]), 20);
 }
 
 #[test]

@@ -16,6 +16,7 @@ use crate::api;
 use crate::batch::scheduler::Limits;
 use crate::batch::{Batcher, EngineFactory};
 use crate::config::Config;
+use crate::engine::onnx::Batching;
 use crate::engine::{Decision, EngineError, Pipeline, Stages};
 use crate::pack::{Pack, PackError, PackProblem, find_packs};
 use crate::service::{LoadedPack, PackTable, Service};
@@ -263,7 +264,10 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     let styles = tokio::task::spawn_blocking(move || StyleTable::load(&for_styles, folder))
         .await
         .map_err(|_| StartError::Internal("the task that loads styles has stopped".to_owned()))??;
-    let max_batch = config.max_batch_of(decision.as_ref().map(|decision| decision.engine));
+    let batching = decision
+        .as_ref()
+        .map_or(Batching::UNKNOWN, |decision| Batching::of(decision.engine, &pack));
+    let max_batch = config.max_batch_of(batching);
     let (for_engine, engine_metrics) = (pack.clone(), metrics.clone());
     let factory: EngineFactory = Arc::new(move |lane| {
         let loading = Instant::now();
@@ -277,9 +281,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     });
     let limits = Limits {
         lanes,
-        padded: decision
-            .as_ref()
-            .is_none_or(|decision| !decision.engine.takes_any_batch()),
+        padded: !batching.any_size,
         ..config.batch_limits(max_batch)
     };
     let batcher = Batcher::start(pack.name(), limits, metrics.clone(), factory)

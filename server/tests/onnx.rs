@@ -175,6 +175,21 @@ fn a_pack_with_a_fixed_time_axis_serves_the_same() {
 }
 
 #[test]
+fn a_pack_with_a_fixed_time_axis_serves_on_every_engine() {
+    let pack = with_fixed_time(&Pack::load(&pack_folder()).unwrap());
+    let items: Vec<WorkItem> = (0..7).map(|seed| item(&pack, seed)).collect();
+    for engine in engines(&selector()) {
+        let stages = selector().load(&pack, engine).unwrap();
+        let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), 8);
+        let together = run(&mut pipeline, &items).0;
+        for (item, together) in items.iter().zip(&together) {
+            let alone = run(&mut pipeline, std::slice::from_ref(item)).0;
+            assert!(alone[0] == *together, "{engine}");
+        }
+    }
+}
+
+#[test]
 fn graphs_that_do_not_name_their_axes_are_served_too() {
     let pack = Pack::load(&pack_folder()).unwrap();
     let names = ["batch", "tokens", "4*tokens"];

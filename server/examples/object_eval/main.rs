@@ -17,6 +17,7 @@ use anyhow::{Context as _, ensure};
 use clap::Parser;
 use troupe_server::config::Config;
 use troupe_server::engine::Pipeline;
+use troupe_server::engine::onnx::Batching;
 use troupe_server::object::{Definition, load_folder};
 use troupe_server::pack::Pack;
 use troupe_server::style::StyleTable;
@@ -84,11 +85,8 @@ fn main() -> anyhow::Result<()> {
     let selector = config.selector()?;
     let decision = selector.choose(&pack)?;
     let stages = selector.load(&pack, decision.engine)?;
-    let mut pipeline = Pipeline::new(
-        pack.dims,
-        Box::new(stages),
-        args.at_once.min(config.max_batch_of(Some(decision.engine))),
-    );
+    let max_batch = config.max_batch_of(Batching::of(decision.engine, &pack));
+    let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), args.at_once.min(max_batch));
     pipeline.warm_up()?;
     let mut runner = Runner::new(pack.clone(), pipeline);
 

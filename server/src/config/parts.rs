@@ -5,8 +5,8 @@ use std::time::Duration;
 use super::Config;
 use crate::batch::scheduler::Limits;
 use crate::engine::machine::{Machine, available_cores};
-use crate::engine::onnx::Runtime;
-use crate::engine::{EngineError, EngineKind, Lanes, Selector};
+use crate::engine::onnx::{Batching, Runtime};
+use crate::engine::{EngineError, Lanes, Selector};
 use crate::inbetween::RequestLimits;
 use crate::session::SessionLimits;
 use crate::world::Folders;
@@ -15,12 +15,11 @@ use crate::world::Folders;
 const MIN_AGEING: Duration = Duration::from_secs(2);
 
 impl Config {
-    /// Most characters in one batch of an engine; of none where the caller brings one.
-    pub fn max_batch_of(&self, engine: Option<EngineKind>) -> usize {
-        match (self.max_batch, engine) {
-            (0, Some(engine)) => engine.usual_batch(),
-            (0, None) => EngineKind::Cpu.usual_batch(),
-            (most, _) => most,
+    /// Most characters in one batch of an engine.
+    pub fn max_batch_of(&self, batching: Batching) -> usize {
+        match self.max_batch {
+            0 => batching.usual_most,
+            most => most,
         }
     }
 

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::config::Config;
 use crate::engine::machine::Machine;
+use crate::engine::onnx::Batching;
 use crate::engine::{Decision, EngineKind, Lanes, Selector};
 use crate::pack::Pack;
 use crate::server::load_packs;
@@ -153,14 +154,10 @@ impl Report {
         let mut problem = |error: &dyn std::fmt::Display| self.problems.push(format!("pack {name}: {error}"));
         let decision = selector.choose(pack).map_err(|error| problem(&error)).ok();
         let trial = decision.as_ref().and_then(|decision| {
-            Trial::run(
-                selector,
-                pack,
-                decision.engine,
-                config.max_batch_of(Some(decision.engine)),
-            )
-            .map_err(|error| problem(&error))
-            .ok()
+            let max_batch = config.max_batch_of(Batching::of(decision.engine, pack));
+            Trial::run(selector, pack, decision.engine, max_batch)
+                .map_err(|error| problem(&error))
+                .ok()
         });
         if let Some(decision) = &decision {
             if decision.check.as_ref().is_some_and(|check| !check.passed) {

@@ -56,20 +56,6 @@ impl EngineKind {
         }
     }
 
-    /// Whether a batch of any size is as fast as one that it has met before. ONNX Runtime's own CPU kernels are made for all
-    /// shapes, with OpenVINO a batch is cut into calls that there are networks for; the others make theirs for each shape.
-    pub fn takes_any_batch(self) -> bool {
-        matches!(self, Self::Cpu | Self::OpenvinoBf16)
-    }
-
-    /// Characters of a batch beyond which one takes no less time.
-    pub fn usual_batch(self) -> usize {
-        match self {
-            Self::OpenvinoBf16 => 8,
-            Self::Cpu | Self::Cuda | Self::Tensorrt => 32,
-        }
-    }
-
     /// Whether it was ever run where this project is made.
     pub fn is_tested(self) -> bool {
         matches!(self, Self::Cpu | Self::OpenvinoBf16)

@@ -18,7 +18,7 @@ mod work;
 use crate::pack::Stage;
 
 pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Lanes};
-pub use pipeline::{Pipeline, RowAnswer, StageTimes, lengths};
+pub use pipeline::{Pipeline, RowAnswer, StageTimes, length_of, lengths};
 pub use raw::{RawLoop, straight_walk};
 pub use select::{Check, Decision, Selector};
 pub use sizes::BatchSizes;
@@ -31,7 +31,7 @@ pub use work::{GapPose, KeyTensors, RawMotion, RootGuide, WorkItem};
 /// `rows` is the batch size of the call, and the token axis of the pose stage and the decoder is [`TokenInput::length`],
 /// one of [`lengths`]. Unless it takes [any batch](Stages::any_batch), `rows` is one of [`BatchSizes`]: an engine sees few
 /// different shapes, all of them during warm-up. Only the first `rows` rows of inputs and outputs count; inputs have room for more,
-/// up to a multiple of 8, which hold anything. A row's result must not depend on the other rows.
+/// up to a multiple of 8, which hold values of other batches. A row's result must not depend on the other rows.
 pub trait Stages: Send {
     /// Whether a batch of any size is as fast as those of the warm-up. Then batches are not padded, and warm-up is short.
     fn any_batch(&self) -> bool {

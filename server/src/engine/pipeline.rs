@@ -1,8 +1,7 @@
 //! Takes a batch of characters through root, pose and decoder.
 //!
 //! Where the engine is slow in shapes that it has not met, batches are padded to one of its [sizes](BatchSizes) with neutral
-//! rows, so that it sees few shapes. Behind the root
-//! stage, which chooses token counts, rows part into groups of one [length](lengths) each, so that a short segment does
+//! rows, so that it sees few shapes. Behind the root stage, which chooses token counts, rows part into groups of one [length](lengths) each, so that a short segment does
 //! not pay for a long one beside it. A row's own token count decides its length: the same request has the same frames,
 //! bit for bit, whatever it travels with. In a group, rows are ordered by their number of pose passes: the pose stage
 //! runs on a shrinking prefix, and characters that asked for one pass do not pay for those that asked for ten.
@@ -11,6 +10,7 @@ use std::cmp::Reverse;
 use std::time::{Duration, Instant};
 
 use super::sampling::{PoseSampler, fill_count_noise};
+use super::tensors::ROOM_MULTIPLE;
 use super::{
     BatchSizes, DecoderOutput, EngineError, PoseOutput, RawMotion, RootInput, RootOutput, Stages, TokenInput,
     WorkItem, all_finite,
@@ -32,6 +32,12 @@ pub fn lengths(dims: &Dims, any: bool) -> Vec<usize> {
         .collect();
     lengths.reverse();
     lengths
+}
+
+/// Which of [`lengths`] a segment of `tokens` tokens is padded to.
+pub fn length_of(lengths: &[usize], tokens: usize) -> usize {
+    let longer = lengths.iter().copied().find(|&length| length >= tokens);
+    longer.or(lengths.last().copied()).unwrap_or(tokens)
 }
 
 /// Where a batch's time in the engine went.
@@ -150,7 +156,7 @@ impl Pipeline {
                     row,
                     item,
                     tokens,
-                    length: self.length(tokens),
+                    length: length_of(&self.lengths, tokens),
                 }),
                 Err(error) => answers.push((row, Err(error))),
             }
@@ -182,15 +188,6 @@ impl Pipeline {
             rows.map(|(row, (member, chosen))| chosen.map(|()| self.copy_out(row, member)))
                 .collect()
         }))
-    }
-
-    /// The length that a segment of `tokens` tokens is padded to.
-    fn length(&self, tokens: usize) -> usize {
-        self.lengths
-            .iter()
-            .copied()
-            .find(|&length| length >= tokens)
-            .unwrap_or(self.dims.max_tokens)
     }
 
     fn set_length(&mut self, length: usize) {
@@ -228,6 +225,9 @@ impl Pipeline {
         }
         for row in group.len()..bucket {
             self.token_input.clear_row(row, self.dims.min_tokens);
+        }
+        for row in bucket..bucket.next_multiple_of(ROOM_MULTIPLE) {
+            self.token_input.spare_row(row, self.dims.min_tokens);
         }
     }
 

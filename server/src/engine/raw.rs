@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::{
     DecoderOutput, EngineError, KeyTensors, PoseOutput, RootInput, RootOutput, StageTimes, Stages,
-    TokenInput, WorkItem,
+    TokenInput, WorkItem, length_of, lengths,
 };
 use crate::pack::Dims;
 
@@ -40,11 +40,7 @@ impl RawLoop {
     pub fn set_shape(&mut self, dims: &Dims, rows: usize, frames: usize) {
         let item = straight_walk(dims, frames);
         let tokens = dims.tokens_for(frames);
-        let length = if self.stages.any_length() {
-            tokens
-        } else {
-            dims.max_tokens
-        };
+        let length = length_of(&lengths(dims, self.stages.any_length()), tokens);
         self.rows = rows;
         self.token_input.set_length(dims, length);
         self.pose_output.set_length(dims, length);

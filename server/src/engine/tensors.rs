@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use crate::pack::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
 
-/// An engine may make calls of up to so many rows, of which the last are padding: inputs have room for them.
-pub(super) const MOST_PADDED_ROWS: usize = 8;
+/// Inputs have room for a multiple of so many rows: an engine may run a batch in calls of fixed sizes, up to this one, and the
+/// last of them reads rows behind the batch.
+pub(super) const ROOM_MULTIPLE: usize = 8;
 
 /// Whether what a stage gave is usable. Looks at all numbers, without a way out in the middle, which takes several at once.
 pub(crate) fn all_finite(values: &[f32]) -> bool {
@@ -102,7 +103,7 @@ pub struct RootInput {
 impl RootInput {
     /// Buffers for up to `rows` characters.
     pub fn new(dims: &Dims, rows: usize) -> Self {
-        let rows = rows.next_multiple_of(MOST_PADDED_ROWS);
+        let rows = rows.next_multiple_of(ROOM_MULTIPLE);
         let slots = dims.slots();
         Self {
             key_local_root: Rows::new(rows, slots * LOCAL_ROOT),
@@ -174,7 +175,7 @@ pub struct TokenInput {
 impl TokenInput {
     /// Buffers for up to `rows` characters, laid out for the longest segments.
     pub fn new(dims: &Dims, rows: usize) -> Self {
-        let rows = rows.next_multiple_of(MOST_PADDED_ROWS);
+        let rows = rows.next_multiple_of(ROOM_MULTIPLE);
         let frames = dims.max_frames();
         Self {
             length: dims.max_tokens,
@@ -199,6 +200,13 @@ impl TokenInput {
         self.global_root.set_width(frames * GLOBAL_ROOT);
         self.frame_pose.set_width(frames * dims.pose());
         self.frame_mask.set_width(frames);
+    }
+
+    /// Makes `row`, which is no part of the batch, harmless for a call that reads it: whatever else it holds, its codes and its
+    /// token count are such as there are.
+    pub fn spare_row(&mut self, row: usize, num_tokens: usize) {
+        self.tokens.fill_row(row, 0);
+        self.num_tokens.fill_row(row, num_tokens as i64);
     }
 
     /// Makes `row` neutral: `num_tokens` tokens of code 0 without any keyframe, standing at the origin.

@@ -11,7 +11,10 @@ use troupe_motion::root::wrap_angle;
 use troupe_motion::rotation::from_six_ds;
 use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
-use super::{DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput, WorkItem};
+use super::{
+    DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput, WorkItem, length_of,
+    lengths,
+};
 use crate::pack::{Dims, GLOBAL_ROOT, Pack, SIX_D};
 
 pub use bars::Bar;
@@ -229,7 +232,7 @@ impl<'a> Pair<'a> {
     ) -> Result<(), EngineError> {
         let dims = self.dims;
         let any = self.reference.any_length() && self.candidate.any_length();
-        let length = if any { tokens } else { dims.max_tokens };
+        let length = length_of(&lengths(&dims, any), tokens);
         self.token_input.set_length(&dims, length);
         for index in 0..2 {
             self.poses[index].set_length(&dims, length);

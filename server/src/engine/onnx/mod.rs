@@ -13,6 +13,7 @@ use ort::value::{PrimitiveTensorElementType, TensorRef};
 
 use super::{
     DecoderOutput, EngineError, EngineKind, PoseOutput, RootInput, RootOutput, Rows, Stages, TokenInput,
+    lengths,
 };
 use crate::pack::{Dims, GLOBAL_ROOT, LOCAL_ROOT, Pack, Stage};
 
@@ -22,8 +23,51 @@ pub use runtime::{LIBRARY_VARIABLE, Runtime};
 pub use session::SessionOptions;
 use signature::{check_signature, takes_any_length};
 
-/// Largest file of a stage that has a network for each shape: every one of them holds all weights.
-const MOST_FIXED_BYTES: u64 = 32 << 20;
+/// Most bytes of weights that a lane's networks of fixed shapes may hold together: each holds those of its stage.
+const MOST_FIXED_BYTES: u64 = 256 << 20;
+
+/// How an engine takes batches of a pack.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Batching {
+    /// Whether a batch of any size is as fast as one that was met before. Else batches are padded to few sizes.
+    pub any_size: bool,
+    /// The most characters that a batch usually has.
+    pub usual_most: usize,
+}
+
+impl Batching {
+    /// Of an engine that nothing is known of.
+    pub const UNKNOWN: Self = Self {
+        any_size: false,
+        usual_most: 32,
+    };
+
+    /// ONNX Runtime's own CPU kernels are made for all shapes; with OpenVINO there are networks for calls of up to 8, where
+    /// the pack is small enough for so many; GPUs make kernels for each shape.
+    pub fn of(engine: EngineKind, pack: &Pack) -> Self {
+        match engine {
+            EngineKind::Cpu => Self {
+                any_size: true,
+                ..Self::UNKNOWN
+            },
+            EngineKind::OpenvinoBf16 if fixed_shapes_fit(pack) => Self {
+                any_size: true,
+                usual_most: CALL_ROWS[CALL_ROWS.len() - 1],
+            },
+            EngineKind::OpenvinoBf16 | EngineKind::Cuda | EngineKind::Tensorrt => Self::UNKNOWN,
+        }
+    }
+}
+
+/// Whether a lane's networks for every size of a call, and behind the root stage for every length, are small enough.
+fn fixed_shapes_fit(pack: &Pack) -> bool {
+    let lengths = lengths(&pack.dims, true).len() as u64;
+    let bytes = Stage::ALL.into_iter().map(|stage| {
+        let file = std::fs::metadata(pack.stage_file(stage)).map_or(0, |file| file.len());
+        file * CALL_ROWS.len() as u64 * if stage == Stage::Root { 1 } else { lengths }
+    });
+    bytes.sum::<u64>() <= MOST_FIXED_BYTES
+}
 
 /// The three stages of a pack, for one lane.
 pub struct OnnxStages {
@@ -96,8 +140,7 @@ fn load_network(
     if options.engine != EngineKind::OpenvinoBf16 {
         return Ok((Network::Open(session), any_length));
     }
-    let is_small = std::fs::metadata(&file).is_ok_and(|file| file.len() <= MOST_FIXED_BYTES);
-    let fixed = is_small
+    let fixed = fixed_shapes_fit(pack)
         .then(|| FixedNetworks::new(runtime, options, file.clone(), stage, pack.dims, &session))
         .flatten();
     let network = match fixed {
@@ -110,7 +153,7 @@ fn load_network(
 impl Stages for OnnxStages {
     /// False with OpenVINO for graphs that are large or do not name their open axes.
     fn any_batch(&self) -> bool {
-        self.engine.takes_any_batch() && (self.engine == EngineKind::Cpu || self.has_fixed_shapes())
+        self.engine == EngineKind::Cpu || self.has_fixed_shapes()
     }
 
     fn call_rows(&self) -> &[usize] {

@@ -6,7 +6,6 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -139,10 +138,8 @@ impl OfLength {
                 size = self.calls.next(rows);
             }
         }
-        match self.sessions.entry(size) {
-            Entry::Occupied(session) => Ok((size, session.into_mut())),
-            Entry::Vacant(place) => Ok((size, place.insert(graph.open(self.length, size)?))),
-        }
+        let session = self.sessions.get_mut(&size);
+        session.map(|session| (size, session)).ok_or(EngineError::Stopped)
     }
 
     /// Whether a row of such a call is, bit for bit, what it is alone: a CPU may have other instructions for larger products.

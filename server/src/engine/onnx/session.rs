@@ -44,7 +44,11 @@ pub(super) fn open(
         // A plan of the memory for each of many shapes: measured to gain nothing, and to slow small batches down.
         .with_memory_pattern(false)
         .map_err(|error| one_line(&error))?
-        .with_intra_threads(options.threads)
+        .with_intra_threads(match options.engine {
+            // It has threads of its own, and a lane many sessions.
+            EngineKind::OpenvinoBf16 => 1,
+            EngineKind::Cpu | EngineKind::Cuda | EngineKind::Tensorrt => options.threads,
+        })
         .map_err(|error| one_line(&error))?
         .with_inter_threads(1)
         .map_err(|error| one_line(&error))?
