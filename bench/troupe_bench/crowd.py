@@ -36,6 +36,8 @@ def overload(settings: Settings) -> None:
             times = ("--before", "10s", "--seconds", f"{settings.overload_s:g}s", "--after", "15s")
             report = programs.load_report("overload", server.url, *times, "--beside-characters", "50")
         found = report["overload"]
+        # What was not right, by code, and a few of the messages: of failures there should be none.
+        found |= {name: report["runs"][0][name] for name in ("codes", "examples")}
         found["memory"]["grown"] = found["memory"]["peak"] - found["memory"]["begin"]
         store.add(key, found)
         say(f"{key}: p99 {found['p99_ratio']:.2f} times that before, as before after {found['recovery_s']:.1f} s")
