@@ -3,6 +3,7 @@
 use super::{Config, ConfigError};
 use crate::session::TTL_RANGE_MS;
 
+/// The largest batch that may be asked for.
 const MOST_BATCH: usize = 4096;
 
 impl Config {

@@ -1,9 +1,9 @@
 //! Takes a batch of characters through root, pose and decoder.
 //!
 //! Where the engine is slow in shapes that it has not met, batches are padded to one of its [sizes](BatchSizes) with neutral
-//! rows, so that it sees few shapes. Behind the root stage, which chooses token counts, rows part into groups of one [length](lengths) each, so that a short segment does
-//! not pay for a long one beside it. A row's own token count decides its length: the same request has the same frames,
-//! bit for bit, whatever it travels with. In a group, rows are ordered by their number of pose passes: the pose stage
+//! rows, so that it sees few shapes. Behind the root stage, which chooses token counts, rows part into groups of one
+//! [length](lengths) each, so that a short segment does not pay for a long one beside it. A row's own token count decides
+//! its length: the same request has the same frames, bit for bit, whatever it travels with. In a group, rows are ordered by their number of pose passes: the pose stage
 //! runs on a shrinking prefix, and characters that asked for one pass do not pay for those that asked for ten.
 
 use std::cmp::Reverse;
