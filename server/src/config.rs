@@ -240,6 +240,15 @@ pub struct Config {
     )]
     pub max_connections: usize,
 
+    /// Most calls and streams at a time on one HTTP/2 connection; further ones wait in the client. One such connection may
+    /// be all that a game server has.
+    #[config(
+        env = "TROUPE_MAX_CALLS_PER_CONNECTION",
+        default = 2048,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_calls_per_connection: u32,
+
     /// A request that takes longer than this is given up, in milliseconds.
     #[config(
         env = "TROUPE_REQUEST_TIMEOUT_MS",

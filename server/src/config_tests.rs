@@ -170,6 +170,10 @@ fn mistakes_name_the_option() {
         "max_connections is 1000001; allowed: 1 to 1000000"
     );
     assert_eq!(
+        error(&["--max-calls-per-connection", "16385"]),
+        "max_calls_per_connection is 16385; allowed: 1 to 16384"
+    );
+    assert_eq!(
         error(&["--max-streams", "0"]),
         "max_streams is 0; allowed: 1 or more"
     );

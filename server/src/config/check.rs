@@ -5,6 +5,8 @@ use crate::session::TTL_RANGE_MS;
 
 /// The largest batch that may be asked for.
 const MOST_BATCH: usize = 4096;
+/// As many as a connection has room for, if each sends small frames (`server/connections.rs`).
+const MOST_CALLS_PER_CONNECTION: usize = 16_384;
 
 impl Config {
     /// The configuration itself where its values are in their ranges.
@@ -13,6 +15,7 @@ impl Config {
             ("max_characters_per_request", self.max_characters_per_request),
             ("max_message_bytes", self.max_message_bytes),
             ("max_connections", self.max_connections),
+            ("max_calls_per_connection", self.max_calls_per_connection as usize),
             ("max_sessions", self.max_sessions),
             ("max_sessions_per_request", self.max_sessions_per_request),
             ("max_sessions_per_stream", self.max_sessions_per_stream),
@@ -31,6 +34,11 @@ impl Config {
             ("threads", self.threads, 1024),
             ("lanes", self.lanes, 64),
             ("max_connections", self.max_connections, 1_000_000),
+            (
+                "max_calls_per_connection",
+                self.max_calls_per_connection as usize,
+                MOST_CALLS_PER_CONNECTION,
+            ),
             ("max_sessions", self.max_sessions, 1_000_000),
             ("max_sessions_per_request", self.max_sessions_per_request, 16_384),
         ];

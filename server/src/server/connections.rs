@@ -20,6 +20,12 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// Bytes that the system holds for a connection before it has sent them.
 #[cfg(any(target_os = "android", target_os = "linux"))]
 const MAX_UNSENT_BYTES: u32 = 128 << 10;
+/// Bytes that an HTTP/2 client may send ahead of what is read, for a call and for all of a connection. HTTP/2's own 64 KiB for both
+/// would have a burst of calls come in crumbs; and of each small frame that is not yet read h2 takes a part of half the
+/// connection's window, and closes the connection where nothing of it is left. So that is room for the small frames of
+/// 16 thousand calls.
+const CALL_WINDOW_BYTES: u32 = 1 << 20;
+const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
 /// What an HTTP/2 connection begins with (RFC 9113, section 3.4).
 const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
@@ -144,7 +150,12 @@ fn builder(config: &Config) -> Builder<TokioExecutor> {
     builder
         .http2()
         .timer(TokioTimer::new())
-        .adaptive_window(true)
+        .initial_stream_window_size(CALL_WINDOW_BYTES)
+        .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
+        .max_concurrent_streams(config.max_calls_per_connection)
+        // A client may give up all its calls at once, which is no attack, and would by default end the connection with all
+        // others on it from the 21st that the server has not yet seen.
+        .max_pending_accept_reset_streams(config.max_calls_per_connection as usize)
         .keep_alive_interval(config.keepalive())
         .keep_alive_timeout(config.keepalive());
     builder

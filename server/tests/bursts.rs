@@ -1,0 +1,50 @@
+//! Many calls at once over one connection: none of them may cost the others that connection.
+//!
+//! The tests run on one thread, so that the server finds all of a burst in its socket before it has looked at any of it.
+
+#![allow(clippy::unwrap_used)] // These are all tests.
+
+mod common;
+
+use common::{TestServer, request};
+use tokio::task::JoinSet;
+use troupe_proto::v1::GetPackRequest;
+use troupe_proto::v1::motion_client::MotionClient;
+
+#[tokio::test]
+async fn small_calls() {
+    let server = TestServer::start().await;
+    let client = server.grpc().await;
+    let mut calls = JoinSet::new();
+    for _ in 0..2000 {
+        let mut client = client.clone();
+        calls.spawn(async move { client.get_pack(GetPackRequest { name: "toy".into() }).await });
+    }
+    while let Some(call) = calls.join_next().await {
+        call.unwrap().unwrap();
+    }
+}
+
+#[tokio::test]
+async fn calls_that_are_given_up_at_once() {
+    let server = TestServer::start().await;
+    server.gate.close();
+    let channel = server.channel().await;
+    let mut kept = MotionClient::new(channel.clone());
+    let kept = tokio::spawn(async move { kept.in_between(request(1)).await });
+    server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
+    for round in 0..40 {
+        let mut calls = JoinSet::new();
+        for _ in 0..150 {
+            let mut client = MotionClient::new(channel.clone());
+            calls.spawn(async move { client.in_between(request(1)).await });
+        }
+        for _ in 0..round % 10 {
+            tokio::task::yield_now().await;
+        }
+        calls.abort_all();
+        while calls.join_next().await.is_some() {}
+    }
+    server.gate.open();
+    kept.await.unwrap().unwrap();
+}
