@@ -4,8 +4,10 @@ mod connections;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
+use futures_util::future::try_join_all;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -110,13 +112,23 @@ pub fn load_packs(config: &Config) -> Result<Vec<Pack>, StartError> {
 /// [`StartError`] where a pack or the engine that is asked for cannot be used.
 pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
     let packs = load_packs(config)?;
-    let selector = config.selector().map_err(StartError::Library)?;
+    let selector = config.selector(packs.len()).map_err(StartError::Library)?;
+    // Side by side: an accuracy check takes seconds, most of them on one core.
+    let decisions: Vec<_> = std::thread::scope(|scope| {
+        let choosing: Vec<_> = packs
+            .iter()
+            .map(|pack| scope.spawn(|| selector.choose(pack)))
+            .collect();
+        choosing.into_iter().map(ScopedJoinHandle::join).collect()
+    });
     let mut sources = Vec::with_capacity(packs.len());
-    for pack in packs {
-        let decision = selector.choose(&pack).map_err(|error| StartError::Engine {
-            pack: pack.name().to_owned(),
-            error,
-        })?;
+    for (pack, decision) in packs.into_iter().zip(decisions) {
+        let decision = decision
+            .map_err(|_| StartError::Internal("the thread that chooses an engine has stopped".to_owned()))?
+            .map_err(|error| StartError::Engine {
+                pack: pack.name().to_owned(),
+                error,
+            })?;
         let (selector, engine) = (selector.clone(), decision.engine);
         sources.push(PackSource {
             pack,
@@ -224,10 +236,8 @@ async fn start(
     };
     let (sources, store) = tokio::task::spawn_blocking(read).await.map_err(gone)??;
     let default = default_pack(&config, &sources)?;
-    let mut loaded = Vec::with_capacity(sources.len());
-    for source in sources {
-        loaded.push(load(&config, &service, source).await?);
-    }
+    let loading = sources.into_iter().map(|source| load(&config, &service, source));
+    let loaded = try_join_all(loading).await?;
     service.open(PackTable::new(loaded, default), store);
     api::set_serving(&health, true).await;
     Ok(())
@@ -266,7 +276,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         .map_err(|_| StartError::Internal("the task that loads styles has stopped".to_owned()))??;
     let batching = decision
         .as_ref()
-        .map_or(Batching::UNKNOWN, |decision| Batching::of(decision.engine, &pack));
+        .map_or(Batching::UNKNOWN, |decision| decision.batching);
     let max_batch = config.max_batch_of(batching);
     let (for_engine, engine_metrics) = (pack.clone(), metrics.clone());
     let factory: EngineFactory = Arc::new(move |lane| {

@@ -375,6 +375,7 @@ impl PackMetrics {
 mod tests {
     use super::*;
     use crate::engine::accuracy::Accuracy;
+    use crate::engine::onnx::Batching;
     use crate::engine::{Check, EngineKind, Lanes};
 
     #[test]
@@ -433,6 +434,7 @@ mod tests {
         Decision {
             engine: EngineKind::OpenvinoBf16,
             lanes: Lanes { count: 2, threads: 1 },
+            batching: Batching::UNKNOWN,
             why: "it is fast".into(),
             check: Some(check),
         }

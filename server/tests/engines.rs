@@ -24,7 +24,7 @@ fn pack() -> Pack {
 }
 
 fn selector() -> Selector {
-    Config::local(Path::new("unused")).unwrap().selector().unwrap()
+    Config::local(Path::new("unused")).unwrap().selector(1).unwrap()
 }
 
 /// The reference with noise on what its stages give.

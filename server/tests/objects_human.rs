@@ -39,7 +39,7 @@ impl Studio {
         let named = std::env::var_os("TROUPE_TEST_PACK").map(PathBuf::from);
         let models = named.unwrap_or_else(|| folder("models/human"));
         let pack = Pack::load(&models).unwrap();
-        let selector = Config::local(&models).unwrap().selector().unwrap();
+        let selector = Config::local(&models).unwrap().selector(1).unwrap();
         let stages = selector.load(&pack, EngineKind::Cpu).unwrap();
         let definitions = object::load_folder(&folder("examples/objects"), &pack).unwrap();
         Self {

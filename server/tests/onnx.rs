@@ -24,7 +24,7 @@ fn pack_folder() -> PathBuf {
 }
 
 fn selector() -> Selector {
-    Config::local(Path::new("unused")).unwrap().selector().unwrap()
+    Config::local(Path::new("unused")).unwrap().selector(1).unwrap()
 }
 
 /// The stages of `pack` for one lane, on the CPU in f32.

@@ -82,17 +82,18 @@ impl Config {
         Lanes::plan(self.lanes, self.threads, available_cores())
     }
 
-    /// What chooses the engine of each pack.
+    /// What chooses the engine of each of `packs` packs.
     ///
     /// # Errors
     /// [`EngineError::Library`] where the library does not load.
-    pub fn selector(&self) -> Result<Selector, EngineError> {
+    pub fn selector(&self, packs: usize) -> Result<Selector, EngineError> {
         Ok(Selector {
             runtime: Runtime::new(self.onnx_runtime.as_deref())?,
             machine: Machine::detect(),
             choice: self.engine,
             accuracy_check: self.accuracy_check,
             lanes: self.lanes(),
+            packs,
             spin: self.spin,
         })
     }

@@ -9,7 +9,6 @@ use serde::Serialize;
 
 use crate::config::Config;
 use crate::engine::machine::Machine;
-use crate::engine::onnx::Batching;
 use crate::engine::{Decision, EngineKind, Lanes, Selector};
 use crate::pack::Pack;
 use crate::server::load_packs;
@@ -94,7 +93,7 @@ impl Report {
             report.problems.push(error.to_string());
             Vec::new()
         });
-        match config.selector() {
+        match config.selector(packs.len()) {
             Ok(selector) => {
                 report.look_at_library(&selector);
                 for pack in &packs {
@@ -154,7 +153,7 @@ impl Report {
         let mut problem = |error: &dyn std::fmt::Display| self.problems.push(format!("pack {name}: {error}"));
         let decision = selector.choose(pack).map_err(|error| problem(&error)).ok();
         let trial = decision.as_ref().and_then(|decision| {
-            let max_batch = config.max_batch_of(Batching::of(decision.engine, pack));
+            let max_batch = config.max_batch_of(decision.batching);
             Trial::run(selector, pack, decision.engine, max_batch)
                 .map_err(|error| problem(&error))
                 .ok()

@@ -3,6 +3,7 @@ use std::time::Duration;
 use crate::doctor::{Engine, Library, Speed, Trial};
 use crate::engine::accuracy::Accuracy;
 use crate::engine::machine::Machine;
+use crate::engine::onnx::Batching;
 use crate::engine::{Check, Decision, EngineKind, Lanes};
 
 use super::*;
@@ -57,6 +58,7 @@ fn report() -> Report {
                 decision: Some(Decision {
                     engine: EngineKind::Cpu,
                     lanes,
+                    batching: Batching::UNKNOWN,
                     why: "openvino-bf16 fails".into(),
                     check: Some(check),
                 }),

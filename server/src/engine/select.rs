@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::accuracy::{Accuracy, Probe, compare, probe};
 use super::machine::Machine;
-use super::onnx::{OnnxStages, Runtime, SessionOptions};
+use super::onnx::{Batching, OnnxStages, Runtime, SessionOptions, fixed_shapes_fit};
 use super::{AccuracyCheck, EngineChoice, EngineError, EngineKind, Lanes, Stages};
 use crate::pack::Pack;
 
@@ -17,6 +17,8 @@ pub struct Decision {
     pub engine: EngineKind,
     /// Its lanes.
     pub lanes: Lanes,
+    /// How it takes batches.
+    pub batching: Batching,
     /// Why this one and no other.
     pub why: String,
     /// The accuracy check of the engine that was to be had beside the reference, where there was one.
@@ -49,6 +51,8 @@ pub struct Selector {
     pub accuracy_check: AccuracyCheck,
     /// The lanes of each pack.
     pub lanes: Lanes,
+    /// Packs that are served, which share the memory there is.
+    pub packs: usize,
     /// See [`SessionOptions::spin`].
     pub spin: bool,
 }
@@ -61,13 +65,20 @@ impl Selector {
     pub fn choose(&self, pack: &Pack) -> Result<Decision, EngineError> {
         let missing = |engine| self.missing(engine);
         let check = |engine| self.check(pack, engine);
-        let (engine, why, check) = match self.choice.named() {
+        let (engine, mut why, check) = match self.choice.named() {
             Some(engine) => named(engine, self.accuracy_check, missing, check)?,
             None => best(self.accuracy_check, missing, check),
         };
+        let fixed_shapes = self.fixed_shapes(pack);
+        if engine == EngineKind::OpenvinoBf16 && !fixed_shapes {
+            why.push_str(
+                "; one network takes all shapes and is slower, for there is no memory for one of each",
+            );
+        }
         let decision = Decision {
             engine,
             lanes: self.lanes,
+            batching: Batching::of(engine, fixed_shapes),
             why,
             check,
         };
@@ -104,8 +115,15 @@ impl Selector {
             engine,
             threads: self.lanes.threads,
             spin: self.spin,
+            fixed_shapes: self.fixed_shapes(pack),
         };
         OnnxStages::load(&self.runtime, pack, options)
+    }
+
+    /// Whether networks of fixed shapes fit into this pack's part of half the memory; the other half is for everything else.
+    fn fixed_shapes(&self, pack: &Pack) -> bool {
+        let memory_bytes = self.machine.memory_bytes / 2 / self.packs.max(1) as u64;
+        fixed_shapes_fit(pack, self.lanes.count, memory_bytes)
     }
 
     /// What the machine or the library lacks for an engine.
@@ -139,6 +157,7 @@ impl Selector {
             // All threads there are: nothing else runs yet.
             threads: self.lanes.threads * self.lanes.count,
             spin: false,
+            fixed_shapes: false,
         };
         let reference = OnnxStages::load(&self.runtime, pack, reference)?;
         let Probe {

@@ -48,7 +48,7 @@ impl Networks {
         let mut config = Config::local(Path::new("unused")).unwrap();
         // All threads for the one pipeline. The figures that tests compare with are f32's.
         config.lanes = 1;
-        let stages = config.selector().unwrap().load(&pack, EngineKind::Cpu).unwrap();
+        let stages = config.selector(1).unwrap().load(&pack, EngineKind::Cpu).unwrap();
         Self {
             styles: StyleTable::load(&pack, None).unwrap(),
             pipeline: Pipeline::new(pack.dims, Box::new(stages), MAX_BATCH),

@@ -10,6 +10,7 @@ use std::ops::Range;
 
 use ort::session::SessionOutputs;
 use ort::value::{PrimitiveTensorElementType, TensorRef};
+use serde::Serialize;
 
 use super::{
     DecoderOutput, EngineError, EngineKind, PoseOutput, RootInput, RootOutput, Rows, Stages, TokenInput,
@@ -23,11 +24,15 @@ pub use runtime::{LIBRARY_VARIABLE, Runtime};
 pub use session::SessionOptions;
 use signature::{check_signature, takes_any_length};
 
-/// Most bytes of weights that a lane's networks of fixed shapes may hold together: each holds those of its stage.
+/// Most bytes of files that a lane's networks of fixed shapes may be made of: each is made of that of its stage, and the more
+/// there are the longer the server takes to start.
 const MOST_FIXED_BYTES: u64 = 256 << 20;
+/// Memory that an open network of a fixed shape takes, in multiples of its file: 11.8 measured with OpenVINO 2025.4 and the
+/// default pack. The weights lie in it four times, in 32 bits: ONNX Runtime's, OpenVINO's, and in the layouts of its kernels.
+const MEMORY_OF_FILE: u64 = 12;
 
 /// How an engine takes batches of a pack.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Batching {
     /// Whether a batch of any size is as fast as one that was met before. Else batches are padded to few sizes.
     pub any_size: bool,
@@ -43,14 +48,14 @@ impl Batching {
     };
 
     /// ONNX Runtime's own CPU kernels are made for all shapes; with OpenVINO there are networks for calls of up to 8, where
-    /// the pack is small enough for so many; GPUs make kernels for each shape.
-    pub fn of(engine: EngineKind, pack: &Pack) -> Self {
+    /// it has `fixed_shapes`; GPUs make kernels for each shape.
+    pub fn of(engine: EngineKind, fixed_shapes: bool) -> Self {
         match engine {
             EngineKind::Cpu => Self {
                 any_size: true,
                 ..Self::UNKNOWN
             },
-            EngineKind::OpenvinoBf16 if fixed_shapes_fit(pack) => Self {
+            EngineKind::OpenvinoBf16 if fixed_shapes => Self {
                 any_size: true,
                 usual_most: CALL_ROWS[CALL_ROWS.len() - 1],
             },
@@ -59,14 +64,21 @@ impl Batching {
     }
 }
 
-/// Whether a lane's networks for every size of a call, and behind the root stage for every length, are small enough.
-fn fixed_shapes_fit(pack: &Pack) -> bool {
+/// Whether networks for every size of a call, and behind the root stage for every length, are few and small enough for
+/// `lanes` lanes with `memory_bytes` of memory between them.
+pub fn fixed_shapes_fit(pack: &Pack, lanes: usize, memory_bytes: u64) -> bool {
+    let bytes = fixed_file_bytes(pack);
+    bytes <= MOST_FIXED_BYTES && bytes * MEMORY_OF_FILE * lanes as u64 <= memory_bytes
+}
+
+/// Bytes of the files that a lane's networks of fixed shapes are made of.
+fn fixed_file_bytes(pack: &Pack) -> u64 {
     let lengths = lengths(&pack.dims, true).len() as u64;
     let bytes = Stage::ALL.into_iter().map(|stage| {
         let file = std::fs::metadata(pack.stage_file(stage)).map_or(0, |file| file.len());
         file * CALL_ROWS.len() as u64 * if stage == Stage::Root { 1 } else { lengths }
     });
-    bytes.sum::<u64>() <= MOST_FIXED_BYTES
+    bytes.sum()
 }
 
 /// The three stages of a pack, for one lane.
@@ -140,7 +152,8 @@ fn load_network(
     if options.engine != EngineKind::OpenvinoBf16 {
         return Ok((Network::Open(session), any_length));
     }
-    let fixed = fixed_shapes_fit(pack)
+    let fixed = options
+        .fixed_shapes
         .then(|| FixedNetworks::new(runtime, options, file.clone(), stage, pack.dims, &session))
         .flatten();
     let network = match fixed {
@@ -299,4 +312,17 @@ fn run_error(stage: Stage, error: &ort::Error) -> EngineError {
 fn one_line(error: &dyn std::fmt::Display) -> String {
     let text = error.to_string();
     text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn networks_of_fixed_shapes_must_fit_into_the_memory() {
+        let pack = Pack::load(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/human").as_ref()).unwrap();
+        let fit = |lanes, gib: u64| fixed_shapes_fit(&pack, lanes, gib << 30);
+        assert!(fit(1, 1) && fit(2, 2) && fit(8, 8));
+        assert!(!fit(2, 1) && !fit(8, 5), "0.8 GB a lane");
+    }
 }
