@@ -13,7 +13,7 @@ use anyhow::{Context as _, ensure};
 use clap::Parser;
 use serde::Serialize;
 use troupe_server::config::Config;
-use troupe_server::engine::onnx::{OnnxStages, Runtime, SessionOptions, fixed_shapes_fit};
+use troupe_server::engine::onnx::{OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
 use troupe_server::engine::{
     EngineChoice, EngineKind, Lanes, Pipeline, RawLoop, StageTimes, Stages, WorkItem, straight_walk,
 };
@@ -187,7 +187,7 @@ fn main() -> anyhow::Result<()> {
                 engine,
                 threads: lanes.threads,
                 spin: args.spin,
-                fixed_shapes: fixed_shapes_fit(&pack, lanes.count, u64::MAX),
+                fixed_shapes: no_fixed_shapes(&pack, lanes.count, u64::MAX).is_none(),
             };
             let most = args.batch.iter().copied().max().unwrap_or(1);
             let mut works = (0..lanes.count)

@@ -90,7 +90,8 @@ pub struct Config {
     )]
     pub spin: bool,
 
-    /// Most characters in one batch. 0: 8 with openvino-bf16, 32 with other engines. With more a character takes no less time,
+    /// Most characters in one batch. 0: 8 with openvino-bf16 where it has networks of fixed
+    /// shapes, else 32. With more a character takes no less time,
     /// while memory, warm-up and the time that others wait grow.
     #[config(
         env = "TROUPE_MAX_BATCH",
@@ -232,7 +233,7 @@ pub struct Config {
 
     /// Most open connections; further ones, health checks included, wait in the system's backlog until one closes.
     /// Connections times max_message_bytes bounds the memory of HTTP/1.1 request bodies in flight; an HTTP/2 connection
-    /// may carry many requests at once and so take a multiple of that.
+    /// may carry max_calls_per_connection requests at once and so take as many times that.
     #[config(
         env = "TROUPE_MAX_CONNECTIONS",
         default = 10_000,
@@ -241,10 +242,11 @@ pub struct Config {
     pub max_connections: usize,
 
     /// Most calls and streams at a time on one HTTP/2 connection; further ones wait in the client. One such connection may
-    /// be all that a game server has.
+    /// be all that a game server has. Times max_message_bytes it bounds the memory of a connection's requests in flight:
+    /// lower either where clients are not trusted.
     #[config(
         env = "TROUPE_MAX_CALLS_PER_CONNECTION",
-        default = 2048,
+        default = 1024,
         layer_attr(arg(long, value_name = "COUNT"))
     )]
     pub max_calls_per_connection: u32,

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
-use futures_util::future::try_join_all;
+use futures_util::future::join_all;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -237,7 +237,8 @@ async fn start(
     let (sources, store) = tokio::task::spawn_blocking(read).await.map_err(gone)??;
     let default = default_pack(&config, &sources)?;
     let loading = sources.into_iter().map(|source| load(&config, &service, source));
-    let loaded = try_join_all(loading).await?;
+    // All of them, for a library should not be left while another pack's lanes are still inside it.
+    let loaded = join_all(loading).await.into_iter().collect::<Result<_, _>>()?;
     service.open(PackTable::new(loaded, default), store);
     api::set_serving(&health, true).await;
     Ok(())

@@ -14,7 +14,12 @@ use troupe_proto::v1::motion_client::MotionClient;
 #[tokio::test]
 async fn small_calls() {
     let server = TestServer::start().await;
-    let client = server.grpc().await;
+    let mut client = server.grpc().await;
+    // Until the first answer the client knows nothing of the server's limits, and keeps to its own.
+    client
+        .get_pack(GetPackRequest { name: "toy".into() })
+        .await
+        .unwrap();
     let mut calls = JoinSet::new();
     for _ in 0..2000 {
         let mut client = client.clone();
@@ -23,6 +28,40 @@ async fn small_calls() {
     while let Some(call) = calls.join_next().await {
         call.unwrap().unwrap();
     }
+}
+
+/// Calls of `count` that get through to the engine's queue while the engine stands.
+async fn waiting(server: &TestServer, count: usize, expected: &str) {
+    server.gate.close();
+    let mut client = server.grpc().await;
+    client
+        .get_pack(GetPackRequest { name: "toy".into() })
+        .await
+        .unwrap();
+    let mut calls = JoinSet::new();
+    for _ in 0..count {
+        let mut client = client.clone();
+        calls.spawn(async move { client.in_between(request(1)).await });
+    }
+    server
+        .metric("troupe_pending_requests{model=\"toy\"", expected)
+        .await;
+    server.gate.open();
+    while let Some(call) = calls.join_next().await {
+        call.unwrap().unwrap();
+    }
+}
+
+#[tokio::test]
+async fn hundreds_wait_at_once_on_one_connection() {
+    let server = TestServer::start_with(|config| config.max_queue_ms = 0).await;
+    waiting(&server, 250, "249").await;
+}
+
+#[tokio::test]
+async fn no_more_calls_than_allowed_at_a_time() {
+    let server = TestServer::start_with(|config| config.max_calls_per_connection = 4).await;
+    waiting(&server, 12, "3").await;
 }
 
 #[tokio::test]

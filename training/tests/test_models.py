@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from torch.nn import functional as F
 
 from troupe_training.config import COUNTS, MAX_FRAMES, MAX_TOKENS, PRESETS, SLOTS
 from troupe_training.features import ClipStore, random_slot_masks, slot_frames
@@ -56,7 +57,8 @@ def test_padding_changes_nothing(store: ClipStore, tokens: int):
 def test_an_unrolled_convolution_is_the_convolution(kernel: int):
     stack = torch.nn.Sequential(FrameConv(6, kernel))
     x = torch.randn(3, 5, 6)
-    expected = stack(x)
+    expected = F.conv1d(x.mT, stack[0].weight, stack[0].bias, padding=kernel // 2).mT
+    assert torch.allclose(stack(x), expected, atol=1e-5)
     unroll_convolutions(stack)
     assert isinstance(stack[0], UnrolledConv)
     assert torch.allclose(stack(x), expected, atol=1e-5)

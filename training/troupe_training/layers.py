@@ -52,7 +52,8 @@ class Standardiser(nn.Module):
 class FrameConv(nn.Conv1d):
     """A convolution over time of ``[B, T, C]`` with stride one, zeros beyond both ends.
 
-    One matrix product over shifted copies: on CPU cores an eighth more updates a second than Conv1d and its transposes.
+    One matrix product over shifted copies: on CPU cores an eighth more updates a second than Conv1d and its transposes,
+    at the cost of keeping the copies for the backward pass.
     """
 
     def __init__(self, channels: int, kernel: int):

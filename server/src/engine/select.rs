@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::accuracy::{Accuracy, Probe, compare, probe};
 use super::machine::Machine;
-use super::onnx::{Batching, OnnxStages, Runtime, SessionOptions, fixed_shapes_fit};
+use super::onnx::{Batching, OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
 use super::{AccuracyCheck, EngineChoice, EngineError, EngineKind, Lanes, Stages};
 use crate::pack::Pack;
 
@@ -69,16 +69,14 @@ impl Selector {
             Some(engine) => named(engine, self.accuracy_check, missing, check)?,
             None => best(self.accuracy_check, missing, check),
         };
-        let fixed_shapes = self.fixed_shapes(pack);
-        if engine == EngineKind::OpenvinoBf16 && !fixed_shapes {
-            why.push_str(
-                "; one network takes all shapes and is slower, for there is no memory for one of each",
-            );
+        let no_fixed_shapes = self.no_fixed_shapes(pack);
+        if let (EngineKind::OpenvinoBf16, Some(reason)) = (engine, no_fixed_shapes) {
+            why = format!("{why}; one network takes all shapes and is slower, for {reason}");
         }
         let decision = Decision {
             engine,
             lanes: self.lanes,
-            batching: Batching::of(engine, fixed_shapes),
+            batching: Batching::of(engine, no_fixed_shapes.is_none()),
             why,
             check,
         };
@@ -115,15 +113,16 @@ impl Selector {
             engine,
             threads: self.lanes.threads,
             spin: self.spin,
-            fixed_shapes: self.fixed_shapes(pack),
+            fixed_shapes: self.no_fixed_shapes(pack).is_none(),
         };
         OnnxStages::load(&self.runtime, pack, options)
     }
 
-    /// Whether networks of fixed shapes fit into this pack's part of half the memory; the other half is for everything else.
-    fn fixed_shapes(&self, pack: &Pack) -> bool {
+    /// Why networks of fixed shapes do not fit into this pack's part of half the memory; the other half is for everything
+    /// else. None where they fit.
+    fn no_fixed_shapes(&self, pack: &Pack) -> Option<&'static str> {
         let memory_bytes = self.machine.memory_bytes / 2 / self.packs.max(1) as u64;
-        fixed_shapes_fit(pack, self.lanes.count, memory_bytes)
+        no_fixed_shapes(pack, self.lanes.count, memory_bytes)
     }
 
     /// What the machine or the library lacks for an engine.
@@ -154,8 +153,8 @@ impl Selector {
         let started = Instant::now();
         let reference = SessionOptions {
             engine: EngineKind::Cpu,
-            // All threads there are: nothing else runs yet.
-            threads: self.lanes.threads * self.lanes.count,
+            // This pack's part of all threads: only the other packs are being checked.
+            threads: (self.lanes.threads * self.lanes.count / self.packs.max(1)).max(1),
             spin: false,
             fixed_shapes: false,
         };

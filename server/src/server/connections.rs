@@ -21,11 +21,15 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 #[cfg(any(target_os = "android", target_os = "linux"))]
 const MAX_UNSENT_BYTES: u32 = 128 << 10;
 /// Bytes that an HTTP/2 client may send ahead of what is read, for a call and for all of a connection. HTTP/2's own 64 KiB for both
-/// would have a burst of calls come in crumbs; and of each small frame that is not yet read h2 takes a part of half the
-/// connection's window, and closes the connection where nothing of it is left. So that is room for the small frames of
-/// 16 thousand calls.
+/// would have a burst of calls come in crumbs; and of each small frame that is not yet read, or that comes for a call which
+/// is over, h2 takes a part of half the connection's window, and closes the connection where nothing of it is left. Frames
+/// that are read, and large ones, give it back. So that is room for the small frames of 16 thousand calls.
 const CALL_WINDOW_BYTES: u32 = 1 << 20;
 const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
+/// Calls that a client may have given up before the server has seen them. A client may well give up all that it asks for at once;
+/// by default that would end the connection, with all other calls on it, from the 21st on. A limit there must be, for
+/// such calls cost a server more than the client (CVE-2023-44487).
+const MAX_GIVEN_UP_UNSEEN: usize = 1024;
 /// What an HTTP/2 connection begins with (RFC 9113, section 3.4).
 const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
@@ -153,9 +157,7 @@ fn builder(config: &Config) -> Builder<TokioExecutor> {
         .initial_stream_window_size(CALL_WINDOW_BYTES)
         .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
         .max_concurrent_streams(config.max_calls_per_connection)
-        // A client may give up all its calls at once, which is no attack, and would by default end the connection with all
-        // others on it from the 21st that the server has not yet seen.
-        .max_pending_accept_reset_streams(config.max_calls_per_connection as usize)
+        .max_pending_accept_reset_streams(MAX_GIVEN_UP_UNSEEN)
         .keep_alive_interval(config.keepalive())
         .keep_alive_timeout(config.keepalive());
     builder

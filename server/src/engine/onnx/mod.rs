@@ -27,8 +27,9 @@ use signature::{check_signature, takes_any_length};
 /// Most bytes of files that a lane's networks of fixed shapes may be made of: each is made of that of its stage, and the more
 /// there are the longer the server takes to start.
 const MOST_FIXED_BYTES: u64 = 256 << 20;
-/// Memory that an open network of a fixed shape takes, in multiples of its file: 11.8 measured with OpenVINO 2025.4 and the
-/// default pack. The weights lie in it four times, in 32 bits: ONNX Runtime's, OpenVINO's, and in the layouts of its kernels.
+/// Memory that an open network of a fixed shape takes, in multiples of its file of 16-bit weights: 11.8 measured with OpenVINO
+/// 2025.4 and the default pack. ONNX Runtime, OpenVINO and its kernels hold the weights four times, in 32 bits; the rest is
+/// the graph and the kernels themselves.
 const MEMORY_OF_FILE: u64 = 12;
 
 /// How an engine takes batches of a pack.
@@ -64,11 +65,18 @@ impl Batching {
     }
 }
 
-/// Whether networks for every size of a call, and behind the root stage for every length, are few and small enough for
-/// `lanes` lanes with `memory_bytes` of memory between them.
-pub fn fixed_shapes_fit(pack: &Pack, lanes: usize, memory_bytes: u64) -> bool {
-    let bytes = fixed_file_bytes(pack);
-    bytes <= MOST_FIXED_BYTES && bytes * MEMORY_OF_FILE * lanes as u64 <= memory_bytes
+/// Why there are no networks of fixed shapes for every size of a call, and behind the root stage for every length, on `lanes`
+/// lanes with `memory_bytes` of memory between them. None where they fit.
+pub fn no_fixed_shapes(pack: &Pack, lanes: usize, memory_bytes: u64) -> Option<&'static str> {
+    misfit(fixed_file_bytes(pack), lanes, memory_bytes)
+}
+
+fn misfit(file_bytes: u64, lanes: usize, memory_bytes: u64) -> Option<&'static str> {
+    if file_bytes > MOST_FIXED_BYTES {
+        return Some("the pack is too large for one of each");
+    }
+    (file_bytes * MEMORY_OF_FILE * lanes as u64 > memory_bytes)
+        .then_some("there is no memory for one of each")
 }
 
 /// Bytes of the files that a lane's networks of fixed shapes are made of.
@@ -320,9 +328,15 @@ mod tests {
 
     #[test]
     fn networks_of_fixed_shapes_must_fit_into_the_memory() {
-        let pack = Pack::load(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/human").as_ref()).unwrap();
-        let fit = |lanes, gib: u64| fixed_shapes_fit(&pack, lanes, gib << 30);
-        assert!(fit(1, 1) && fit(2, 2) && fit(8, 8));
-        assert!(!fit(2, 1) && !fit(8, 5), "0.8 GB a lane");
+        let misfit = |file_mib: u64, lanes, memory_gib: u64| misfit(file_mib << 20, lanes, memory_gib << 30);
+        assert_eq!(misfit(64, 1, 1), None);
+        assert_eq!(misfit(64, 8, 6), None);
+        assert_eq!(misfit(64, 2, 1), Some("there is no memory for one of each"));
+        assert_eq!(misfit(64, 8, 5), Some("there is no memory for one of each"));
+        assert_eq!(misfit(256, 1, 3), None);
+        assert_eq!(
+            misfit(257, 1, 1024),
+            Some("the pack is too large for one of each")
+        );
     }
 }

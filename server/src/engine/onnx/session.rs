@@ -20,7 +20,7 @@ pub struct SessionOptions {
     /// Whether threads that wait for work spin for a moment before they sleep: a little faster, at the cost of CPU. With
     /// one thread there is nobody to wait for.
     pub spin: bool,
-    /// Whether OpenVINO has a network for each shape, where the graph names its open axes: see [`super::fixed_shapes_fit`].
+    /// Whether OpenVINO has a network for each shape, where the graph names its open axes: see [`super::no_fixed_shapes`].
     pub fixed_shapes: bool,
 }
 
