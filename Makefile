@@ -1,10 +1,12 @@
-# make run   gets ONNX Runtime, builds, starts the server with the default pack
+# make run   gets ONNX Runtime, builds, starts the server with the packs in models/
 # make test  lints and tests everything, Rust and Python
 .PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles eval live-eval object-eval film film-objects \
 	crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
 REAL_CLIPS := target/data/bandai-namco
+# The pack that `make styles` and `make eval` are about.
+PACK := human
 
 run: runtime
 	cargo run --release --package troupe-server
@@ -48,20 +50,20 @@ real-clips:
 pack: python-env
 	.venv/bin/troupe-train pack "$(DATA)" --out "$(or $(OUT),models/mine)" --name "$(notdir $(or $(OUT),models/mine))" $(ARGS)
 
-# The pack's styles, from the motion data that models/human/styles.toml names: make styles DATA=folder
+# A pack's styles, from the motion data that models/PACK/styles.toml names: make styles DATA=folder [PACK=g1]
 styles: runtime
-	@[ -d "$(DATA)" ] || { echo "usage: make styles DATA=folder of BVH files" >&2; exit 2; }
+	@[ -d "$(DATA)" ] || { echo "usage: make styles DATA=folder of BVH files, or of a robot's CSV files [PACK=g1]" >&2; exit 2; }
 	cargo build --release --package troupe-client
-	scripts/with-server.sh target/release/troupe style build --list models/human/styles.toml \
-		--data "$(DATA)" --out models/human/styles $(ARGS)
+	scripts/with-server.sh target/release/troupe style build --pack $(PACK) --list models/$(PACK)/styles.toml \
+		--data "$(DATA)" --out models/$(PACK)/styles $(ARGS)
 
 # Every figure of how well a pack fills gaps, and what characters that wander for a minute make of it: make eval DATA=folder
-# (SPLIT=list of the clips to use, ARGS="--max-windows 50 --seeds 0" for a short look). With models/PACK/evaluator.onnx FID too.
+# (PACK=g1 for another pack, SPLIT=list of the clips to use, ARGS="--max-windows 50 --seeds 0" for a short look). With models/PACK/evaluator.onnx FID too.
 eval: runtime
 	@[ -d "$(DATA)" ] || { echo "usage: make eval DATA=folder of clips [SPLIT=file]" >&2; exit 2; }
 	cargo build --release --package troupe-client --features evaluator
-	scripts/with-server.sh sh -c 'target/release/troupe eval --data "$(DATA)" $(if $(SPLIT),--split "$(SPLIT)") \
-		--json target/eval.json $(ARGS) && target/release/troupe eval wander --against target/eval.json'
+	scripts/with-server.sh sh -c 'target/release/troupe eval --pack $(PACK) --data "$(DATA)" $(if $(SPLIT),--split "$(SPLIT)") \
+		--json target/eval.json $(ARGS) && target/release/troupe eval wander --pack $(PACK) --against target/eval.json'
 
 # How well live characters obey and move, beside the clips where they are at hand (ARGS="--styles normal" for a short look)
 live-eval: runtime real-clips

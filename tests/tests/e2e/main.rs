@@ -10,6 +10,7 @@ mod bad_input;
 mod batching;
 mod cli;
 mod film;
+mod g1;
 mod http;
 mod live;
 mod motion;
