@@ -32,6 +32,7 @@ fn the_paths_of_the_repository_are_read() {
             "cup",
             "figure-of-eight",
             "reversal",
+            "robot",
             "sit",
             "square",
             "style-changes"
