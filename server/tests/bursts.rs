@@ -6,6 +6,8 @@
 
 mod common;
 
+use std::time::Duration;
+
 use common::{TestServer, request};
 use tokio::task::JoinSet;
 use troupe_proto::v1::GetPackRequest;
@@ -30,22 +32,25 @@ async fn small_calls() {
     }
 }
 
-/// Calls of `count` that get through to the engine's queue while the engine stands.
+/// `count` calls while the engine stands: one is in the engine, and `expected` wait before it.
 async fn waiting(server: &TestServer, count: usize, expected: &str) {
     server.gate.close();
-    let mut client = server.grpc().await;
-    client
-        .get_pack(GetPackRequest { name: "toy".into() })
-        .await
-        .unwrap();
+    let client = server.grpc().await;
     let mut calls = JoinSet::new();
-    for _ in 0..count {
+    for nth in 0..count {
         let mut client = client.clone();
         calls.spawn(async move { client.in_between(request(1)).await });
+        if nth == 0 {
+            server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
+        }
     }
-    server
-        .metric("troupe_pending_requests{model=\"toy\"", expected)
-        .await;
+    for _ in 0..2 {
+        server
+            .metric("troupe_pending_requests{model=\"toy\"", expected)
+            .await;
+        // It must not be on its way to more.
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
     server.gate.open();
     while let Some(call) = calls.join_next().await {
         call.unwrap().unwrap();
