@@ -58,9 +58,10 @@ styles: runtime
 		--data "$(DATA)" --out models/$(PACK)/styles $(ARGS)
 
 # Every figure of how well a pack fills gaps, and what characters that wander for a minute make of it: make eval DATA=folder
-# (PACK=g1 for another pack, SPLIT=list of the clips to use, ARGS="--max-windows 50 --seeds 0" for a short look). With models/PACK/evaluator.onnx FID too.
+# (PACK=g1 for another pack, SPLIT=list of the clips to use, ARGS="--max-windows 50 --seeds 0" for a short look). With
+# models/PACK/evaluator.onnx FID too.
 eval: runtime
-	@[ -d "$(DATA)" ] || { echo "usage: make eval DATA=folder of clips [SPLIT=file]" >&2; exit 2; }
+	@[ -d "$(DATA)" ] || { echo "usage: make eval DATA=folder of clips [SPLIT=file] [PACK=g1]" >&2; exit 2; }
 	cargo build --release --package troupe-client --features evaluator
 	scripts/with-server.sh sh -c 'target/release/troupe eval --pack $(PACK) --data "$(DATA)" $(if $(SPLIT),--split "$(SPLIT)") \
 		--json target/eval.json $(ARGS) && target/release/troupe eval wander --pack $(PACK) --against target/eval.json'

@@ -4,7 +4,6 @@ mod connections;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
 use futures_util::future::join_all;
@@ -113,22 +112,13 @@ pub fn load_packs(config: &Config) -> Result<Vec<Pack>, StartError> {
 pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
     let packs = load_packs(config)?;
     let selector = config.selector(packs.len()).map_err(StartError::Library)?;
-    // Side by side: an accuracy check takes seconds, most of them on one core.
-    let decisions: Vec<_> = std::thread::scope(|scope| {
-        let choosing: Vec<_> = packs
-            .iter()
-            .map(|pack| scope.spawn(|| selector.choose(pack)))
-            .collect();
-        choosing.into_iter().map(ScopedJoinHandle::join).collect()
-    });
+    let decisions = selector.choose_all(&packs);
     let mut sources = Vec::with_capacity(packs.len());
     for (pack, decision) in packs.into_iter().zip(decisions) {
-        let decision = decision
-            .map_err(|_| StartError::Internal("the thread that chooses an engine has stopped".to_owned()))?
-            .map_err(|error| StartError::Engine {
-                pack: pack.name().to_owned(),
-                error,
-            })?;
+        let decision = decision.map_err(|error| StartError::Engine {
+            pack: pack.name().to_owned(),
+            error,
+        })?;
         let (selector, engine) = (selector.clone(), decision.engine);
         sources.push(PackSource {
             pack,

@@ -11,7 +11,6 @@ use std::time::Duration;
 use common::{TestServer, request};
 use tokio::task::JoinSet;
 use troupe_proto::v1::GetPackRequest;
-use troupe_proto::v1::motion_client::MotionClient;
 
 #[tokio::test]
 async fn small_calls() {
@@ -73,14 +72,14 @@ async fn no_more_calls_than_allowed_at_a_time() {
 async fn calls_that_are_given_up_at_once() {
     let server = TestServer::start().await;
     server.gate.close();
-    let channel = server.channel().await;
-    let mut kept = MotionClient::new(channel.clone());
+    let client = server.grpc().await;
+    let mut kept = client.clone();
     let kept = tokio::spawn(async move { kept.in_between(request(1)).await });
     server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
     for round in 0..40 {
         let mut calls = JoinSet::new();
         for _ in 0..150 {
-            let mut client = MotionClient::new(channel.clone());
+            let mut client = client.clone();
             calls.spawn(async move { client.in_between(request(1)).await });
         }
         for _ in 0..round % 10 {

@@ -67,7 +67,7 @@ class FrameConv(nn.Conv1d):
 
 
 class UnrolledConv(nn.Module):
-    """A `FrameConv` as a single matrix product over shifted copies of its input, for export.
+    """A `FrameConv` for export: its weights laid out once, and one Gather in place of slices.
 
     The same numbers in the same order of weights. The convolutions of ONNX Runtime multiply one row of the batch at a time and
     are slow where that row has only a few frames; one Gather makes the copies faster than slices and their concatenation.

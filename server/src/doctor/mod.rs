@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::config::Config;
 use crate::engine::machine::Machine;
-use crate::engine::{Decision, EngineKind, Lanes, Selector};
+use crate::engine::{Decision, EngineError, EngineKind, Lanes, Selector};
 use crate::pack::Pack;
 use crate::server::load_packs;
 
@@ -96,8 +96,9 @@ impl Report {
         match config.selector(packs.len()) {
             Ok(selector) => {
                 report.look_at_library(&selector);
-                for pack in &packs {
-                    report.look_at_pack(config, &selector, pack);
+                let decisions = selector.choose_all(&packs);
+                for (pack, decision) in packs.iter().zip(decisions) {
+                    report.look_at_pack(config, &selector, pack, decision);
                 }
             }
             Err(error) => report.problems.push(error.to_string()),
@@ -148,10 +149,16 @@ impl Report {
         }
     }
 
-    fn look_at_pack(&mut self, config: &Config, selector: &Selector, pack: &Pack) {
+    fn look_at_pack(
+        &mut self,
+        config: &Config,
+        selector: &Selector,
+        pack: &Pack,
+        decision: Result<Decision, EngineError>,
+    ) {
         let name = pack.name();
         let mut problem = |error: &dyn std::fmt::Display| self.problems.push(format!("pack {name}: {error}"));
-        let decision = selector.choose(pack).map_err(|error| problem(&error)).ok();
+        let decision = decision.map_err(|error| problem(&error)).ok();
         let trial = decision.as_ref().and_then(|decision| {
             let max_batch = config.max_batch_of(decision.batching);
             Trial::run(selector, pack, decision.engine, max_batch)

@@ -104,6 +104,21 @@ impl Selector {
         Ok(decision)
     }
 
+    /// [`Selector::choose`] for all packs that are served, side by side: an accuracy check takes seconds, most of them on one
+    /// core.
+    pub fn choose_all(&self, packs: &[Pack]) -> Vec<Result<Decision, EngineError>> {
+        std::thread::scope(|scope| {
+            let choosing: Vec<_> = packs
+                .iter()
+                .map(|pack| scope.spawn(|| self.choose(pack)))
+                .collect();
+            let choices = choosing.into_iter().map(|choice| choice.join());
+            choices
+                .map(|choice| choice.unwrap_or(Err(EngineError::Stopped)))
+                .collect()
+        })
+    }
+
     /// The stages of one lane.
     ///
     /// # Errors
