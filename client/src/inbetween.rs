@@ -249,6 +249,13 @@ impl InBetween {
         self
     }
 
+    /// Whether feet that stand are held still by bending the legs (they are unless this says false).
+    #[must_use]
+    pub fn hold_feet(mut self, yes: bool) -> Self {
+        self.character.hold_feet = Some(yes);
+        self
+    }
+
     /// The task on the wire.
     ///
     /// # Errors

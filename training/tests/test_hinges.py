@@ -8,7 +8,7 @@ from tests_support import random_rotations
 
 from troupe_training.hinges import Hinges, on_hinges, project_to_hinges
 from troupe_training.motion import Motion
-from troupe_training.rotations import matrix_to_quat
+from troupe_training.rotations import matrix_to_quat, quat_to_matrix
 from troupe_training.skeleton import Skeleton
 
 SLANTED = [math.cos(0.2), math.sin(0.2), 0.0, 0.0]  # w x y z, 0.4 rad about X
@@ -59,26 +59,37 @@ def test_kinematics_by_hand():
 
 def test_angles_beyond_their_limits_are_clamped_and_counted():
     hinges = Hinges(robot())
-    world = hinges.rotations(torch.eye(3)[None], torch.tensor([[2.9, -0.4]]))
+    world = hinges.rotations(torch.eye(3)[None], torch.tensor([[2.9, -1.5]]))
     made = project_to_hinges(robot(), world)
-    assert torch.allclose(made.angles, torch.tensor([[2.5, -1.0]]), atol=1e-5)
-    assert made.clamped.all() and made.residual_rad.max() < 1e-3
-    expected = hinges.rotations(torch.eye(3)[None], torch.tensor([[2.5, -1.0]]))
+    assert torch.allclose(made.angles, torch.tensor([[2.5, -1.5]]), atol=1e-5)
+    assert made.clamped.tolist() == [[True, False]]
+    assert made.residual_rad[0].tolist() == pytest.approx([0.4, 0.0], abs=1e-3)
+    expected = hinges.rotations(torch.eye(3)[None], torch.tensor([[2.5, -1.5]]))
     assert torch.allclose(made.rotations, expected, atol=1e-5)
+
+
+def test_a_hinge_makes_up_for_what_those_above_it_lack():
+    skeleton = robot()
+    skeleton.robot["hinges"][0] |= {"axis": [1.0, 0.0, 0.0], "rest": [1.0, 0.0, 0.0, 0.0]}
+    hinges = Hinges(skeleton)
+    world = hinges.rotations(torch.eye(3), torch.tensor([0.3, -0.4]))  # the hip goes no farther than -1
+    made = hinges.project(world)
+    assert made.angles.tolist() == pytest.approx([0.9, -1.0], abs=1e-5)
+    assert torch.allclose(made.rotations[2:], world[2:], atol=1e-5), (
+        "knee and foot are where they were asked to be"
+    )
+    assert made.residual_rad.tolist() == pytest.approx([0.0, 0.6], abs=1e-3)
 
 
 def test_what_a_hinge_cannot_do_is_left_over():
     """A turn about an axis across the hinge's is all residual; the nearest angle of the hinge is none of it."""
-    skeleton = robot()
-    hinges = Hinges(skeleton)
+    hinges = Hinges(robot())
     world = hinges.rotations(torch.eye(3)[None], torch.tensor([[0.3, -1.2]]))
-    across = torch.tensor([math.cos(0.1), 0.0, math.sin(0.1), 0.0])  # 0.2 rad about Y, across the hip's X
-    from troupe_training.rotations import quat_to_matrix
-
-    world[:, 1:] = world[:, 1:2] @ quat_to_matrix(across) @ world[:, 1:2].transpose(-1, -2) @ world[:, 1:]
+    across = quat_to_matrix(torch.tensor([math.cos(0.1), 0.0, math.sin(0.1), 0.0]))  # 0.2 rad about Y
+    world[:, 1:] = world[:, 1:2] @ across @ world[:, 1:2].transpose(-1, -2) @ world[:, 1:]
     made = hinges.project(world)
     assert float(made.residual_rad[0, 1]) == pytest.approx(0.2, abs=1e-4)
-    assert torch.allclose(made.angles, torch.tensor([[0.3, -1.2]]), atol=1e-4)
+    assert float(made.angles[0, 1]) == pytest.approx(-1.2, abs=1e-4)
     fixed = made.rotations[:, 3].transpose(-1, -2) @ made.rotations[:, 2]
     assert float(matrix_to_quat(fixed)[0, 0].abs()) == pytest.approx(1.0, abs=1e-6)
 
@@ -89,7 +100,7 @@ def test_a_motion_on_hinges_keeps_its_root_and_tells_what_it_took():
     made, figures = on_hinges(hinges, Motion(torch.rand(2, 5, 3), world))
     assert made.rotations.shape == world.shape
     assert torch.allclose(figures["hinge_clamped_share"], torch.tensor([0.5, 0.5]))
-    assert figures["hinge_residual_max_deg"].max() < 0.1
+    assert torch.allclose(figures["hinge_residual_max_deg"], torch.full((2,), math.degrees(0.4)), atol=0.1)
 
 
 def test_a_human_has_no_hinges():

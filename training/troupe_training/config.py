@@ -44,20 +44,27 @@ class ModelConfig:
         return asdict(self)
 
 
+# A third of the default's work, for crowds on few cores. Taught by a pack of the default's size (`--teacher`).
+SMALL = ModelConfig(
+    decoder_channels=(224, 144, 80),
+    root_dim=128,
+    root_layers=2,
+    pose_dim=160,
+    pose_layers=4,
+    delta_dim=224,
+    delta_layers=8,
+)
+# One codebook over the latent width of all heads.
+SINGLE_HEAD = {"heads": 1, "codes": 4096, "code_dim": 96}
+
 PRESETS = {
     "default": ModelConfig(),
-    # A third of the default's work, for crowds on few cores. Taught by a pack of the default's size (`--teacher`).
-    "small": ModelConfig(
-        decoder_channels=(224, 144, 80),
-        root_dim=128,
-        root_layers=2,
-        pose_dim=160,
-        pose_layers=4,
-    ),
+    "small": SMALL,
     # The ablation of the multi-head tokenizer: one codebook over the same latent width. Matching 4 heads of 256 codes, 2^32
     # combinations, is out of the question; of what fits, 4096 codes are what 94,000 training tokens still fill, and
     # embedding and read-out of the pose module already cost two million parameters more.
-    "single-head": replace(ModelConfig(), heads=1, codes=4096, code_dim=96),
+    "single-head": replace(ModelConfig(), **SINGLE_HEAD),
+    "small-single-head": replace(SMALL, **SINGLE_HEAD),
     # The parameter counts that section 7.4 gives: 150 M for the pose module of 16 layers and 16 heads at width 1024, 50 M
     # for the root module at width 512, 23.5 M for encoder and decoder together. Those counts fix what the text leaves
     # open: feed-forward layers of twice the width, and 512 channels (the text says 1024, which would make it 94 M).

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import torch
 
 from troupe_training.losses import Kinematics
-from troupe_training.motion import Motion, local_rotations
+from troupe_training.motion import Motion
 from troupe_training.rotations import matrix_to_quat, quat_to_matrix
 from troupe_training.skeleton import Skeleton
 
@@ -28,7 +28,7 @@ class Projection:
     angles: torch.Tensor  # [..., H], radians, within the limits
     residual_rad: (
         torch.Tensor
-    )  # [..., H]: angle between the joint's rotation and its hinge's nearest, before limits
+    )  # [..., H]: angle between the joint's rotation in the world and what is made of it
     clamped: torch.Tensor  # [..., H], true where the nearest angle was out of the limits
 
 
@@ -46,45 +46,63 @@ class Hinges:
         self.axis, self.rest = column("axis"), quat_to_matrix(column("rest"))
         self.lower, self.upper = column("lower_rad"), column("upper_rad")
 
-    def turns(self, angles: torch.Tensor) -> torch.Tensor:
-        """Rotations ``[..., H, 3, 3]`` relative to the parent joint at ``angles`` ``[..., H]``."""
-        half = (angles / 2)[..., None]
-        return self.rest @ quat_to_matrix(torch.cat([torch.cos(half), torch.sin(half) * self.axis], -1))
+    def turn(self, hinge: int, angle: torch.Tensor) -> torch.Tensor:
+        """Rotations ``[..., 3, 3]`` relative to the parent joint at a hinge's angles ``[...]``."""
+        half = (angle / 2)[..., None]
+        return self.rest[hinge] @ quat_to_matrix(
+            torch.cat([torch.cos(half), torch.sin(half) * self.axis[hinge]], -1)
+        )
 
-    def nearest(self, local: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Nearest angles ``[..., H]`` to parent-relative rotations ``[..., H, 3, 3]``, and what is left over.
+    def nearest(self, hinge: int, relative: torch.Tensor) -> torch.Tensor:
+        """Nearest angles ``[...]`` of one hinge to rotations ``[..., 3, 3]`` relative to the parent joint.
 
         Of the angles a full turn apart, that nearest to the limits.
         """
-        quat = matrix_to_quat(self.rest.transpose(-1, -2) @ local)
-        along = (quat[..., 1:] * self.axis).sum(-1)
-        angle = 2.0 * torch.atan2(along, quat[..., 0])
-        angle = angle - FULL_TURN * torch.round((angle - (self.lower + self.upper) / 2) / FULL_TURN)
-        across = (quat[..., 1:] - along[..., None] * self.axis).norm(dim=-1)
-        residual = 2.0 * torch.atan2(across, (along**2 + quat[..., 0] ** 2).sqrt())
-        return angle, residual
+        quat = matrix_to_quat(self.rest[hinge].T @ relative)
+        angle = 2.0 * torch.atan2((quat[..., 1:] * self.axis[hinge]).sum(-1), quat[..., 0])
+        middle = (self.lower[hinge] + self.upper[hinge]) / 2
+        return angle - FULL_TURN * torch.round((angle - middle) / FULL_TURN)
 
     def rotations(self, root: torch.Tensor, angles: torch.Tensor) -> torch.Tensor:
         """World rotations ``[..., J, 3, 3]`` from the root's ``[..., 3, 3]`` and angles ``[..., H]``."""
-        turns = self.turns(angles)
         world: list[torch.Tensor] = []
         for joint, parent in enumerate(self.parents):
             if parent < 0:
                 world.append(root)
             elif joint in self.hinge_of:
-                world.append(world[parent] @ turns[..., self.hinge_of[joint], :, :])
+                hinge = self.hinge_of[joint]
+                world.append(world[parent] @ self.turn(hinge, angles[..., hinge]))
             else:
                 world.append(world[parent])
         return torch.stack(world, -3)
 
     def project(self, rotations: torch.Tensor) -> Projection:
-        """Each joint's rotation relative to its parent onto its hinge, for itself, and the whole by kinematics."""
-        local = local_rotations(rotations, self.parents)[..., self.joints, :, :]
-        nearest, residual = self.nearest(local)
-        angles = torch.minimum(torch.maximum(nearest, self.lower), self.upper)
-        world = self.rotations(rotations[..., 0, :, :], angles)
-        clamped = (angles - nearest).abs() > TOLERANCE_RAD
-        return Projection(world, self.kinematics.positions(world), angles, residual, clamped)
+        """World rotations ``[..., J, 3, 3]`` onto the hinges and into their limits, as the server does it.
+
+        From the root outwards each hinge turns as near as it can to where the motion has its joint in the world, so that a
+        hinge makes up for what those above it lack.
+        """
+        shape = (*rotations.shape[:-3], len(self.joints))
+        angles, residual = rotations.new_zeros(shape), rotations.new_zeros(shape)
+        clamped = torch.zeros(shape, dtype=torch.bool)
+        world: list[torch.Tensor] = []
+        for joint, parent in enumerate(self.parents):
+            wanted = rotations[..., joint, :, :]
+            if parent < 0:
+                world.append(wanted)
+            elif joint not in self.hinge_of:
+                world.append(world[parent])
+            else:
+                hinge = self.hinge_of[joint]
+                nearest = self.nearest(hinge, world[parent].transpose(-1, -2) @ wanted)
+                angle = nearest.clamp(self.lower[hinge], self.upper[hinge])
+                world.append(world[parent] @ self.turn(hinge, angle))
+                lacking = matrix_to_quat(world[joint].transpose(-1, -2) @ wanted)
+                angles[..., hinge] = angle
+                residual[..., hinge] = 2.0 * torch.atan2(lacking[..., 1:].norm(dim=-1), lacking[..., 0].abs())
+                clamped[..., hinge] = (angle - nearest).abs() > TOLERANCE_RAD
+        made = torch.stack(world, -3)
+        return Projection(made, self.kinematics.positions(made), angles, residual, clamped)
 
 
 def project_to_hinges(skeleton: Skeleton, rotations: torch.Tensor) -> Projection:

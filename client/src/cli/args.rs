@@ -158,6 +158,10 @@ pub(super) struct Sampling {
     /// Passes of the pose module, 1 to 10.
     #[arg(long, help_heading = SAMPLING, default_value_t = 1, value_name = "1-10")]
     pub(super) pose_steps: u32,
+
+    /// Leave feet as the networks make them; those that stand are held still otherwise.
+    #[arg(long, help_heading = SAMPLING)]
+    pub(super) free_feet: bool,
 }
 
 /// How BVH files relate to the pack's skeleton.

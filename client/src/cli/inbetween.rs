@@ -84,7 +84,8 @@ pub(super) async fn fill(
     let task = InBetween::from_clip_range(&clip, gap.from, gap.to..=last_target)?
         .seed(gap.sampling.seed)
         .temperature(gap.sampling.temperature)
-        .pose_steps(gap.sampling.pose_steps);
+        .pose_steps(gap.sampling.pose_steps)
+        .hold_feet(!gap.sampling.free_feet);
     let task = match length {
         Some(length) => task.length(length),
         None => {

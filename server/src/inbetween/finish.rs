@@ -8,6 +8,7 @@ use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 
+use super::feet::{contact_bits, hold_between};
 use super::hinges::{HingeColumns, onto_hinges};
 use super::{Given, PIN_REACH_FRAMES, Parts, Plan};
 use crate::engine::{RawMotion, all_finite};
@@ -31,16 +32,25 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
     let mut rotations = parent_relative(raw, frames, dims, &pack.skeleton);
     pin(&mut roots, &mut rotations, plan, &pack.skeleton);
 
-    let root_positions: Vec<Vec3> = roots
+    let mut root_positions: Vec<Vec3> = roots
         .iter()
         .map(|root| plan.frame.to_world_position(root.position))
         .collect();
     to_world_rotations(&plan.frame, dims.joints, &mut rotations);
+    // A robot's feet are held by what its hinges can do, so its poses come onto them first. What that took is told.
+    let mut hinges = on_hinges(
+        pack,
+        &root_positions,
+        &mut rotations,
+        plan.parts.qpos && !plan.hold_feet,
+    );
+    if plan.hold_feet {
+        let contacts = contact_bits(&raw.contacts, dims.contacts, frames);
+        let gap = plan.context.len()..frames - plan.targets.len();
+        hold_between(pack, &mut root_positions, &mut rotations, &contacts, gap);
+        hinges.qpos = on_hinges(pack, &root_positions, &mut rotations, plan.parts.qpos).qpos;
+    }
     // From here on all that is said of a robot's frames is said of the same poses.
-    let hinges = match &pack.skeleton.robot {
-        Some(robot) => onto_hinges(robot, &root_positions, &mut rotations, plan.parts.qpos),
-        None => HingeColumns::default(),
-    };
     let (positions, six_d) = world_columns(&pack.skeleton, &root_positions, &rotations, plan.parts);
     Ok(v1::CharacterResult {
         id: plan.id.clone(),
@@ -63,6 +73,14 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
             .intermediates
             .then(|| intermediates(raw, &plan.frame, dims)),
     })
+}
+
+/// A robot's poses brought onto its hinges; others stay as they are.
+fn on_hinges(pack: &Pack, roots: &[Vec3], rotations: &mut [Quat], wants_qpos: bool) -> HingeColumns {
+    match &pack.skeleton.robot {
+        Some(robot) => onto_hinges(robot, roots, rotations, wants_qpos),
+        None => HingeColumns::default(),
+    }
 }
 
 /// The numbers of all `items`, one after another, in one allocation.

@@ -44,6 +44,7 @@ fn plan(frames: Option<usize>, target_roots: Vec<Option<GlobalRoot>>) -> Plan {
                 ..Given::default()
             })
             .collect(),
+        hold_feet: true,
         parts: Parts {
             intermediates: true,
             positions: true,

@@ -2,10 +2,11 @@
 //!
 //! [`prepare`] checks every value of a request and moves each character into its segment frame (the projected root of
 //! the last context frame at the origin, heading 0), where the model works. [`finish`] turns what the stages made into
-//! frames: world rotations to parent-relative ones, roots and poses pinned to the keyframes, the segment frame undone, a
-//! robot's poses brought onto its hinges.
+//! frames: world rotations to parent-relative ones, roots and poses pinned to the keyframes, the segment frame undone, feet
+//! that stand held still, a robot's poses brought onto its hinges.
 
 mod context;
+mod feet;
 mod field;
 mod finish;
 mod hinges;
@@ -16,6 +17,7 @@ mod prepare;
 pub(crate) use prepare::tests as prepare_tests;
 
 pub use context::{ContextFrame, check_context};
+pub(crate) use feet::{contact_bits, hold_live};
 pub use field::{FieldError, Path};
 pub use finish::{NonFinite, finish};
 pub(crate) use finish::{check_finite, parent_relative, roots, to_world_rotations};

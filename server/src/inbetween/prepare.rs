@@ -28,6 +28,8 @@ pub struct Plan {
     pub context: Vec<Given>,
     /// The target keyframes; the last is the segment's last frame.
     pub targets: Vec<Given>,
+    /// Whether feet that stand are held still.
+    pub hold_feet: bool,
     /// What to return besides frames.
     pub parts: Parts,
 }
@@ -130,6 +132,7 @@ fn prepare_character(
         frames,
         context: context.iter().map(|key| key.given(&frame)).collect(),
         targets: targets.iter().map(|key| key.given(&frame)).collect(),
+        hold_feet: character.hold_feet.unwrap_or(true),
         parts: Parts {
             intermediates: character.return_intermediates,
             positions: character.return_positions,

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sha2::{Digest as _, Sha256};
+use troupe_motion::ik::{Leg, legs};
 use troupe_motion::robot::Hinge;
 use troupe_motion::stance::low_hips_m;
 use troupe_motion::{Robot, Skeleton};
@@ -64,6 +65,8 @@ pub struct Pack {
     pub dims: Dims,
     /// The skeleton that poses and frames are of.
     pub skeleton: Arc<Skeleton>,
+    /// The skeleton's legs, whose feet are held still where they stand.
+    pub legs: Arc<[Leg]>,
     /// Hips lower than this over the ground are those of one who sits or crouches, metres.
     pub low_hips_m: f32,
     /// The folder, where the ONNX files are.
@@ -110,6 +113,7 @@ impl Pack {
             manifest,
             dims,
             low_hips_m: low_hips_m(&skeleton),
+            legs: legs(&skeleton).into(),
             skeleton: Arc::new(skeleton),
             folder: folder.to_owned(),
         })

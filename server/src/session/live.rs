@@ -8,14 +8,12 @@ use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 use super::{CONTEXT_FRAMES, LivePlan, LiveShape, PlanTrace};
 use crate::engine::RawMotion;
 use crate::inbetween::{
-    NonFinite, PIN_REACH_FRAMES, check_finite, parent_relative, roots, to_world_rotations,
+    NonFinite, PIN_REACH_FRAMES, check_finite, contact_bits, parent_relative, roots, to_world_rotations,
 };
 use crate::pack::Pack;
 
 /// The frame that a plan carries on from.
 const LAST_CONTEXT: usize = CONTEXT_FRAMES - 1;
-/// From here on a contact counts.
-const CONTACT: f32 = 0.5;
 
 /// Turns what the stages made into a plan that carries on from its context.
 ///
@@ -86,19 +84,6 @@ fn join_poses(rotations: &mut [Quat], context: &[Quat], left_axis: Vec3) {
     rotations[..context.len()].copy_from_slice(context);
     for index in context.len()..rotations.len() {
         rotations[index] = align_sign(rotations[index], rotations[index - joints]);
-    }
-}
-
-/// One byte a frame, bit i for contact joint i; contact joints from the ninth on have none.
-fn contact_bits(contacts: &[f32], joints: usize, frames: usize) -> Vec<u8> {
-    let bits = |row: &[f32]| {
-        row.iter().take(8).enumerate().fold(0, |bits, (joint, &contact)| {
-            bits | (u8::from(contact >= CONTACT) << joint)
-        })
-    };
-    match joints {
-        0 => vec![0; frames],
-        _ => contacts.chunks_exact(joints).take(frames).map(bits).collect(),
     }
 }
 

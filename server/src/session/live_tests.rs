@@ -117,11 +117,3 @@ fn what_is_not_finite_is_refused() {
     raw.root_r_g4[77] = f32::NAN;
     assert_eq!(finish_live(&raw, &shape(None), &toy_pack()), Err(NonFinite));
 }
-
-#[test]
-fn contacts_are_bits() {
-    let rows = [0.5, 0.1, 0.9, 0.0, 0.49, 1.0, 0.0, 0.7];
-    assert_eq!(contact_bits(&rows, 4, 2), [0b0101, 0b1010]);
-    assert_eq!(contact_bits(&rows, 4, 1), [0b0101]);
-    assert_eq!(contact_bits(&[], 0, 2), [0, 0]);
-}

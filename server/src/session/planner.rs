@@ -8,9 +8,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::cell::SessionCell;
-use super::{Arrival, LivePlan, LiveShape, Meets, PlanFailed, PlanRequest, finish_live};
+use super::{Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, Meets, PlanFailed, PlanRequest, finish_live};
 use crate::batch::{Order, SubmitError};
 use crate::engine::{EngineError, RawMotion};
+use crate::inbetween::hold_live;
 use crate::service::LoadedPack;
 
 /// Shortest wait before a place in a full queue is asked for again.
@@ -122,8 +123,17 @@ fn finish(
             problem: "frames that are not finite".to_owned(),
         })
     })?;
-    if let Some(meets) = meets {
-        meets.meet(&mut plan, &pack.pack.skeleton);
+    match meets {
+        Some(meets) => meets.meet(&mut plan, &pack.pack.skeleton),
+        None => {
+            let LivePlan {
+                roots,
+                rotations,
+                contacts,
+                ..
+            } = &mut plan;
+            hold_live(&pack.pack, roots, rotations, contacts, CONTEXT_FRAMES);
+        }
     }
     pack.metrics.planned(plan.roots.len());
     Ok(plan)

@@ -283,3 +283,36 @@ async fn four_target_keyframes_are_met() {
         assert!(miss < 2e-3, "target {target}: {miss} m off");
     }
 }
+
+#[tokio::test]
+async fn feet_that_stand_are_held_still_unless_they_are_left_free() {
+    let (client, pack) = shared().client().await;
+    let gap = InBetween::from_clip(&walk(&pack), 40, 86).unwrap();
+    let mut slides = Vec::new();
+    let mut roots = Vec::new();
+    for hold in [true, false] {
+        let answer = client
+            .in_between(&pack, &gap.clone().hold_feet(hold))
+            .await
+            .unwrap();
+        let motion = WorldMotion::from_clip(&answer.clip);
+        let joints = pack.skeleton().joint_count();
+        let feet = &pack.skeleton().contacts.as_ref().unwrap().joints;
+        let stands = |frame: usize, nth: usize| answer.contacts[frame * feet.len() + nth] >= 0.5;
+        // A heel may turn over a toe that is held.
+        let toes: Vec<usize> = (0..feet.len()).filter(|nth| nth % 2 == 1).collect();
+        let steps = (5..50).flat_map(|frame| toes.iter().map(move |&nth| (frame, nth)));
+        let slid: f32 = steps
+            .filter(|&(frame, nth)| stands(frame, nth) && stands(frame - 1, nth))
+            .map(|(frame, nth)| {
+                let at = |frame: usize| motion.positions[frame * joints + feet[nth]];
+                let step = at(frame) - at(frame - 1);
+                step.x.hypot(step.z)
+            })
+            .sum();
+        slides.push(slid);
+        roots.push(answer.clip.root_positions);
+    }
+    assert!(slides[1] > 0.01 && slides[0] < 0.3 * slides[1], "{slides:?} m");
+    assert_eq!(roots[0], roots[1], "roots keep their way");
+}

@@ -273,7 +273,11 @@ fn nulls_to_infinity(value: &mut Value) {
     match value {
         Value::Null => *value = 1e39.into(),
         Value::Array(items) => items.iter_mut().for_each(nulls_to_infinity),
-        Value::Object(entries) => entries.values_mut().for_each(nulls_to_infinity),
+        // A switch that was left out is null too, and holds no number.
+        Value::Object(entries) => {
+            let numbers = entries.iter_mut().filter(|(name, _)| *name != "hold_feet");
+            numbers.for_each(|(_, value)| nulls_to_infinity(value));
+        }
         _ => {}
     }
 }

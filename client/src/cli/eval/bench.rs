@@ -178,7 +178,8 @@ impl Bench<'_> {
         let gap = InBetween::from_clip(truth, CONTEXT_FRAMES - 1, task.frames() - 1)?
             .seed(seed)
             .temperature(temperature)
-            .pose_steps(self.command.sampling.pose_steps);
+            .pose_steps(self.command.sampling.pose_steps)
+            .hold_feet(!self.command.sampling.free_feet);
         Ok(self.client.in_between(&self.pack, &gap).await?)
     }
 

@@ -28,6 +28,8 @@ pub(super) struct Report {
     seed: u64,
     temperature: f32,
     pose_steps: u32,
+    /// Whether the server held feet that stand.
+    feet_held: bool,
     /// Takes of each window that diversity was measured over.
     diversity_seeds: u32,
     /// None where none was at hand.
@@ -175,6 +177,7 @@ impl Report {
             seed: command.sampling.seed,
             temperature: command.sampling.temperature,
             pose_steps: command.sampling.pose_steps,
+            feet_held: !command.sampling.free_feet,
             diversity_seeds: command.seeds,
             evaluator: bench.evaluator.as_ref().ok().map(|e| e.origin().clone()),
             no_evaluator: bench.evaluator.as_ref().err().copied(),
@@ -361,6 +364,7 @@ mod tests {
             stride_frames: 30,
             seed: 0,
             temperature: 0.0,
+            feet_held: true,
             pose_steps: 1,
             diversity_seeds: 20,
             evaluator: None,
