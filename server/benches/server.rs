@@ -12,6 +12,7 @@ fn requests(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("server/64 frames");
     group.bench_function("prepare a request", |b| b.iter(|| work.prepare()));
     group.bench_function("finish a request", |b| b.iter(|| work.finish()));
+    group.bench_function("finish a request, feet free", |b| b.iter(|| work.finish_free()));
     group.bench_function("finish a live plan", |b| b.iter(|| work.finish_live()));
     group.finish();
 }

@@ -29,6 +29,13 @@ fn finish_a_request(work: Work) -> Work {
 }
 
 #[library_benchmark(setup = Work::load)]
+#[bench::frames_64()]
+fn finish_a_request_feet_free(work: Work) -> Work {
+    black_box(work.finish_free());
+    work
+}
+
+#[library_benchmark(setup = Work::load)]
 #[bench::frames_36()]
 fn finish_a_live_plan(work: Work) -> Work {
     black_box(work.finish_live());
@@ -63,6 +70,7 @@ library_benchmark_group!(
     benchmarks = [
         prepare_a_request,
         finish_a_request,
+        finish_a_request_feet_free,
         finish_a_live_plan,
         encode_a_tick,
         scheduler_turn

@@ -29,6 +29,7 @@ pub struct Work {
     pub pack: Pack,
     pub request: v1::InBetweenRequest,
     plan: Plan,
+    free: Plan,
     raw: RawMotion,
     shape: LiveShape,
     frame: FrameOut,
@@ -47,8 +48,13 @@ impl Work {
         let request = request(&clip);
         let (_, mut plans) = prepare(&request, &pack, LIMITS).unwrap();
         let frame = SegmentFrame::from_root(clip.root_at(CONTEXT_FRAMES - 1));
+        let plan = plans.remove(0);
         Self {
-            plan: plans.remove(0),
+            free: Plan {
+                hold_feet: false,
+                ..plan.clone()
+            },
+            plan,
             raw: raw(&clip, &pack.skeleton, &frame),
             shape: shape(&clip, frame),
             frame: FrameOut {
@@ -71,6 +77,11 @@ impl Work {
     /// From what the networks made to a request's answer.
     pub fn finish(&self) -> v1::CharacterResult {
         finish(&self.raw, &self.plan, &self.pack).unwrap()
+    }
+
+    /// The same with feet as the networks made them. Otherwise all four contact joints are held all the time, which is the most.
+    pub fn finish_free(&self) -> v1::CharacterResult {
+        finish(&self.raw, &self.free, &self.pack).unwrap()
     }
 
     /// From what the networks made to a live plan.
