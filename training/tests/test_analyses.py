@@ -136,7 +136,7 @@ def test_unspoilt_tokens_are_the_tokenizers(setting: Setting, run: Path, cache: 
     assert torch.equal(clean, again) and not torch.allclose(clean, spoilt, atol=1e-3)
 
 
-@pytest.mark.parametrize("name", ["root-interpolation", "pose-steps", "replan"])
+@pytest.mark.parametrize("name", ["root-interpolation", "pose-steps", "replan", "captured"])
 def test_analyses_without_training(name: str, run: Path, cache: Path, tmp_path: Path, monkeypatch):
     from troupe_training.analyses import pose_steps, replan
 
@@ -151,6 +151,8 @@ def test_analyses_without_training(name: str, run: Path, cache: Path, tmp_path: 
         assert [len(runs) for runs in report["runs"].values()] == [1, 2]
         first, second = (r["steps"]["1"]["l2p_m"]["mean"] for r in report["runs"]["temperature 1"])
         assert first != second, "seeds choose other tokens"
+    elif name == "captured":
+        assert len({case["l2p_m"]["mean"] for case in report["cases"].values()}) == 4
     else:
         assert set(report["intervals"]) == {"4", "8"} and "fid" in report["one_plan"]
 

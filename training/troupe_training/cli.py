@@ -185,7 +185,8 @@ def _parser() -> argparse.ArgumentParser:
 
     analyse = add("analyse", "One of the paper's analyses: figures as JSON, a plot as PNG.")
     analyse.add_argument(
-        "name", choices=("heads-codes", "fsq-vq", "root-interpolation", "replan", "pose-steps")
+        "name",
+        choices=("heads-codes", "fsq-vq", "root-interpolation", "replan", "pose-steps", "captured"),
     )
     source = analyse.add_mutually_exclusive_group()
     source.add_argument("--pack", type=Path, default=Path("models/human"), help="pack to analyse")

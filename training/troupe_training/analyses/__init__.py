@@ -6,7 +6,7 @@ seed there and go on from it.
 
 from collections.abc import Callable
 
-from troupe_training.analyses import fsq_vq, heads_codes, pose_steps, replan, root_interpolation
+from troupe_training.analyses import captured, fsq_vq, heads_codes, pose_steps, replan, root_interpolation
 from troupe_training.analyses.common import Setting
 
 ANALYSES: dict[str, Callable[[Setting], bool]] = {
@@ -15,4 +15,5 @@ ANALYSES: dict[str, Callable[[Setting], bool]] = {
     "root-interpolation": root_interpolation.run,
     "replan": replan.run,
     "pose-steps": pose_steps.run,
+    "captured": captured.run,
 }
