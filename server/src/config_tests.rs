@@ -147,6 +147,7 @@ fn the_largest_batch_is_the_engines_own_unless_it_is_set() {
     let batching = Batching {
         any_size: true,
         usual_most: 8,
+        call_rows: 0,
     };
     let most = |args: &[&str]| load(args).unwrap().max_batch_of(batching);
     assert_eq!((most(&[]), most(&["--max-batch", "0"])), (8, 8));

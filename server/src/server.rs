@@ -283,6 +283,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     let limits = Limits {
         lanes,
         padded: !batching.any_size,
+        call_rows: batching.call_rows,
         ..config.batch_limits(max_batch)
     };
     let batcher = Batcher::start(pack.name(), limits, metrics.clone(), factory)

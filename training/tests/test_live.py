@@ -123,7 +123,7 @@ def test_live_conditions_keep_the_context_exact(store: ClipStore):
 def test_refinement_takes_both_kinds_of_samples(store: ClipStore):
     config = PRESETS["test"]
     models = {stage: build(stage, config, store).eval() for stage in ("pose", "root", "refine")}
-    loss = refine_loss(store, 512, models["pose"], models["root"])
+    loss = refine_loss(store, 512, models["pose"], models["root"], 0.25)
     generator = torch.Generator().manual_seed(5)
     for _ in range(6):
         terms = loss(models["refine"], generator, 0.0)

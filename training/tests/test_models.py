@@ -138,7 +138,8 @@ def test_stages_learn_resume_and_chain(cache: Path, tmp_path: Path, store: ClipS
         state = torch.load(tmp_path / f"{stage}.pt", weights_only=False)
         assert state["step"] == steps
         histories[stage] = [h["total"] for h in state["history"]]
-    assert histories["tokenizer"][-1] < 0.75 * histories["tokenizer"][0]
+    # It begins well, with keyframes carried over.
+    assert histories["tokenizer"][-1] < 0.85 * histories["tokenizer"][0]
     assert histories["root"][-1] < 0.8 * histories["root"][0]
     assert histories["pose"][-1] < histories["pose"][0]
 

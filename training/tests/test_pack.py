@@ -6,9 +6,14 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 import pytest
+import torch
 
 from troupe_training.card import COLUMNS, METHODS, tomllib
 from troupe_training.cli import main
+from troupe_training.config import PRESETS
+from troupe_training.export import example_inputs, largest_difference
+from troupe_training.features import ClipStore
+from troupe_training.inbetween import RunNetworks
 
 
 @pytest.fixture(scope="module")
@@ -108,3 +113,29 @@ def test_a_second_data_set_does_not_reuse_the_first_ones_cache(pack: Path, tmp_p
     argv = ["pack", str(tmp_path), "--run", str(pack / "run"), "--cache", str(pack / "cache"), "--steps", "1"]
     with pytest.raises(SystemExit, match="was made from"):
         main(argv)
+
+
+def test_a_pack_can_be_adopted_and_refined(pack: Path):
+    """Checkpoints out of a pack answer as the pack does, and its decoder trains on and is exported again."""
+    run, again = pack / "adopted", pack / "again"
+    common = ["--run", str(run), "--cache", str(pack / "cache")]
+    assert main(["adopt", "--pack", str(pack / "human"), "--preset", "test", *common]) == 0
+    store = ClipStore(pack / "cache", "train")
+    inputs = example_inputs(store, PRESETS["test"], 5, 9, 3)
+    lengths = inputs["pose"]["num_tokens"]
+    for stage, (module, _) in RunNetworks(run, store).stages.items():
+        counts = module(**inputs["root"])[0] if stage == "root" else lengths
+        path = pack / "human" / f"{stage}.onnx"
+        assert largest_difference(path, module, inputs[stage], counts) < 1e-3
+    before = torch.load(run / "tokenizer.pt", weights_only=False)["average"]
+    assert (
+        main(["train", "refine", "--preset", "test", "--steps", "3", "--frames-per-step", "512", *common])
+        == 0
+    )
+    after = torch.load(run / "refine.pt", weights_only=False)["model"]
+    name = "decoder.level_full.blocks.0.conv.weight"
+    assert not torch.equal(before[name], after[name])
+    assert torch.equal(before["quantizer.book"], after["quantizer.book"])
+    assert main(["export", "--out", str(again), "--name", "again", *common]) == 0
+    told = [tomllib.loads((f / "pack.toml").read_text())["training"] for f in (pack / "human", again)]
+    assert told[0]["root_steps"] == told[1]["root_steps"] and told[1]["refine_steps"] == 3

@@ -133,6 +133,15 @@ def _parser() -> argparse.ArgumentParser:
         "--teacher", type=Path, help="run of a trained pack of a larger preset to learn from, for a small one"
     )
 
+    adopt = add(
+        "adopt",
+        "A pack's networks -> checkpoints, to refine it further where its own are gone, or on other motion.",
+    )
+    adopt.add_argument("--pack", type=Path, required=True, help="pack folder")
+    adopt.add_argument("--run", type=Path, required=True, help="folder of checkpoints to write")
+    adopt.add_argument("--cache", type=Path, default=Path("runs/cache"))
+    adopt.add_argument("--preset", choices=PRESETS, default="small", help="the pack's network sizes")
+
     export = add("export", "Checkpoints -> a pack of ONNX files, checked against PyTorch.")
     export.add_argument("--run", type=Path, default=Path("runs/human"))
     export.add_argument("--cache", type=Path, default=Path("runs/cache"))
@@ -313,11 +322,20 @@ def _train(args: argparse.Namespace, stage: str) -> bool:
     return done
 
 
+def _adopt(args: argparse.Namespace) -> None:
+    from troupe_training.adopt import adopt
+
+    for stage, names in adopt(args.pack, args.cache, args.run, args.preset).items():
+        anew = f", anew: {', '.join(names)}" if names else ""
+        print(f"{args.run / stage}.pt from {args.pack}{anew}")
+    print(f"next: troupe-train train refine --run {args.run} --preset {args.preset}")
+
+
 def _export(args: argparse.Namespace) -> None:
     from troupe_training.config import ModelConfig
     from troupe_training.export import export_pack
     from troupe_training.features import ClipStore
-    from troupe_training.plots import plot_curves
+    from troupe_training.plots import histories_of, plot_curves
     from troupe_training.stages import STAGES, load
 
     store = ClipStore(args.cache, "train")
@@ -339,7 +357,7 @@ def _export(args: argparse.Namespace) -> None:
     training = {k: v for k, v in training.items() if v is not None}
     about = {"licence": args.licence, "credits": args.credit, "training": training}
     export_pack(args.out, args.name, args.version, config, store, tokenizer, root, pose, about)
-    if any(name.endswith("_final_loss") for name in training):  # none after a handful of updates
+    if histories_of(args.run):  # none after a handful of updates, or where all stages are adopted
         plot_curves(args.run, args.out / "curves.png")
 
 
@@ -460,6 +478,8 @@ def main(argv: list[str] | None = None) -> int:
         _prepare(args)
     elif args.command == "train":
         return 0 if _train(args, args.stage) else 130
+    elif args.command == "adopt":
+        _adopt(args)
     elif args.command == "export":
         _export(args)
     elif args.command == "evaluator":

@@ -11,11 +11,16 @@ import matplotlib.pyplot as plt
 from troupe_training.stages import BASELINES, STAGES
 
 
+def histories_of(run: Path) -> dict[str, dict]:
+    """Steps, seconds and history of every stage of ``run`` that has a history."""
+    paths = {stage: Path(run) / f"{stage}.json" for stage in STAGES + BASELINES}
+    found = {stage: json.loads(path.read_text()) for stage, path in paths.items() if path.exists()}
+    return {stage: data for stage, data in found.items() if data["history"]}
+
+
 def plot_curves(run: Path, out: Path) -> None:
     """Draws every term of every stage that has a history in ``run``."""
-    histories = {s: Path(run) / f"{s}.json" for s in STAGES + BASELINES}
-    histories = {s: json.loads(p.read_text()) for s, p in histories.items() if p.exists()}
-    histories = {stage: data for stage, data in histories.items() if data["history"]}
+    histories = histories_of(run)
     if not histories:
         raise SystemExit(f"no training history under {run}")
     figure, axes = plt.subplots(1, len(histories), figsize=(5.2 * len(histories), 4), squeeze=False)

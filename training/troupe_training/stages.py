@@ -46,6 +46,8 @@ HEIGHT_WEIGHT = 3.0
 # from the feet, and then they skate.
 PREDICTED_ROOTS_POSE = 0.5
 PREDICTED_ROOTS_REFINE = 0.9
+# Share of the refinement's samples that are decoded from true tokens, so that tokens keep their meaning.
+GUIDED_REFINE = 0.25
 # Share of the refinement's updates under the conditions of live control.
 LIVE_SHARE = 0.4
 
@@ -94,8 +96,17 @@ def load(run: Path, stage: str, store: ClipStore) -> nn.Module:
         raise SystemExit(f"{path} is missing: train the stage '{stage}' first")
     state = torch.load(path, map_location=store.device, weights_only=False)
     model = build(stage, ModelConfig(**state["meta"]["model"]), store)
-    model.load_state_dict(state["average"])
+    try:
+        model.load_state_dict(state["average"])
+    except RuntimeError as error:
+        raise SystemExit(f"{path} does not fit the networks of this version: {error}") from error
     return model.to(store.device).eval().requires_grad_(False)
+
+
+def is_adopted(run: Path) -> bool:
+    """Whether a run's tokenizer came out of a pack, and so has no trained encoder."""
+    state = torch.load(Path(run) / "tokenizer.pt", map_location="cpu", weights_only=False)
+    return state["meta"].get("adopted", False)
 
 
 def noisy_root(segments: Segments, mask: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
@@ -286,8 +297,13 @@ def pose_loss(
     return loss
 
 
-def refine_loss(store: ClipStore, frames_budget: int, pose: PoseModule, root: RootModule):
-    """Loss of the decoder on what it will be served: predicted roots and tokens, true motion as the aim."""
+def refine_loss(
+    store: ClipStore, frames_budget: int, pose: PoseModule, root: RootModule, guided_share: float
+):
+    """Loss of the decoder on what it will be served: predicted roots and tokens, true motion as the aim.
+
+    A ``guided_share`` of the samples has the tokens of the true motion.
+    """
     kinematics = Kinematics(store.skeleton, store.device)
 
     def loss(model: Tokenizer, generator: torch.Generator, progress: float) -> dict[str, torch.Tensor]:
@@ -303,12 +319,15 @@ def refine_loss(store: ClipStore, frames_budget: int, pose: PoseModule, root: Ro
             trajectory = mixed_root(root, segments, mask, PREDICTED_ROOTS_REFINE, generator)
             given, exact = segments.pose, mask
         with torch.no_grad():
-            truth = model.quantizer.tokens(model.encode(segments.pose))
-            num_tokens = torch.full(truth.shape[:1], truth.shape[1], device=store.device)
-            masked = torch.full_like(truth, pose.codes)
-            guess = pose(masked, num_tokens, trajectory, given * mask[..., None], mask).argmax(-1)
-            guided = (torch.rand(len(truth), 1, 1, generator=generator) < 0.25).to(store.device)
-            embedded = model.quantizer.embed(torch.where(guided, truth, guess))
+            batch, slots = len(segments.pose), segments.frames // FRAMES_PER_TOKEN
+            num_tokens = torch.full((batch,), slots, device=store.device)
+            tokens = torch.full((batch, slots, pose.heads), pose.codes, device=store.device)
+            tokens = pose(tokens, num_tokens, trajectory, given * mask[..., None], mask).argmax(-1)
+            if guided_share > 0.0:
+                truth = model.quantizer.tokens(model.encode(segments.pose))
+                guided = torch.rand(batch, 1, 1, generator=generator) < guided_share
+                tokens = torch.where(guided.to(store.device), truth, tokens)
+            embedded = model.quantizer.embed(tokens)
         out = model.decoder(embedded, trajectory, given, mask)
         return reconstruction_losses(out, segments, exact, model.decoder, kinematics)
 
@@ -338,6 +357,7 @@ def train_stage(
     store = ClipStore(cache, "train", device, balance)
     sizes, config = ("variant", preset) if isinstance(preset, ModelConfig) else (preset, PRESETS[preset])
     teacher: Teacher | None = load_teacher(teacher_run, load, store) if teacher_run else None
+    adopted = stage == "refine" and is_adopted(run)
     if stage == "refine":
         model = load(run, "tokenizer", store)
         for parameter in model.decoder.parameters():
@@ -348,6 +368,7 @@ def train_stage(
         if teacher and stage == "tokenizer":
             teacher.lend_tokens(model)
     meta = {"model": config.to_dict(), "preset": sizes, "seed": seed, "frames_budget": frames_budget}
+    meta |= {"adopted": True} if adopted else {}
     trainer = Trainer(run, stage, model, budget, meta, seed, device)
     if trainer.resume():
         if fresh_schedule:
@@ -365,7 +386,9 @@ def train_stage(
         "pose": lambda: pose_loss(
             store, frames_budget, network("tokenizer"), network("root"), taught["pose"]
         ),
-        "refine": lambda: refine_loss(store, frames_budget, network("pose"), network("root")),
+        "refine": lambda: refine_loss(
+            store, frames_budget, network("pose"), network("root"), 0.0 if adopted else GUIDED_REFINE
+        ),
         "delta": lambda: delta_loss(store, frames_budget),
     }
     return trainer.fit(losses[stage]())

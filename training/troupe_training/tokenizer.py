@@ -10,6 +10,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from troupe_training.carried import CarriedPose
 from troupe_training.config import FPS, FRAMES_PER_TOKEN, ModelConfig
 from troupe_training.features import local_root_of
 from troupe_training.layers import (
@@ -177,6 +178,7 @@ class Decoder(nn.Module):
         self.root_scale = Standardiser(4)
         self.velocity_scale = Standardiser(joints * 3)
         self.missing_pose = nn.Parameter(torch.zeros(pose_dim))
+        self.carried = CarriedPose(joints)
         condition = pose_dim + 1 + 6
         self.condition_quarter = nn.Linear(4 * condition, low)
         self.condition_half = nn.Linear(2 * condition, mid)
@@ -192,11 +194,13 @@ class Decoder(nn.Module):
         with torch.no_grad():
             self.leave.weight.mul_(0.3)
 
-    def condition(self, global_root: torch.Tensor, frame_pose: torch.Tensor, frame_mask: torch.Tensor):
-        """Per-frame condition ``[B, T, .]`` and the standardised local root it holds."""
+    def condition(
+        self, global_root: torch.Tensor, pose: torch.Tensor, frame_mask: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Per-frame condition ``[B, T, .]`` of the standardised poses that are carried, and the local root it holds."""
         local = self.root_scale(local_root_of(global_root))
         mask = frame_mask[..., None]
-        pose = self.pose_scale(frame_pose) * mask + self.missing_pose * (1.0 - mask)
+        pose = pose + self.missing_pose * (1.0 - mask)
         return torch.cat([local, global_root[..., 3:], pose, mask], -1), local
 
     def forward(
@@ -208,14 +212,25 @@ class Decoder(nn.Module):
         num_tokens: torch.Tensor | None = None,
     ) -> Decoded:
         """``embedded`` ``[B, n, K*code_dim]``, roots ``[B, T, 5]``, poses ``[B, T, J*9]`` where ``frame_mask`` is 1."""
-        hidden, local = self.hidden(embedded, global_root, frame_pose, frame_mask, num_tokens)
-        return self._read_out(hidden.float(), local.float(), global_root)
+        carried, distance = self.carry(frame_pose, frame_mask, global_root)
+        scaled = self.pose_scale(carried)
+        hidden, local = self.hidden(embedded, global_root, scaled, frame_mask, num_tokens)
+        return self._read_out(
+            hidden.float(), local.float(), global_root, scaled, self.carried.shares(distance)
+        )
+
+    def carry(
+        self, frame_pose: torch.Tensor, frame_mask: torch.Tensor, global_root: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """The keyframes' poses at every frame, and distances to the nearest keyframe (`CarriedPose`)."""
+        # Frames that are not given may hold anything.
+        return self.carried(frame_pose * frame_mask[..., None], frame_mask, global_root)
 
     def hidden(
         self,
         embedded: torch.Tensor,
         global_root: torch.Tensor,
-        frame_pose: torch.Tensor,
+        carried: torch.Tensor,
         frame_mask: torch.Tensor,
         num_tokens: torch.Tensor | None,
     ) -> tuple[torch.Tensor, torch.Tensor]:
@@ -224,7 +239,7 @@ class Decoder(nn.Module):
         if num_tokens is None:
             num_tokens = torch.full((embedded.shape[0],), slots, device=embedded.device)
         valid = [valid_frames(num_tokens, slots * k, k)[..., None] for k in (1, 2, 4)]
-        condition, local = self.condition(global_root, frame_pose, frame_mask)
+        condition, local = self.condition(global_root, carried, frame_mask)
         x = self.enter(embedded) + self.condition_quarter(stack_frames(condition, 4))
         x = self.level_quarter(x, valid[0])
         x = unstack_frames(self.up_half(x), 2) + self.condition_half(stack_frames(condition, 2))
@@ -233,11 +248,18 @@ class Decoder(nn.Module):
         return self.level_full(x, valid[2]), local
 
     @full_precision
-    def _read_out(self, hidden: torch.Tensor, local: torch.Tensor, global_root: torch.Tensor) -> Decoded:
+    def _read_out(
+        self,
+        hidden: torch.Tensor,
+        local: torch.Tensor,
+        global_root: torch.Tensor,
+        carried: torch.Tensor,
+        trust: torch.Tensor,
+    ) -> Decoded:
         raw = self.leave(self.norm(hidden))
         widths = [self.joints * 9, 4, self.joints * 3, self.contacts]
         pose, root, velocity, contact = raw.split(widths, -1)
-        pose = self.pose_scale.invert(pose).unflatten(-1, (self.joints, 9))
+        pose = self.pose_scale.invert(pose + trust * (carried - pose)).unflatten(-1, (self.joints, 9))
         local_root = self.root_scale.invert(local + 0.2 * root)
         return Decoded(
             positions=pose[..., :3],
@@ -303,21 +325,33 @@ class DecoderStage(nn.Module):
         root = torch.arange(pose_dim, pose_dim + 4)
         contacts = torch.arange(decoder.contacts) + pose_dim + 4 + decoder.joints * 3
         columns = torch.cat([six_d, root, contacts]).to(decoder.leave.weight.device)
+        self.register_buffer("columns", columns, persistent=False)
         self.widths = [len(six_d), len(root), len(contacts)]
         self.leave = nn.Linear(decoder.leave.in_features, len(columns), device=columns.device)
+        # Rotations come out in physical units, and so does what is carried.
+        scale, centre = torch.ones(len(columns)), torch.zeros(len(columns))
+        scale[: len(six_d)], centre[: len(six_d)] = (
+            decoder.pose_scale.std[six_d],
+            decoder.pose_scale.mean[six_d],
+        )
         with torch.no_grad():
-            self.leave.weight.copy_(decoder.leave.weight[columns])
-            self.leave.bias.copy_(decoder.leave.bias[columns])
-        self.register_buffer("scale", decoder.pose_scale.std[six_d].clone())
-        self.register_buffer("centre", decoder.pose_scale.mean[six_d].clone())
+            self.leave.weight.copy_(decoder.leave.weight[columns] * scale[:, None])
+            self.leave.bias.copy_(decoder.leave.bias[columns] * scale + centre)
+        self.register_buffer("trust", decoder.carried.trust.detach()[:, six_d].clone())
 
     def forward(self, tokens, num_tokens, global_root, frame_pose, frame_mask):
         decoder = self.decoder
         embedded = self.quantizer.embed(tokens)
-        hidden, local = decoder.hidden(embedded, global_root, frame_pose, frame_mask, num_tokens)
+        carried, distance = decoder.carry(frame_pose, frame_mask, global_root)
+        hidden, local = decoder.hidden(
+            embedded, global_root, decoder.pose_scale(carried), frame_mask, num_tokens
+        )
         rotations, root, contacts = self.leave(decoder.norm(hidden)).split(self.widths, -1)
+        trust = self.trust.index_select(0, distance.flatten()).unflatten(0, distance.shape)
+        carried = carried.unflatten(-1, (decoder.joints, 9))[..., 3:].flatten(2)
+        rotations = rotations + trust * (carried - rotations)
         return (
-            (rotations * self.scale + self.centre).unflatten(-1, (decoder.joints, 6)),
+            rotations.unflatten(-1, (decoder.joints, 6)),
             integrate_root(global_root[:, 0], decoder.root_scale.invert(local + 0.2 * root)),
             torch.sigmoid(contacts),
         )

@@ -18,8 +18,9 @@
 //!   waits up to a tenth of the time that its batch took for as many to come, and takes no more than lanes would have
 //!   if all that is under way were shared evenly: else callers fall into one group more than there are lanes, and
 //!   batches are the smaller. Not while there are live characters.
-//! - An engine that pads computes the padding too. Where more is ready at once than a few, and work has piled up behind a
-//!   busy lane, a cut is rounded down to a size without padding: the rest goes first with the next lane.
+//! - An engine that pads computes the padding too, and one that cuts batches into calls takes nearly as long for a small call as for
+//!   a large one. Where more is ready at once than a few, and work has piled up behind a busy lane, a cut is rounded down to a
+//!   size without padding, or to whole calls: the rest goes first with the next lane.
 //!
 //! # Owners
 //! At most one plan of an owner is with the engine. One more may wait; a newer one takes its place, and inherits its
@@ -240,7 +241,7 @@ impl Scheduler {
             lanes: vec![Lane::Busy; limits.lanes],
             gathers: vec![None; limits.lanes],
             meter: Meter::new(limits.lanes),
-            sizes: BatchSizes::new(limits.max_batch, !limits.padded),
+            sizes: limits.sizes(),
             limits,
             held_until: None,
             last_live: None,

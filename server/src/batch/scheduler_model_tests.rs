@@ -56,16 +56,17 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 fn some_limits() -> impl Strategy<Value = Limits> {
     let slice = prop_oneof![Just(0u64), 1u64..100];
     let delay = (prop_oneof![Just(0u64), 1u64..50], 0usize..6);
-    let batch = (1usize..20, any::<bool>());
+    let batch = (1usize..20, any::<bool>(), prop_oneof![Just(0usize), 1usize..9]);
     let wait = || prop_oneof![Just(0u64), 1u64..200];
     let delays = (delay, slice, wait(), wait());
     (1usize..5, batch, 0usize..40, 0u64..400, delays).prop_map(
-        |(lanes, (max_batch, padded), spare, ageing_ms, delays)| {
+        |(lanes, (max_batch, padded, call_rows), spare, ageing_ms, delays)| {
             let ((delay_ms, preferred_batch), slice_ms, wait_ms, standing_ms) = delays;
             Limits {
                 lanes,
                 max_batch,
                 padded,
+                call_rows,
                 max_queued: 12 + spare,
                 max_live: 3 + spare,
                 max_wait: Duration::from_millis(wait_ms),
@@ -309,9 +310,12 @@ impl Model {
                 .div_ceil(self.lanes.len())
                 .max(8);
             let may_be = |whole: usize| {
-                let sizes = BatchSizes::new(self.limits.max_batch, false);
+                let sizes = match self.limits.call_rows {
+                    0 => BatchSizes::new(self.limits.max_batch, !self.limits.padded),
+                    rows => BatchSizes::of_calls(self.limits.max_batch, rows),
+                };
                 let without_padding = sizes.all().iter().copied().rfind(|&size| size <= whole);
-                let rounded = self.limits.padded && whole >= 8 && Some(size) == without_padding;
+                let rounded = whole >= 8 && Some(size) == without_padding;
                 size == whole || rounded
             };
             let whole = share.min(self.limits.max_batch);

@@ -29,6 +29,7 @@ impl Config {
             lanes: 1,
             max_batch,
             padded: true,
+            call_rows: 0,
             max_queued: self.max_queued_characters,
             max_live: self.max_sessions,
             max_wait: Duration::from_millis(self.max_queue_ms),

@@ -28,6 +28,19 @@ impl BatchSizes {
         Self { sizes }
     }
 
+    /// Sizes of batches of up to `max_batch` rows for an engine that cuts them into calls of up to `rows`, at least one: any up
+    /// to that, then whole calls, and `max_batch` itself.
+    pub fn of_calls(max_batch: usize, rows: usize) -> Self {
+        let (largest, rows) = (max_batch.max(1), rows.max(1));
+        let whole = (rows..largest).step_by(rows).skip(1);
+        let sizes = (1..=rows.min(largest))
+            .chain(whole)
+            .chain((largest > rows).then_some(largest));
+        Self {
+            sizes: sizes.collect(),
+        }
+    }
+
     /// All sizes, in rising order.
     pub fn all(&self) -> &[usize] {
         &self.sizes
@@ -67,6 +80,18 @@ mod tests {
         assert_eq!(BatchSizes::new(10, false).all(), [1, 2, 4, 6, 8, 10]);
         assert_eq!(BatchSizes::new(3, false).all(), [1, 2, 3]);
         assert_eq!(BatchSizes::new(1, false).all(), [1]);
+    }
+
+    #[test]
+    fn beyond_a_call_sizes_are_whole_calls() {
+        assert_eq!(
+            BatchSizes::of_calls(32, 8).all(),
+            [1, 2, 3, 4, 5, 6, 7, 8, 16, 24, 32]
+        );
+        assert_eq!(BatchSizes::of_calls(20, 8).all()[7..], [8, 16, 20]);
+        assert_eq!(BatchSizes::of_calls(8, 8).all(), [1, 2, 3, 4, 5, 6, 7, 8]);
+        assert_eq!(BatchSizes::of_calls(3, 8).all(), [1, 2, 3]);
+        assert_eq!(BatchSizes::of_calls(9, 8).all()[7..], [8, 9]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::batch::order::Class;
+use crate::engine::BatchSizes;
 
 /// Shortest time after which it is worth to try again.
 const MIN_RETRY: Duration = Duration::from_millis(10);
@@ -16,6 +17,8 @@ pub struct Limits {
     pub max_batch: usize,
     /// Whether the engine pads batches to one of its [sizes](crate::engine::BatchSizes); else it takes any as it is.
     pub padded: bool,
+    /// Most characters of one call of the engine, where it cuts batches into calls; else 0.
+    pub call_rows: usize,
     /// Most characters of InBetween calls that may wait.
     pub max_queued: usize,
     /// Most characters of live plans that may wait. A session has one at most, so with a place for each session none is
@@ -44,6 +47,7 @@ impl Default for Limits {
             lanes: 1,
             max_batch: 64,
             padded: true,
+            call_rows: 0,
             max_queued: 1024,
             max_live: 16_384,
             max_wait: Duration::from_secs(1),
@@ -58,6 +62,14 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// The sizes of batches that cost the engine nothing besides.
+    pub(super) fn sizes(&self) -> BatchSizes {
+        match self.call_rows {
+            0 => BatchSizes::new(self.max_batch, !self.padded),
+            rows => BatchSizes::of_calls(self.max_batch, rows),
+        }
+    }
+
     /// What is added to a deadline of the class, to order it among those of the other.
     pub fn handicap(&self, class: Class) -> Duration {
         match class {

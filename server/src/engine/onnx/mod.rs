@@ -39,6 +39,8 @@ pub struct Batching {
     pub any_size: bool,
     /// The most characters that a batch usually has.
     pub usual_most: usize,
+    /// The most characters of one call, where batches are cut into calls; else 0.
+    pub call_rows: usize,
 }
 
 impl Batching {
@@ -46,6 +48,7 @@ impl Batching {
     pub const UNKNOWN: Self = Self {
         any_size: false,
         usual_most: 32,
+        call_rows: 0,
     };
 
     /// ONNX Runtime's own CPU kernels are made for all shapes; with OpenVINO there are networks for calls of up to 8, where
@@ -58,7 +61,10 @@ impl Batching {
             },
             EngineKind::OpenvinoBf16 if fixed_shapes => Self {
                 any_size: true,
-                usual_most: CALL_ROWS[CALL_ROWS.len() - 1],
+                // A stage's calls follow on each other, so its weights stay in the core's caches: four calls are a tenth faster
+                // than one.
+                call_rows: CALL_ROWS[CALL_ROWS.len() - 1],
+                ..Self::UNKNOWN
             },
             EngineKind::OpenvinoBf16 | EngineKind::Cuda | EngineKind::Tensorrt => Self::UNKNOWN,
         }

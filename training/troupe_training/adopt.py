@@ -1,0 +1,151 @@
+"""``adopt``: the networks of a pack as a run's checkpoints, to train on where those are gone, or on other motion.
+
+A pack has no encoder and none of the decoder's outputs that only training reads: both begin anew. What is trained on is
+the decoder, on what the other two networks predict (`refine`); see `stages.refine_loss`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+import torch
+from onnx import numpy_helper
+from torch import nn
+
+from troupe_training.card import tomllib
+from troupe_training.config import PRESETS, ModelConfig
+from troupe_training.features import ClipStore
+from troupe_training.layers import FrameConv
+from troupe_training.root_module import RootStage
+from troupe_training.stages import build
+from troupe_training.tokenizer import DecoderStage
+
+FLOATS = (onnx.TensorProto.FLOAT, onnx.TensorProto.FLOAT16)
+
+
+def weights_of(path: Path) -> dict[str, torch.Tensor]:
+    """The graph's numbers by the names that PyTorch has for them.
+
+    Biases and constants keep their names in a graph; the matrix of a linear layer is what is multiplied before its bias is
+    added.
+    """
+    graph = onnx.load(path).graph
+    numbers = {
+        i.name.removesuffix(".half"): numpy_helper.to_array(i).astype(np.float32)
+        for i in graph.initializer
+        if i.data_type in FLOATS
+    }
+    producers = {output: node for node in graph.node for output in node.output}
+
+    def number(name: str) -> str:
+        """What a name stands for, through the Cast of 16-bit weights."""
+        node = producers.get(name)
+        return (node.input[0] if node and node.op_type == "Cast" else name).removesuffix(".half")
+
+    found = dict(numbers)
+    for node in graph.node:
+        names = [number(name) for name in node.input]
+        if node.op_type == "Add" and any(name.endswith(".bias") for name in names):
+            bias = next(name for name in names if name.endswith(".bias"))
+            other = node.input[1 - names.index(bias)]
+            product = producers.get(other)
+            if product is not None and product.op_type == "MatMul":
+                matrix = number(product.input[1])
+                found.setdefault(bias.removesuffix("bias") + "weight", numbers[matrix].T)
+        elif node.op_type == "Gemm" and len(names) == 3:
+            turned = next((a.i for a in node.attribute if a.name == "transB"), 0)
+            matrix = numbers[names[1]] if turned else numbers[names[1]].T
+            found.setdefault(names[2].removesuffix("bias") + "weight", matrix)
+    return {name: torch.from_numpy(np.array(value)) for name, value in found.items()}
+
+
+def find_folded(
+    numbers: dict[str, torch.Tensor], name: str, folded: tuple[int, ...], shape: torch.Size
+) -> None:
+    """Adds a constant that the exporter has reshaped and named itself, if there is just one of that shape."""
+    found = [value for value in numbers.values() if value.shape == folded]
+    if name not in numbers and len(found) == 1:
+        numbers[name] = found[0].reshape(shape)
+
+
+def adopt_stage(module: nn.Module, numbers: dict[str, torch.Tensor]) -> list[str]:
+    """Fills ``module`` with a graph's numbers; the names of what the graph does not have."""
+    convolutions = {
+        f"{name}.weight": m.kernel_size[0] for name, m in module.named_modules() if isinstance(m, FrameConv)
+    }
+    missing = []
+    with torch.no_grad():
+        for name, tensor in module.state_dict().items():
+            if not tensor.is_floating_point():
+                continue  # places, which follow from the sizes
+            value = numbers.get(name)
+            if value is None:
+                missing.append(name)
+                continue
+            if name in convolutions:  # as `UnrolledConv` lays them out
+                value = value.T if value.shape[0] == tensor.shape[0] != value.shape[1] else value
+                value = value.unflatten(0, (convolutions[name], -1)).permute(2, 1, 0)
+            if value.shape != tensor.shape:
+                raise SystemExit(
+                    f"{name} has the shape {tuple(value.shape)} in the pack, {tuple(tensor.shape)} in the preset"
+                )
+            tensor.copy_(value)
+    return missing
+
+
+def adopt(pack: Path, cache: Path, run: Path, preset: str) -> dict[str, list[str]]:
+    """Writes the checkpoints ``root``, ``pose`` and ``tokenizer``; what of each the pack does not have."""
+    store, config = ClipStore(cache, "train"), PRESETS[preset]
+    told = tomllib.loads((Path(pack) / "pack.toml").read_text())["training"]
+    Path(run).mkdir(parents=True, exist_ok=True)
+    missing = {}
+    for stage in ("root", "pose", "tokenizer"):
+        model = build(stage, config, store)
+        graph = Path(pack) / f"{'decoder' if stage == 'tokenizer' else stage}.onnx"
+        numbers = weights_of(graph)
+        if stage == "root":
+            shipped = RootStage(model)
+            find_folded(numbers, "module.slots", (1, *model.slots.shape), model.slots.shape)
+            missing[stage] = adopt_stage(shipped, numbers)
+        elif stage == "pose":
+            missing[stage] = adopt_stage(model, numbers)
+        else:
+            missing[stage] = _adopt_decoder(model, numbers)
+        save_adopted(Path(run), stage, model, config, preset, told)
+    return missing
+
+
+def _adopt_decoder(tokenizer: nn.Module, numbers: dict[str, torch.Tensor]) -> list[str]:
+    """The decoder, codebooks and those rows of the read-out that are served."""
+    shipped = DecoderStage(tokenizer)
+    book = tokenizer.quantizer.book.shape
+    find_folded(numbers, "quantizer.book", (book[0] * book[1], book[2]), book)
+    missing = adopt_stage(shipped, numbers)
+    decoder, width = tokenizer.decoder, shipped.widths[0]
+    rows = shipped.columns
+    scale, centre = decoder.pose_scale.std[rows[:width]], decoder.pose_scale.mean[rows[:width]]
+    weight, bias = shipped.leave.weight.clone(), shipped.leave.bias.clone()
+    if "scale" not in numbers:  # packs from before keyframes were carried scale behind the read-out
+        weight[:width] /= scale[:, None]
+        bias[:width] = (bias[:width] - centre) / scale
+    with torch.no_grad():
+        decoder.leave.weight[rows], decoder.leave.bias[rows] = weight, bias
+        decoder.carried.trust[:, rows[:width]] = shipped.trust
+    return [name for name in missing if not name.startswith("decoder.leave.")]
+
+
+def save_adopted(
+    run: Path, stage: str, model: nn.Module, config: ModelConfig, preset: str, told: dict
+) -> None:
+    """A checkpoint with the updates and minutes that the pack's manifest tells of the stage."""
+    steps, loss = told.get(f"{stage}_steps", 0), told.get(f"{stage}_final_loss")
+    state = {
+        "stage": stage,
+        "meta": {"model": config.to_dict(), "preset": preset, "adopted": True},
+        "model": model.state_dict(),
+        "average": model.state_dict(),
+        "step": steps,
+        "seconds": 60.0 * told.get(f"{stage}_minutes", 0.0),
+        "history": [] if loss is None else [{"step": steps, "total": loss}],
+    }
+    torch.save(state, run / f"{stage}.pt")

@@ -1,0 +1,79 @@
+"""What the decoder carries over from the given keyframes: poses turned with the root and interpolated, and how far to trust them.
+
+A decoder that has to press every pose through its narrow layers misses even those it is given, by centimetres, and with them
+whatever of a character's bearing does not change on the way. So it starts from the keyframes as the Δ-interpolator does
+(Oreshkin et al. 2024): the frames between two keyframes hold their interpolation, those before the first and behind the last hold
+that one, each turned to the heading that the root has there. What is served is a mixture of this and of what the network
+gives, by shares that are learnt for each number and each distance to a keyframe.
+"""
+
+import torch
+from torch import nn
+
+from troupe_training.config import MAX_FRAMES
+from troupe_training.layers import full_precision
+
+# Distance in frames at which the shares begin to learn from 37 %.
+FIRST_REACH_FRAMES = 6.0
+
+
+def neighbours(mask: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """For each frame 1 at the last keyframe up to it, and 1 at the first from it on: ``[B, T, T]`` of 0/1, from ``[B, T]``.
+
+    A keyframe is its own neighbour on both sides. Frames are told apart by how many keyframes there are up to them.
+    """
+    count = mask.cumsum(-1)
+    before = (count[:, :, None] == count[:, None, :]).float() * mask[:, None]
+    after = ((count - mask)[:, :, None] + 1.0 == count[:, None, :]).float() * mask[:, None]
+    return before, after
+
+
+def interpolation(mask: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Shares ``[B, T, T]`` of each frame (last axis) in every other's interpolation, and the distance to the nearest keyframe.
+
+    Rows are zero, and distances `MAX_FRAMES`, where ``mask`` ``[B, T]`` has no keyframe.
+    """
+    before, after = neighbours(mask)
+    place = torch.arange(mask.shape[1], device=mask.device, dtype=torch.float32)
+    has_before, has_after = before.sum(-1), after.sum(-1)
+    behind, ahead = place - (before * place).sum(-1), (after * place).sum(-1) - place
+    between = has_before * has_after
+    way = between * behind / (behind + ahead).clamp_min(1.0)
+    shares = (has_before - way)[..., None] * before + (way + has_after - between)[..., None] * after
+    far = float(MAX_FRAMES)
+    behind, ahead = far + has_before * (behind - far), far + has_after * (ahead - far)
+    # A keyframe counts as behind and ahead of itself, with shares of 1 and 0.
+    return shares, torch.minimum(behind, ahead)
+
+
+class CarriedPose(nn.Module):
+    """Keyframe poses ``[B, T, J*9]`` at every frame."""
+
+    def __init__(self, joints: int):
+        super().__init__()
+        width = joints * 9
+        distance = torch.arange(MAX_FRAMES + 1)[:, None]
+        self.trust = nn.Parameter(torch.exp(-distance / FIRST_REACH_FRAMES).expand(-1, width).clone())
+
+    @full_precision
+    def forward(
+        self, pose: torch.Tensor, mask: torch.Tensor, global_root: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Poses in physical units, zero without a keyframe, and the distances ``[B, T]`` to the nearest keyframe.
+
+        ``pose`` ``[B, T, J*9]`` is zero where ``mask`` ``[B, T]`` is; ``global_root`` ``[B, T, 5]``.
+        """
+        shares, distance = interpolation(mask)
+        cosine, sine = global_root[..., 3:4], global_root[..., 4:5]
+        turned = shares * (cosine * cosine.transpose(1, 2) + sine * sine.transpose(1, 2))
+        across = shares * (sine * cosine.transpose(1, 2) - cosine * sine.transpose(1, 2))
+        x, y, z = pose.unflatten(-1, (-1, 3)).permute(0, 3, 1, 2).unbind(1)
+        # x cos + z sin and z cos - x sin, of the angle between the headings; heights stay.
+        turn = torch.cat([torch.cat([turned, across], -1), torch.cat([-across, turned], -1)], 1)
+        level, frames = turn @ torch.cat([x, z], 1), pose.shape[1]
+        vectors = torch.stack([level[:, :frames], shares @ y, level[:, frames:]], 1)
+        return vectors.permute(0, 2, 3, 1).flatten(2), distance.long()
+
+    def shares(self, distance: torch.Tensor) -> torch.Tensor:
+        """How far to trust carried poses ``[B, T, J*9]`` at distances ``[B, T]``."""
+        return self.trust.index_select(0, distance.flatten()).unflatten(0, distance.shape)
