@@ -70,14 +70,14 @@ class Store:
         values = [value for result in self.of(key) if (value := dig(result, *path)) is not None]
         return statistics.median(values) if values else None
 
-    def turns(self, one: tuple, other: tuple) -> list[tuple[float, float]]:
-        """Pairs of numbers of the same turn: each side is a key and the path of its number."""
+    def turns(self, *sides: tuple) -> list[tuple[float, ...]]:
+        """Numbers of the same turn beside each other: each side is a key and the path of its number."""
         numbers = []
-        for key, *path in (one, other):
+        for key, *path in sides:
             runs = [run for run in self.data["runs"] if key.items() <= run["key"].items()]
             found = {run["key"].get("repeat"): dig(run["result"], *path) for run in runs}
             numbers.append({turn: value for turn, value in found.items() if value is not None})
-        return [(value, numbers[1][turn]) for turn, value in numbers[0].items() if turn in numbers[1]]
+        return [tuple(side[turn] for side in numbers) for turn in numbers[0] if all(turn in side for side in numbers)]
 
     def _save(self) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from troupe_training.carried import CarriedPose, interpolation
+from troupe_training.carried import CarriedPose, interpolation, usual_heights
 from troupe_training.config import MAX_FRAMES
 from troupe_training.rotations import yaw_matrix
 
@@ -43,7 +43,7 @@ def test_keyframes_stay_as_they_are(given: tuple[int, ...]):
     mask = mask_of(12, *given)
     pose = torch.randn(1, 12, 18, generator=torch.Generator().manual_seed(3))
     heading = torch.linspace(-2.0, 2.5, 12)
-    carried, _ = CarriedPose(2)(pose * mask[..., None], mask, roots(heading))
+    carried, _ = CarriedPose(2)(pose * mask[..., None], mask, roots(heading), torch.zeros(18))
     torch.testing.assert_close(carried[:, list(given)], pose[:, list(given)])
 
 
@@ -52,7 +52,7 @@ def test_a_carried_pose_turns_with_the_root():
     pose = torch.zeros(1, 12, 9)
     pose[0, 3] = torch.randn(9, generator=torch.Generator().manual_seed(4))
     heading = torch.linspace(0.3, 0.3 + math.pi, 12)
-    carried, _ = CarriedPose(1)(pose, mask_of(12, 3), roots(heading))
+    carried, _ = CarriedPose(1)(pose, mask_of(12, 3), roots(heading), torch.zeros(9))
     turn = yaw_matrix(heading - heading[3])
     expected = torch.einsum("tij,kj->tki", turn, pose[0, 3].unflatten(0, (3, 3)))
     torch.testing.assert_close(carried[0].unflatten(-1, (3, 3)), expected, atol=1e-5, rtol=1e-5)
@@ -61,7 +61,20 @@ def test_a_carried_pose_turns_with_the_root():
 def test_trust_begins_high_near_keyframes():
     carried = CarriedPose(1)
     mask = mask_of(20, 3)
-    _, distance = carried(torch.zeros(1, 20, 9), mask, roots(torch.zeros(20)))
+    _, distance = carried(torch.zeros(1, 20, 9), mask, roots(torch.zeros(20)), torch.zeros(9))
     trust = carried.shares(distance)
     assert float(trust[0, 3, 0]) == 1.0
     assert (trust[0, 3:-1] > trust[0, 4:]).all()
+
+
+@pytest.mark.parametrize("given", [(), (0, 1, 2, 3, 11), (5,)])
+def test_heights_are_taken_away_from_what_is_carried(given: tuple[int, ...]):
+    """Standing for the same poses whatever they are taken from, and for zeros where nothing is given."""
+    mask = mask_of(12, *given)
+    noise = torch.Generator().manual_seed(5)
+    pose, heading = torch.randn(1, 12, 18, generator=noise) * mask[..., None], torch.linspace(-2.0, 2.5, 12)
+    heights = usual_heights(torch.randn(18, generator=noise))
+    assert heights.unflatten(0, (6, 3))[:, [0, 2]].abs().max() == 0.0
+    plain, _ = CarriedPose(2)(pose, mask, roots(heading), torch.zeros(18))
+    less, _ = CarriedPose(2)(pose, mask, roots(heading), heights)
+    torch.testing.assert_close(less + heights, plain, atol=1e-6, rtol=1e-5)

@@ -13,6 +13,7 @@ from onnx import numpy_helper
 from torch import nn
 
 from troupe_training.card import tomllib
+from troupe_training.carried import usual_heights
 from troupe_training.config import PRESETS, ModelConfig
 from troupe_training.features import ClipStore
 from troupe_training.layers import FrameConv
@@ -123,7 +124,8 @@ def _adopt_decoder(tokenizer: nn.Module, numbers: dict[str, torch.Tensor]) -> li
     missing = adopt_stage(shipped, numbers)
     decoder, width = tokenizer.decoder, shipped.widths[0]
     rows = shipped.columns
-    scale, centre = decoder.pose_scale.std[rows[:width]], decoder.pose_scale.mean[rows[:width]]
+    scale = decoder.pose_scale.std[rows[:width]]
+    centre = (decoder.pose_scale.mean - usual_heights(decoder.pose_scale.mean))[rows[:width]]
     weight, bias = shipped.leave.weight.clone(), shipped.leave.bias.clone()
     if "scale" not in numbers:  # packs from before keyframes were carried scale behind the read-out
         weight[:width] /= scale[:, None]

@@ -46,6 +46,11 @@ def interpolation(mask: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     return shares, torch.minimum(behind, ahead)
 
 
+def usual_heights(mean: torch.Tensor) -> torch.Tensor:
+    """Of the means ``[J*9]`` of poses those of vertical components, zeros for the others."""
+    return mean * torch.tensor([0.0, 1.0, 0.0], device=mean.device).repeat(len(mean) // 3)
+
+
 class CarriedPose(nn.Module):
     """Keyframe poses ``[B, T, J*9]`` at every frame."""
 
@@ -57,22 +62,27 @@ class CarriedPose(nn.Module):
 
     @full_precision
     def forward(
-        self, pose: torch.Tensor, mask: torch.Tensor, global_root: torch.Tensor
+        self, pose: torch.Tensor, mask: torch.Tensor, global_root: torch.Tensor, heights: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Poses in physical units, zero without a keyframe, and the distances ``[B, T]`` to the nearest keyframe.
+        """Poses less ``heights``, zero without a keyframe before that, and the distances ``[B, T]`` to the nearest keyframe.
 
-        ``pose`` ``[B, T, J*9]`` is zero where ``mask`` ``[B, T]`` is; ``global_root`` ``[B, T, 5]``.
+        ``pose`` ``[B, T, J*9]`` in physical units is zero where ``mask`` ``[B, T]`` is; ``global_root`` ``[B, T, 5]``. ``heights``
+        ``[J*9]`` are usual values of what no turn changes (`usual_heights`): a head is never far from 1.6 m up, and where an
+        engine computes in 16 bits, the centimetres by which it is are lost beside them.
         """
         shares, distance = interpolation(mask)
         cosine, sine = global_root[..., 3:4], global_root[..., 4:5]
         turned = shares * (cosine * cosine.transpose(1, 2) + sine * sine.transpose(1, 2))
         across = shares * (sine * cosine.transpose(1, 2) - cosine * sine.transpose(1, 2))
+        # Taken away where they were given, and from zeros where nothing was.
+        pose = pose - heights * mask[..., None]
+        nothing = (1.0 - mask.amax(-1, keepdim=True))[..., None]
         x, y, z = pose.unflatten(-1, (-1, 3)).permute(0, 3, 1, 2).unbind(1)
         # x cos + z sin and z cos - x sin, of the angle between the headings; heights stay.
         turn = torch.cat([torch.cat([turned, across], -1), torch.cat([-across, turned], -1)], 1)
         level, frames = turn @ torch.cat([x, z], 1), pose.shape[1]
         vectors = torch.stack([level[:, :frames], shares @ y, level[:, frames:]], 1)
-        return vectors.permute(0, 2, 3, 1).flatten(2), distance.long()
+        return vectors.permute(0, 2, 3, 1).flatten(2) - heights * nothing, distance.long()
 
     def shares(self, distance: torch.Tensor) -> torch.Tensor:
         """How far to trust carried poses ``[B, T, J*9]`` at distances ``[B, T]``."""

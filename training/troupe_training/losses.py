@@ -14,6 +14,8 @@ KEYFRAME_WEIGHT = 4.0
 # Of where the root is at given keyframes, in the mean over them: a decoder that is refined for long learns the ways of its clips
 # by heart, corrects others by them, and misses targets.
 KEYFRAME_ROOT_WEIGHT = 6.0
+# Of columns that are shorter or longer than 1. Nothing else tells: one of a hundredth has a direction all the same, and loses it in 16 bits.
+LENGTH_WEIGHT = 0.5
 POSE_WEIGHT = 0.6
 # Standardised errors below it count by their square. The aim is the middle of what may come, not its mean, which nobody
 # does: with a bend of 1 the pack for people moved less than the clips it was trained on.
@@ -21,6 +23,8 @@ POSE_BEND = 0.1
 # A joint lower than this above its resting height counts as near the ground, as in the foot-skate figure.
 SKATE_HEIGHT_M = 0.025
 LOW_FOOT_M = 0.1
+# Of accelerations. Motors are to be spared more than eyes.
+SMOOTHNESS, ROBOT_SMOOTHNESS = 0.006, 0.02
 FOOT_WEIGHTS = {"slide": 0.6, "ground": 8.0, "skate": 0.5}
 
 
@@ -33,6 +37,7 @@ class Kinematics:
         self.ancestors = torch.from_numpy(skeleton.ancestor_matrix()).to(device)
         self.feet = skeleton.contact_joints
         self.clearance = torch.tensor(skeleton.contact_clearance_m, device=device)
+        self.smoothness = ROBOT_SMOOTHNESS if skeleton.robot else SMOOTHNESS
 
     @full_precision
     def positions(self, rotations: torch.Tensor) -> torch.Tensor:
@@ -107,15 +112,16 @@ def reconstruction_losses(
         "pose": POSE_WEIGHT * (pose_error * weight).mean(),
         "fk": 6.0 * ((shown - truth.positions).abs() * weight[..., None]).mean(),
         "speed": 0.4 * (speed - true_speed).abs().mean(),
-        "acceleration": 0.006 * (_difference(speed) - _difference(true_speed)).abs().mean(),
+        "acceleration": kinematics.smoothness * (_difference(speed) - _difference(true_speed)).abs().mean(),
         "velocity": 0.2
         * F.smooth_l1_loss(
             decoder.velocity_scale(out.velocities.flatten(2)),
             decoder.velocity_scale(truth.velocities.flatten(2)),
         ),
-        "contact": 0.1 * F.binary_cross_entropy_with_logits(out.contact_logits, truth.contacts),
+        "contact": 0.3 * F.binary_cross_entropy_with_logits(out.contact_logits, truth.contacts),
         "local_root": 0.5
         * F.smooth_l1_loss(decoder.root_scale(out.local_root), decoder.root_scale(truth.local_root)),
         "global_root": 1.5 * root_error.mean(),
+        "length": LENGTH_WEIGHT * (out.lengths - 1.0).square().mean(),
         "keyframe_root": KEYFRAME_ROOT_WEIGHT * (root_error * given).sum() / given.sum().clamp_min(1.0),
     }

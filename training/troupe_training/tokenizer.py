@@ -10,7 +10,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from troupe_training.carried import CarriedPose
+from troupe_training.carried import CarriedPose, usual_heights
 from troupe_training.config import FPS, FRAMES_PER_TOKEN, ModelConfig
 from troupe_training.features import local_root_of
 from troupe_training.layers import (
@@ -30,6 +30,7 @@ class Decoded:
 
     positions: torch.Tensor
     rotations: torch.Tensor
+    lengths: torch.Tensor  # of the two columns before they were made orthonormal: [B, T, J, 2]
     velocities: torch.Tensor
     contact_logits: torch.Tensor
     local_root: torch.Tensor
@@ -213,7 +214,7 @@ class Decoder(nn.Module):
     ) -> Decoded:
         """``embedded`` ``[B, n, K*code_dim]``, roots ``[B, T, 5]``, poses ``[B, T, J*9]`` where ``frame_mask`` is 1."""
         carried, distance = self.carry(frame_pose, frame_mask, global_root)
-        scaled = self.pose_scale(carried)
+        scaled = self.scaled(carried)
         hidden, local = self.hidden(embedded, global_root, scaled, frame_mask, num_tokens)
         return self._read_out(
             hidden.float(), local.float(), global_root, scaled, self.carried.shares(distance)
@@ -222,9 +223,15 @@ class Decoder(nn.Module):
     def carry(
         self, frame_pose: torch.Tensor, frame_mask: torch.Tensor, global_root: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """The keyframes' poses at every frame, and distances to the nearest keyframe (`CarriedPose`)."""
+        """The keyframes' poses at every frame, less their usual heights, and distances to the nearest (`CarriedPose`)."""
         # Frames that are not given may hold anything.
-        return self.carried(frame_pose * frame_mask[..., None], frame_mask, global_root)
+        heights = usual_heights(self.pose_scale.mean)
+        return self.carried(frame_pose * frame_mask[..., None], frame_mask, global_root, heights)
+
+    def scaled(self, carried: torch.Tensor) -> torch.Tensor:
+        """What `carry` gives, standardised."""
+        mean = self.pose_scale.mean
+        return (carried - (mean - usual_heights(mean))) / self.pose_scale.std
 
     def hidden(
         self,
@@ -264,6 +271,7 @@ class Decoder(nn.Module):
         return Decoded(
             positions=pose[..., :3],
             rotations=six_d_to_matrix(pose[..., 3:]),
+            lengths=pose[..., 3:].unflatten(-1, (2, 3)).square().sum(-1).add(1e-8).sqrt(),
             velocities=self.velocity_scale.invert(velocity).unflatten(-1, (self.joints, 3)),
             contact_logits=contact,
             local_root=local_root,
@@ -328,30 +336,30 @@ class DecoderStage(nn.Module):
         self.register_buffer("columns", columns, persistent=False)
         self.widths = [len(six_d), len(root), len(contacts)]
         self.leave = nn.Linear(decoder.leave.in_features, len(columns), device=columns.device)
-        # Rotations come out in physical units, and so does what is carried.
+        # Rotations come out in physical units less their usual heights, and so does what is carried.
         scale, centre = torch.ones(len(columns)), torch.zeros(len(columns))
+        heights = usual_heights(decoder.pose_scale.mean)[six_d]
         scale[: len(six_d)], centre[: len(six_d)] = (
             decoder.pose_scale.std[six_d],
-            decoder.pose_scale.mean[six_d],
+            decoder.pose_scale.mean[six_d] - heights,
         )
         with torch.no_grad():
             self.leave.weight.copy_(decoder.leave.weight[columns] * scale[:, None])
             self.leave.bias.copy_(decoder.leave.bias[columns] * scale + centre)
+        self.register_buffer("heights", heights.unflatten(0, (decoder.joints, 6)), persistent=False)
         self.register_buffer("trust", decoder.carried.trust.detach()[:, six_d].clone())
 
     def forward(self, tokens, num_tokens, global_root, frame_pose, frame_mask):
         decoder = self.decoder
         embedded = self.quantizer.embed(tokens)
         carried, distance = decoder.carry(frame_pose, frame_mask, global_root)
-        hidden, local = decoder.hidden(
-            embedded, global_root, decoder.pose_scale(carried), frame_mask, num_tokens
-        )
+        hidden, local = decoder.hidden(embedded, global_root, decoder.scaled(carried), frame_mask, num_tokens)
         rotations, root, contacts = self.leave(decoder.norm(hidden)).split(self.widths, -1)
         trust = self.trust.index_select(0, distance.flatten()).unflatten(0, distance.shape)
         carried = carried.unflatten(-1, (decoder.joints, 9))[..., 3:].flatten(2)
         rotations = rotations + trust * (carried - rotations)
         return (
-            rotations.unflatten(-1, (decoder.joints, 6)),
+            rotations.unflatten(-1, (decoder.joints, 6)) + self.heights,
             integrate_root(global_root[:, 0], decoder.root_scale.invert(local + 0.2 * root)),
             torch.sigmoid(contacts),
         )
