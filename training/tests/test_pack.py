@@ -8,12 +8,14 @@ import onnxruntime
 import pytest
 import torch
 
+from troupe_training.adopt import adopt_decoder, weights_of
 from troupe_training.card import COLUMNS, METHODS, tomllib
 from troupe_training.cli import main
 from troupe_training.config import PRESETS
 from troupe_training.export import example_inputs, largest_difference
 from troupe_training.features import ClipStore
 from troupe_training.inbetween import RunNetworks
+from troupe_training.stages import build
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +129,12 @@ def test_a_pack_can_be_adopted_and_refined(pack: Path):
         counts = module(**inputs["root"])[0] if stage == "root" else lengths
         path = pack / "human" / f"{stage}.onnx"
         assert largest_difference(path, module, inputs[stage], counts) < 1e-3
+    # Poses are standardised as the pack does it, whatever the cache at hand says.
+    tokenizer = build("tokenizer", PRESETS["test"], store)
+    mean = tokenizer.decoder.pose_scale.mean.clone()
+    tokenizer.decoder.pose_scale.mean.zero_()
+    assert "decoder.pose_scale.mean" not in adopt_decoder(tokenizer, weights_of(pack / "human" / "decoder.onnx"))
+    torch.testing.assert_close(tokenizer.decoder.pose_scale.mean, mean, atol=1e-3, rtol=1e-3)
     before = torch.load(run / "tokenizer.pt", weights_only=False)["average"]
     assert (
         main(["train", "refine", "--preset", "test", "--steps", "3", "--frames-per-step", "512", *common])

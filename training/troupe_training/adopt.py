@@ -69,6 +69,14 @@ def find_folded(
         numbers[name] = found[0].reshape(shape)
 
 
+def find_mean(numbers: dict[str, torch.Tensor], name: str, shape: torch.Size, shipped: nn.Module) -> None:
+    """Adds the mean of poses, of which a graph has usual heights and the rest apart, by names of the exporter."""
+    named = shipped.state_dict().keys()
+    parts = [value for key, value in numbers.items() if value.shape == shape and key not in named]
+    if name not in numbers and len(parts) == 2:
+        numbers[name] = parts[0] + parts[1]
+
+
 def adopt_stage(module: nn.Module, numbers: dict[str, torch.Tensor]) -> list[str]:
     """Fills ``module`` with a graph's numbers; the names of what the graph does not have."""
     convolutions = {
@@ -111,23 +119,24 @@ def adopt(pack: Path, cache: Path, run: Path, preset: str) -> dict[str, list[str
         elif stage == "pose":
             missing[stage] = adopt_stage(model, numbers)
         else:
-            missing[stage] = _adopt_decoder(model, numbers)
+            missing[stage] = adopt_decoder(model, numbers)
         save_adopted(Path(run), stage, model, config, preset, told)
     return missing
 
 
-def _adopt_decoder(tokenizer: nn.Module, numbers: dict[str, torch.Tensor]) -> list[str]:
+def adopt_decoder(tokenizer: nn.Module, numbers: dict[str, torch.Tensor]) -> list[str]:
     """The decoder, codebooks and those rows of the read-out that are served."""
     shipped = DecoderStage(tokenizer)
     book = tokenizer.quantizer.book.shape
     find_folded(numbers, "quantizer.book", (book[0] * book[1], book[2]), book)
-    missing = adopt_stage(shipped, numbers)
     decoder, width = tokenizer.decoder, shipped.widths[0]
+    find_mean(numbers, "decoder.pose_scale.mean", decoder.pose_scale.mean.shape, shipped)
+    missing = adopt_stage(shipped, numbers)
     rows = shipped.columns
     scale = decoder.pose_scale.std[rows[:width]]
     centre = (decoder.pose_scale.mean - usual_heights(decoder.pose_scale.mean))[rows[:width]]
     weight, bias = shipped.leave.weight.clone(), shipped.leave.bias.clone()
-    if "scale" not in numbers:  # packs from before keyframes were carried scale behind the read-out
+    if "scale" not in numbers:  # packs from before keyframes were carried have the scale behind the read-out
         weight[:width] /= scale[:, None]
         bias[:width] = (bias[:width] - centre) / scale
     with torch.no_grad():

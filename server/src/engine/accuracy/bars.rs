@@ -1,7 +1,7 @@
 //! What an engine may differ by, and still serve.
 //!
 //! The bars lie well above what rounding to bf16 does (about half a millimetre in the mean of joints and roots, 3 % of the tokens,
-//! on the default pack) and well below what the pack itself gets wrong (7 cm a joint in the shortest gaps that it is
+//! on the default pack) and well below what the pack itself gets wrong (7 cm of L2P in the shortest gaps that it is
 //! evaluated on) and what an eye sees. What keyframes fix is exact with any engine: it is pinned after the networks.
 
 use super::Accuracy;
