@@ -133,7 +133,9 @@ def test_a_pack_can_be_adopted_and_refined(pack: Path):
     tokenizer = build("tokenizer", PRESETS["test"], store)
     mean = tokenizer.decoder.pose_scale.mean.clone()
     tokenizer.decoder.pose_scale.mean.zero_()
-    assert "decoder.pose_scale.mean" not in adopt_decoder(tokenizer, weights_of(pack / "human" / "decoder.onnx"))
+    assert "decoder.pose_scale.mean" not in adopt_decoder(
+        tokenizer, weights_of(pack / "human" / "decoder.onnx")
+    )
     torch.testing.assert_close(tokenizer.decoder.pose_scale.mean, mean, atol=1e-3, rtol=1e-3)
     before = torch.load(run / "tokenizer.pt", weights_only=False)["average"]
     assert (
