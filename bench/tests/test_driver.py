@@ -8,7 +8,7 @@ from troupe_bench import instructions
 from troupe_bench.__main__ import parse
 from troupe_bench.operators import kind_of
 from troupe_bench.report import measured_apart, write_report
-from troupe_bench.settings import Settings, python_settings
+from troupe_bench.settings import JEMALLOC, Settings, python_settings
 from troupe_bench.store import Store, dig
 
 
@@ -39,6 +39,8 @@ def measured(settings: Settings) -> None:
                 "lanes": {"count": 2, "threads": 1},
             }
             store.add(raw | {"batch": batch}, result)
+        same = {"target": JEMALLOC, "batch": 64}
+        store.add(raw | same, {"frames_per_s": 25_000.0 * drift, "call_ms_p50": 7.0, "call_ms_p99": 8.0})
         store.add(raw | {"alone": True}, {"frames_per_s": 10_000.0, "call_ms_p50": 6.0, "call_ms_p99": 7.0})
         for target, frames, p99 in (("troupe", 19_000.0, 120.0), ("litserve", 9_500.0, 240.0)):
             key = {"engine": "cpu", "target": target, "clients": 32, "repeat": repeat}
@@ -71,6 +73,8 @@ def test_the_page_has_ratios_and_says_what_is_missing(settings: Settings, tmp_pa
     text = page.read_text()
     assert "| **Troupe** | 32 clients | 19,000 | 95 % | 100.00 | 120.00 |" in text
     assert "frames/s at saturation, of the raw loop's best | 95 % | ≥ 90 %" in text
+    assert "| raw loop (jemalloc) | batch 64 | 25,000 | 125 % | 7.00 | 8.00 |" in text
+    assert "frames/s at saturation, of the raw loop's best with the server's allocator | 76 % |" in text
     assert "frames/s at saturation, of the raw loop's best, on what the load tester leaves | 100 % |" in text
     assert "p50 of one caller above raw batch 1 | 0.30 ms | ≤ 0.5 ms" in text
     assert "throughput at 32 clients against LitServe | 2.00 × | ≥ 3 ×" in text
@@ -92,7 +96,7 @@ def test_the_page_says_by_itself_what_was_measured_at_another_time(settings: Set
         run["at"] = began + (31 * 60 + 60 * run["key"]["repeat"] if run["key"]["target"] == "troupe" else 0)
     store.note("repeats", 3)
     write_report(settings, page)
-    told = "raw loop, LitServe 2023-11-14 22:13 to 22:13; Troupe 2023-11-14 22:44 to 22:46 (UTC)."
+    told = "raw loop, raw loop (jemalloc), LitServe 2023-11-14 22:13 to 22:13; Troupe 2023-11-14 22:44 to 22:46 (UTC)."
     assert page.read_text().count(told) == page.read_text().count("Its scheduler had changed.") == 1
 
 

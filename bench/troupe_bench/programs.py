@@ -19,6 +19,9 @@ from troupe_bench.machine import ROOT
 HOME = ROOT / "target" / "bench"
 RELEASE = ROOT / "target" / "release"
 READY_WITHIN_S = 180
+RAW_LOOP = "engine_throughput"
+RAW_LOOP_JEMALLOC = "engine_throughput_jemalloc"
+"""The same with the allocator of the server."""
 CLIP = ROOT / "examples" / "walk.bvh"
 PYTHON_SERVERS = {"litserve": "troupe_bench.litserve_server", "fastapi": "troupe_bench.fastapi_server"}
 RUNTIMES = {"cpu": "ort-cpu", "openvino-bf16": "ort-openvino"}
@@ -53,7 +56,7 @@ def build() -> None:
     """Builds every Rust program of the benchmarks."""
     release = ("cargo", "build", "--release", "--locked")
     call(*release, "-p", "troupe-server", "-p", "troupe-loadtest", "--bins")
-    call(*release, "-p", "troupe-server", "--example", "engine_throughput")
+    call(*release, "-p", "troupe-server", "--example", RAW_LOOP, "--example", RAW_LOOP_JEMALLOC)
     call(*release, "-p", "troupe-tests", "--example", "bench_requests")
 
 
@@ -187,9 +190,9 @@ def load_report(command: str, url: str, *options: str | Path) -> dict:
     return json.loads(report.read_text())
 
 
-def raw_loop(engine: str, *options: str | Path) -> list[dict]:
+def raw_loop(engine: str, *options: str | Path, name: str = RAW_LOOP) -> list[dict]:
     """Rows of the raw ONNX Runtime loop."""
-    program = RELEASE / "examples" / "engine_throughput"
+    program = RELEASE / "examples" / name
     return json.loads(call(program, "--json", "--engine", engine, *options, env=runtime_of(engine)))["rows"]
 
 

@@ -3,10 +3,16 @@
 import statistics
 
 from troupe_bench.cli import STAGES
-from troupe_bench.settings import PAUSE_US
+from troupe_bench.settings import JEMALLOC, PAUSE_US
 from troupe_bench.store import Store, dig
 
-NAMES = {"raw": "raw loop", "troupe": "**Troupe**", "litserve": "LitServe", "fastapi": "FastAPI"}
+NAMES = {
+    "raw": "raw loop",
+    JEMALLOC: "raw loop (jemalloc)",
+    "troupe": "**Troupe**",
+    "litserve": "LitServe",
+    "fastapi": "FastAPI",
+}
 ENGINES = {"cpu": "f32 (ONNX Runtime CPU)", "openvino-bf16": "bf16 (OpenVINO)"}
 FRAMES = ("throughput", "frames_per_s")
 PAUSE = f"{PAUSE_US / 1000:g} ms"
@@ -33,15 +39,20 @@ def engines_of(store: Store) -> list[str]:
 
 def frames_of(store: Store, **key: object) -> float | None:
     """Median frames a second of a target."""
-    path = ("frames_per_s",) if key.get("target") == "raw" else FRAMES
+    path = ("frames_per_s",) if key.get("target") in ("raw", JEMALLOC) else FRAMES
     return store.median(key, *path)
 
 
-def best_batch(store: Store, engine: str) -> tuple[int, float] | None:
+def batches_of(store: Store, engine: str, target: str) -> list[int]:
+    """The batch sizes that a raw loop was measured at."""
+    keys = [key for key in store.every_key() if (key["engine"], key["target"]) == (engine, target)]
+    return sorted({key["batch"] for key in keys if "batch" in key})
+
+
+def best_batch(store: Store, engine: str, target: str = "raw") -> tuple[int, float] | None:
     """The batch size at which the raw loop is fastest, and its frames a second."""
-    raw = [key for key in store.every_key() if (key["engine"], key["target"]) == (engine, "raw") and "alone" not in key]
-    sizes = {key["batch"] for key in raw}
-    found = [(size, frames_of(store, engine=engine, target="raw", batch=size)) for size in sizes]
+    sizes = batches_of(store, engine, target)
+    found = [(size, frames_of(store, engine=engine, target=target, batch=size)) for size in sizes]
     return max(found, key=lambda pair: pair[1] or 0.0, default=None)
 
 
@@ -51,10 +62,11 @@ def serving_table(store: Store) -> list[str]:
     for engine in engines_of(store):
         best = best_batch(store, engine)
         rows = []
-        for size in sorted({key["batch"] for key in store.every_key() if key["engine"] == engine and "batch" in key}):
-            key = {"engine": engine, "target": "raw", "batch": size}
-            calls = [store.median(key, name) for name in ("call_ms_p50", "call_ms_p99")]
-            rows.append(_row(store, key, f"batch {size}", calls, best))
+        for target in ("raw", JEMALLOC):
+            for size in batches_of(store, engine, target):
+                key = {"engine": engine, "target": target, "batch": size}
+                calls = [store.median(key, name) for name in ("call_ms_p50", "call_ms_p99")]
+                rows.append(_row(store, key, f"batch {size}", calls, best))
         for pause, load in ((True, "one lane, batch 1"), ("paused", f"the same, {PAUSE} after the last")):
             alone = {"engine": engine, "target": "raw", "alone": pause}
             if store.of(alone):
@@ -96,10 +108,12 @@ def summary_table(store: Store) -> list[str]:
         if best and served:
             ours = {"engine": engine, "target": "troupe", "clients": max(served, key=served.__getitem__)}
             theirs = {"engine": engine, "target": "raw", "batch": best[0]}
-            pairs = store.turns((ours, *FRAMES), (theirs, "frames_per_s"))
-            shares = [100 * mine / raw for mine, raw in pairs]
             what = "frames/s at saturation, of the raw loop's best"
-            rows += _measured(engine, what, shares, 0, " %", "≥ 90 %")
+            rows += _measured(engine, what, _shares(store, ours, theirs), 0, " %", "≥ 90 %")
+            if same := best_batch(store, engine, JEMALLOC):
+                theirs_too = theirs | {"target": JEMALLOC, "batch": same[0]}
+                shares = _shares(store, ours, theirs_too)
+                rows += _measured(engine, f"{what} with the server's allocator", shares, 0, " %", "")
             rows += _measured(
                 engine, f"{what}, on what the load tester leaves", _on_the_rest(store, ours, theirs), 0, " %", ""
             )
@@ -117,6 +131,11 @@ def summary_table(store: Store) -> list[str]:
         # What `pip install litserve onnxruntime` gives, against what the server chooses by itself.
         rows += _against(store, "openvino-bf16", "litserve", "cpu")
     return table(["engine", "what", "measured", "bar"], rows, 2)
+
+
+def _shares(store: Store, ours: dict, theirs: dict) -> list[float]:
+    """Percent of the raw loop's frames/s, of each turn."""
+    return [100 * mine / raw for mine, raw in store.turns((ours, *FRAMES), (theirs, "frames_per_s"))]
 
 
 def _on_the_rest(store: Store, ours: dict, theirs: dict) -> list[float]:

@@ -4,11 +4,13 @@ from pathlib import Path
 
 from troupe_bench import programs
 from troupe_bench.programs import Failed, say
-from troupe_bench.settings import PAUSE_US, Settings, python_settings
+from troupe_bench.settings import JEMALLOC, PAUSE_US, Settings, python_settings
 from troupe_bench.store import Store, dig
 
 TARGETS = ("raw", "troupe", "litserve", "fastapi")
 RAW_BATCHES = (1, 8, 16, 32, 64)
+JEMALLOC_BATCHES = (32, 64)
+"""Those of the raw loop with the server's allocator."""
 LONGEST = "64"
 MIXED = "12-64"
 
@@ -17,7 +19,12 @@ def estimate_s(settings: Settings, targets: tuple[str, ...]) -> float:
     """Seconds that the serving part takes, starts of servers included."""
     one = settings.warmup_s + settings.measured_s + 1
     loads = {"raw": 0, "troupe": len(settings.clients), "litserve": 2, "fastapi": 2}
-    starts = {"raw": 9 + (2 + len(RAW_BATCHES)) * settings.raw_s, "troupe": 6, "litserve": 12, "fastapi": 8}
+    starts = {
+        "raw": 18 + (2 + len(RAW_BATCHES + JEMALLOC_BATCHES)) * settings.raw_s,
+        "troupe": 6,
+        "litserve": 12,
+        "fastapi": 8,
+    }
     return settings.repeats * len(settings.engines) * sum(loads[t] * one + starts[t] for t in targets)
 
 
@@ -121,6 +128,9 @@ def _measure_raw(settings: Settings, store: Store, key: dict) -> None:
     paused = programs.raw_loop(key["engine"], *common, *one, "--pause-us", str(PAUSE_US))
     for row in rows:
         store.add(key | {"batch": row["batch"]}, row)
+    batches = ",".join(map(str, JEMALLOC_BATCHES))
+    for row in programs.raw_loop(key["engine"], *common, "--batch", batches, name=programs.RAW_LOOP_JEMALLOC):
+        store.add(key | {"target": JEMALLOC, "batch": row["batch"]}, row)
     store.add(key | {"alone": True}, alone[0])
     store.add(key | {"alone": "paused"}, paused[0])
     best = max(row["frames_per_s"] for row in rows)

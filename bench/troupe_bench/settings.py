@@ -11,6 +11,9 @@ PAUSE_US = 600
 """How long the raw loop pauses between calls in one of its measurements: what a request's way to the client and back takes
 at least."""
 
+JEMALLOC = "raw-jemalloc"
+"""The raw loop with the allocator of the server."""
+
 
 @dataclass
 class Settings:

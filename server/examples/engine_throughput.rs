@@ -138,7 +138,7 @@ impl Work {
     }
 }
 
-fn main() -> anyhow::Result<()> {
+pub(crate) fn main() -> anyhow::Result<()> {
     let args = Args::parse();
     let pack = Pack::load(&args.pack)?;
     let dims = pack.dims;

@@ -152,6 +152,16 @@ pub struct Config {
     )]
     pub live_batch_ms: u64,
 
+    /// How long an idle part of the engine stays awake for the next request after its last one, in microseconds: a lone
+    /// caller's requests then find core and network warm, for at most that much more CPU time a batch. Any thread that wants
+    /// the core goes first. 0: it sleeps at once.
+    #[config(
+        env = "TROUPE_LANE_SPIN_US",
+        default = 800,
+        layer_attr(arg(long, value_name = "US"))
+    )]
+    pub lane_spin_us: u64,
+
     /// Most characters in one request.
     #[config(
         env = "TROUPE_MAX_CHARACTERS_PER_REQUEST",

@@ -202,6 +202,10 @@ fn mistakes_name_the_option() {
         error(&["--live-batch-ms", "60001"]),
         "live_batch_ms is 60001; allowed: 0 to 60000"
     );
+    assert_eq!(
+        error(&["--lane-spin-us", "10001"]),
+        "lane_spin_us is 10001; allowed: 0 to 10000"
+    );
     assert!(error(&["--max-queued-characters", "10"]).contains("max_characters_per_request (256) or more"));
     assert!(error(&["--config", "/nowhere/troupe.toml"]).contains("/nowhere/troupe.toml"));
     let file = File::new("mistake", "max_bach = 8\n");

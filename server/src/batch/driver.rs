@@ -2,12 +2,13 @@
 
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, ready};
 use std::time::{Duration, Instant};
 
 use tokio::sync::oneshot;
 
+use super::bells::Bells;
 use super::core::{Batch, Core, Outbox, Pieces, Ran};
 use super::gauge::EngineGauge;
 use super::lane;
@@ -79,9 +80,7 @@ struct Owner(Arc<Shared>);
 impl Drop for Owner {
     fn drop(&mut self) {
         self.0.core().closed = true;
-        for bell in &self.0.bells {
-            bell.notify_one();
-        }
+        self.0.bells.ring_all();
     }
 }
 
@@ -104,7 +103,7 @@ impl Batcher {
         metrics.lanes(limits.lanes);
         let shared = Arc::new(Shared {
             core: Mutex::new(Core::new(limits, metrics.clone())),
-            bells: (0..limits.lanes).map(|_| Condvar::new()).collect(),
+            bells: Bells::new(limits.lanes, limits.lane_spin),
             gauge: EngineGauge::new(limits.lanes, Instant::now()),
             running: AtomicBool::new(true),
             metrics,
@@ -210,8 +209,7 @@ impl Drop for Answer {
 #[derive(Debug)]
 pub(super) struct Shared {
     core: Mutex<Core>,
-    /// One for each lane, rung where there is work for it while it sleeps.
-    bells: Box<[Condvar]>,
+    bells: Bells,
     pub(super) gauge: EngineGauge,
     pub(super) metrics: PackMetrics,
     running: AtomicBool,
@@ -239,7 +237,7 @@ impl Shared {
         self.show(&core);
         drop(core);
         if let Some(lane) = asleep {
-            self.bells[lane].notify_one();
+            self.bells.ring(lane);
         }
         outbox.send();
         admitted
@@ -252,6 +250,7 @@ impl Shared {
 
     /// Waits for a batch. Gives none when there will be no more.
     pub(super) fn next_batch(&self, lane: usize) -> Option<Batch> {
+        let listen_until = self.bells.listen_until(Instant::now());
         let mut outbox = Outbox::default();
         let mut core = self.core();
         loop {
@@ -260,7 +259,7 @@ impl Shared {
             }
             if core.is_over() {
                 // Whoever sleeps on for work that will not come any more ends too.
-                self.bells.iter().for_each(Condvar::notify_one);
+                self.bells.ring_all();
                 return None;
             }
             let now = Instant::now();
@@ -278,14 +277,16 @@ impl Shared {
                 core = self.core();
                 continue;
             }
-            let bell = &self.bells[lane];
+            let listens = core.scheduler().idle_lane() == Some(lane) && now < listen_until;
             core = match core.wake_at {
-                Some(at) => {
-                    let time = at.saturating_duration_since(now);
-                    let woken = bell.wait_timeout(core, time);
-                    woken.unwrap_or_else(PoisonError::into_inner).0
+                None if listens => {
+                    self.bells.listen(lane, core, listen_until);
+                    self.core()
                 }
-                None => bell.wait(core).unwrap_or_else(PoisonError::into_inner),
+                at => {
+                    let time = at.map(|at| at.saturating_duration_since(now));
+                    self.bells.sleep(lane, core, time)
+                }
             };
         }
     }
@@ -318,7 +319,7 @@ impl Shared {
         self.gauge.lost_lane(lane, Instant::now());
         self.metrics.lanes(left);
         if let Some(other) = core.scheduler().idle_lane() {
-            self.bells[other].notify_one();
+            self.bells.ring(other);
         }
         self.show(&core);
         drop(core);
@@ -330,13 +331,13 @@ impl Shared {
     /// to run a batch itself and some work is held back.
     fn ring(&self, core: &Core, runs: bool) {
         for lane in core.called() {
-            self.bells[lane].notify_one();
+            self.bells.ring(lane);
         }
         if runs
             && core.wake_at.is_some()
             && let Some(lane) = core.scheduler().idle_lane()
         {
-            self.bells[lane].notify_one();
+            self.bells.ring(lane);
         }
         self.show(core);
     }

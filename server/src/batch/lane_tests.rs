@@ -50,6 +50,7 @@ fn limits() -> Limits {
     Limits {
         max_batch: 4,
         max_queued: 100,
+        lane_spin: Duration::from_millis(1),
         ..Limits::default()
     }
 }

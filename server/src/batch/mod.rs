@@ -3,8 +3,8 @@
 //! [`scheduler`] decides (a pure state machine), [`Batcher`] drives it. An engine has lanes: threads, each with a
 //! pipeline of its own. There is no thread or task between callers and lanes. The scheduler and the waiting work are
 //! behind one lock, which is held for a few microseconds: by a caller to put its request in, and by a lane to hand in
-//! what it has done and to cut its next batch, which it then runs at once. An idle lane sleeps; a request that finds one
-//! wakes it.
+//! what it has done and to cut its next batch, which it then runs at once. An idle lane [listens](bells) for a moment and then
+//! sleeps; a request that finds one wakes it.
 //!
 //! Why not a task with channels: where inference keeps all cores busy, whoever is to cut the next batch first waits for a
 //! core, and the lane with it. Measured in four pairs of runs, a debug build on two cores that had far more to do (load
@@ -13,6 +13,7 @@
 //! batches, and for 0.7 to 1.2 ms (median below 0.25 ms) where it cuts them itself. What is left is probably the callers that
 //! an answer wakes, and that take the core for a moment. `troupe_lane_gap_duration_seconds` shows it in a running server.
 
+mod bells;
 mod core;
 mod driver;
 mod gauge;

@@ -75,6 +75,7 @@ fn some_limits() -> impl Strategy<Value = Limits> {
                 batch_delay: Duration::from_millis(delay_ms),
                 preferred_batch,
                 live_slice: Duration::from_millis(slice_ms),
+                lane_spin: Duration::ZERO,
             }
         },
     )

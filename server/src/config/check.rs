@@ -62,6 +62,7 @@ impl Config {
                 },
             ),
             ("live_batch_ms", self.live_batch_ms, 60_000),
+            ("lane_spin_us", self.lane_spin_us, 10_000),
         ];
         for (option, value, most) in at_most {
             if value > most {

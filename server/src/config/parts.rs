@@ -38,6 +38,7 @@ impl Config {
             batch_delay: Duration::from_micros(self.batch_delay_us),
             preferred_batch: self.preferred_batch,
             live_slice: Duration::from_millis(self.live_batch_ms),
+            lane_spin: Duration::from_micros(self.lane_spin_us),
         }
     }
 

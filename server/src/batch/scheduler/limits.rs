@@ -39,6 +39,8 @@ pub struct Limits {
     pub preferred_batch: usize,
     /// Longest time of a batch while there are live characters, by measure; zero for no such limit.
     pub live_slice: Duration,
+    /// How long the first free lane stays awake for more work after its last; zero to sleep at once.
+    pub lane_spin: Duration,
 }
 
 impl Default for Limits {
@@ -57,6 +59,7 @@ impl Default for Limits {
             preferred_batch: 0,
             // Two frames at 30 Hz: half of the usual look-ahead of a plan is left for its own batch.
             live_slice: Duration::from_millis(66),
+            lane_spin: Duration::ZERO,
         }
     }
 }
