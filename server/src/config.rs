@@ -90,8 +90,8 @@ pub struct Config {
     )]
     pub spin: bool,
 
-    /// Most characters in one batch. 0: 32. With more a character takes no less time, while memory, warm-up and the time that
-    /// others wait grow.
+    /// Most characters in one batch. 0: 32. With more a character takes hardly less time, while memory, warm-up and the time
+    /// that others wait grow.
     #[config(
         env = "TROUPE_MAX_BATCH",
         default = 0,
