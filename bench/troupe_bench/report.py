@@ -40,7 +40,8 @@ SECTIONS = (
 turns. Closed loop: a client asks again as soon as it has its answer; clients and server share the machine. The raw loop
 calls the three networks with no server around them, with the C library's allocator or with the server's (jemalloc, for the
 memory of ONNX Runtime and OpenVINO too): the most that a server with that allocator can give. FastAPI and LitServe run with the
-fastest settings of those [tried](#settings-tried), read and write raw arrays, and leave out what the server does beside the networks (checks, segment frames, quaternions, pins to keyframes, feet).""",
+fastest settings of those [tried](#settings-tried), read and write raw arrays, and leave out what the server does beside
+the networks (checks, segment frames, quaternions, pins to keyframes, feet).""",
         serving_table,
     ),
     ("What it comes to", "serving", "", summary_table),

@@ -3,7 +3,7 @@
 import statistics
 
 from troupe_bench.cli import STAGES
-from troupe_bench.settings import JEMALLOC, PAUSE_US
+from troupe_bench.settings import JEMALLOC, PAUSE_US, RAW_LOOPS
 from troupe_bench.store import Store, dig
 
 NAMES = {
@@ -39,7 +39,7 @@ def engines_of(store: Store) -> list[str]:
 
 def frames_of(store: Store, **key: object) -> float | None:
     """Median frames a second of a target."""
-    path = ("frames_per_s",) if key.get("target") in ("raw", JEMALLOC) else FRAMES
+    path = ("frames_per_s",) if key.get("target") in RAW_LOOPS else FRAMES
     return store.median(key, *path)
 
 
@@ -62,7 +62,7 @@ def serving_table(store: Store) -> list[str]:
     for engine in engines_of(store):
         best = best_batch(store, engine)
         rows = []
-        for target in ("raw", JEMALLOC):
+        for target in RAW_LOOPS:
             for size in batches_of(store, engine, target):
                 key = {"engine": engine, "target": target, "batch": size}
                 calls = [store.median(key, name) for name in ("call_ms_p50", "call_ms_p99")]

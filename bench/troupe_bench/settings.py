@@ -13,6 +13,7 @@ at least."""
 
 JEMALLOC = "raw-jemalloc"
 """The raw loop with the allocator of the server."""
+RAW_LOOPS = ("raw", JEMALLOC)
 
 
 @dataclass

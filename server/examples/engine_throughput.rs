@@ -1,5 +1,5 @@
 //! How many plans a second the networks of a pack make on this machine: the raw ONNX Runtime loop, by engine, lanes,
-//! batch size and segment length. No server can do better.
+//! batch size and segment length. No server with its allocator can do better.
 //!
 //! ```text
 //! cargo run --release -p troupe-server --example engine_throughput -- --help
