@@ -11,10 +11,7 @@ from troupe_bench.programs import HOME, Failed, say
 from troupe_bench.settings import Settings
 
 COMPARED = 8
-CONTACT_TOLERANCE = {"cpu": (1e-3, 1e-3), "openvino-bf16": (1e-2, 1e-1)}
-"""How far contacts may differ in the mean and at most. OpenVINO rounds to bf16 in other places for other batch sizes, which
-the server compiles one by one and the Python servers do not: with AMX that is 0.005 in the mean and 0.07 at most, less
-than either differs from f32 (0.006 and 0.2)."""
+CONTACT_TOLERANCE = {"cpu": 1e-3, "openvino-bf16": 2e-2}
 
 
 def verify(settings: Settings) -> None:
@@ -31,13 +28,9 @@ def verify(settings: Settings) -> None:
         pairs = list(zip(theirs, ours, strict=True))
         same = sum(a == b for their, our in pairs for a, b in zip(their["tokens"], our["tokens"], strict=True))
         tokens = sum(len(their["tokens"]) for their in theirs)
-        gaps = [abs(a - b) for their, our in pairs for a, b in zip(their["contacts"], our["contacts"], strict=True)]
-        mean, most = sum(gaps) / len(gaps), max(gaps)
-        say(
-            f"{engine}: {same} of {tokens} tokens are the same, contacts differ by {mean:.1e} in the mean, {most:.1e} at most"
-        )
-        mean_allowed, most_allowed = CONTACT_TOLERANCE[engine]
-        if same < 0.99 * tokens or mean > mean_allowed or most > most_allowed:
+        gap = max(abs(a - b) for their, our in pairs for a, b in zip(their["contacts"], our["contacts"], strict=True))
+        say(f"{engine}: {same} of {tokens} tokens are the same, contacts differ by at most {gap:.1e}")
+        if same < 0.99 * tokens or gap > CONTACT_TOLERANCE[engine]:
             raise Failed(f"on {engine} the Python servers do not solve the server's problems")
 
 

@@ -7,7 +7,8 @@ import torch
 
 from troupe_training.carried import CarriedPose, interpolation, usual_heights
 from troupe_training.config import MAX_FRAMES
-from troupe_training.rotations import yaw_matrix
+from troupe_training.features import local_root_of
+from troupe_training.rotations import arc_tangent, yaw_matrix
 
 
 def mask_of(frames: int, *given: int) -> torch.Tensor:
@@ -30,6 +31,22 @@ def test_shares_are_those_of_linear_interpolation():
     torch.testing.assert_close(shares[0] @ value, torch.tensor(expected, dtype=torch.float32))
     torch.testing.assert_close(distance[0].long(), torch.tensor([2, 1, 0, 0, 1, 2, 2, 1, 0, 1, 2, 3]))
     torch.testing.assert_close(shares.sum(-1), torch.ones(1, 12))
+
+
+def test_arc_tangent_is_that_of_torch():
+    edges = torch.tensor([-1.0, -1e-7, 0.0, 1e-7, 1.0])
+    sine, cosine = (grid.flatten() for grid in torch.meshgrid(edges, edges, indexing="ij"))
+    assert torch.allclose(arc_tangent(sine, cosine), torch.atan2(sine, cosine), atol=1e-6)
+    around = torch.linspace(-3.14, 3.14, 200)
+    assert torch.allclose(arc_tangent(around.sin(), around.cos()), around, atol=1e-6)
+
+
+def test_a_root_that_is_far_off_has_its_speed():
+    """Its metres come in two parts, the larger of which is exact in 16 bits: see `local_root_of`."""
+    root = roots(torch.zeros(20))
+    root[0, :, 0] = 9.3 + torch.arange(20) * 0.04
+    assert torch.allclose(local_root_of(root)[0, :, 0], torch.full((20,), 1.2), atol=1e-4)
+    assert torch.equal((torch.round(root * 16) / 16).bfloat16().float(), torch.round(root * 16) / 16)
 
 
 def test_without_keyframes_there_is_nothing():

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import onnx
 import onnxruntime
 import pytest
 import torch
@@ -16,6 +17,8 @@ from troupe_training.export import example_inputs, largest_difference
 from troupe_training.features import ClipStore
 from troupe_training.inbetween import RunNetworks
 from troupe_training.stages import build
+
+SHIPPED = Path(__file__).parents[2] / "models"
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +52,14 @@ def test_pack_is_complete(pack: Path):
             pack / "human" / f"{stage}.onnx", providers=["CPUExecutionProvider"]
         )
         assert all(isinstance(i.shape[0], str) for i in session.get_inputs()), "the batch axis is dynamic"
+
+
+def test_openvino_takes_graphs_whole(pack: Path):
+    """What it does not take cuts a network into parts, each with calls and copies of its own."""
+    for folder in (pack / "human", SHIPPED / "human", SHIPPED / "g1"):
+        for stage in ("root", "pose", "decoder"):
+            graph = onnx.load(folder / f"{stage}.onnx").graph
+            assert not [node.name for node in graph.node if node.op_type == "IsNaN"], f"{folder} {stage}"
 
 
 def test_pose_and_decoder_take_any_number_of_tokens(pack: Path):

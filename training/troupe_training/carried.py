@@ -35,8 +35,9 @@ def interpolation(mask: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """
     before, after = neighbours(mask)
     place = torch.arange(mask.shape[1], device=mask.device, dtype=torch.float32)
+    lag = place[:, None] - place
     has_before, has_after = before.sum(-1), after.sum(-1)
-    behind, ahead = place - (before * place).sum(-1), (after * place).sum(-1) - place
+    behind, ahead = (before * lag).sum(-1), -(after * lag).sum(-1)
     between = has_before * has_after
     way = between * behind / (behind + ahead).clamp_min(1.0)
     shares = (has_before - way)[..., None] * before + (way + has_after - between)[..., None] * after

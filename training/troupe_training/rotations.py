@@ -3,6 +3,8 @@
 The 6D form (Zhou et al. 2019) is the first two columns of the matrix, column 0 then column 1.
 """
 
+import math
+
 import numpy as np
 import torch
 
@@ -28,6 +30,17 @@ def wrap_angle(angle):
     """Angle wrapped to (-pi, pi]; numpy or torch."""
     lib = torch if isinstance(angle, torch.Tensor) else np
     return lib.arctan2(lib.sin(angle), lib.cos(angle))
+
+
+def arc_tangent(sine: torch.Tensor, cosine: torch.Tensor) -> torch.Tensor:
+    """``torch.atan2``, zero at the origin, without its nodes in a graph.
+
+    ONNX has no atan2. What PyTorch writes for it asks whether 0/0 came out, by an ``IsNaN`` that OpenVINO does not take: each
+    cuts a network into parts that are handed back and forth.
+    """
+    slope = sine / torch.where(cosine == 0.0, 1e-20, cosine)
+    half_turn = torch.where(sine < 0.0, -math.pi, math.pi)
+    return torch.atan(slope) + torch.where(cosine < 0.0, half_turn, 0.0)
 
 
 def yaw_matrix(psi: torch.Tensor) -> torch.Tensor:

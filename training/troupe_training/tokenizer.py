@@ -21,7 +21,7 @@ from troupe_training.layers import (
     unstack_frames,
     valid_frames,
 )
-from troupe_training.rotations import six_d_to_matrix
+from troupe_training.rotations import arc_tangent, six_d_to_matrix
 
 
 @dataclass
@@ -288,7 +288,7 @@ def integrate_root(start: torch.Tensor, local_root: torch.Tensor) -> torch.Tenso
     step = local_root[..., :3] / FPS
     first = torch.zeros_like(step[:, :1])
     travelled = torch.cumsum(torch.cat([first, step[:, 1:]], 1), 1)
-    psi = torch.atan2(start[..., 4], start[..., 3]) + travelled[..., 2]
+    psi = arc_tangent(start[..., 4], start[..., 3]) + travelled[..., 2]
     return torch.stack(
         [
             start[..., 0] + travelled[..., 0],

@@ -155,14 +155,14 @@ impl OfLength {
         same.map_err(|error| run_error(graph.stage, &error))
     }
 
-    /// No more calls of so many rows, nor of more.
+    /// No more calls of so many rows, nor of more: slower, but never wrong. OpenVINO has bugs that show so too.
     fn forbid(&mut self, stage: Stage, size: usize) {
         let (stage, length) = (stage.name(), self.length);
-        tracing::debug!(
+        tracing::warn!(
             stage,
             length,
             rows = size,
-            "rounds otherwise than a row alone: not used"
+            "rows of such a call are not what they are alone: batches are run in smaller ones, which is slower"
         );
         self.calls.forbid(size);
         self.sessions.retain(|&rows, _| rows < size);
