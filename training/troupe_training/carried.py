@@ -35,6 +35,7 @@ def interpolation(mask: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """
     before, after = neighbours(mask)
     place = torch.arange(mask.shape[1], device=mask.device, dtype=torch.float32)
+    # Not `place - (before * place).sum(-1)`, shorter as it is: OpenVINO fuses that into something wrong (docs/engines.md).
     lag = place[:, None] - place
     has_before, has_after = before.sum(-1), after.sum(-1)
     behind, ahead = (before * lag).sum(-1), -(after * lag).sum(-1)
