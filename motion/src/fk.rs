@@ -56,6 +56,34 @@ pub fn joint_transform(skeleton: &Skeleton, root: Vec3, local: &[Quat], joint: u
     }
 }
 
+/// World positions (metres) and rotations of the joints from joint 0 down to `joint`, each told to `visit` on the way, in time
+/// that grows with its depth. Does not allocate.
+///
+/// The same as [`world_transforms`] gives them, bit for bit.
+///
+/// # Panics
+/// If the skeleton has no such joint or `local` is shorter than the skeleton.
+pub fn transforms_down_to(
+    skeleton: &Skeleton,
+    root: Vec3,
+    local: &[Quat],
+    joint: usize,
+    visit: &mut impl FnMut(usize, Vec3, Quat),
+) -> (Vec3, Quat) {
+    let (position, rotation) = match skeleton.joints[joint].parent {
+        None => (root, local[joint]),
+        Some(parent) => {
+            let (above, turned) = transforms_down_to(skeleton, root, local, parent, visit);
+            (
+                above + turned * skeleton.joints[joint].offset_m,
+                turned * local[joint],
+            )
+        }
+    };
+    visit(joint, position, rotation);
+    (position, rotation)
+}
+
 /// Pose (joint 0 in the world, others parent-relative) from world rotations. Does not allocate.
 ///
 /// # Panics
@@ -181,6 +209,13 @@ mod tests {
                 let (position, rotation) = joint_transform(&skeleton, Vec3::ONE, &local, j);
                 prop_assert!(position.abs_diff_eq(p[j], 1e-5));
                 prop_assert!(angle_between(rotation, world[j]) < 1e-5);
+                let mut seen = Vec::new();
+                let mut visit = |joint, position, rotation| seen.push((joint, position, rotation));
+                prop_assert_eq!(transforms_down_to(&skeleton, Vec3::ONE, &local, j, &mut visit), (p[j], world[j]));
+                let mut path: Vec<usize> = std::iter::successors(Some(j), |&j| skeleton.joints[j].parent).collect();
+                path.reverse();
+                let wanted: Vec<_> = path.into_iter().map(|j| (j, p[j], world[j])).collect();
+                prop_assert_eq!(seen, wanted);
             }
         }
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use glam::{Quat, Vec3};
 
-use crate::fk::joint_transform;
+use crate::fk::transforms_down_to;
 use crate::interpolate::smoothstep;
 use crate::skeleton::Skeleton;
 
@@ -163,18 +163,30 @@ struct Track {
 impl Track {
     fn of(skeleton: &Skeleton, leg: &Leg, window: &Range<usize>, roots: &[Vec3], rotations: &[Quat]) -> Self {
         let joints = skeleton.joint_count();
-        let places = |joint: usize| -> Vec<Vec3> {
-            window
-                .clone()
-                .map(|f| joint_transform(skeleton, roots[f], &rotations[f * joints..], joint).0)
-                .collect()
-        };
-        Self {
-            hips: places(leg.upper),
-            feet: places(leg.foot),
-            toes: places(leg.toe.unwrap_or(leg.foot)),
+        let mut track = Self {
+            hips: vec![Vec3::ZERO; window.len()],
+            feet: vec![Vec3::ZERO; window.len()],
+            toes: vec![Vec3::ZERO; window.len()],
             offsets: vec![Vec3::ZERO; window.len()],
+        };
+        // The toe hangs from the foot, and the foot from the hip.
+        let lowest = leg.toe.unwrap_or(leg.foot);
+        for (index, frame) in window.clone().enumerate() {
+            let mut note = |joint, position, _| {
+                if joint == leg.upper {
+                    track.hips[index] = position;
+                }
+                if joint == leg.foot {
+                    track.feet[index] = position;
+                }
+                if joint == lowest {
+                    track.toes[index] = position;
+                }
+            };
+            let pose = &rotations[frame * joints..];
+            transforms_down_to(skeleton, roots[frame], pose, lowest, &mut note);
         }
+        track
     }
 
     /// Offsets that hold the foot in its contacts.
@@ -294,12 +306,15 @@ fn edge(frame: usize, frames: usize, fixed: [bool; 2]) -> f32 {
 fn drops(tracks: &[Track], legs: &[Leg], skeleton: &Skeleton, fixed: [bool; 2], max_drop_m: f32) -> Vec<f32> {
     let frames = tracks.first().map_or(0, |track| track.offsets.len());
     let mut needs = vec![0.0_f32; frames];
+    if max_drop_m <= 0.0 {
+        return needs;
+    }
     for (track, leg) in tracks.iter().zip(legs) {
+        let leg_m = leg.length_m(skeleton) * (STRAIGHTEST - SOFT_SHARE);
         for (frame, need) in needs.iter_mut().enumerate() {
             let (hip, foot) = (track.hips[frame], track.feet[frame]);
-            let longest = (leg.length_m(skeleton) * (STRAIGHTEST - SOFT_SHARE)).max(hip.distance(foot));
             let goal = foot + track.offsets[frame];
-            let excess = excess_height(hip, goal, longest);
+            let excess = excess_height(hip, goal, leg_m.max(hip.distance(foot)));
             if excess > NO_OFFSET_M {
                 *need = need.max(excess.min(max_drop_m));
             }

@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use crate::fk::joint_transform;
+use crate::fk::{joint_transform, transforms_down_to};
 use crate::interpolate::smoothstep;
 use crate::robot::Robot;
 use crate::rotation::align_sign;
@@ -73,24 +73,14 @@ pub fn two_bone_soft(
     if rotations.len() < skeleton.joint_count() || !is_chain(skeleton, chain) {
         return f32::INFINITY;
     }
-    let [upper, middle, end] = chain.map(|joint| joint_transform(skeleton, root, rotations, joint));
+    let limb = Limb::of(skeleton, root, rotations, chain);
+    let [upper, middle, end] = limb.joints;
     if let Some(robot) = &skeleton.robot {
         let rotation = keep_end_rotation.then_some(end.1);
-        let places = [upper.0, middle.0, end.0];
-        return bend_hinges(
-            (skeleton, robot),
-            root,
-            rotations,
-            chain,
-            places,
-            (goal, soft),
-            rotation,
-        );
+        let of = (skeleton, robot);
+        return bend_hinges(of, root, rotations, chain, &limb, (goal, soft), rotation);
     }
-    let [above_upper, above_middle, above_end] = chain.map(|joint| match skeleton.joints[joint].parent {
-        Some(parent) => joint_transform(skeleton, root, rotations, parent).1,
-        None => Quat::IDENTITY,
-    });
+    let [above_upper, above_middle, above_end] = limb.above;
     let Some(bend) = bend(upper.0, middle.0, end.0, (goal, soft), pole) else {
         return f32::INFINITY;
     };
@@ -123,17 +113,9 @@ pub fn place_end(
         if rotations.len() < skeleton.joint_count() || !is_chain(skeleton, chain) {
             return f32::INFINITY;
         }
-        let places = chain.map(|joint| joint_transform(skeleton, root, rotations, joint).0);
-        let goal = (goal, soft);
-        return bend_hinges(
-            (skeleton, robot),
-            root,
-            rotations,
-            chain,
-            places,
-            goal,
-            Some(rotation),
-        );
+        let limb = Limb::of(skeleton, root, rotations, chain);
+        let (of, goal) = ((skeleton, robot), (goal, soft));
+        return bend_hinges(of, root, rotations, chain, &limb, goal, Some(rotation));
     }
     let short = two_bone_soft(skeleton, root, rotations, chain, (goal, soft), pole, false);
     turn_in_world(skeleton, rotations, chain[2], rotation);
@@ -170,29 +152,29 @@ pub(super) fn turn_hinges(
     let _ = solve(of, Vec3::ZERO, rotations, (top, end), &goal);
 }
 
-/// Bends a limb of hinges, whose joints of the chain are at `places`; answers how far it falls short.
+/// Bends a limb of hinges; answers how far it falls short.
 fn bend_hinges(
     of: (&Skeleton, &Robot),
     root: Vec3,
     rotations: &mut [Quat],
     [top, knee, end]: [usize; 3],
-    [upper, middle, last]: [Vec3; 3],
+    limb: &Limb,
     (goal, soft): (Vec3, f32),
     rotation: Option<Quat>,
 ) -> f32 {
+    let [(upper, _), (middle, _), (last, turned)] = limb.joints;
     let (first, second, to) = (middle - upper, last - middle, goal - upper);
     let (length_1, length_2) = (first.length(), second.length());
     if !to.is_finite() || length_1 < SHORTEST_BONE_M || length_2 < SHORTEST_BONE_M {
         return f32::INFINITY;
     }
-    let turned = joint_transform(of.0, root, rotations, end).1;
     let keeps = rotation.is_none_or(|rotation| rotation == turned);
     if keeps && goal.distance(last) <= MET_M {
         return 0.0;
     }
     let most = match of.1.hinge_of(knee) {
         Some(hinge) => {
-            let axis = joint_transform(of.0, root, rotations, knee).1 * of.1.hinges()[hinge].axis;
+            let axis = limb.joints[1].1 * of.1.hinges()[hinge].axis;
             longest(first, second, axis)
         }
         None => length_1 + length_2,
@@ -225,6 +207,33 @@ fn is_chain(skeleton: &Skeleton, chain: [usize; 3]) -> bool {
     chain[2] < skeleton.joint_count()
         && super::limbs::is_below(skeleton, chain[2], chain[1])
         && super::limbs::is_below(skeleton, chain[1], chain[0])
+}
+
+/// Where a limb is.
+struct Limb {
+    /// World positions and rotations of the upper, the middle and the end joint.
+    joints: [(Vec3, Quat); 3],
+    /// World rotations of the joints that they hang from, the world's own above joint 0.
+    above: [Quat; 3],
+}
+
+impl Limb {
+    fn of(skeleton: &Skeleton, root: Vec3, rotations: &[Quat], chain: [usize; 3]) -> Self {
+        let mut limb = Self {
+            joints: [(Vec3::ZERO, Quat::IDENTITY); 3],
+            above: [Quat::IDENTITY; 3],
+        };
+        let mut turned = Quat::IDENTITY;
+        let mut note = |joint, position, rotation| {
+            if let Some(nth) = chain.iter().position(|&of_chain| of_chain == joint) {
+                limb.joints[nth] = (position, rotation);
+                limb.above[nth] = turned;
+            }
+            turned = rotation;
+        };
+        transforms_down_to(skeleton, root, rotations, chain[2], &mut note);
+        limb
+    }
 }
 
 /// What a limb must do.

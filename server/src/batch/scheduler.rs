@@ -14,10 +14,11 @@
 //! - With [`Limits::batch_delay`], free lanes wait up to so long for [`Limits::preferred_batch`] characters.
 //! - While there are live characters, a batch takes no more than it can do in [`Limits::live_slice`], by measure: a plan
 //!   that comes just after the cut waits no longer than that for a lane.
-//! - Callers that wait for their answers ask again a moment after they got them. So a lane that has answered several
-//!   waits up to a tenth of the time that its batch took for as many to come, and takes no more than lanes would have
-//!   if all that is under way were shared evenly: else callers fall into one group more than there are lanes, and
-//!   batches are the smaller. Not while there are live characters.
+//! - Callers that wait for their answers ask again a moment after they got them. So a lane that has answered several and finds
+//!   next to none waits up to a tenth of the time that its batch took for as many to come: else few callers fall into one group
+//!   more than there are lanes, and batches are the smaller. Not while there are live characters. An engine that does not pad
+//!   takes time for every row, so its lanes do not wait where a few are ready: to be idle costs more than larger batches give.
+//! - A lane that has answered takes no more than lanes would have if all that is under way were shared evenly.
 //! - An engine that pads computes the padding too, and one that cuts batches into calls takes nearly as long for a small call as for
 //!   a large one. Where more is ready at once than a few, and work has piled up behind a busy lane, a cut is rounded down to a
 //!   size without padding, or to whole calls: the rest goes first with the next lane.
@@ -49,7 +50,8 @@ pub use limits::{Limits, Refusal};
 const LIVE_MEMORY: Duration = Duration::from_secs(2);
 /// A batch is not made smaller than this for the sake of live characters: it would cost more than it gives.
 const MIN_SLICE: usize = 4;
-/// Fewer characters than this are not split up to save padding or to share them: to wait for the next lane costs more.
+/// Fewer characters than this are not split up to save padding or to share them: to wait for the next lane costs more. For as
+/// many, a lane of an engine that does not pad waits no longer.
 const MIN_SPLIT: usize = 8;
 /// A lane that answered fewer callers than this waits for nobody.
 const MIN_GATHER: usize = 4;
@@ -444,7 +446,9 @@ impl Scheduler {
         };
         let ready = self.queue.ready();
         let wanted = *gather.wanted.get_or_insert(ready + gather.answered);
-        if now >= gather.until || ready >= wanted.min(most) || never {
+        let worth = if self.limits.padded { most } else { MIN_SPLIT };
+        let enough = ready >= wanted.min(worth);
+        if now >= gather.until || enough || never {
             self.gathers[lane] = None;
             return false;
         }

@@ -405,7 +405,6 @@ fn a_lane_that_waits_counts_what_the_one_before_it_has_left() {
         lanes: 2,
         max_batch: 32,
         max_queued: 100,
-        padded: false,
         ..limits()
     });
     let come = |setup: &mut Setup, count: usize| {
@@ -429,6 +428,39 @@ fn a_lane_that_waits_counts_what_the_one_before_it_has_left() {
     assert_eq!(size(&setup.cuts()), []);
     come(&mut setup, 1);
     assert_eq!(setup.cuts()[0].0, 1);
+}
+
+#[test]
+fn a_lane_of_an_engine_that_does_not_pad_waits_for_no_more_than_a_few() {
+    for (call_rows, cut) in [(0, 9), (8, 8)] {
+        let mut setup = Setup::new(Limits {
+            lanes: 2,
+            max_batch: 32,
+            max_queued: 100,
+            padded: false,
+            call_rows,
+            ..limits()
+        });
+        let come = |setup: &mut Setup, count: usize| {
+            for _ in 0..count {
+                setup.call(1);
+            }
+        };
+        let size = |cuts: &[Seen]| cuts.iter().map(|cut| cut.2.len()).collect::<Vec<_>>();
+        come(&mut setup, 16);
+        assert_eq!(size(&setup.cuts()), [8, 8]);
+        come(&mut setup, 7);
+        setup.pass(40);
+        setup.free(0);
+        let until = setup.after(4);
+        assert_eq!(setup.step(Event::Settled), [Action::WakeAt(until)]);
+        come(&mut setup, 1);
+        assert_eq!(size(&setup.cuts()), [8]);
+        // Of ten that wait, an even share beside the eight that run; whole calls where batches are cut into calls.
+        come(&mut setup, 10);
+        setup.free(1);
+        assert_eq!(size(&setup.cuts()), [cut]);
+    }
 }
 
 #[test]
