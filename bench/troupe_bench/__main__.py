@@ -49,6 +49,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--pack", type=Path, help="folder of the pack")
     parser.add_argument("--train-python", type=Path, help="Python with PyTorch, for packs of the paper's size")
     parser.add_argument("--out", type=Path, help="page to write")
+    parser.add_argument("--only-measured", action="store_true", help="leave out of the page what was not measured")
     parser.add_argument("--time", action="store_true", help="only say how long the serving part takes")
     args = parser.parse_args(arguments)
     unknown = [part for part in args.parts if part not in PARTS]
@@ -98,7 +99,7 @@ def run_part(part: str, settings: Settings, args: argparse.Namespace) -> None:
         out = args.out or (
             settings.results / "benchmarks.md" if settings.quick else machine.ROOT / "docs/benchmarks.md"
         )
-        write_report(settings, out)
+        write_report(settings, out, args.only_measured)
         say(f"written: {out}")
 
 

@@ -161,18 +161,21 @@ def _span(runs: list[dict]) -> str:
     return f"{first:%Y-%m-%d %H:%M} to {end}"
 
 
-def write_report(settings: Settings, out: Path) -> None:
-    """Writes the page; a part that was not measured says which command measures it."""
+def write_report(settings: Settings, out: Path, only_measured: bool = False) -> None:
+    """Writes the page; a part that was not measured says which command measures it, or is named in one line."""
     parts = [INTRO]
     machine = Store(settings.results, "machine").data.get("machine")
     if machine:
         parts.append(machine_lines(machine))
     if settings.quick:
         parts.append("**A quick look: one short run each. Not the real figures.**")
-    told = set()
+    told, missing = set(), []
     for title, part, text, table in SECTIONS:
         store = Store(settings.results, part)
         lines = table(store) if store.data["runs"] else []
+        if only_measured and not lines:
+            missing.append(title)
+            continue
         parts.append(f"## {title}")
         if lines:
             notes = (
@@ -184,5 +187,7 @@ def write_report(settings: Settings, out: Path) -> None:
             told.add(part)
         else:
             parts.append(f"Not measured yet: `make bench PARTS={part}`.")
+    if missing:
+        parts.append(f"Not measured on this machine: {'; '.join(missing)}.")
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text("\n\n".join(part.strip("\n") for part in parts if part) + "\n")
