@@ -222,10 +222,6 @@ impl Client {
     }
 }
 
-/// HTTP/2's window of a connection. With the usual 64 KiB three answers of 64 frames fill it, and a stream that is read slowly holds
-/// up all calls beside it. That of each stream stays 64 KiB, for what waits in it is old by the time it is read.
-const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
-
 /// Reads the address and applies the options. Small messages must not wait for large ones, so Nagle's algorithm is
 /// off.
 fn endpoint(url: &str, options: &ConnectOptions) -> Result<Endpoint, ClientError> {
@@ -241,7 +237,6 @@ fn endpoint(url: &str, options: &ConnectOptions) -> Result<Endpoint, ClientError
     }
     Ok(endpoint
         .tcp_nodelay(true)
-        .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
         .connect_timeout(options.connect_timeout)
         .timeout(options.request_timeout)
         .http2_keep_alive_interval(Duration::from_secs(20))
