@@ -446,7 +446,10 @@ impl Scheduler {
         };
         let ready = self.queue.ready();
         let wanted = *gather.wanted.get_or_insert(ready + gather.answered);
-        let worth = if self.limits.padded { most } else { MIN_SPLIT };
+        let worth = match self.limits.padded {
+            true => most,
+            false => most.min(MIN_SPLIT),
+        };
         let enough = ready >= wanted.min(worth);
         if now >= gather.until || enough || never {
             self.gathers[lane] = None;

@@ -81,6 +81,13 @@ impl Setup {
         request
     }
 
+    /// So many calls of one character each.
+    fn calls(&mut self, count: usize) {
+        for _ in 0..count {
+            self.call(1);
+        }
+    }
+
     /// A plan, due in `ms`.
     fn plan(&mut self, owner: u64, ms: u64) -> (u64, Vec<Action>) {
         self.arrive(1, Order::live(OwnerId(owner), self.after(ms)))
@@ -107,6 +114,11 @@ impl Setup {
             }
             _ => panic!("{actions:?}"),
         }
+    }
+
+    /// Settles, and gives the sizes of what is cut.
+    fn cut_sizes(&mut self) -> Vec<usize> {
+        self.cuts().iter().map(|cut| cut.2.len()).collect()
     }
 
     /// Settles, and gives what is cut.
@@ -316,9 +328,7 @@ fn backlog(padded: bool, characters: usize) -> usize {
         padded,
         ..limits()
     });
-    for _ in 0..characters {
-        setup.call(1);
-    }
+    setup.calls(characters);
     setup.free(0);
     let cuts = setup.cuts();
     cuts[0].2.len()
@@ -357,46 +367,40 @@ fn a_lane_that_has_answered_many_waits_for_them_to_come_back() {
         max_queued: 100,
         ..limits()
     });
-    let come = |setup: &mut Setup, count: usize| {
-        for _ in 0..count {
-            setup.call(1);
-        }
-    };
-    let size = |cuts: &[Seen]| cuts.iter().map(|cut| cut.2.len()).collect::<Vec<_>>();
     // 24 callers in three groups of 8: two with lanes, one that waits.
-    come(&mut setup, 16);
-    assert_eq!(size(&setup.cuts()), [8, 8]);
-    come(&mut setup, 8);
+    setup.calls(16);
+    assert_eq!(setup.cut_sizes(), [8, 8]);
+    setup.calls(8);
     setup.pass(40);
     setup.free(0);
     // Those that were answered come back within a tenth of that, and are shared with the lane that is still busy.
     let until = setup.after(4);
     assert_eq!(setup.step(Event::Settled), [Action::WakeAt(until)]);
     setup.pass(2);
-    come(&mut setup, 8);
-    assert_eq!(size(&setup.cuts()), [12]);
+    setup.calls(8);
+    assert_eq!(setup.cut_sizes(), [12]);
     setup.free(1);
-    assert_eq!(size(&setup.cuts()), Vec::<usize>::new());
-    come(&mut setup, 8);
-    assert_eq!(size(&setup.cuts()), [12]);
+    assert_eq!(setup.cut_sizes(), Vec::<usize>::new());
+    setup.calls(8);
+    assert_eq!(setup.cut_sizes(), [12]);
     // Two groups from now on; and nobody waits for those that do not come.
     setup.pass(50);
     setup.free(0);
     let until = setup.after(5);
     assert_eq!(setup.step(Event::Settled), [Action::WakeAt(until)]);
-    come(&mut setup, 3);
+    setup.calls(3);
     setup.pass(5);
-    assert_eq!(size(&setup.cuts()), [3]);
+    assert_eq!(setup.cut_sizes(), [3]);
     // A lone caller waits for nobody, nor do live characters.
     setup.free(1);
     setup.pass(10);
     setup.cuts();
-    come(&mut setup, 1);
-    assert_eq!(size(&setup.cuts()), [1]);
+    setup.calls(1);
+    assert_eq!(setup.cut_sizes(), [1]);
     setup.pass(50);
     setup.free(0);
     setup.plan(1, 100);
-    assert_eq!(size(&setup.cuts()), [1]);
+    assert_eq!(setup.cut_sizes(), [1]);
 }
 
 #[test]
@@ -407,26 +411,21 @@ fn a_lane_that_waits_counts_what_the_one_before_it_has_left() {
         max_queued: 100,
         ..limits()
     });
-    let come = |setup: &mut Setup, count: usize| {
-        for _ in 0..count {
-            setup.call(1);
-        }
-    };
     let size = |cuts: &[Seen]| cuts.iter().map(|cut| (cut.0, cut.2.len())).collect::<Vec<_>>();
-    come(&mut setup, 16);
+    setup.calls(16);
     assert_eq!(size(&setup.cuts()), [(0, 8), (1, 8)]);
     setup.pass(40);
     setup.free(0);
-    come(&mut setup, 6);
+    setup.calls(6);
     assert_eq!(size(&setup.cuts()), []);
     // The first lane has waited long enough, and shares what is ready with the second.
     setup.pass(4);
     setup.free(1);
     assert_eq!(size(&setup.cuts()), [(0, 3)]);
     // Of the three that are left and the eight that it has answered, ten are not all.
-    come(&mut setup, 7);
+    setup.calls(7);
     assert_eq!(size(&setup.cuts()), []);
-    come(&mut setup, 1);
+    setup.calls(1);
     assert_eq!(setup.cuts()[0].0, 1);
 }
 
@@ -441,25 +440,36 @@ fn a_lane_of_an_engine_that_does_not_pad_waits_for_no_more_than_a_few() {
             call_rows,
             ..limits()
         });
-        let come = |setup: &mut Setup, count: usize| {
-            for _ in 0..count {
-                setup.call(1);
-            }
-        };
-        let size = |cuts: &[Seen]| cuts.iter().map(|cut| cut.2.len()).collect::<Vec<_>>();
-        come(&mut setup, 16);
-        assert_eq!(size(&setup.cuts()), [8, 8]);
-        come(&mut setup, 7);
+        setup.calls(16);
+        assert_eq!(setup.cut_sizes(), [8, 8]);
+        setup.calls(7);
         setup.pass(40);
         setup.free(0);
         let until = setup.after(4);
         assert_eq!(setup.step(Event::Settled), [Action::WakeAt(until)]);
-        come(&mut setup, 1);
-        assert_eq!(size(&setup.cuts()), [8]);
+        setup.calls(1);
+        assert_eq!(setup.cut_sizes(), [8]);
         // Of ten that wait, an even share beside the eight that run; whole calls where batches are cut into calls.
-        come(&mut setup, 10);
+        setup.calls(10);
         setup.free(1);
-        assert_eq!(size(&setup.cuts()), [cut]);
+        assert_eq!(setup.cut_sizes(), [cut]);
+    }
+}
+
+#[test]
+fn a_lane_waits_for_no_more_than_its_largest_batch() {
+    for padded in [true, false] {
+        let mut setup = Setup::new(Limits {
+            max_batch: 4,
+            padded,
+            ..limits()
+        });
+        setup.calls(4);
+        assert_eq!(setup.cut_sizes(), [4]);
+        setup.calls(4);
+        setup.pass(40);
+        setup.free(0);
+        assert_eq!(setup.cut_sizes(), [4], "padded: {padded}");
     }
 }
 
@@ -471,9 +481,7 @@ fn an_idle_lane_takes_all_that_came_padding_or_not() {
         ..limits()
     });
     assert_eq!(setup.cuts(), []);
-    for _ in 0..17 {
-        setup.call(1);
-    }
+    setup.calls(17);
     assert_eq!(setup.cuts()[0].2.len(), 17);
 }
 
