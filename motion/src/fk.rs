@@ -37,23 +37,12 @@ pub fn world_transforms(
 
 /// World position (metres) and rotation of one joint, in time that grows with its depth. Does not allocate.
 ///
-/// The same as [`world_transforms`] gives it, to rounding.
+/// The same as [`world_transforms`] gives it, bit for bit.
 ///
 /// # Panics
 /// If the skeleton has no such joint or `local` is shorter than the skeleton.
 pub fn joint_transform(skeleton: &Skeleton, root: Vec3, local: &[Quat], joint: usize) -> (Vec3, Quat) {
-    let (mut position, mut rotation) = (Vec3::ZERO, Quat::IDENTITY);
-    let mut at = joint;
-    // From the frame of each joint into that of its parent.
-    loop {
-        let parent = skeleton.joints[at].parent;
-        let offset = parent.map_or(root, |_| skeleton.joints[at].offset_m);
-        (position, rotation) = (offset + local[at] * position, local[at] * rotation);
-        match parent {
-            Some(parent) => at = parent,
-            None => return (position, rotation),
-        }
-    }
+    transforms_down_to(skeleton, root, local, joint, &mut |_, _, _| {})
 }
 
 /// World positions (metres) and rotations of the joints from joint 0 down to `joint`, each told to `visit` on the way, in time
@@ -206,12 +195,10 @@ mod tests {
             let mut world = [Quat::IDENTITY; 8];
             world_transforms(&skeleton, Vec3::ONE, &local, &mut p, &mut world);
             for j in 0..8 {
-                let (position, rotation) = joint_transform(&skeleton, Vec3::ONE, &local, j);
-                prop_assert!(position.abs_diff_eq(p[j], 1e-5));
-                prop_assert!(angle_between(rotation, world[j]) < 1e-5);
+                prop_assert_eq!(joint_transform(&skeleton, Vec3::ONE, &local, j), (p[j], world[j]));
                 let mut seen = Vec::new();
                 let mut visit = |joint, position, rotation| seen.push((joint, position, rotation));
-                prop_assert_eq!(transforms_down_to(&skeleton, Vec3::ONE, &local, j, &mut visit), (p[j], world[j]));
+                transforms_down_to(&skeleton, Vec3::ONE, &local, j, &mut visit);
                 let mut path: Vec<usize> = std::iter::successors(Some(j), |&j| skeleton.joints[j].parent).collect();
                 path.reverse();
                 let wanted: Vec<_> = path.into_iter().map(|j| (j, p[j], world[j])).collect();

@@ -10,7 +10,7 @@ use std::ops::Range;
 use glam::{Quat, Vec3};
 
 use crate::fk::joint_transform;
-use crate::ik::{Leg, MAX_LEGS, cover, forward, smooth, spans, two_bone};
+use crate::ik::{Leg, LegTrack, MAX_LEGS, cover, forward, smooth, spans, two_bone};
 use crate::interpolate::smoothstep;
 use crate::skeleton::Skeleton;
 
@@ -108,7 +108,7 @@ pub fn lifts(
     out.resize(frames, Lift::default());
     let mut cap = vec![f32::INFINITY; frames];
     for (nth, leg) in legs.iter().enumerate() {
-        let track = Track::of(skeleton, leg, roots, rotations, frames);
+        let track = LegTrack::of(skeleton, leg, &(0..frames), roots, rotations);
         let shown: Vec<f32> = known.iter().map(|lift| lift.feet_m[nth]).collect();
         let feet = track.lifts(leg, contacts, &shown, &mut ground, options);
         for (frame, &foot) in feet.iter().enumerate() {
@@ -244,28 +244,7 @@ fn take_over(shown: &[f32], comes_down: usize, lifts: &mut [f32]) {
     }
 }
 
-/// Where a leg of the flat motion is in every frame.
-struct Track {
-    hips: Vec<Vec3>,
-    feet: Vec<Vec3>,
-    toes: Vec<Vec3>,
-}
-
-impl Track {
-    fn of(skeleton: &Skeleton, leg: &Leg, roots: &[Vec3], rotations: &[Quat], frames: usize) -> Self {
-        let joints = skeleton.joint_count();
-        let places = |joint: usize| -> Vec<Vec3> {
-            (0..frames)
-                .map(|f| joint_transform(skeleton, roots[f], &rotations[f * joints..], joint).0)
-                .collect()
-        };
-        Self {
-            hips: places(leg.upper),
-            feet: places(leg.foot),
-            toes: places(leg.toe.unwrap_or(leg.foot)),
-        }
-    }
-
+impl LegTrack {
     /// How much higher than with the foot the hip could be in a frame before the leg is straight, metres.
     fn room(&self, frame: usize, leg_m: f32) -> f32 {
         let over = self.hips[frame] - self.feet[frame];

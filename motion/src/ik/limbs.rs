@@ -3,8 +3,11 @@
 //! A robot has a joint for every hinge, several of them a hand's breadth apart or less where a body has one: its limbs are the
 //! chains of hinges that hang from the trunk, and their middle joint is the one that leaves two long bones.
 
+use std::ops::Range;
+
 use glam::{Quat, Vec3};
 
+use crate::fk::transforms_down_to;
 use crate::robot::Robot;
 use crate::skeleton::Skeleton;
 
@@ -62,6 +65,45 @@ impl Leg {
     /// Whether foot or toe are in contact; without contact joints of its own it never is.
     pub(crate) fn stands(&self, contacts: u8) -> bool {
         contacts & self.contact_bits() != 0
+    }
+}
+
+/// Where a leg's hip, foot and toe are in the world, frame by frame; a foot without a toe is its own.
+pub(crate) struct LegTrack {
+    pub(crate) hips: Vec<Vec3>,
+    pub(crate) feet: Vec<Vec3>,
+    pub(crate) toes: Vec<Vec3>,
+}
+
+impl LegTrack {
+    /// In the frames `window` of a motion.
+    pub(crate) fn of(
+        skeleton: &Skeleton,
+        leg: &Leg,
+        window: &Range<usize>,
+        roots: &[Vec3],
+        rotations: &[Quat],
+    ) -> Self {
+        let [hips, feet, toes] = [0; 3].map(|_| vec![Vec3::ZERO; window.len()]);
+        let mut track = Self { hips, feet, toes };
+        // The toe hangs from the foot, and the foot from the hip.
+        let lowest = leg.toe.unwrap_or(leg.foot);
+        for (index, frame) in window.clone().enumerate() {
+            let mut note = |joint, position, _| {
+                if joint == leg.upper {
+                    track.hips[index] = position;
+                }
+                if joint == leg.foot {
+                    track.feet[index] = position;
+                }
+                if joint == lowest {
+                    track.toes[index] = position;
+                }
+            };
+            let pose = &rotations[frame * skeleton.joint_count()..];
+            transforms_down_to(skeleton, roots[frame], pose, lowest, &mut note);
+        }
+        track
     }
 }
 

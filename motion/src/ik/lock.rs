@@ -5,12 +5,11 @@ use std::ops::Range;
 
 use glam::{Quat, Vec3};
 
-use crate::fk::transforms_down_to;
 use crate::interpolate::smoothstep;
 use crate::skeleton::Skeleton;
 
 use super::two_bone::{STRAIGHTEST, two_bone_soft};
-use super::{Leg, cover, forward, spans};
+use super::{Leg, LegTrack, cover, forward, spans};
 
 /// A span that begins this near behind a frame that may not change begins where the foot is: there is no room to fade.
 const ANCHOR_FRAMES: usize = 3;
@@ -134,7 +133,7 @@ pub fn lock_feet(
         let pose = &mut rotations[frame * joints..][..joints];
         let pole = forward(skeleton, pose);
         for (leg, track) in legs.iter().zip(&tracks) {
-            let goal = track.feet[index] + track.offsets[index];
+            let goal = track.leg.feet[index] + track.offsets[index];
             let short = two_bone_soft(
                 skeleton,
                 roots[frame],
@@ -154,39 +153,16 @@ pub fn lock_feet(
 
 /// Where a leg is in every frame of the window, and what its foot is to be moved by.
 struct Track {
-    hips: Vec<Vec3>,
-    feet: Vec<Vec3>,
-    toes: Vec<Vec3>,
+    leg: LegTrack,
     offsets: Vec<Vec3>,
 }
 
 impl Track {
     fn of(skeleton: &Skeleton, leg: &Leg, window: &Range<usize>, roots: &[Vec3], rotations: &[Quat]) -> Self {
-        let joints = skeleton.joint_count();
-        let mut track = Self {
-            hips: vec![Vec3::ZERO; window.len()],
-            feet: vec![Vec3::ZERO; window.len()],
-            toes: vec![Vec3::ZERO; window.len()],
+        Self {
+            leg: LegTrack::of(skeleton, leg, window, roots, rotations),
             offsets: vec![Vec3::ZERO; window.len()],
-        };
-        // The toe hangs from the foot, and the foot from the hip.
-        let lowest = leg.toe.unwrap_or(leg.foot);
-        for (index, frame) in window.clone().enumerate() {
-            let mut note = |joint, position, _| {
-                if joint == leg.upper {
-                    track.hips[index] = position;
-                }
-                if joint == leg.foot {
-                    track.feet[index] = position;
-                }
-                if joint == lowest {
-                    track.toes[index] = position;
-                }
-            };
-            let pose = &rotations[frame * joints..];
-            transforms_down_to(skeleton, roots[frame], pose, lowest, &mut note);
         }
-        track
     }
 
     /// Offsets that hold the foot in its contacts.
@@ -234,8 +210,8 @@ impl Track {
         let mut offset = Vec3::ZERO;
         for frame in span.start + 1..span.end {
             let track = match by_foot(frame) || by_foot(frame - 1) {
-                true => &self.feet,
-                false => &self.toes,
+                true => &self.leg.feet,
+                false => &self.leg.toes,
             };
             let step = track[frame] - track[frame - 1];
             offset -= Vec3::new(step.x, 0.0, step.z);
@@ -287,8 +263,8 @@ impl Track {
     fn lift_out_of(&mut self, floor: f32, leg: &Leg, fixed: [bool; 2]) {
         let frames = self.offsets.len();
         for frame in 0..frames {
-            let foot = floor + leg.clearance_m[0] - self.feet[frame].y;
-            let toe = floor + leg.clearance_m[1] - self.toes[frame].y;
+            let foot = floor + leg.clearance_m[0] - self.leg.feet[frame].y;
+            let toe = floor + leg.clearance_m[1] - self.leg.toes[frame].y;
             self.offsets[frame].y += foot.max(toe).max(0.0) * edge(frame, frames, fixed);
         }
     }
@@ -312,7 +288,7 @@ fn drops(tracks: &[Track], legs: &[Leg], skeleton: &Skeleton, fixed: [bool; 2], 
     for (track, leg) in tracks.iter().zip(legs) {
         let leg_m = leg.length_m(skeleton) * (STRAIGHTEST - SOFT_SHARE);
         for (frame, need) in needs.iter_mut().enumerate() {
-            let (hip, foot) = (track.hips[frame], track.feet[frame]);
+            let (hip, foot) = (track.leg.hips[frame], track.leg.feet[frame]);
             let goal = foot + track.offsets[frame];
             let excess = excess_height(hip, goal, leg_m.max(hip.distance(foot)));
             if excess > NO_OFFSET_M {

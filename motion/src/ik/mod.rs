@@ -38,6 +38,7 @@ pub use lock::{FootLock, Locked, lock_feet};
 pub use reach::{ReachOptions, Reached, pose_at, reach_pose};
 pub use two_bone::{place_end, two_bone, two_bone_soft};
 
+pub(crate) use limbs::LegTrack;
 pub(crate) use lock::excess_height;
 pub(crate) use smooth::{cover, smooth, spans};
 pub(crate) use trunk::Trunk;

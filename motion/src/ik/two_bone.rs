@@ -162,7 +162,7 @@ fn bend_hinges(
     (goal, soft): (Vec3, f32),
     rotation: Option<Quat>,
 ) -> f32 {
-    let [(upper, _), (middle, _), (last, turned)] = limb.joints;
+    let [(upper, _), (middle, bent), (last, turned)] = limb.joints;
     let (first, second, to) = (middle - upper, last - middle, goal - upper);
     let (length_1, length_2) = (first.length(), second.length());
     if !to.is_finite() || length_1 < SHORTEST_BONE_M || length_2 < SHORTEST_BONE_M {
@@ -174,7 +174,7 @@ fn bend_hinges(
     }
     let most = match of.1.hinge_of(knee) {
         Some(hinge) => {
-            let axis = limb.joints[1].1 * of.1.hinges()[hinge].axis;
+            let axis = bent * of.1.hinges()[hinge].axis;
             longest(first, second, axis)
         }
         None => length_1 + length_2,
