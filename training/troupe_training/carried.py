@@ -74,17 +74,16 @@ class CarriedPose(nn.Module):
         """
         shares, distance = interpolation(mask)
         cosine, sine = global_root[..., 3:4], global_root[..., 4:5]
-        turned = shares * (cosine * cosine.transpose(1, 2) + sine * sine.transpose(1, 2))
-        across = shares * (sine * cosine.transpose(1, 2) - cosine * sine.transpose(1, 2))
         # Taken away where they were given, and from zeros where nothing was.
         pose = pose - heights * mask[..., None]
         nothing = (1.0 - mask.amax(-1, keepdim=True))[..., None]
         x, y, z = pose.unflatten(-1, (-1, 3)).permute(0, 3, 1, 2).unbind(1)
-        # x cos + z sin and z cos - x sin, of the angle between the headings; heights stay.
-        turn = torch.cat([torch.cat([turned, across], -1), torch.cat([-across, turned], -1)], 1)
-        level, frames = turn @ torch.cat([x, z], 1), pose.shape[1]
-        vectors = torch.stack([level[:, :frames], shares @ y, level[:, frames:]], 1)
-        return vectors.permute(0, 2, 3, 1).flatten(2) - heights * nothing, distance.long()
+        # Interpolated as seen from their own headings, then turned to those of the frames they come to.
+        right, forward = shares @ (x * cosine - z * sine), shares @ (z * cosine + x * sine)
+        x, z = right * cosine + forward * sine, forward * cosine - right * sine
+        # Not stacked on the last axis, which takes OpenVINO seven times as long (docs/engines.md).
+        vectors = torch.stack([x, shares @ y, z], 1).permute(0, 2, 3, 1)
+        return vectors.flatten(2) - heights * nothing, distance.long()
 
     def shares(self, distance: torch.Tensor) -> torch.Tensor:
         """How far to trust carried poses ``[B, T, J*9]`` at distances ``[B, T]``."""
