@@ -117,11 +117,12 @@ pub struct Config {
     )]
     pub max_queue_ms: u64,
 
-    /// The same once calls have waited without a break for as long: then it is no burst but an overload, and a long queue
-    /// serves nobody sooner. Until then it falls from the one to the other. In milliseconds; 0: no difference is made.
+    /// The same in an overload, where a long queue serves nobody sooner: it is that once half a max_queue_ms more came than
+    /// was served while calls waited without a break, and falls from the one to the other until then. In milliseconds; 0: no
+    /// difference is made.
     #[config(
         env = "TROUPE_MAX_STANDING_QUEUE_MS",
-        default = 200,
+        default = 50,
         layer_attr(arg(long, value_name = "MS"))
     )]
     pub max_standing_queue_ms: u64,

@@ -194,7 +194,7 @@ impl Service {
         let characters = request.characters.len();
         // One that is too large is told so, and not to come back.
         let most = self.limits.max_characters;
-        if let Some(error) = loaded.batcher.would_refuse(characters.min(most)) {
+        if let Some(error) = loaded.batcher.refuse(characters.min(most)) {
             return Err(error.into());
         }
         let order = Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.timeout);

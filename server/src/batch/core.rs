@@ -100,6 +100,11 @@ impl Core {
         &self.scheduler
     }
 
+    /// Why a call of so many characters is refused before it is put in, where it is.
+    pub(super) fn refuse(&mut self, now: Instant, characters: usize) -> Option<Refusal> {
+        self.scheduler.refuse(now, characters)
+    }
+
     /// Puts a request in.
     pub(super) fn admit(
         &mut self,

@@ -140,14 +140,10 @@ impl Batcher {
         &self.shared().gauge
     }
 
-    /// Why an InBetween call of so many characters would be refused if it came now, where it would: to be asked before
-    /// any work is put into it. It counts as refused then.
-    pub fn would_refuse(&self, characters: usize) -> Option<SubmitError> {
-        let refusal = self
-            .shared()
-            .core()
-            .scheduler()
-            .would_refuse(Instant::now(), characters)?;
+    /// Why an InBetween call of so many characters is refused if it comes now, where it is: to be asked before any work is
+    /// put into it.
+    pub fn refuse(&self, characters: usize) -> Option<SubmitError> {
+        let refusal = self.shared().core().refuse(Instant::now(), characters)?;
         self.shared().metrics.rejected(refusal.into());
         Some(refusal.into())
     }

@@ -235,12 +235,12 @@ async fn a_queue_that_is_too_slow_is_known_before_any_work() {
         ..limits()
     };
     let lanes = lanes(limits, [Trouble::None; 2]).await;
-    assert!(lanes.batcher.would_refuse(1).is_none());
+    assert!(lanes.batcher.refuse(1).is_none());
     let busy = lanes.fill().await;
     // By the first guess, 2.5 ms each.
     let waiting = lanes.enqueue(0..50);
     pending(&lanes.telemetry, 1).await;
-    let error = lanes.batcher.would_refuse(1);
+    let error = lanes.batcher.refuse(1);
     let Some(SubmitError::QueueFull { retry_after, .. }) = error else {
         panic!("{error:?}");
     };
@@ -255,7 +255,7 @@ async fn a_queue_that_is_too_slow_is_known_before_any_work() {
         lanes.permit(1);
     }
     plan.await.unwrap();
-    assert!(lanes.batcher.would_refuse(1).is_none());
+    assert!(lanes.batcher.refuse(1).is_none());
 }
 
 /// Notes when its thread lets go of it.

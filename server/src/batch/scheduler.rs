@@ -36,11 +36,13 @@
 mod limits;
 mod meter;
 mod queue;
+mod standing;
 
 use std::time::{Duration, Instant};
 
 use self::meter::Meter;
 use self::queue::{Queue, Take};
+use self::standing::Standing;
 use super::order::{Class, Order};
 use crate::engine::BatchSizes;
 
@@ -231,8 +233,8 @@ pub struct Scheduler {
     /// When free lanes cease to wait for more work, where they do.
     held_until: Option<Instant>,
     last_live: Option<Instant>,
-    /// Since when there were calls left waiting after every cut.
-    standing_since: Option<Instant>,
+    /// While calls are left waiting after every cut.
+    standing: Option<Standing>,
 }
 
 impl Scheduler {
@@ -247,7 +249,7 @@ impl Scheduler {
             limits,
             held_until: None,
             last_live: None,
-            standing_since: None,
+            standing: None,
         }
     }
 
@@ -274,9 +276,17 @@ impl Scheduler {
         self.lanes.iter().filter(|&&lane| lane != Lane::Lost).count()
     }
 
-    /// Why an InBetween call of so many characters would be refused if it came now, where it would.
-    pub fn would_refuse(&self, now: Instant, characters: usize) -> Option<Refusal> {
-        self.refusal(now, Class::Request, characters, 0)
+    /// Why an InBetween call of so many characters is refused if it comes now, where it is: to be asked before it arrives.
+    pub fn refuse(&mut self, now: Instant, characters: usize) -> Option<Refusal> {
+        let refusal = self.refusal(now, Class::Request, characters, 0)?;
+        self.refused(Class::Request, characters);
+        Some(refusal)
+    }
+
+    fn refused(&mut self, class: Class, characters: usize) {
+        if let (Class::Request, Some(standing)) = (class, &mut self.standing) {
+            standing.refused(characters);
+        }
     }
 
     /// Takes one event, and adds what to do about it to `actions`.
@@ -308,6 +318,7 @@ impl Scheduler {
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let leaving = older.map_or(0, |older| older.pending(order.class));
         if let Some(refusal) = self.refusal(now, order.class, characters, leaving) {
+            self.refused(order.class, characters);
             return actions.push(Action::Refuse { request, refusal });
         }
         let due = order.deadline.max(now) + self.limits.handicap(order.class);
@@ -325,12 +336,10 @@ impl Scheduler {
         let room = self.limits.room(class) + free * self.limits.max_batch;
         let wait = self.meter.wait(pending);
         // What the lanes take with their next batches is no queue that could be shorter, however slow they are.
-        let next_batches = self.lanes() * self.limits.max_batch;
-        let standing = self
-            .standing_since
-            .filter(|_| pending > next_batches)
-            .map(|since| now.saturating_duration_since(since));
-        let longest = self.limits.longest_wait(standing);
+        let next_batches = self.lanes() * self.most(now);
+        let beyond = self.standing.filter(|_| pending > next_batches);
+        let beyond = beyond.map_or(0, |standing| standing.beyond(pending));
+        let longest = self.limits.longest_wait(self.meter.wait(beyond));
         let full = characters > room.saturating_sub(pending);
         let slow = class == Class::Request && free == 0 && !longest.is_zero() && wait > longest;
         (full || slow).then(|| Refusal {
@@ -405,9 +414,9 @@ impl Scheduler {
                 *lane = Lane::Idle;
             }
         }
-        let some_wait = self.queue.pending(Class::Request) > 0;
-        self.meter.left(now, calls, some_wait);
-        self.standing_since = some_wait.then(|| self.standing_since.unwrap_or(now));
+        let waiting = self.queue.pending(Class::Request);
+        self.meter.left(now, calls, waiting > 0);
+        self.standing = Standing::after_cut(self.standing, waiting);
     }
 
     /// Whether there were plans of live characters lately.

@@ -122,8 +122,8 @@ struct Model {
     running: BTreeMap<usize, (Instant, usize, usize)>,
     /// Until when lanes may wait for those that they have answered.
     gathers: BTreeMap<usize, Instant>,
-    /// When a settled queue was last without calls.
-    calm_at: Instant,
+    /// While calls were left waiting: the fewest that were, and how many were refused.
+    standing: Option<(usize, usize)>,
 }
 
 impl Model {
@@ -136,7 +136,7 @@ impl Model {
             lanes: (0..limits.lanes).map(|lane| (lane, None)).collect(),
             running: BTreeMap::new(),
             gathers: BTreeMap::new(),
-            calm_at: now,
+            standing: None,
         }
     }
 
@@ -191,11 +191,17 @@ impl Model {
             max_standing_wait,
             ..
         } = self.limits;
-        let stands = !max_standing_wait.is_zero() && pending > self.lanes.len() * self.limits.max_batch;
-        // It falls from the one to the other.
-        let stood = (self.now - self.calm_at).as_secs_f64() / max_standing_wait.as_secs_f64().max(1e-9);
-        let fallen = max_wait.saturating_sub(max_standing_wait).mul_f64(stood.min(1.0));
-        let too_long = wait > max_wait || stands && wait + Duration::from_nanos(1) > max_wait - fallen;
+        // Live characters make batches, and with them what may wait, smaller by measures that are not known here.
+        let stands = !max_standing_wait.is_zero()
+            && (pending > self.lanes.len() * self.limits.max_batch || !self.limits.live_slice.is_zero());
+        // It falls from the one to the other, by what came beyond what was served; a character waits `wait / pending`.
+        let beyond = self
+            .standing
+            .map_or(0, |(fewest, refused)| pending - fewest.min(pending) + refused);
+        let share =
+            2.0 * beyond as f64 * wait.as_secs_f64() / (pending.max(1) as f64 * max_wait.as_secs_f64());
+        let fallen = max_wait.saturating_sub(max_standing_wait).mul_f64(share.min(1.0));
+        let too_long = wait > max_wait || stands && wait + Duration::from_micros(1) > max_wait - fallen;
         class == Class::Request && self.free_lanes() == 0 && !max_wait.is_zero() && too_long
     }
 
@@ -222,6 +228,9 @@ impl Model {
             _ => false,
         };
         let fits = fits && !too_slow;
+        if let (false, Class::Request, Some((_, refused))) = (fits, order.class, &mut self.standing) {
+            *refused += characters;
+        }
         let mut known = Known {
             order,
             place_since: self.now,
@@ -289,9 +298,9 @@ impl Model {
                 other => panic!("unexpected {other:?}"),
             }
         }
-        if self.pending(Class::Request) == 0 {
-            self.calm_at = self.now;
-        }
+        let pending = self.pending(Class::Request);
+        let (fewest, refused) = self.standing.unwrap_or((pending, 0));
+        self.standing = (pending > 0).then_some((fewest.min(pending), refused));
         let free = self.lanes.iter().filter(|(_, parts)| parts.is_none());
         let gather = |lane| self.gathers.get(lane).is_some_and(|&until| until > self.now);
         assert!(

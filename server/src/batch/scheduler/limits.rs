@@ -26,10 +26,9 @@ pub struct Limits {
     pub max_live: usize,
     /// An InBetween call that would wait for longer than this is refused; zero for no such limit.
     pub max_wait: Duration,
-    /// The same where calls have waited without a break for this long or longer: then it is no burst that the queue evens out
-    /// but an overload, in which a long queue serves no more and every admitted call later. Until then it falls from the
-    /// one to the other. A batch for each lane may always wait that long. Zero: no difference is made. (The controlled delay of Nichols and Jacobson 2012, as request
-    /// queues have it.)
+    /// The same in an overload, in which a long queue serves no more and every admitted call later; see
+    /// [`Limits::longest_wait`]. A batch for each lane may always wait. Zero: no difference is made. (The controlled delay of
+    /// Nichols and Jacobson 2012, as request queues have it.)
     pub max_standing_wait: Duration,
     /// What InBetween calls wait for before they go in front of live plans.
     pub ageing: Duration,
@@ -81,20 +80,18 @@ impl Limits {
         }
     }
 
-    /// The longest that a call may wait, where calls have waited without a break for `standing`; zero for no limit.
+    /// The longest that a call may wait, where more calls came than were served, by what takes `beyond`, while some always
+    /// waited; zero for no limit.
     ///
-    /// From [`Limits::max_wait`] for calls that come at once it falls to [`Limits::max_standing_wait`] in as long as that: what
-    /// comes at five times the rate that can be served would fill the whole queue before it is known to last, and all
-    /// of that would be late.
-    pub fn longest_wait(&self, standing: Option<Duration>) -> Duration {
+    /// It falls from [`Limits::max_wait`] to [`Limits::max_standing_wait`], which it is once half a `max_wait` came beyond: what
+    /// comes at five times the rate that can be served would fill the whole queue else, and all of that would be late.
+    pub fn longest_wait(&self, beyond: Duration) -> Duration {
         let most = self.max_standing_wait.min(self.max_wait);
-        match standing {
-            Some(standing) if !most.is_zero() => {
-                let lasting = standing.div_duration_f64(self.max_standing_wait).min(1.0);
-                self.max_wait - (self.max_wait - most).mul_f64(lasting)
-            }
-            _ => self.max_wait,
+        if most.is_zero() {
+            return self.max_wait;
         }
+        let share = (2 * beyond).div_duration_f64(self.max_wait).min(1.0);
+        self.max_wait - (self.max_wait - most).mul_f64(share)
     }
 
     /// Most characters of the class that may wait.
