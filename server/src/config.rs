@@ -117,7 +117,7 @@ pub struct Config {
     )]
     pub max_queue_ms: u64,
 
-    /// The same in an overload, where a long queue serves nobody sooner: it is that once half a max_queue_ms more came than
+    /// The same in an overload, where a long queue serves nobody sooner: it is that once a third of max_queue_ms more came than
     /// was served while calls waited without a break, and falls from the one to the other until then. In milliseconds; 0: no
     /// difference is made.
     #[config(

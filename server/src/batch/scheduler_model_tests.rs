@@ -199,7 +199,7 @@ impl Model {
             .standing
             .map_or(0, |(fewest, refused)| pending - fewest.min(pending) + refused);
         let share =
-            2.0 * beyond as f64 * wait.as_secs_f64() / (pending.max(1) as f64 * max_wait.as_secs_f64());
+            3.0 * beyond as f64 * wait.as_secs_f64() / (pending.max(1) as f64 * max_wait.as_secs_f64());
         let fallen = max_wait.saturating_sub(max_standing_wait).mul_f64(share.min(1.0));
         let too_long = wait > max_wait || stands && wait + Duration::from_micros(1) > max_wait - fallen;
         class == Class::Request && self.free_lanes() == 0 && !max_wait.is_zero() && too_long

@@ -83,14 +83,14 @@ impl Limits {
     /// The longest that a call may wait, where more calls came than were served, by what takes `beyond`, while some always
     /// waited; zero for no limit.
     ///
-    /// It falls from [`Limits::max_wait`] to [`Limits::max_standing_wait`], which it is once half a `max_wait` came beyond: what
+    /// It falls from [`Limits::max_wait`] to [`Limits::max_standing_wait`], which it is once a third of a `max_wait` came beyond: what
     /// comes at five times the rate that can be served would fill the whole queue else, and all of that would be late.
     pub fn longest_wait(&self, beyond: Duration) -> Duration {
         let most = self.max_standing_wait.min(self.max_wait);
         if most.is_zero() {
             return self.max_wait;
         }
-        let share = (2 * beyond).div_duration_f64(self.max_wait).min(1.0);
+        let share = (3 * beyond).div_duration_f64(self.max_wait).min(1.0);
         self.max_wait - (self.max_wait - most).mul_f64(share)
     }
 
