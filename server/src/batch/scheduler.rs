@@ -278,15 +278,7 @@ impl Scheduler {
 
     /// Why an InBetween call of so many characters is refused if it comes now, where it is: to be asked before it arrives.
     pub fn refuse(&mut self, now: Instant, characters: usize) -> Option<Refusal> {
-        let refusal = self.refusal(now, Class::Request, characters, 0)?;
-        self.refused(Class::Request, characters);
-        Some(refusal)
-    }
-
-    fn refused(&mut self, class: Class, characters: usize) {
-        if let (Class::Request, Some(standing)) = (class, &mut self.standing) {
-            standing.refused(characters);
-        }
+        self.refuse_of(now, Class::Request, characters, 0)
     }
 
     /// Takes one event, and adds what to do about it to `actions`.
@@ -317,8 +309,7 @@ impl Scheduler {
     ) {
         let older = order.owner.and_then(|owner| self.queue.waiting_of(owner));
         let leaving = older.map_or(0, |older| older.pending(order.class));
-        if let Some(refusal) = self.refusal(now, order.class, characters, leaving) {
-            self.refused(order.class, characters);
+        if let Some(refusal) = self.refuse_of(now, order.class, characters, leaving) {
             return actions.push(Action::Refuse { request, refusal });
         }
         let due = order.deadline.max(now) + self.limits.handicap(order.class);
@@ -327,6 +318,21 @@ impl Scheduler {
         if order.class == Class::Live {
             self.last_live = Some(now);
         }
+    }
+
+    /// [`Scheduler::refuse`] for a class, where `leaving` of those that wait make room.
+    fn refuse_of(
+        &mut self,
+        now: Instant,
+        class: Class,
+        characters: usize,
+        leaving: usize,
+    ) -> Option<Refusal> {
+        let refusal = self.refusal(now, class, characters, leaving)?;
+        if let (Class::Request, Some(standing)) = (class, &mut self.standing) {
+            standing.refused(characters);
+        }
+        Some(refusal)
     }
 
     /// Why so many characters would have no place, where `leaving` of those that wait make room for them.

@@ -191,9 +191,13 @@ impl Model {
             max_standing_wait,
             ..
         } = self.limits;
-        // Live characters make batches, and with them what may wait, smaller by measures that are not known here.
-        let stands = !max_standing_wait.is_zero()
-            && (pending > self.lanes.len() * self.limits.max_batch || !self.limits.live_slice.is_zero());
+        // Live characters make batches, and with them what may always wait, smaller: by measures that are not known here, to
+        // four at the least.
+        let least = match self.limits.live_slice.is_zero() {
+            true => self.limits.max_batch,
+            false => self.limits.max_batch.min(4),
+        };
+        let stands = !max_standing_wait.is_zero() && pending > self.lanes.len() * least;
         // It falls from the one to the other, by what came beyond what was served; a character waits `wait / pending`.
         let beyond = self
             .standing
@@ -201,7 +205,7 @@ impl Model {
         let share =
             3.0 * beyond as f64 * wait.as_secs_f64() / (pending.max(1) as f64 * max_wait.as_secs_f64());
         let fallen = max_wait.saturating_sub(max_standing_wait).mul_f64(share.min(1.0));
-        let too_long = wait > max_wait || stands && wait + Duration::from_micros(1) > max_wait - fallen;
+        let too_long = wait > max_wait || stands && wait + Duration::from_nanos(100) > max_wait - fallen;
         class == Class::Request && self.free_lanes() == 0 && !max_wait.is_zero() && too_long
     }
 
