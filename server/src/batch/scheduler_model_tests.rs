@@ -184,6 +184,13 @@ impl Model {
             .sum()
     }
 
+    fn sizes(&self) -> BatchSizes {
+        match self.limits.call_rows {
+            0 => BatchSizes::new(self.limits.max_batch, !self.limits.padded),
+            rows => BatchSizes::of_calls(self.limits.max_batch, rows),
+        }
+    }
+
     /// Whether a call may be refused for so long a wait.
     fn is_too_long(&self, class: Class, pending: usize, wait: Duration) -> bool {
         let Limits {
@@ -195,7 +202,7 @@ impl Model {
         // four at the least.
         let least = match self.limits.live_slice.is_zero() {
             true => self.limits.max_batch,
-            false => self.limits.max_batch.min(4),
+            false => self.sizes().within(4),
         };
         let stands = !max_standing_wait.is_zero() && pending > self.lanes.len() * least;
         // It falls from the one to the other, by what came beyond what was served; a character waits `wait / pending`.
@@ -324,10 +331,7 @@ impl Model {
                 .div_ceil(self.lanes.len())
                 .max(8);
             let may_be = |whole: usize| {
-                let sizes = match self.limits.call_rows {
-                    0 => BatchSizes::new(self.limits.max_batch, !self.limits.padded),
-                    rows => BatchSizes::of_calls(self.limits.max_batch, rows),
-                };
+                let sizes = self.sizes();
                 let without_padding = sizes.all().iter().copied().rfind(|&size| size <= whole);
                 let rounded = whole >= 8 && Some(size) == without_padding;
                 size == whole || rounded
