@@ -118,8 +118,8 @@ pub struct Config {
     pub max_queue_ms: u64,
 
     /// The same in an overload, where a long queue serves nobody sooner: it is that once a third of max_queue_ms more came than
-    /// was served while calls waited without a break, and falls from the one to the other until then. In milliseconds; 0: no
-    /// difference is made.
+    /// was served while calls waited without a break, and falls from the one to the other until then. It rises again within a few
+    /// seconds without a queue. In milliseconds; 0: no difference is made.
     #[config(
         env = "TROUPE_MAX_STANDING_QUEUE_MS",
         default = 50,

@@ -2,7 +2,7 @@
 //! lock, and nothing here takes long: what can wait (answers, log lines) goes into the [`Outbox`].
 
 use std::collections::HashMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::sync::oneshot;
 
@@ -142,6 +142,11 @@ impl Core {
         // It has no answer to send: nobody would get it.
         self.step(now, Event::Gone { request }, &mut Outbox::default());
         self.jobs.remove(&request);
+    }
+
+    /// Tells the scheduler how long a lane took for a batch of nobody's.
+    pub(super) fn tried(&mut self, now: Instant, characters: usize, took: Duration) {
+        self.step(now, Event::Tried { characters, took }, &mut Outbox::default());
     }
 
     /// Tells the scheduler that a lane is free.

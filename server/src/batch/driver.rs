@@ -14,7 +14,7 @@ use super::gauge::EngineGauge;
 use super::lane;
 use super::order::Order;
 use super::scheduler::{Limits, Part, RequestId};
-use crate::engine::{EngineError, Pipeline, RawMotion, WorkItem};
+use crate::engine::{EngineError, Pipeline, RawMotion, TrialRun, WorkItem};
 use crate::telemetry::PackMetrics;
 
 /// Makes the engine of a lane, of which it gets the number from 0 on. Called once for each lane, on the thread that will
@@ -239,9 +239,14 @@ impl Shared {
         admitted
     }
 
-    /// A lane is ready for its first batch.
-    pub(super) fn lane_starts(&self, lane: usize) {
-        self.core().free(Instant::now(), lane);
+    /// A lane is ready for its first batch. Where it tried a batch already, that tells how long calls will wait until others
+    /// have been measured.
+    pub(super) fn lane_starts(&self, lane: usize, trial: Option<TrialRun>) {
+        let mut core = self.core();
+        if let Some(TrialRun { rows, took }) = trial {
+            core.tried(Instant::now(), rows, took);
+        }
+        core.free(Instant::now(), lane);
     }
 
     /// Waits for a batch. Gives none when there will be no more.

@@ -27,7 +27,7 @@ pub(super) fn run(
             return;
         }
     };
-    shared.lane_starts(number);
+    shared.lane_starts(number, pipeline.trial());
     if started.send(Ok(())).is_err() {
         return;
     }

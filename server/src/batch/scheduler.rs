@@ -83,6 +83,13 @@ pub enum Event {
         /// The abandoned request.
         request: RequestId,
     },
+    /// A lane that has not been ready yet tried how fast it is.
+    Tried {
+        /// Characters of a batch.
+        characters: usize,
+        /// How long it took.
+        took: Duration,
+    },
     /// A lane is ready for a batch: it has started, or finished the previous one.
     LaneFree {
         /// Its number.
@@ -233,7 +240,7 @@ pub struct Scheduler {
     /// When free lanes cease to wait for more work, where they do.
     held_until: Option<Instant>,
     last_live: Option<Instant>,
-    /// While calls are left waiting after every cut.
+    /// While calls are left waiting after every cut, and for a while after an overload.
     standing: Option<Standing>,
 }
 
@@ -293,6 +300,7 @@ impl Scheduler {
                 let left = self.queue.forget(request);
                 actions.extend(left.map(|characters| Action::Drop { request, characters }));
             }
+            Event::Tried { characters, took } => self.meter.ran(characters, took),
             Event::LaneFree { lane } => self.lane(now, lane, Lane::JustFreed),
             Event::LaneLost { lane } => self.lane(now, lane, Lane::Lost),
             Event::Settled => self.settle(now, actions),
@@ -329,8 +337,14 @@ impl Scheduler {
         leaving: usize,
     ) -> Option<Refusal> {
         let refusal = self.refusal(now, class, characters, leaving)?;
-        if let (Class::Request, Some(standing)) = (class, &mut self.standing) {
-            standing.refused(characters);
+        if class == Class::Request {
+            // More than makes the limit what it is in an overload would only take longer to be forgotten.
+            let beyond = self.beyond(now, self.queue.pending(class) - leaving);
+            if !self.limits.is_plain_overload(self.meter.wait(beyond))
+                && let Some(standing) = &mut self.standing
+            {
+                standing.refused(characters);
+            }
         }
         Some(refusal)
     }
@@ -343,8 +357,10 @@ impl Scheduler {
         let wait = self.meter.wait(pending);
         // What the lanes take with their next batches is no queue that could be shorter, however slow they are.
         let next_batches = self.lanes() * self.most(now);
-        let beyond = self.standing.filter(|_| pending > next_batches);
-        let beyond = beyond.map_or(0, |standing| standing.beyond(pending));
+        let beyond = match pending > next_batches {
+            true => self.beyond(now, pending),
+            false => 0,
+        };
         let longest = self.limits.longest_wait(self.meter.wait(beyond));
         let full = characters > room.saturating_sub(pending);
         let slow = class == Class::Request && free == 0 && !longest.is_zero() && wait > longest;
@@ -353,6 +369,11 @@ impl Scheduler {
             expected_wait: wait,
             full,
         })
+    }
+
+    /// Characters of calls that came beyond those that were served, where so many wait now.
+    fn beyond(&self, now: Instant, pending: usize) -> usize {
+        self.standing.map_or(0, |standing| standing.beyond(now, pending))
     }
 
     fn lane(&mut self, now: Instant, lane: usize, state: Lane) {
@@ -422,7 +443,7 @@ impl Scheduler {
         }
         let waiting = self.queue.pending(Class::Request);
         self.meter.left(now, calls, waiting > 0);
-        self.standing = Standing::after_cut(self.standing, waiting);
+        self.standing = Standing::after_cut(self.standing, now, waiting);
     }
 
     /// Whether there were plans of live characters lately.

@@ -122,8 +122,12 @@ struct Model {
     running: BTreeMap<usize, (Instant, usize, usize)>,
     /// Until when lanes may wait for those that they have answered.
     gathers: BTreeMap<usize, Instant>,
-    /// While calls were left waiting: the fewest that were, and how many were refused.
-    standing: Option<(usize, usize)>,
+    /// The fewest that were left waiting since none were.
+    fewest: usize,
+    /// How many were refused and are remembered, at most.
+    refused: f64,
+    /// Since when none are left waiting.
+    empty_since: Option<Instant>,
 }
 
 impl Model {
@@ -136,7 +140,9 @@ impl Model {
             lanes: (0..limits.lanes).map(|lane| (lane, None)).collect(),
             running: BTreeMap::new(),
             gathers: BTreeMap::new(),
-            standing: None,
+            fewest: 0,
+            refused: 0.0,
+            empty_since: Some(now),
         }
     }
 
@@ -206,14 +212,24 @@ impl Model {
         };
         let stands = !max_standing_wait.is_zero() && pending > self.lanes.len() * least;
         // It falls from the one to the other, by what came beyond what was served; a character waits `wait / pending`.
-        let beyond = self
-            .standing
-            .map_or(0, |(fewest, refused)| pending - fewest.min(pending) + refused);
+        let more = match self.empty_since {
+            Some(_) => 0,
+            None => pending - self.fewest.min(pending),
+        };
+        let beyond = more + self.remembered() as usize;
         let share =
             3.0 * beyond as f64 * wait.as_secs_f64() / (pending.max(1) as f64 * max_wait.as_secs_f64());
         let fallen = max_wait.saturating_sub(max_standing_wait).mul_f64(share.min(1.0));
         let too_long = wait > max_wait || stands && wait + Duration::from_nanos(100) > max_wait - fallen;
         class == Class::Request && self.free_lanes() == 0 && !max_wait.is_zero() && too_long
+    }
+
+    /// Refused characters, less by two thirds for each second that no calls are left waiting.
+    fn remembered(&self) -> f64 {
+        let empty = self
+            .empty_since
+            .map(|since| self.now.saturating_duration_since(since));
+        self.refused * (-empty.unwrap_or_default().as_secs_f64()).exp()
     }
 
     fn arrive(&mut self, request: RequestId, characters: usize, order: Order, actions: &[Action]) {
@@ -239,8 +255,8 @@ impl Model {
             _ => false,
         };
         let fits = fits && !too_slow;
-        if let (false, Class::Request, Some((_, refused))) = (fits, order.class, &mut self.standing) {
-            *refused += characters;
+        if (fits, order.class) == (false, Class::Request) {
+            self.refused += characters as f64;
         }
         let mut known = Known {
             order,
@@ -310,8 +326,12 @@ impl Model {
             }
         }
         let pending = self.pending(Class::Request);
-        let (fewest, refused) = self.standing.unwrap_or((pending, 0));
-        self.standing = (pending > 0).then_some((fewest.min(pending), refused));
+        self.refused = self.remembered();
+        self.fewest = match self.empty_since {
+            Some(_) => pending,
+            None => self.fewest.min(pending),
+        };
+        self.empty_since = (pending == 0).then_some(self.now);
         let free = self.lanes.iter().filter(|(_, parts)| parts.is_none());
         let gather = |lane| self.gathers.get(lane).is_some_and(|&until| until > self.now);
         assert!(
@@ -484,7 +504,7 @@ proptest! {
     #[test]
     fn no_order_of_events_panics(
         limits in some_limits(),
-        events in prop::collection::vec((0usize..6, 0usize..6, 0u64..20), 1..200),
+        events in prop::collection::vec((0usize..7, 0usize..6, 0u64..20), 1..200),
     ) {
         let (mut scheduler, mut actions) = (Scheduler::new(limits), Vec::new());
         let mut now = Instant::now();
@@ -501,6 +521,7 @@ proptest! {
                 2 => Event::Gone { request: RequestId(number * 7) },
                 3 => Event::LaneFree { lane },
                 4 if number == 0 => Event::LaneLost { lane },
+                5 => Event::Tried { characters: lane, took: Duration::from_millis(number) },
                 _ => Event::Settled,
             };
             scheduler.step(now, event, &mut actions);

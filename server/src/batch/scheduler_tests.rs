@@ -533,6 +533,25 @@ fn a_queue_that_is_too_slow_refuses_calls_but_no_plans() {
 }
 
 #[test]
+fn before_the_first_batch_a_wait_follows_what_lanes_tried() {
+    for (took_ms, fits, too_many) in [(8, 600, 300), (800, 8, 4)] {
+        let mut setup = Setup::busy(Limits {
+            max_queued: 1000,
+            ..limits()
+        });
+        let took = Duration::from_millis(took_ms);
+        assert_eq!(setup.step(Event::Tried { characters: 8, took }), []);
+        setup.free(0);
+        setup.call(1);
+        assert_eq!(setup.cuts().len(), 1);
+        setup.call(fits);
+        assert_eq!(setup.refused(1), None, "{took_ms} ms");
+        setup.call(too_many);
+        assert!(!setup.refused(1).unwrap().full, "{took_ms} ms");
+    }
+}
+
+#[test]
 fn the_longest_wait_falls_with_what_comes_beyond() {
     let longest =
         |limits: Limits, beyond: u64| limits.longest_wait(Duration::from_millis(beyond)).as_millis();
@@ -567,6 +586,16 @@ fn serve(setup: &mut Setup, ms: u64) {
     setup.cuts();
 }
 
+/// All that waits is served, and then nothing comes for a few seconds.
+fn rest(setup: &mut Setup) {
+    while setup.scheduler.pending_characters() > 0 {
+        serve(setup, 8);
+    }
+    serve(setup, 8);
+    setup.pass(6000);
+    setup.cuts();
+}
+
 #[test]
 fn callers_who_wait_for_their_answers_are_no_overload() {
     let mut setup = Setup::busy(waits(1000, 50));
@@ -590,6 +619,35 @@ fn an_overload_fills_no_more_of_the_queue_than_a_burst_that_is_evened_out() {
         serve(&mut setup, 8);
     }
     assert!((270..=330).contains(&longest), "{longest} wait at most");
+}
+
+#[test]
+fn an_overload_does_not_fill_the_queue_anew_where_lanes_empty_it() {
+    let mut setup = Setup::busy(waits(1000, 50));
+    let burst = |setup: &mut Setup| {
+        // A lane that is free takes the first at once.
+        let first = offer(setup, 8);
+        setup.cuts();
+        first + offer(setup, 472)
+    };
+    for _ in 0..100 {
+        offer(&mut setup, 8);
+        serve(&mut setup, 8);
+    }
+    // Every 104 ms 104 characters leave, or all that wait, and five times as many come at once.
+    let mut let_in = Vec::new();
+    for _ in 0..50 {
+        let_in.push(burst(&mut setup));
+        (0..13).for_each(|_| serve(&mut setup, 8));
+    }
+    assert!((250..=400).contains(&let_in[0]), "{let_in:?}");
+    assert!(
+        let_in[10..].iter().all(|calls| (30..=110).contains(calls)),
+        "{let_in:?}"
+    );
+    // When it has been over for a few seconds, a burst has room again.
+    rest(&mut setup);
+    assert_eq!(burst(&mut setup), 480);
 }
 
 #[test]
@@ -620,11 +678,8 @@ fn an_overload_that_lasts_has_a_short_queue() {
     offer(&mut setup, 40);
     let standing = setup.scheduler.pending_characters();
     assert!((240..=260).contains(&standing), "{standing} wait in an overload");
-    // When nothing waits any more, the next burst has its room again.
-    while setup.scheduler.pending_characters() > 0 {
-        serve(&mut setup, 8);
-    }
-    serve(&mut setup, 8);
+    // When nothing has waited for a few seconds, the next burst has its room again.
+    rest(&mut setup);
     setup.call(8);
     setup.cuts();
     let burst = offer(&mut setup, 2000);

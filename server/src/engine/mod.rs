@@ -18,7 +18,7 @@ mod work;
 use crate::pack::Stage;
 
 pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Lanes};
-pub use pipeline::{Pipeline, RowAnswer, StageTimes, length_of, lengths};
+pub use pipeline::{Pipeline, RowAnswer, StageTimes, TrialRun, length_of, lengths};
 pub use raw::{RawLoop, straight_walk};
 pub use select::{Check, Decision, Selector};
 pub use sizes::BatchSizes;

@@ -40,6 +40,9 @@ pub fn length_of(lengths: &[usize], tokens: usize) -> usize {
     longer.or(lengths.last().copied()).unwrap_or(tokens)
 }
 
+/// Rows of the batch that [`Pipeline::trial`] tells of, where so many fit: what a busy server has at least.
+const TRIAL_ROWS: usize = 8;
+
 /// Where a batch's time in the engine went.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct StageTimes {
@@ -64,6 +67,15 @@ impl StageTimes {
     }
 }
 
+/// A batch of rows of the longest length, run to see how fast they are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TrialRun {
+    /// Rows of the batch.
+    pub rows: usize,
+    /// How long the three stages took together.
+    pub took: Duration,
+}
+
 /// What a batch has for one character.
 pub type RowAnswer = Result<RawMotion, EngineError>;
 
@@ -73,6 +85,7 @@ pub struct Pipeline {
     stages: Box<dyn Stages>,
     sizes: BatchSizes,
     lengths: Vec<usize>,
+    trial: Option<TrialRun>,
     root_input: RootInput,
     root_output: RootOutput,
     token_input: TokenInput,
@@ -91,6 +104,7 @@ impl Pipeline {
             pose_output: PoseOutput::new(&dims, rows),
             decoder_output: DecoderOutput::new(&dims, rows),
             lengths: lengths(&dims, stages.any_length()),
+            trial: None,
             sizes: BatchSizes::new(max_batch, stages.any_batch()),
             dims,
             stages,
@@ -104,7 +118,8 @@ impl Pipeline {
 
     /// Runs every stage once in every shape: the first run of a shape is slow, so it must not meet a caller. The largest
     /// comes first, for the engine's memory grows by less then. An engine that takes any batch runs the largest, the
-    /// smallest and those that it [names](Stages::call_rows) alone.
+    /// smallest and those that it [names](Stages::call_rows) alone. Then a batch of several is run again, for its
+    /// [time](Pipeline::trial).
     ///
     /// # Errors
     /// [`EngineError`] where a stage fails.
@@ -115,21 +130,39 @@ impl Pipeline {
             sizes.retain(|size| [1, self.sizes.largest()].contains(size) || calls.contains(size));
         }
         for bucket in sizes.into_iter().rev() {
-            self.clear_padding(0, bucket);
-            self.stages
-                .root(bucket, &self.root_input, &mut self.root_output)?;
+            self.run_root_of_nothing(bucket)?;
             for length in self.lengths.clone().into_iter().rev() {
-                self.set_length(length);
-                for row in 0..bucket {
-                    self.token_input.clear_row(row, length);
-                }
-                self.stages
-                    .pose(bucket, &self.token_input, &mut self.pose_output)?;
-                self.stages
-                    .decoder(bucket, &self.token_input, &mut self.decoder_output)?;
+                self.run_tokens_of_nothing(bucket, length)?;
             }
         }
+        let rows = self.sizes.within(TRIAL_ROWS);
+        let mut took = Duration::ZERO;
+        timed(&mut took, || {
+            self.run_root_of_nothing(rows)?;
+            self.run_tokens_of_nothing(rows, self.dims.max_tokens)
+        })?;
+        self.trial = Some(TrialRun { rows, took });
         Ok(())
+    }
+
+    /// How long a batch took when everything was warm. None before [`Pipeline::warm_up`].
+    pub fn trial(&self) -> Option<TrialRun> {
+        self.trial
+    }
+
+    fn run_root_of_nothing(&mut self, rows: usize) -> Result<(), EngineError> {
+        self.clear_padding(0, rows);
+        self.stages.root(rows, &self.root_input, &mut self.root_output)
+    }
+
+    fn run_tokens_of_nothing(&mut self, rows: usize, length: usize) -> Result<(), EngineError> {
+        self.set_length(length);
+        for row in 0..rows {
+            self.token_input.clear_row(row, length);
+        }
+        self.stages.pose(rows, &self.token_input, &mut self.pose_output)?;
+        self.stages
+            .decoder(rows, &self.token_input, &mut self.decoder_output)
     }
 
     /// Runs a batch; the answers are in the order of `items`, which must not be more than the largest batch. A character

@@ -180,7 +180,10 @@ fn warm_up_runs_every_stage_in_every_shape() {
             ..Echo::default()
         };
         let calls = echo.calls.clone();
-        pipeline(echo).warm_up().unwrap();
+        let mut pipeline = pipeline(echo);
+        assert_eq!(pipeline.trial(), None);
+        pipeline.warm_up().unwrap();
+        assert_eq!(pipeline.trial().unwrap().rows, 8);
         let mut expected = Vec::new();
         for rows in [8, 6, 4, 2, 1] {
             expected.push((Stage::Root, rows, 0));
@@ -188,6 +191,13 @@ fn warm_up_runs_every_stage_in_every_shape() {
                 expected.extend([(Stage::Pose, rows, length), (Stage::Decoder, rows, length)]);
             }
         }
+        // And once more, for the time that it takes.
+        let longest = DIMS.max_tokens;
+        expected.extend([
+            (Stage::Root, 8, 0),
+            (Stage::Pose, 8, longest),
+            (Stage::Decoder, 8, longest),
+        ]);
         assert_eq!(*calls.lock().unwrap(), expected);
     }
 }

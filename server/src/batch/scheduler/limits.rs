@@ -94,6 +94,11 @@ impl Limits {
         self.max_wait - (self.max_wait - most).mul_f64(share)
     }
 
+    /// Whether so much beyond what was served makes [`Limits::longest_wait`] as short as it gets, by far.
+    pub(super) fn is_plain_overload(&self, beyond: Duration) -> bool {
+        beyond >= self.max_wait
+    }
+
     /// Most characters of the class that may wait.
     pub fn room(&self, class: Class) -> usize {
         match class {

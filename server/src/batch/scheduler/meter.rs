@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// Time of a character on a lane before any was measured.
+/// Time of a character on a lane before any was measured. It counts as one character of the measurements to come.
 const FIRST_GUESS_S: f64 = 0.005;
 /// What is left of older measurements of the lanes after each batch.
 const LANE_MEMORY: f64 = 0.9;
@@ -78,13 +78,18 @@ impl Meter {
             callers,
         } = self.running[lane].take()?;
         let took = now.saturating_duration_since(since);
-        self.lane_time_s = self.lane_time_s * LANE_MEMORY + took.as_secs_f64();
-        self.lane_characters = self.lane_characters * LANE_MEMORY + characters as f64;
+        self.ran(characters, took);
         Some(Done {
             took,
             characters,
             callers,
         })
+    }
+
+    /// A lane has taken so long for a batch of so many characters.
+    pub(super) fn ran(&mut self, characters: usize, took: Duration) {
+        self.lane_time_s = self.lane_time_s * LANE_MEMORY + took.as_secs_f64();
+        self.lane_characters = self.lane_characters * LANE_MEMORY + characters as f64;
     }
 
     /// Characters that are with lanes now.
