@@ -176,7 +176,7 @@ async fn a_search_and_an_overload() {
     assert!(found["steps"].as_array().unwrap().len() >= 2, "{}", ran.text());
 
     let ran = program(
-        "overload --capacity 20 --factor 40 --warmup 0.3 --before 0.8 --seconds 1.2 --after 2 --beside-characters 2",
+        "overload --capacity 20 --factor 40 --per-request 16 --warmup 0.3 --before 0.8 --seconds 1.2 --after 2 --beside-characters 2",
     )
     .await;
     let found = &ran.report["overload"];
@@ -184,7 +184,7 @@ async fn a_search_and_an_overload() {
     let during = &found["during"]["counts"];
     assert!(
         during["refused"].as_u64().unwrap() > 0,
-        "800 a second are too many: {}",
+        "12,800 characters a second are too many: {}",
         ran.text()
     );
     assert_eq!(during["failed"], 0);
