@@ -122,7 +122,7 @@ pub struct Config {
     /// seconds without a queue. In milliseconds; 0: no difference is made.
     #[config(
         env = "TROUPE_MAX_STANDING_QUEUE_MS",
-        default = 50,
+        default = 25,
         layer_attr(arg(long, value_name = "MS"))
     )]
     pub max_standing_queue_ms: u64,

@@ -133,7 +133,7 @@ fn calls_stay_behind_live_plans_for_longer_than_they_should_ever_wait() {
         limits(&["--max-queue-ms", "5000"]).ageing,
         Duration::from_secs(10)
     );
-    assert_eq!(usual.max_standing_wait, Duration::from_millis(50));
+    assert_eq!(usual.max_standing_wait, Duration::from_millis(25));
     // Without that limit, half of the time after which a call is given up.
     let unlimited = limits(&["--max-queue-ms", "0", "--request-timeout-ms", "20000"]);
     assert_eq!(

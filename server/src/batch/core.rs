@@ -200,6 +200,11 @@ impl Core {
                 Err(error) => self.fail(ran.ended, part.request, error, outbox),
             }
         }
+        let lengths = Event::Ran {
+            characters: size,
+            alike: ran.times.alike,
+        };
+        self.step(ran.ended, lengths, outbox);
     }
 
     /// Notes what a batch made of a request, and answers it where that was the last of it.

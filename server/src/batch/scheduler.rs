@@ -21,7 +21,10 @@
 //! - A lane that has answered takes no more than lanes would have if all that is under way were shared evenly.
 //! - An engine that pads computes the padding too, and one that cuts batches into calls takes nearly as long for a small call as for
 //!   a large one. Where more is ready at once than a few, and work has piled up behind a busy lane, a cut is rounded down to a
-//!   size without padding, or to whole calls: the rest goes first with the next lane.
+//!   size without padding, or to whole calls and to half of one: the rest goes first with the next lane.
+//! - Where batches are cut into calls, and most segments lately had the length of the others in their batch, a batch is one call:
+//!   more calls would keep the answers of the first from their callers until the last is done. Else a longer one, in which more
+//!   of a length meet, has fuller calls.
 //!
 //! # Owners
 //! At most one plan of an owner is with the engine. One more may wait; a newer one takes its place, and inherits its
@@ -89,6 +92,13 @@ pub enum Event {
         characters: usize,
         /// How long it took.
         took: Duration,
+    },
+    /// A batch has run.
+    Ran {
+        /// Its characters.
+        characters: usize,
+        /// The most of them whose segments had one length.
+        alike: usize,
     },
     /// A lane is ready for a batch: it has started, or finished the previous one.
     LaneFree {
@@ -301,6 +311,7 @@ impl Scheduler {
                 actions.extend(left.map(|characters| Action::Drop { request, characters }));
             }
             Event::Tried { characters, took } => self.meter.ran(characters, took),
+            Event::Ran { characters, alike } => self.meter.measured(characters, alike),
             Event::LaneFree { lane } => self.lane(now, lane, Lane::JustFreed),
             Event::LaneLost { lane } => self.lane(now, lane, Lane::Lost),
             Event::Settled => self.settle(now, actions),
@@ -454,17 +465,28 @@ impl Scheduler {
 
     /// Most characters of a batch that is cut now.
     fn most(&self, now: Instant) -> usize {
-        let slice = self.limits.live_slice;
+        let Limits {
+            max_batch,
+            call_rows,
+            live_slice: slice,
+            ..
+        } = self.limits;
+        let largest = match call_rows {
+            0 => max_batch,
+            _ if self.meter.lengths_differ() => max_batch,
+            rows => rows.min(max_batch),
+        };
         if !self.has_live(now) || slice.is_zero() {
-            return self.limits.max_batch;
+            return largest;
         }
         let most = self.meter.batch_within(slice).max(MIN_SLICE);
-        self.sizes.within(most)
+        self.sizes.within(most.min(largest))
     }
 
     /// How much of what a lane could take it should: less by a few, where they would cost as much as many.
     fn unpadded(&self, lane: usize, wanted: usize) -> usize {
-        if self.lanes[lane] != Lane::JustFreed || wanted < MIN_SPLIT {
+        let few = wanted < MIN_SPLIT && self.limits.call_rows == 0;
+        if self.lanes[lane] != Lane::JustFreed || few {
             return wanted;
         }
         let size = self.sizes.for_rows(wanted);

@@ -197,6 +197,14 @@ impl Model {
         }
     }
 
+    /// Characters of a batch that is one call of the engine, where it cuts batches into calls; else of the largest.
+    fn one_call(&self) -> usize {
+        match self.limits.call_rows {
+            0 => self.limits.max_batch,
+            rows => rows.min(self.limits.max_batch),
+        }
+    }
+
     /// Whether a call may be refused for so long a wait.
     fn is_too_long(&self, class: Class, pending: usize, wait: Duration) -> bool {
         let Limits {
@@ -204,11 +212,11 @@ impl Model {
             max_standing_wait,
             ..
         } = self.limits;
-        // Live characters make batches, and with them what may always wait, smaller: by measures that are not known here, to
-        // four at the least.
+        // Live characters make batches, and with them what may always wait, smaller, and so may segments of one length: by
+        // measures that are not known here, to four and to a call at the least.
         let least = match self.limits.live_slice.is_zero() {
-            true => self.limits.max_batch,
-            false => self.sizes().within(4),
+            true => self.one_call(),
+            false => self.sizes().within(self.one_call().min(4)),
         };
         let stands = !max_standing_wait.is_zero() && pending > self.lanes.len() * least;
         // It falls from the one to the other, by what came beyond what was served; a character waits `wait / pending`.
@@ -353,13 +361,17 @@ impl Model {
             let may_be = |whole: usize| {
                 let sizes = self.sizes();
                 let without_padding = sizes.all().iter().copied().rfind(|&size| size <= whole);
-                let rounded = whole >= 8 && Some(size) == without_padding;
+                let many = whole >= 8 || self.limits.call_rows > 0;
+                let rounded = many && Some(size) == without_padding;
                 size == whole || rounded
             };
-            let whole = share.min(self.limits.max_batch);
+            // By measures that are not known here, a batch is one call at most.
+            let wholes = [self.limits.max_batch, self.one_call()].map(|most| share.min(most));
             assert!(
-                may_be(whole) || may_be(whole.min(even)),
-                "{size} of {whole} or {even}"
+                wholes
+                    .iter()
+                    .any(|&whole| may_be(whole) || may_be(whole.min(even))),
+                "{size} of {wholes:?} or {even}"
             );
         }
         self.running.insert(cut.lane, (self.now, size, cut.parts.len()));
@@ -453,6 +465,11 @@ impl Pair {
                 let busy = self.model.lanes.iter().filter(|(_, parts)| parts.is_some());
                 let busy: Vec<usize> = busy.map(|(lane, _)| *lane).collect();
                 if let Some(&lane) = busy.get(nth % busy.len().max(1)) {
+                    let ran = Event::Ran {
+                        characters: 8,
+                        alike: 1 + nth % 8,
+                    };
+                    assert_eq!(self.step(ran), []);
                     assert_eq!(self.step(Event::LaneFree { lane }), []);
                     self.model.finish(lane);
                 }
@@ -504,7 +521,7 @@ proptest! {
     #[test]
     fn no_order_of_events_panics(
         limits in some_limits(),
-        events in prop::collection::vec((0usize..7, 0usize..6, 0u64..20), 1..200),
+        events in prop::collection::vec((0usize..8, 0usize..6, 0u64..20), 1..200),
     ) {
         let (mut scheduler, mut actions) = (Scheduler::new(limits), Vec::new());
         let mut now = Instant::now();
@@ -521,6 +538,7 @@ proptest! {
                 2 => Event::Gone { request: RequestId(number * 7) },
                 3 => Event::LaneFree { lane },
                 4 if number == 0 => Event::LaneLost { lane },
+                6 => Event::Ran { characters: number as usize, alike: lane },
                 5 => Event::Tried { characters: lane, took: Duration::from_millis(number) },
                 _ => Event::Settled,
             };

@@ -360,6 +360,44 @@ fn a_backlog_is_cut_to_a_size_without_much_padding() {
 }
 
 #[test]
+fn a_batch_is_one_call_until_lengths_differ() {
+    let mut setup = Setup::new(Limits {
+        lanes: 2,
+        max_batch: 32,
+        max_queued: 200,
+        padded: false,
+        call_rows: 8,
+        ..limits()
+    });
+    setup.calls(120);
+    assert_eq!(setup.cut_sizes(), [8, 8]);
+    for (characters, alike, cut) in [(8, 8, 8), (8, 1, 8), (8, 1, 8), (8, 1, 8), (8, 1, 32)] {
+        setup.pass(4);
+        assert_eq!(setup.step(Event::Ran { characters, alike }), []);
+        setup.free(0);
+        assert_eq!(setup.cut_sizes(), [cut], "{alike} of {characters} alike");
+    }
+}
+
+#[test]
+fn a_lane_takes_whole_calls_or_half_of_one() {
+    for (waiting, cut) in [(3, 3), (4, 4), (5, 4), (7, 4), (8, 8), (9, 8)] {
+        let mut setup = Setup::new(Limits {
+            padded: false,
+            call_rows: 8,
+            max_queued: 100,
+            max_batch: 32,
+            ..limits()
+        });
+        setup.calls(1);
+        assert_eq!(setup.cut_sizes(), [1]);
+        setup.calls(waiting);
+        setup.free(0);
+        assert_eq!(setup.cut_sizes(), [cut], "{waiting} wait");
+    }
+}
+
+#[test]
 fn a_lane_that_has_answered_many_waits_for_them_to_come_back() {
     let mut setup = Setup::new(Limits {
         lanes: 2,

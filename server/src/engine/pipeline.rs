@@ -58,6 +58,8 @@ pub struct StageTimes {
     pub scatter: Duration,
     /// Rows of the batch in the root stage, padding included.
     pub bucket: usize,
+    /// Most rows of one length behind it.
+    pub alike: usize,
 }
 
 impl StageTimes {
@@ -210,6 +212,7 @@ impl Pipeline {
         times: &mut StageTimes,
     ) -> Result<Vec<RowAnswer>, EngineError> {
         let bucket = self.sizes.for_rows(group.len());
+        times.alike = times.alike.max(group.len());
         timed(&mut times.assemble, || self.fill_tokens(group, bucket));
         let chosen = self.choose_tokens(group, times)?;
         timed(&mut times.decoder, || {

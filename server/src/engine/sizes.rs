@@ -29,13 +29,13 @@ impl BatchSizes {
     }
 
     /// Sizes of batches of up to `max_batch` rows for an engine that cuts them into calls of up to `rows`, at least one: any up
-    /// to that, then whole calls, and `max_batch` itself.
+    /// to half of that, then whole calls, and `max_batch` itself.
     pub fn of_calls(max_batch: usize, rows: usize) -> Self {
         let (largest, rows) = (max_batch.max(1), rows.max(1));
-        let whole = (rows..largest).step_by(rows).skip(1);
-        let sizes = (1..=rows.min(largest))
-            .chain(whole)
-            .chain((largest > rows).then_some(largest));
+        let sizes = (1..=rows / 2)
+            .chain((rows..largest).step_by(rows))
+            .filter(|&size| size < largest)
+            .chain([largest]);
         Self {
             sizes: sizes.collect(),
         }
@@ -83,15 +83,14 @@ mod tests {
     }
 
     #[test]
-    fn beyond_a_call_sizes_are_whole_calls() {
-        assert_eq!(
-            BatchSizes::of_calls(32, 8).all(),
-            [1, 2, 3, 4, 5, 6, 7, 8, 16, 24, 32]
-        );
-        assert_eq!(BatchSizes::of_calls(20, 8).all()[7..], [8, 16, 20]);
-        assert_eq!(BatchSizes::of_calls(8, 8).all(), [1, 2, 3, 4, 5, 6, 7, 8]);
+    fn beyond_half_a_call_sizes_are_whole_calls() {
+        assert_eq!(BatchSizes::of_calls(32, 8).all(), [1, 2, 3, 4, 8, 16, 24, 32]);
+        assert_eq!(BatchSizes::of_calls(20, 8).all()[4..], [8, 16, 20]);
+        assert_eq!(BatchSizes::of_calls(8, 8).all(), [1, 2, 3, 4, 8]);
+        assert_eq!(BatchSizes::of_calls(6, 8).all(), [1, 2, 3, 4, 6]);
         assert_eq!(BatchSizes::of_calls(3, 8).all(), [1, 2, 3]);
-        assert_eq!(BatchSizes::of_calls(9, 8).all()[7..], [8, 9]);
+        assert_eq!(BatchSizes::of_calls(9, 8).all()[4..], [8, 9]);
+        assert_eq!(BatchSizes::of_calls(2, 1).all(), [1, 2]);
     }
 
     #[test]

@@ -6,6 +6,10 @@ use std::time::{Duration, Instant};
 const FIRST_GUESS_S: f64 = 0.005;
 /// What is left of older measurements of the lanes after each batch.
 const LANE_MEMORY: f64 = 0.9;
+/// Batches of fewer characters tell little of whether lengths differ.
+const LEAST_MEASURED: usize = 4;
+/// Lengths differ where fewer characters of a batch than this share have one.
+const ALIKE_SHARE: f64 = 0.75;
 /// Time, in seconds, after which older measurements of the queue have lost two thirds of their weight.
 const QUEUE_MEMORY_S: f64 = 0.5;
 /// Time, in seconds, that calls are taken to have left at the lanes' full speed when they begin to pile up.
@@ -23,6 +27,8 @@ pub(super) struct Meter {
     lanes: usize,
     lane_time_s: f64,
     lane_characters: f64,
+    /// The share of characters, in the latest batches, whose segments had the length that most of their batch had.
+    alike_share: f64,
     queue_time_s: f64,
     queue_characters: f64,
     /// Since when calls are left waiting, without a look at how many left.
@@ -55,6 +61,7 @@ impl Meter {
             lanes,
             lane_time_s: FIRST_GUESS_S,
             lane_characters: 1.0,
+            alike_share: 1.0,
             queue_time_s: 0.0,
             queue_characters: 0.0,
             backlog_since: None,
@@ -90,6 +97,19 @@ impl Meter {
     pub(super) fn ran(&mut self, characters: usize, took: Duration) {
         self.lane_time_s = self.lane_time_s * LANE_MEMORY + took.as_secs_f64();
         self.lane_characters = self.lane_characters * LANE_MEMORY + characters as f64;
+    }
+
+    /// In a batch of so many characters, the segments of so many had one length.
+    pub(super) fn measured(&mut self, characters: usize, alike: usize) {
+        if characters >= LEAST_MEASURED {
+            let share = alike as f64 / characters as f64;
+            self.alike_share = share + (self.alike_share - share) * LANE_MEMORY;
+        }
+    }
+
+    /// Whether the segments of a batch are likely to be of several lengths.
+    pub(super) fn lengths_differ(&self) -> bool {
+        self.alike_share < ALIKE_SHARE
     }
 
     /// Characters that are with lanes now.
@@ -161,6 +181,26 @@ mod tests {
             meter.done(1, at + Duration::from_millis(20));
         }
         assert!((24..=25).contains(&meter.batch_within(Duration::from_millis(50))));
+    }
+
+    #[test]
+    fn lengths_differ_where_they_did_in_the_latest_batches() {
+        let mut meter = Meter::new(1);
+        for _ in 0..100 {
+            // Few characters tell nothing, and a few of many change nothing.
+            meter.measured(3, 1);
+            meter.measured(8, 7);
+            meter.measured(32, 28);
+            assert!(!meter.lengths_differ());
+        }
+        for _ in 0..10 {
+            meter.measured(8, 4);
+        }
+        assert!(meter.lengths_differ());
+        for _ in 0..10 {
+            meter.measured(32, 29);
+        }
+        assert!(!meter.lengths_differ());
     }
 
     #[test]

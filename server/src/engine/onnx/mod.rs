@@ -61,8 +61,6 @@ impl Batching {
             },
             EngineKind::OpenvinoBf16 if fixed_shapes => Self {
                 any_size: true,
-                // A stage's calls follow on each other, so its weights stay in the core's caches: four calls are a tenth faster
-                // than one.
                 call_rows: CALL_ROWS[CALL_ROWS.len() - 1],
                 ..Self::UNKNOWN
             },
