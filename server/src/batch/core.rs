@@ -192,6 +192,24 @@ impl Core {
         }
     }
 
+    /// Hands what a lane has made of a batch that it still runs to its requests.
+    pub(super) fn deliver_early(
+        &mut self,
+        lane: usize,
+        ran: &Ran,
+        size: usize,
+        pieces: Pieces,
+        outbox: &mut Outbox,
+    ) {
+        let answered = Event::Answered {
+            lane,
+            characters: pieces.iter().map(|(part, _)| part.characters).sum(),
+            callers: pieces.len(),
+        };
+        self.step(ran.ended, answered, outbox);
+        self.deliver(ran, size, pieces, outbox);
+    }
+
     /// Hands what a batch made to its requests.
     pub(super) fn deliver(&mut self, ran: &Ran, size: usize, pieces: Pieces, outbox: &mut Outbox) {
         for (part, motions) in pieces {
@@ -200,11 +218,16 @@ impl Core {
                 Err(error) => self.fail(ran.ended, part.request, error, outbox),
             }
         }
+    }
+
+    /// Tells the scheduler that a batch of so many characters has run to its end, and that its lane is free.
+    pub(super) fn ended(&mut self, lane: usize, ran: &Ran, size: usize, outbox: &mut Outbox) {
         let lengths = Event::Ran {
             characters: size,
             alike: ran.times.alike,
         };
         self.step(ran.ended, lengths, outbox);
+        self.free(ran.ended, lane);
     }
 
     /// Notes what a batch made of a request, and answers it where that was the last of it.

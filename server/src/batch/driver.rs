@@ -106,6 +106,7 @@ impl Batcher {
             bells: Bells::new(limits.lanes, limits.lane_spin),
             gauge: EngineGauge::new(limits.lanes, Instant::now()),
             running: AtomicBool::new(true),
+            max_batch: limits.max_batch,
             metrics,
         });
         // Dropped on the way out where a lane does not start, so that the others end.
@@ -208,6 +209,7 @@ pub(super) struct Shared {
     bells: Bells,
     pub(super) gauge: EngineGauge,
     pub(super) metrics: PackMetrics,
+    max_batch: usize,
     running: AtomicBool,
 }
 
@@ -292,7 +294,26 @@ impl Shared {
         }
     }
 
-    /// Takes what a lane has made, and gives it the next batch where there is one.
+    /// Whether a full batch waits. Whoever asks again then waits behind it: to have an answer before the batch that makes it
+    /// ends would not make them any faster, and parting a batch's answers costs the lane time.
+    pub(super) fn full_batch_waits(&self) -> bool {
+        self.gauge.waiting() >= self.max_batch
+    }
+
+    /// Takes what a lane has made of a batch that it still runs.
+    pub(super) fn deliver_early(
+        &self,
+        lane: usize,
+        ran: &Ran,
+        size: usize,
+        pieces: Pieces,
+        outbox: &mut Outbox,
+    ) {
+        self.core().deliver_early(lane, ran, size, pieces, outbox);
+        outbox.send();
+    }
+
+    /// Takes the last of what a lane has made of a batch, and gives it the next one where there is one.
     pub(super) fn finish(
         &self,
         lane: usize,
@@ -303,7 +324,7 @@ impl Shared {
     ) -> Option<Batch> {
         let mut core = self.core();
         core.deliver(ran, size, pieces, outbox);
-        core.free(ran.ended, lane);
+        core.ended(lane, ran, size, outbox);
         core.settle(Instant::now(), outbox);
         let batch = core.take(lane);
         self.ring(&core, batch.is_some());
@@ -351,6 +372,9 @@ impl Shared {
     }
 }
 
+#[cfg(test)]
+#[path = "early_tests.rs"]
+mod early_tests;
 #[cfg(test)]
 #[path = "lane_tests.rs"]
 mod lane_tests;

@@ -14,8 +14,8 @@
 //! - With [`Limits::batch_delay`], free lanes wait up to so long for [`Limits::preferred_batch`] characters.
 //! - While there are live characters, a batch takes no more than it can do in [`Limits::live_slice`], by measure: a plan
 //!   that comes just after the cut waits no longer than that for a lane.
-//! - Callers that wait for their answers ask again a moment after they got them. So a lane that has answered several and finds
-//!   next to none waits up to a tenth of the time that its batch took for as many to come: else few callers fall into one group
+//! - Callers that wait for their answers ask again a moment after they got them. So a lane that has answered several at the end of
+//!   its batch (those before it are back already) and finds next to none waits up to a tenth of the time that its batch took for as many to come: else few callers fall into one group
 //!   more than there are lanes, and batches are the smaller. Not while there are live characters. An engine that does not pad
 //!   takes time for every row, so its lanes do not wait where a few are ready: to be idle costs more than larger batches give.
 //! - A lane that has answered takes no more than lanes would have if all that is under way were shared evenly.
@@ -23,8 +23,7 @@
 //!   a large one. Where more is ready at once than a few, and work has piled up behind a busy lane, a cut is rounded down to a
 //!   size without padding, or to whole calls and to half of one: the rest goes first with the next lane.
 //! - Where batches are cut into calls, and most segments lately had the length of the others in their batch, a batch is one call:
-//!   more calls would keep the answers of the first from their callers until the last is done. Else a longer one, in which more
-//!   of a length meet, has fuller calls.
+//!   who comes next waits no longer than that for a lane. Else a longer one, in which more of a length meet, has fuller calls.
 //!
 //! # Owners
 //! At most one plan of an owner is with the engine. One more may wait; a newer one takes its place, and inherits its
@@ -92,6 +91,15 @@ pub enum Event {
         characters: usize,
         /// How long it took.
         took: Duration,
+    },
+    /// Of the batch that a lane runs, some have their answers already.
+    Answered {
+        /// Its number.
+        lane: usize,
+        /// How many characters.
+        characters: usize,
+        /// Whose they are: so many requests.
+        callers: usize,
     },
     /// A batch has run.
     Ran {
@@ -311,6 +319,11 @@ impl Scheduler {
                 actions.extend(left.map(|characters| Action::Drop { request, characters }));
             }
             Event::Tried { characters, took } => self.meter.ran(characters, took),
+            Event::Answered {
+                lane,
+                characters,
+                callers,
+            } => self.meter.answered(lane, characters, callers),
             Event::Ran { characters, alike } => self.meter.measured(characters, alike),
             Event::LaneFree { lane } => self.lane(now, lane, Lane::JustFreed),
             Event::LaneLost { lane } => self.lane(now, lane, Lane::Lost),

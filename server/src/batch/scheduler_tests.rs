@@ -442,6 +442,32 @@ fn a_lane_that_has_answered_many_waits_for_them_to_come_back() {
 }
 
 #[test]
+fn a_lane_waits_for_those_alone_that_it_has_answered_last() {
+    let answered = |characters| Event::Answered {
+        lane: 0,
+        characters,
+        callers: characters,
+    };
+    // Three of sixteen are back when the lane is free, and four more come then.
+    for (early, at_once, then) in [(0, vec![], vec![]), (12, vec![], vec![7]), (14, vec![3], vec![])] {
+        let mut setup = Setup::new(Limits {
+            max_batch: 32,
+            max_queued: 100,
+            ..limits()
+        });
+        setup.calls(16);
+        assert_eq!(setup.cut_sizes(), [16]);
+        setup.pass(40);
+        setup.step(answered(early));
+        setup.calls(3);
+        setup.free(0);
+        assert_eq!(setup.cut_sizes(), at_once, "{early} early");
+        setup.calls(4);
+        assert_eq!(setup.cut_sizes(), then, "{early} early");
+    }
+}
+
+#[test]
 fn a_lane_that_waits_counts_what_the_one_before_it_has_left() {
     let mut setup = Setup::new(Limits {
         lanes: 2,

@@ -15,10 +15,12 @@ mod sizes;
 mod tensors;
 mod work;
 
+use std::ops::Range;
+
 use crate::pack::Stage;
 
 pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Lanes};
-pub use pipeline::{Pipeline, RowAnswer, StageTimes, TrialRun, length_of, lengths};
+pub use pipeline::{Pipeline, RowAnswer, RowAnswers, StageTimes, TrialRun, length_of, lengths};
 pub use raw::{RawLoop, straight_walk};
 pub use select::{Check, Decision, Selector};
 pub use sizes::BatchSizes;
@@ -70,6 +72,23 @@ pub trait Stages: Send {
         input: &TokenInput,
         output: &mut DecoderOutput,
     ) -> Result<(), EngineError>;
+
+    /// [`Stages::decoder`] that tells `made` which rows are there, as soon as they are: an engine that runs a batch in several
+    /// calls tells of each. All rows are told of once, in their order; the last call's may be more than `rows`.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the engine fails; what was not told of fails with it.
+    fn decoder_by_calls(
+        &mut self,
+        rows: usize,
+        input: &TokenInput,
+        output: &mut DecoderOutput,
+        made: &mut dyn FnMut(Range<usize>, &DecoderOutput),
+    ) -> Result<(), EngineError> {
+        self.decoder(rows, input, output)?;
+        made(0..rows, output);
+        Ok(())
+    }
 }
 
 /// Why inference failed.

@@ -80,6 +80,8 @@ pub struct TrialRun {
 
 /// What a batch has for one character.
 pub type RowAnswer = Result<RawMotion, EngineError>;
+/// Some of a batch's answers, by the places of their characters in it.
+pub type RowAnswers = Vec<(usize, RowAnswer)>;
 
 /// The stages of one pack and the buffers between them.
 pub struct Pipeline {
@@ -173,6 +175,22 @@ impl Pipeline {
     /// # Errors
     /// [`EngineError`] where a stage fails. The whole batch fails with it.
     pub fn run(&mut self, items: &[WorkItem]) -> Result<(Vec<RowAnswer>, StageTimes), EngineError> {
+        let mut answers = Vec::with_capacity(items.len());
+        let times = self.run_by_calls(items, &mut |_, some| answers.extend(some))?;
+        answers.sort_by_key(|answer| answer.0);
+        Ok((answers.into_iter().map(|answer| answer.1).collect(), times))
+    }
+
+    /// [`Pipeline::run`] that gives each character's answer, by its place in `items`, as soon as it is there, with the times of
+    /// the batch until then.
+    ///
+    /// # Errors
+    /// [`EngineError`] where a stage fails. What was not answered fails with it.
+    pub fn run_by_calls(
+        &mut self,
+        items: &[WorkItem],
+        answered: &mut dyn FnMut(&StageTimes, RowAnswers),
+    ) -> Result<StageTimes, EngineError> {
         let bucket = self.sizes.for_rows(items.len());
         let mut times = StageTimes {
             bucket,
@@ -183,7 +201,7 @@ impl Pipeline {
             self.stages.root(bucket, &self.root_input, &mut self.root_output)
         })?;
 
-        let mut answers = Vec::with_capacity(items.len());
+        let mut failed = Vec::new();
         let mut members = Vec::with_capacity(items.len());
         for (row, item) in items.iter().enumerate() {
             match self.root_answer(row, item) {
@@ -193,16 +211,17 @@ impl Pipeline {
                     tokens,
                     length: length_of(&self.lengths, tokens),
                 }),
-                Err(error) => answers.push((row, Err(error))),
+                Err(error) => failed.push((row, Err(error))),
             }
+        }
+        if !failed.is_empty() {
+            answered(&times, failed);
         }
         members.sort_by_key(|member| (member.length, Reverse(member.passes())));
         for group in members.chunk_by(|a, b| a.length == b.length) {
-            let rows = group.iter().map(|member| member.row);
-            answers.extend(rows.zip(self.run_group(group, &mut times)?));
+            self.run_group(group, &mut times, answered)?;
         }
-        answers.sort_by_key(|answer| answer.0);
-        Ok((answers.into_iter().map(|answer| answer.1).collect(), times))
+        Ok(times)
     }
 
     /// Runs the stages behind the root for rows of one length, ordered by falling number of passes.
@@ -210,20 +229,38 @@ impl Pipeline {
         &mut self,
         group: &[Member<'_>],
         times: &mut StageTimes,
-    ) -> Result<Vec<RowAnswer>, EngineError> {
+        answered: &mut dyn FnMut(&StageTimes, RowAnswers),
+    ) -> Result<(), EngineError> {
         let bucket = self.sizes.for_rows(group.len());
         times.alike = times.alike.max(group.len());
         timed(&mut times.assemble, || self.fill_tokens(group, bucket));
-        let chosen = self.choose_tokens(group, times)?;
-        timed(&mut times.decoder, || {
-            self.stages
-                .decoder(bucket, &self.token_input, &mut self.decoder_output)
-        })?;
-        Ok(timed(&mut times.scatter, || {
-            let rows = group.iter().zip(chosen).enumerate();
-            rows.map(|(row, (member, chosen))| chosen.map(|()| self.copy_out(row, member)))
-                .collect()
-        }))
+        let mut chosen = self.choose_tokens(group, times)?;
+        let (dims, root, tokens) = (&self.dims, &self.root_output, &self.token_input);
+        let mut begun = Instant::now();
+        self.stages
+            .decoder_by_calls(bucket, tokens, &mut self.decoder_output, &mut |call, decoder| {
+                times.decoder += begun.elapsed();
+                let rows = call.start..call.end.min(group.len());
+                let answers = timed(&mut times.scatter, || {
+                    let members = rows
+                        .clone()
+                        .zip(&group[rows.clone()])
+                        .zip(chosen.drain(..rows.len()));
+                    let answer =
+                        |((row, member), chosen): ((usize, &Member<'_>), Result<(), EngineError>)| {
+                            let motion =
+                                chosen.map(|()| copy_out(dims, (root, tokens, decoder), row, member));
+                            (member.row, motion)
+                        };
+                    members.map(answer).collect()
+                });
+                answered(times, answers);
+                begun = Instant::now();
+            })?;
+        match chosen.is_empty() {
+            true => Ok(()),
+            false => Err(output(Stage::Decoder, "fewer rows than its batch has")),
+        }
     }
 
     fn set_length(&mut self, length: usize) {
@@ -332,21 +369,25 @@ impl Pipeline {
         }
         Ok(chosen)
     }
+}
 
-    /// The answer of a group's row number `row`.
-    fn copy_out(&self, row: usize, member: &Member<'_>) -> RawMotion {
-        let dims = &self.dims;
-        let frames = member.tokens * dims.frames_per_token;
-        let tokens = &self.token_input.tokens.row(row)[..member.tokens * dims.heads];
-        RawMotion {
-            num_tokens: member.tokens,
-            count_probs: self.root_output.count_probs.row(member.row).to_vec(),
-            root_r_g3: self.root_output.global_root.row(member.row)[..frames * GLOBAL_ROOT].to_vec(),
-            tokens: tokens.iter().map(|&token| token as u32).collect(),
-            root_r_g4: self.decoder_output.global_root.row(row)[..frames * GLOBAL_ROOT].to_vec(),
-            rotations: self.decoder_output.rotations.row(row)[..frames * dims.joints * SIX_D].to_vec(),
-            contacts: self.decoder_output.contacts.row(row)[..frames * dims.contacts].to_vec(),
-        }
+/// The answer of a group's row number `row`, of what the stages made.
+fn copy_out(
+    dims: &Dims,
+    (root, input, decoder): (&RootOutput, &TokenInput, &DecoderOutput),
+    row: usize,
+    member: &Member<'_>,
+) -> RawMotion {
+    let frames = member.tokens * dims.frames_per_token;
+    let tokens = &input.tokens.row(row)[..member.tokens * dims.heads];
+    RawMotion {
+        num_tokens: member.tokens,
+        count_probs: root.count_probs.row(member.row).to_vec(),
+        root_r_g3: root.global_root.row(member.row)[..frames * GLOBAL_ROOT].to_vec(),
+        tokens: tokens.iter().map(|&token| token as u32).collect(),
+        root_r_g4: decoder.global_root.row(row)[..frames * GLOBAL_ROOT].to_vec(),
+        rotations: decoder.rotations.row(row)[..frames * dims.joints * SIX_D].to_vec(),
+        contacts: decoder.contacts.row(row)[..frames * dims.contacts].to_vec(),
     }
 }
 

@@ -326,6 +326,68 @@ fn the_stages_behind_the_root_see_the_guided_trajectory() {
 }
 
 #[test]
+fn answers_come_as_soon_as_their_length_is_done() {
+    let items = [item_of(1.0, 16, 1), item_of(2.0, 5, 1), item_of(3.0, 16, 1)];
+    let whole = run(&mut pipeline(Echo::default()), &items);
+    let mut pipeline = pipeline(Echo::default());
+    let mut seen = Vec::new();
+    let times = pipeline.run_by_calls(&items, &mut |times, answers| {
+        let answers = answers.into_iter().map(|(row, answer)| (row, answer.unwrap()));
+        seen.push((times.decoder, answers.collect::<Vec<_>>()));
+    });
+    let places: Vec<Vec<usize>> = seen
+        .iter()
+        .map(|(_, some)| some.iter().map(|answer| answer.0).collect())
+        .collect();
+    assert_eq!(places, [vec![1], vec![0, 2]]);
+    assert!(seen[0].0 < seen[1].0 && seen[1].0 == times.unwrap().decoder);
+    for (row, motion) in seen.into_iter().flat_map(|(_, some)| some) {
+        assert_eq!(motion, whole[row]);
+    }
+}
+
+/// An engine that tells of fewer rows than it was asked for.
+struct Short(Echo);
+
+impl Stages for Short {
+    fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
+        self.0.root(rows, input, output)
+    }
+
+    fn pose(&mut self, rows: usize, input: &TokenInput, output: &mut PoseOutput) -> Result<(), EngineError> {
+        self.0.pose(rows, input, output)
+    }
+
+    fn decoder(
+        &mut self,
+        rows: usize,
+        input: &TokenInput,
+        output: &mut DecoderOutput,
+    ) -> Result<(), EngineError> {
+        self.0.decoder(rows, input, output)
+    }
+
+    fn decoder_by_calls(
+        &mut self,
+        _: usize,
+        _: &TokenInput,
+        output: &mut DecoderOutput,
+        made: &mut dyn FnMut(std::ops::Range<usize>, &DecoderOutput),
+    ) -> Result<(), EngineError> {
+        made(0..1, output);
+        Ok(())
+    }
+}
+
+#[test]
+fn rows_that_an_engine_does_not_tell_of_are_an_error() {
+    let mut pipeline = Pipeline::new(DIMS, Box::new(Short(Echo::default())), 8);
+    let error = pipeline.run(&vec![item(1.0, 1); 2]).unwrap_err().to_string();
+    assert!(error.contains("fewer rows"), "{error}");
+    assert!(pipeline.run(&[item(1.0, 1)]).is_ok());
+}
+
+#[test]
 fn outputs_out_of_the_contract_fail_their_own_row_only() {
     // The engine spoils row 0: in the root stage that is the first item, behind it the one with the most passes.
     let items = [(1.0, 1), (2.0, 3), (3.0, 2)].map(|(mark, steps)| item_of(mark, 5, steps));

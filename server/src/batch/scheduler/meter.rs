@@ -41,6 +41,8 @@ struct Running {
     /// When it was cut.
     since: Instant,
     characters: usize,
+    /// Those of them that have no answer yet, and whose they are.
+    unanswered: usize,
     callers: usize,
 }
 
@@ -49,6 +51,7 @@ struct Running {
 pub(super) struct Done {
     /// How long it took.
     pub(super) took: Duration,
+    /// That were answered at its end.
     pub(super) characters: usize,
     /// Whose work it was: requests, or plans of one character each.
     pub(super) callers: usize,
@@ -73,8 +76,17 @@ impl Meter {
         self.running[lane] = Some(Running {
             since,
             characters,
+            unanswered: characters,
             callers,
         });
+    }
+
+    /// So many characters of so many callers have their answers though the lane's batch still runs.
+    pub(super) fn answered(&mut self, lane: usize, characters: usize, callers: usize) {
+        if let Some(running) = &mut self.running[lane] {
+            running.unanswered = running.unanswered.saturating_sub(characters);
+            running.callers = running.callers.saturating_sub(callers);
+        }
     }
 
     /// A lane has none any more. Answers what it had.
@@ -82,13 +94,14 @@ impl Meter {
         let Running {
             since,
             characters,
+            unanswered,
             callers,
         } = self.running[lane].take()?;
         let took = now.saturating_duration_since(since);
         self.ran(characters, took);
         Some(Done {
             took,
-            characters,
+            characters: unanswered,
             callers,
         })
     }
@@ -112,12 +125,12 @@ impl Meter {
         self.alike_share < ALIKE_SHARE
     }
 
-    /// Characters that are with lanes now.
+    /// Characters that are with lanes now, and have no answer yet.
     pub(super) fn running(&self) -> usize {
         self.running
             .iter()
             .flatten()
-            .map(|running| running.characters)
+            .map(|running| running.unanswered)
             .sum()
     }
 
