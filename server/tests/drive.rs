@@ -477,6 +477,7 @@ async fn streams_are_few_enough() {
         status.get_details_error_info().unwrap().reason,
         "TOO_MANY_STREAMS"
     );
+    assert!(status.get_details_retry_info().unwrap().retry_delay.is_some());
     server.metric("troupe_streams_active", "2").await;
     drop(first);
     server.metric("troupe_streams_active", "1").await;

@@ -4,6 +4,8 @@
 
 mod common;
 
+use std::time::Duration;
+
 use common::calls::{frames_of, ids, locomote, open, options, step, stepped, walk};
 use common::{JOINTS, TestServer, keyframe};
 use reqwest::{Method, StatusCode};
@@ -107,6 +109,8 @@ async fn sessions_are_opened_all_or_none() {
         (info.reason.as_str(), info.metadata["allowed"].as_str()),
         ("TOO_MANY_SESSIONS", "at most 5")
     );
+    let hint = status.get_details_retry_info().unwrap().retry_delay;
+    assert_eq!(hint, Some(Duration::from_secs(1)));
     assert_eq!(
         server.handle.service().sessions().open(),
         2,
@@ -530,7 +534,7 @@ async fn small_batches_delay_a_step_refuse_no_plan_and_change_nothing() {
         config.max_batch = 2;
     })
     .await;
-    busy.gate.set_row_time(std::time::Duration::from_micros(500));
+    busy.gate.set_row_time(Duration::from_micros(500));
     let names = ids("c", 40);
     let mut blocks = Vec::new();
     for server in [&quiet, &busy] {

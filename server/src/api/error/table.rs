@@ -11,6 +11,9 @@ use crate::object::{DefinitionsError, MAX_DEFINITIONS};
 use crate::scene::{MAX_ID_BYTES, MAX_SCENES, SceneError, TableError};
 use crate::session::{MAX_WAITING_COMMANDS, Refusal};
 
+/// When to try again where a place is free as soon as somebody leaves, which nobody foresees.
+const WHEN_SOMEBODY_LEAVES: Duration = Duration::from_secs(1);
+
 /// gRPC code, HTTP status, and the code's name in JSON and metrics.
 type Codes = (Code, StatusCode, &'static str);
 
@@ -245,6 +248,7 @@ impl ApiError {
     pub(super) fn retry_after(&self) -> Option<Duration> {
         match self {
             Self::QueueFull { retry_after, .. } => Some(*retry_after),
+            Self::TooManySessions { .. } | Self::TooManyStreams { .. } => Some(WHEN_SOMEBODY_LEAVES),
             _ => None,
         }
     }
