@@ -7,6 +7,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Barrier;
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, ensure};
@@ -15,7 +16,8 @@ use serde::Serialize;
 use troupe_server::config::Config;
 use troupe_server::engine::onnx::{OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
 use troupe_server::engine::{
-    EngineChoice, EngineKind, Lanes, Pipeline, RawLoop, StageTimes, Stages, WorkItem, straight_walk,
+    EngineChoice, EngineError, EngineKind, Lanes, Pipeline, RawLoop, StageTimes, Stages, WorkItem,
+    straight_walk,
 };
 use troupe_server::pack::{Dims, Pack};
 
@@ -50,7 +52,8 @@ struct Args {
         value_name = "FRAMES,.."
     )]
     frames: Vec<usize>,
-    /// What is in the loop: the networks alone, or the server's pipeline with its filling and sampling too.
+    /// What is in the loop: the networks alone, all on every lane; the same with root and pose on every other lane and the
+    /// decoder of the batch before on the next; or the server's pipeline, with its filling and sampling too.
     #[arg(long = "loop", value_enum, default_value = "raw")]
     kind: LoopKind,
     /// Seconds a measurement.
@@ -75,6 +78,7 @@ struct Args {
 #[serde(rename_all = "lowercase")]
 enum LoopKind {
     Raw,
+    Stages,
     Pipeline,
 }
 
@@ -113,26 +117,108 @@ struct Row {
 /// What one lane does in the loop.
 enum Work {
     Raw(Box<RawLoop>),
+    /// Root and pose, as often as the decoder's lane has room for a batch.
+    Front(Box<RawLoop>, Turns),
+    Decoder(Box<RawLoop>, Turns),
     Pipeline(Box<Pipeline>, Vec<WorkItem>),
 }
 
+/// One end of the way between two lanes.
+struct Turns {
+    mine: Receiver<()>,
+    theirs: Sender<()>,
+}
+
+impl Turns {
+    /// Batches of root and pose that may wait for the decoder.
+    const ROOM: usize = 2;
+
+    /// Both ends: that of the stages before the decoder, and the decoder's.
+    fn pair() -> (Self, Self) {
+        let ((made, to_decode), (freed, room)) = (channel(), channel());
+        for _ in 0..Self::ROOM {
+            // The other end is here.
+            let _ = freed.send(());
+        }
+        let front = Self {
+            mine: room,
+            theirs: made,
+        };
+        let decoder = Self {
+            mine: to_decode,
+            theirs: freed,
+        };
+        (front, decoder)
+    }
+
+    /// Runs `stages` when it is its turn; not at all where the other lane has come to its end.
+    fn take(
+        &self,
+        stages: impl FnOnce() -> Result<StageTimes, EngineError>,
+    ) -> Result<Option<StageTimes>, EngineError> {
+        if self.mine.recv_timeout(Duration::from_millis(200)).is_err() {
+            return Ok(None);
+        }
+        let times = stages()?;
+        let _ = self.theirs.send(());
+        Ok(Some(times))
+    }
+}
+
 impl Work {
-    fn run(&mut self) -> anyhow::Result<StageTimes> {
+    /// What the lanes of a loop do.
+    fn of(
+        args: &Args,
+        dims: Dims,
+        most: usize,
+        lanes: usize,
+        mut stages: impl FnMut() -> anyhow::Result<Box<dyn Stages>>,
+    ) -> anyhow::Result<Vec<Self>> {
+        let raw = |stages| Box::new(RawLoop::new(&dims, stages, most, dims.max_frames()));
+        let mut works = Vec::new();
+        while works.len() < lanes {
+            match args.kind {
+                LoopKind::Raw => works.push(Self::Raw(raw(stages()?))),
+                LoopKind::Stages => {
+                    let (front, decoder) = Turns::pair();
+                    works.push(Self::Front(raw(stages()?), front));
+                    works.push(Self::Decoder(raw(stages()?), decoder));
+                }
+                LoopKind::Pipeline => {
+                    let pipeline = Pipeline::new(dims, stages()?, most);
+                    works.push(Self::Pipeline(Box::new(pipeline), Vec::new()));
+                }
+            }
+        }
+        Ok(works)
+    }
+
+    /// Whether what it runs is the last of a batch.
+    fn ends_batches(&self) -> bool {
+        !matches!(self, Self::Front(..))
+    }
+
+    /// Runs a batch; gives none where there is none for it any more.
+    fn run(&mut self) -> anyhow::Result<Option<StageTimes>> {
         match self {
-            Self::Raw(raw) => Ok(raw.run()?),
+            Self::Raw(raw) => Ok(Some(raw.run()?)),
+            Self::Front(raw, turns) => Ok(turns.take(|| raw.run_front())?),
+            Self::Decoder(raw, turns) => Ok(turns.take(|| raw.run_decoder())?),
             Self::Pipeline(pipeline, items) => {
                 let (answers, times) = pipeline.run(items)?;
                 for answer in answers {
                     answer?;
                 }
-                Ok(times)
+                Ok(Some(times))
             }
         }
     }
 
     fn set_shape(&mut self, dims: &Dims, batch: usize, frames: usize) {
         match self {
-            Self::Raw(raw) => raw.set_shape(dims, batch, frames),
+            Self::Raw(raw) | Self::Front(raw, _) | Self::Decoder(raw, _) => {
+                raw.set_shape(dims, batch, frames);
+            }
             Self::Pipeline(_, items) => *items = vec![straight_walk(dims, frames); batch],
         }
     }
@@ -190,19 +276,14 @@ pub(crate) fn main() -> anyhow::Result<()> {
                 fixed_shapes: no_fixed_shapes(&pack, lanes.count, u64::MAX).is_none(),
             };
             let most = args.batch.iter().copied().max().unwrap_or(1);
-            let mut works = (0..lanes.count)
-                .map(|_| {
-                    let stages: Box<dyn Stages> = Box::new(OnnxStages::load(&runtime, &pack, options)?);
-                    Ok(match args.kind {
-                        LoopKind::Raw => {
-                            Work::Raw(Box::new(RawLoop::new(&dims, stages, most, dims.max_frames())))
-                        }
-                        LoopKind::Pipeline => {
-                            Work::Pipeline(Box::new(Pipeline::new(dims, stages, most)), Vec::new())
-                        }
-                    })
-                })
-                .collect::<anyhow::Result<Vec<Work>>>()?;
+            ensure!(
+                args.kind != LoopKind::Stages || lanes.count.is_multiple_of(2),
+                "lanes is {}; allowed with --loop stages: an even number",
+                lanes.count
+            );
+            let mut works = Work::of(&args, dims, most, lanes.count, || {
+                Ok(Box::new(OnnxStages::load(&runtime, &pack, options)?))
+            })?;
             let first = output.rows.len();
             for repeat in 0..args.repeats {
                 let shapes = args
@@ -279,8 +360,12 @@ fn measure(
                 std::thread::sleep(pause);
             }
             let call = Instant::now();
-            let times = work.run()?;
-            calls.push(1000.0 * call.elapsed().as_secs_f64());
+            let Some(times) = work.run()? else {
+                continue;
+            };
+            if work.ends_batches() {
+                calls.push(1000.0 * call.elapsed().as_secs_f64());
+            }
             sum.root += times.root;
             sum.pose += times.pose;
             sum.decoder += times.decoder;

@@ -59,19 +59,43 @@ impl RawLoop {
     /// # Errors
     /// [`EngineError`] where a stage fails.
     pub fn run(&mut self) -> Result<StageTimes, EngineError> {
+        let front = self.run_front()?;
+        let decoder = self.run_decoder()?;
+        Ok(StageTimes {
+            decoder: decoder.decoder,
+            ..front
+        })
+    }
+
+    /// Runs the stages before the decoder once.
+    ///
+    /// # Errors
+    /// [`EngineError`] where a stage fails.
+    pub fn run_front(&mut self) -> Result<StageTimes, EngineError> {
         let started = Instant::now();
         self.stages
             .root(self.rows, &self.root_input, &mut self.root_output)?;
         let rooted = Instant::now();
         self.stages
             .pose(self.rows, &self.token_input, &mut self.pose_output)?;
-        let posed = Instant::now();
+        Ok(StageTimes {
+            root: rooted - started,
+            pose: rooted.elapsed(),
+            bucket: self.rows,
+            ..StageTimes::default()
+        })
+    }
+
+    /// Runs the decoder once.
+    ///
+    /// # Errors
+    /// [`EngineError`] where it fails.
+    pub fn run_decoder(&mut self) -> Result<StageTimes, EngineError> {
+        let started = Instant::now();
         self.stages
             .decoder(self.rows, &self.token_input, &mut self.decoder_output)?;
         Ok(StageTimes {
-            root: rooted - started,
-            pose: posed - rooted,
-            decoder: posed.elapsed(),
+            decoder: started.elapsed(),
             bucket: self.rows,
             ..StageTimes::default()
         })
