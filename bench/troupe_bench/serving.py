@@ -9,7 +9,7 @@ from troupe_bench.store import Store, dig
 
 TARGETS = ("raw", "troupe", "litserve", "fastapi")
 RAW_BATCHES = (1, 8, 16, 32, 64)
-JEMALLOC_BATCHES = (32, 64)
+JEMALLOC_BATCHES = (8, 16, 32, 64)
 """Those of the raw loop with the server's allocator."""
 LONGEST = "64"
 MIXED = "12-64"
