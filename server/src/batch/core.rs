@@ -42,12 +42,16 @@ pub(super) struct Batch {
     pub(super) reason: CutReason,
 }
 
-/// When a batch ran, and where its time went.
+/// When a batch ran, and where its time went: all of it, or what there was until some of its answers were there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ran {
     pub(super) started: Instant,
     pub(super) ended: Instant,
     pub(super) times: StageTimes,
+    /// What of the lane's time each character that is answered now stands for. Over the answers of a batch this comes to its whole time.
+    pub(super) work: Duration,
+    /// Characters of the whole batch.
+    pub(super) size: usize,
 }
 
 /// A request that has not been answered.
@@ -193,37 +197,30 @@ impl Core {
     }
 
     /// Hands what a lane has made of a batch that it still runs to its requests.
-    pub(super) fn deliver_early(
-        &mut self,
-        lane: usize,
-        ran: &Ran,
-        size: usize,
-        pieces: Pieces,
-        outbox: &mut Outbox,
-    ) {
+    pub(super) fn deliver_early(&mut self, lane: usize, ran: &Ran, pieces: Pieces, outbox: &mut Outbox) {
         let answered = Event::Answered {
             lane,
             characters: pieces.iter().map(|(part, _)| part.characters).sum(),
             callers: pieces.len(),
         };
         self.step(ran.ended, answered, outbox);
-        self.deliver(ran, size, pieces, outbox);
+        self.deliver(ran, pieces, outbox);
     }
 
     /// Hands what a batch made to its requests.
-    pub(super) fn deliver(&mut self, ran: &Ran, size: usize, pieces: Pieces, outbox: &mut Outbox) {
+    pub(super) fn deliver(&mut self, ran: &Ran, pieces: Pieces, outbox: &mut Outbox) {
         for (part, motions) in pieces {
             match motions {
-                Ok(motions) => self.serve(part, motions, size, ran, outbox),
+                Ok(motions) => self.serve(part, motions, ran, outbox),
                 Err(error) => self.fail(ran.ended, part.request, error, outbox),
             }
         }
     }
 
-    /// Tells the scheduler that a batch of so many characters has run to its end, and that its lane is free.
-    pub(super) fn ended(&mut self, lane: usize, ran: &Ran, size: usize, outbox: &mut Outbox) {
+    /// Tells the scheduler that a batch has run, and that its lane is free.
+    pub(super) fn ended(&mut self, lane: usize, ran: &Ran, outbox: &mut Outbox) {
         let lengths = Event::Ran {
-            characters: size,
+            characters: ran.size,
             alike: ran.times.alike,
         };
         self.step(ran.ended, lengths, outbox);
@@ -231,7 +228,7 @@ impl Core {
     }
 
     /// Notes what a batch made of a request, and answers it where that was the last of it.
-    fn serve(&mut self, part: Part, motions: Vec<RawMotion>, size: usize, ran: &Ran, outbox: &mut Outbox) {
+    fn serve(&mut self, part: Part, motions: Vec<RawMotion>, ran: &Ran, outbox: &mut Outbox) {
         let Some(job) = self.jobs.get_mut(&part.request) else {
             return;
         };
@@ -251,7 +248,8 @@ impl Core {
         job.served.assemble += ran.times.assemble;
         job.served.inference += ran.times.inference();
         job.served.scatter += ran.times.scatter;
-        job.served.batch_size = job.served.batch_size.max(size);
+        job.served.work += ran.work * motions.len() as u32;
+        job.served.batch_size = job.served.batch_size.max(ran.size);
         job.pieces.push((part.first, motions));
         let done: usize = job.pieces.iter().map(|(_, motions)| motions.len()).sum();
         if done == job.characters

@@ -56,15 +56,17 @@ pub struct Served {
     pub queued: Duration,
     /// From the arrival to the start of the first batch on its lane.
     pub started: Duration,
-    /// From the arrival to the end of the last batch.
+    /// From the arrival until its last character was made; the rest of the batch may have run on.
     pub finished: Duration,
-    /// Filling inputs, over all batches that carried the request. Lanes work side by side, so these sums may be longer
-    /// than the time from start to finish.
+    /// Filling inputs, over all batches that carried the request, in each until its characters were made. Lanes work side by
+    /// side, so these sums may be longer than the time from start to finish.
     pub assemble: Duration,
-    /// The three stages, over all batches that carried the request.
+    /// The three stages, over the same.
     pub inference: Duration,
-    /// Copying out of the output tensors, over all batches that carried the request.
+    /// Copying out of the output tensors, over the same.
     pub scatter: Duration,
+    /// Its share of the lanes' time: the times of a batch come to those of its characters.
+    pub work: Duration,
     /// Characters of the largest batch that carried the request.
     pub batch_size: usize,
 }
@@ -197,7 +199,9 @@ impl Future for Answer {
 impl Drop for Answer {
     fn drop(&mut self) {
         if let Some((shared, request)) = self.place.take() {
-            shared.core().forget(Instant::now(), request);
+            let mut core = shared.core();
+            core.forget(Instant::now(), request);
+            shared.show(&core);
         }
     }
 }
@@ -294,22 +298,18 @@ impl Shared {
         }
     }
 
-    /// Whether a full batch waits. Whoever asks again then waits behind it: to have an answer before the batch that makes it
+    /// Whether a full batch waits. Callers who ask again then wait behind it: to have an answer before the batch that makes it
     /// ends would not make them any faster, and parting a batch's answers costs the lane time.
     pub(super) fn full_batch_waits(&self) -> bool {
         self.gauge.waiting() >= self.max_batch
     }
 
     /// Takes what a lane has made of a batch that it still runs.
-    pub(super) fn deliver_early(
-        &self,
-        lane: usize,
-        ran: &Ran,
-        size: usize,
-        pieces: Pieces,
-        outbox: &mut Outbox,
-    ) {
-        self.core().deliver_early(lane, ran, size, pieces, outbox);
+    pub(super) fn deliver_early(&self, lane: usize, ran: &Ran, pieces: Pieces, outbox: &mut Outbox) {
+        let mut core = self.core();
+        core.deliver_early(lane, ran, pieces, outbox);
+        self.show(&core);
+        drop(core);
         outbox.send();
     }
 
@@ -318,13 +318,12 @@ impl Shared {
         &self,
         lane: usize,
         ran: &Ran,
-        size: usize,
         pieces: Pieces,
         outbox: &mut Outbox,
     ) -> Option<Batch> {
         let mut core = self.core();
-        core.deliver(ran, size, pieces, outbox);
-        core.ended(lane, ran, size, outbox);
+        core.deliver(ran, pieces, outbox);
+        core.ended(lane, ran, outbox);
         core.settle(Instant::now(), outbox);
         let batch = core.take(lane);
         self.ring(&core, batch.is_some());

@@ -4,6 +4,7 @@ use std::sync::mpsc as blocking;
 
 use super::tests::{DIMS, Gate, Trouble, dispatched, items, marks, pending, soon};
 use super::*;
+use crate::batch::OwnerId;
 use crate::engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 use crate::pack::Stage;
 use crate::telemetry::Telemetry;
@@ -47,7 +48,7 @@ impl Stages for ByTwo {
     }
 }
 
-/// One lane, whose next batch is two callers of one character and one of three.
+/// One lane, whose next batch is two callers of one character, the first with `order`, and one of three.
 struct Setup {
     batcher: Batcher,
     calls: blocking::Sender<bool>,
@@ -56,7 +57,7 @@ struct Setup {
     answers: Vec<Answer>,
 }
 
-async fn setup() -> Setup {
+async fn setup(order: Order) -> Setup {
     let telemetry = Telemetry::new().unwrap();
     let (permits, permitted) = blocking::channel();
     let (calls, told) = blocking::channel();
@@ -73,14 +74,17 @@ async fn setup() -> Setup {
     let limits = Limits {
         max_batch: MAX_BATCH,
         max_queued: 100,
+        live_slice: Duration::ZERO,
         ..Limits::default()
     };
     let batcher = Batcher::start("test", limits, telemetry.pack("test", "1"), factory);
     let batcher = batcher.await.unwrap();
-    let enqueue = |marks| batcher.enqueue(items(marks), soon()).unwrap();
-    let first = enqueue(90..91);
+    let enqueue = |(marks, order)| batcher.enqueue(items(marks), order).unwrap();
+    let first = enqueue((90..91, soon()));
     dispatched(&telemetry, 1).await;
-    let answers = [0..1, 1..2, 2..5].map(enqueue).into();
+    let answers = [(0..1, order), (1..2, soon()), (2..5, soon())]
+        .map(enqueue)
+        .into();
     pending(&telemetry, 3).await;
     permits.send(()).unwrap();
     calls.send(true).unwrap();
@@ -108,7 +112,7 @@ async fn is_there(answer: &mut Answer) -> bool {
 async fn nobody_waits_for_calls_behind_their_own() {
     let Setup {
         calls, mut answers, ..
-    } = setup().await;
+    } = setup(soon()).await;
     assert!(!is_there(&mut answers[0]).await);
     calls.send(true).unwrap();
     let mut large = answers.pop().unwrap();
@@ -116,7 +120,7 @@ async fn nobody_waits_for_calls_behind_their_own() {
         let served = answer.await.unwrap();
         assert_eq!((marks(&served), served.batch_size), (vec![mark as f32], 5));
     }
-    // Of its three characters one is in the second call, or two are: it is answered once, whole.
+    // Of its three characters two are in the second call: it is answered once, whole.
     calls.send(true).unwrap();
     assert!(!is_there(&mut large).await);
     calls.send(true).unwrap();
@@ -132,7 +136,7 @@ async fn a_call_that_fails_takes_no_answer_back() {
         calls,
         answers,
         telemetry,
-    } = setup().await;
+    } = setup(soon()).await;
     calls.send(true).unwrap();
     calls.send(false).unwrap();
     let mut results = Vec::new();
@@ -157,7 +161,7 @@ async fn answers_stay_together_while_a_full_batch_waits() {
         calls,
         mut answers,
         ..
-    } = setup().await;
+    } = setup(soon()).await;
     let waiting = batcher.enqueue(items(10..10 + MAX_BATCH), soon()).unwrap();
     calls.send(true).unwrap();
     assert!(!is_there(&mut answers[0]).await);
@@ -168,4 +172,18 @@ async fn answers_stay_together_while_a_full_batch_waits() {
         answer.await.unwrap();
     }
     assert_eq!(waiting.await.unwrap().motions.len(), MAX_BATCH);
+}
+
+#[tokio::test]
+async fn plans_of_live_characters_are_not_held_back() {
+    let plan = Order::live(OwnerId(1), Instant::now() + Duration::from_millis(100));
+    let Setup {
+        batcher,
+        calls,
+        mut answers,
+        ..
+    } = setup(plan).await;
+    let _waiting = batcher.enqueue(items(10..10 + MAX_BATCH), soon()).unwrap();
+    calls.send(true).unwrap();
+    assert_eq!(marks(&answers.remove(0).await.unwrap()), [0.0]);
 }

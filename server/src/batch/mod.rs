@@ -3,7 +3,7 @@
 //! [`scheduler`] decides (a pure state machine), [`Batcher`] drives it. An engine has lanes: threads, each with a
 //! pipeline of its own. There is no thread or task between callers and lanes. The scheduler and the waiting work are
 //! behind one lock, which is held for a few microseconds: by a caller to put its request in, and by a lane to hand in
-//! what it has done and to cut its next batch, which it then runs at once. An idle lane [listens](bells) for a moment and then
+//! what it has done, call by call, and to cut its next batch, which it then runs at once. An idle lane [listens](bells) for a moment and then
 //! sleeps; a request that finds one wakes it.
 //!
 //! Why not a task with channels: where inference keeps all cores busy, whoever is to cut the next batch first waits for a

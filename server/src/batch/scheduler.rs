@@ -105,7 +105,7 @@ pub enum Event {
     Ran {
         /// Its characters.
         characters: usize,
-        /// The most of them whose segments had one length.
+        /// The most of them whose segments had one length; 0 where that is not known.
         alike: usize,
     },
     /// A lane is ready for a batch: it has started, or finished the previous one.

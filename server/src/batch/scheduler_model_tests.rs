@@ -19,6 +19,8 @@ enum Step {
     Leave(usize),
     /// The n-th lane that has a batch (modulo their number) is done with it.
     Finish(usize),
+    /// The n-th lane that has a batch (modulo their number) has answered some of it.
+    Answer(usize),
     /// The n-th lane is lost, unless it is the last.
     Lose(usize),
     Settle,
@@ -46,6 +48,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         8 => arrive,
         2 => any::<usize>().prop_map(Step::Leave),
         5 => any::<usize>().prop_map(Step::Finish),
+        3 => any::<usize>().prop_map(Step::Answer),
         1 => any::<usize>().prop_map(Step::Lose),
         6 => Just(Step::Settle),
         5 => (0u64..80).prop_map(Step::Pass),
@@ -118,7 +121,7 @@ struct Model {
     now: Instant,
     requests: BTreeMap<RequestId, Known>,
     lanes: BTreeMap<usize, Option<Vec<RequestId>>>,
-    /// Since when lanes run batches, of how many characters and callers.
+    /// Since when lanes run batches, and how many characters and callers of them are not answered.
     running: BTreeMap<usize, (Instant, usize, usize)>,
     /// Until when lanes may wait for those that they have answered.
     gathers: BTreeMap<usize, Instant>,
@@ -303,6 +306,18 @@ impl Model {
         assert_eq!(actions, [Action::Drop { request, characters }]);
     }
 
+    /// Notes that a lane has answered some, and gives how many characters of how many callers.
+    fn answer(&mut self, lane: usize, nth: usize) -> (usize, usize) {
+        let Some((_, unanswered, callers)) = self.running.get_mut(&lane) else {
+            return (0, 0);
+        };
+        let characters = nth % (*unanswered + 1);
+        let whose = characters.min(*callers);
+        *unanswered -= characters;
+        *callers -= whose;
+        (characters, whose)
+    }
+
     fn finish(&mut self, lane: usize) {
         self.lanes.insert(lane, None);
         if let Some((since, _, callers)) = self.running.remove(&lane)
@@ -430,6 +445,13 @@ impl Pair {
         actions
     }
 
+    /// The n-th lane that has a batch.
+    fn busy(&self, nth: usize) -> Option<usize> {
+        let busy = self.model.lanes.iter().filter(|(_, parts)| parts.is_some());
+        let busy: Vec<usize> = busy.map(|(lane, _)| *lane).collect();
+        busy.get(nth % busy.len().max(1)).copied()
+    }
+
     fn take(&mut self, step: Step) {
         match step {
             Step::Arrive {
@@ -461,10 +483,19 @@ impl Pair {
                 let actions = self.step(Event::Gone { request });
                 self.model.leave(request, &actions);
             }
+            Step::Answer(nth) => {
+                if let Some(lane) = self.busy(nth) {
+                    let (characters, callers) = self.model.answer(lane, nth / 7);
+                    let answered = Event::Answered {
+                        lane,
+                        characters,
+                        callers,
+                    };
+                    assert_eq!(self.step(answered), []);
+                }
+            }
             Step::Finish(nth) => {
-                let busy = self.model.lanes.iter().filter(|(_, parts)| parts.is_some());
-                let busy: Vec<usize> = busy.map(|(lane, _)| *lane).collect();
-                if let Some(&lane) = busy.get(nth % busy.len().max(1)) {
+                if let Some(lane) = self.busy(nth) {
                     let ran = Event::Ran {
                         characters: 8,
                         alike: 1 + nth % 8,
@@ -521,7 +552,7 @@ proptest! {
     #[test]
     fn no_order_of_events_panics(
         limits in some_limits(),
-        events in prop::collection::vec((0usize..8, 0usize..6, 0u64..20), 1..200),
+        events in prop::collection::vec((0usize..9, 0usize..6, 0u64..20), 1..200),
     ) {
         let (mut scheduler, mut actions) = (Scheduler::new(limits), Vec::new());
         let mut now = Instant::now();
@@ -539,6 +570,7 @@ proptest! {
                 3 => Event::LaneFree { lane },
                 4 if number == 0 => Event::LaneLost { lane },
                 6 => Event::Ran { characters: number as usize, alike: lane },
+                7 => Event::Answered { lane, characters: number as usize, callers: number as usize / 2 },
                 5 => Event::Tried { characters: lane, took: Duration::from_millis(number) },
                 _ => Event::Settled,
             };

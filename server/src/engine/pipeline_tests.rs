@@ -346,10 +346,10 @@ fn answers_come_as_soon_as_their_length_is_done() {
     }
 }
 
-/// An engine that tells of fewer rows than it was asked for.
-struct Short(Echo);
+/// An engine that tells of these rows, whatever it was asked for.
+struct Tells(Echo, Vec<std::ops::Range<usize>>);
 
-impl Stages for Short {
+impl Stages for Tells {
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
         self.0.root(rows, input, output)
     }
@@ -374,17 +374,30 @@ impl Stages for Short {
         output: &mut DecoderOutput,
         made: &mut dyn FnMut(std::ops::Range<usize>, &DecoderOutput),
     ) -> Result<(), EngineError> {
-        made(0..1, output);
+        self.1.iter().cloned().for_each(|call| made(call, output));
         Ok(())
     }
 }
 
 #[test]
 fn rows_that_an_engine_does_not_tell_of_are_an_error() {
-    let mut pipeline = Pipeline::new(DIMS, Box::new(Short(Echo::default())), 8);
-    let error = pipeline.run(&vec![item(1.0, 1); 2]).unwrap_err().to_string();
-    assert!(error.contains("fewer rows"), "{error}");
-    assert!(pipeline.run(&[item(1.0, 1)]).is_ok());
+    for calls in [vec![], vec![0..1, 1..1], vec![0..2, 0..2, 0..3], vec![1..3, 0..1]] {
+        let told = Tells(Echo::default(), calls.clone());
+        let mut pipeline = Pipeline::new(DIMS, Box::new(told), 8);
+        let error = pipeline.run(&vec![item(1.0, 1); 3]).unwrap_err().to_string();
+        assert!(error.contains("fewer rows"), "{calls:?}: {error}");
+    }
+}
+
+#[test]
+fn calls_of_padding_alone_answer_nobody() {
+    // A batch of nine is padded to twelve.
+    for calls in [vec![0..8, 8..16], (0..12).map(|row| row..row + 1).collect()] {
+        let told = Tells(Echo::default(), calls);
+        let mut pipeline = Pipeline::new(DIMS, Box::new(told), 12);
+        let (answers, times) = pipeline.run(&vec![item(1.0, 1); 9]).unwrap();
+        assert!(answers.len() == 9 && times.bucket == 12);
+    }
 }
 
 #[test]

@@ -229,8 +229,7 @@ impl Crowd {
 
     fn land(&mut self, took_ms: f32, plans: Vec<Plan>) {
         let served = Served {
-            inference: Duration::from_secs_f32(took_ms / 1000.0),
-            batch_size: plans.len(),
+            work: Duration::from_secs_f32(took_ms / 1000.0) / plans.len().max(1) as u32,
             ..Served::default()
         };
         for plan in plans {

@@ -74,10 +74,9 @@ impl PlanLoad {
         self.waiting.load(Ordering::Relaxed)
     }
 
-    /// Notes how long a plan took from asking to answer, and its batch.
+    /// Notes how long a plan took from asking to answer, and of the lanes' time.
     pub fn measured(&self, delay: Duration, served: &Served) {
-        let batch = (served.assemble + served.inference + served.scatter).as_micros() as u64;
-        let plan = batch / served.batch_size.max(1) as u64;
+        let plan = served.work.as_micros() as u64;
         // Two at once may lose one of them; it is an estimate.
         let before = self.plan_us.load(Ordering::Relaxed);
         let after = (before * (SMOOTHING - 1) + plan) / SMOOTHING;
@@ -147,10 +146,9 @@ impl PlanLoad {
 mod tests {
     use super::*;
 
-    fn batch(ms: u64, batch_size: usize) -> Served {
+    fn plan_of(ms: u64) -> Served {
         Served {
-            inference: Duration::from_millis(ms),
-            batch_size,
+            work: Duration::from_millis(ms),
             ..Served::default()
         }
     }
@@ -166,7 +164,7 @@ mod tests {
         assert_eq!(load.expected_frames(1, 30.0), 8);
         assert_eq!(load.expected_frames(2, 30.0), 4);
         for _ in 0..200 {
-            load.measured(Duration::ZERO, &batch(160, 16));
+            load.measured(Duration::ZERO, &plan_of(10));
         }
         // The networks turn out to take 10 ms a plan.
         assert!((15..=16).contains(&load.expected_frames(1, 30.0)));
@@ -185,7 +183,7 @@ mod tests {
             for step in 1..40u32 {
                 // 10 ms of a lane each.
                 for _ in 0..plans {
-                    load.measured(Duration::from_millis(200), &batch(160, 16));
+                    load.measured(Duration::from_millis(200), &plan_of(10));
                 }
                 let now = start + READING * step;
                 assert!(load.read(now, 2).is_some());

@@ -83,7 +83,7 @@ impl Meter {
 
     /// So many characters of so many callers have their answers though the lane's batch still runs.
     pub(super) fn answered(&mut self, lane: usize, characters: usize, callers: usize) {
-        if let Some(running) = &mut self.running[lane] {
+        if let Some(Some(running)) = self.running.get_mut(lane) {
             running.unanswered = running.unanswered.saturating_sub(characters);
             running.callers = running.callers.saturating_sub(callers);
         }
@@ -112,9 +112,9 @@ impl Meter {
         self.lane_characters = self.lane_characters * LANE_MEMORY + characters as f64;
     }
 
-    /// In a batch of so many characters, the segments of so many had one length.
+    /// In a batch of so many characters, the segments of so many had one length: none where it failed before that was known.
     pub(super) fn measured(&mut self, characters: usize, alike: usize) {
-        if characters >= LEAST_MEASURED {
+        if characters >= LEAST_MEASURED && alike > 0 {
             let share = alike as f64 / characters as f64;
             self.alike_share = share + (self.alike_share - share) * LANE_MEMORY;
         }
@@ -200,8 +200,9 @@ mod tests {
     fn lengths_differ_where_they_did_in_the_latest_batches() {
         let mut meter = Meter::new(1);
         for _ in 0..100 {
-            // Few characters tell nothing, and a few of many change nothing.
+            // Few characters tell nothing, nor does what failed, and a few of many change nothing.
             meter.measured(3, 1);
+            meter.measured(8, 0);
             meter.measured(8, 7);
             meter.measured(32, 28);
             assert!(!meter.lengths_differ());
