@@ -151,12 +151,13 @@ impl Turns {
         (front, decoder)
     }
 
-    /// Runs `stages` when it is its turn; not at all where the other lane has come to its end.
+    /// Runs `stages` when it is its turn; not at all where that does not come in time, for the other lane has come to its end.
     fn take(
         &self,
+        patience: Duration,
         stages: impl FnOnce() -> Result<StageTimes, EngineError>,
     ) -> Result<Option<StageTimes>, EngineError> {
-        if self.mine.recv_timeout(Duration::from_millis(200)).is_err() {
+        if self.mine.recv_timeout(patience).is_err() {
             return Ok(None);
         }
         let times = stages()?;
@@ -198,12 +199,12 @@ impl Work {
         !matches!(self, Self::Front(..))
     }
 
-    /// Runs a batch; gives none where there is none for it any more.
-    fn run(&mut self) -> anyhow::Result<Option<StageTimes>> {
+    /// Runs a batch; gives none where there is none for it within `patience`.
+    fn run(&mut self, patience: Duration) -> anyhow::Result<Option<StageTimes>> {
         match self {
             Self::Raw(raw) => Ok(Some(raw.run()?)),
-            Self::Front(raw, turns) => Ok(turns.take(|| raw.run_front())?),
-            Self::Decoder(raw, turns) => Ok(turns.take(|| raw.run_decoder())?),
+            Self::Front(raw, turns) => Ok(turns.take(patience, || raw.run_front())?),
+            Self::Decoder(raw, turns) => Ok(turns.take(patience, || raw.run_decoder())?),
             Self::Pipeline(pipeline, items) => {
                 let (answers, times) = pipeline.run(items)?;
                 for answer in answers {
@@ -329,10 +330,14 @@ fn engines(wanted: &[EngineChoice], runtime: &Runtime) -> Vec<EngineKind> {
     engines
 }
 
+/// How long a lane waits for a batch of another while networks may have to be opened, and while it measures.
+const WARM_UP: Duration = Duration::from_secs(60);
+const LAST_TURN: Duration = Duration::from_millis(50);
+
 /// One measurement of one shape.
 struct Run {
     plans_per_s: f64,
-    /// Of every call on every lane, sorted, milliseconds.
+    /// Of every call on every lane that ends batches, with its wait for its turn, sorted, milliseconds.
     calls: Vec<f64>,
     sum: StageTimes,
     busy: Duration,
@@ -349,7 +354,7 @@ fn measure(
     let barrier = Barrier::new(works.len());
     let lane = |work: &mut Work| -> anyhow::Result<(Vec<f64>, StageTimes, Duration)> {
         work.set_shape(dims, batch, frames);
-        let warm = work.run();
+        let warm = work.run(WARM_UP);
         // Every lane comes here, whatever became of it.
         barrier.wait();
         warm?;
@@ -360,7 +365,7 @@ fn measure(
                 std::thread::sleep(pause);
             }
             let call = Instant::now();
-            let Some(times) = work.run()? else {
+            let Some(times) = work.run(LAST_TURN)? else {
                 continue;
             };
             if work.ends_batches() {

@@ -15,7 +15,16 @@ use crate::telemetry::{PackMetrics, Rejection};
 /// Where a request's answer goes.
 pub(super) type Reply = oneshot::Sender<Result<Served, SubmitError>>;
 /// What a batch has for the requests that it carried.
-pub(super) type Pieces = Vec<(Part, Result<Vec<RawMotion>, EngineError>)>;
+pub(super) type Pieces = Vec<(Part, Result<Made, EngineError>)>;
+
+/// What a batch made for a request.
+#[derive(Debug, Default)]
+pub(super) struct Made {
+    /// Of characters in a row.
+    pub(super) motions: Vec<RawMotion>,
+    /// Their share of the lane's time.
+    pub(super) work: Duration,
+}
 
 /// Answers that are to be sent when the lock is free again, for a send wakes somebody.
 #[derive(Debug, Default)]
@@ -48,8 +57,6 @@ pub(super) struct Ran {
     pub(super) started: Instant,
     pub(super) ended: Instant,
     pub(super) times: StageTimes,
-    /// What of the lane's time each character that is answered now stands for. Over the answers of a batch this comes to its whole time.
-    pub(super) work: Duration,
     /// Characters of the whole batch.
     pub(super) size: usize,
 }
@@ -209,9 +216,9 @@ impl Core {
 
     /// Hands what a batch made to its requests.
     pub(super) fn deliver(&mut self, ran: &Ran, pieces: Pieces, outbox: &mut Outbox) {
-        for (part, motions) in pieces {
-            match motions {
-                Ok(motions) => self.serve(part, motions, ran, outbox),
+        for (part, made) in pieces {
+            match made {
+                Ok(made) => self.serve(part, made, ran, outbox),
                 Err(error) => self.fail(ran.ended, part.request, error, outbox),
             }
         }
@@ -228,7 +235,7 @@ impl Core {
     }
 
     /// Notes what a batch made of a request, and answers it where that was the last of it.
-    fn serve(&mut self, part: Part, motions: Vec<RawMotion>, ran: &Ran, outbox: &mut Outbox) {
+    fn serve(&mut self, part: Part, made: Made, ran: &Ran, outbox: &mut Outbox) {
         let Some(job) = self.jobs.get_mut(&part.request) else {
             return;
         };
@@ -248,9 +255,9 @@ impl Core {
         job.served.assemble += ran.times.assemble;
         job.served.inference += ran.times.inference();
         job.served.scatter += ran.times.scatter;
-        job.served.work += ran.work * motions.len() as u32;
+        job.served.work += made.work;
         job.served.batch_size = job.served.batch_size.max(ran.size);
-        job.pieces.push((part.first, motions));
+        job.pieces.push((part.first, made.motions));
         let done: usize = job.pieces.iter().map(|(_, motions)| motions.len()).sum();
         if done == job.characters
             && let Some(mut job) = self.jobs.remove(&part.request)

@@ -56,16 +56,16 @@ pub struct Served {
     pub queued: Duration,
     /// From the arrival to the start of the first batch on its lane.
     pub started: Duration,
-    /// From the arrival until its last character was made; the rest of the batch may have run on.
+    /// From the arrival until its last batch handed it out, at the batch's end or before.
     pub finished: Duration,
-    /// Filling inputs, over all batches that carried the request, in each until its characters were made. Lanes work side by
-    /// side, so these sums may be longer than the time from start to finish.
+    /// Filling inputs, over all batches that carried the request, in each until it was handed out. Lanes work side by side, so
+    /// these sums may be longer than the time from start to finish.
     pub assemble: Duration,
     /// The three stages, over the same.
     pub inference: Duration,
     /// Copying out of the output tensors, over the same.
     pub scatter: Duration,
-    /// Its share of the lanes' time: the times of a batch come to those of its characters.
+    /// Its share of the lanes' time ([`MadeRow::work`](crate::engine::MadeRow)).
     pub work: Duration,
     /// Characters of the largest batch that carried the request.
     pub batch_size: usize,

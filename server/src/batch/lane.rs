@@ -3,15 +3,15 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use tokio::sync::oneshot;
 
-use super::core::{Batch, Outbox, Pieces, Ran};
+use super::core::{Batch, Made, Outbox, Pieces, Ran};
 use super::driver::{EngineFactory, Shared};
 use super::order::Class;
 use super::scheduler::Part;
-use crate::engine::{EngineError, Pipeline, RawMotion, RowAnswer, RowAnswers, StageTimes, WorkItem};
+use crate::engine::{EngineError, MadeRow, Pipeline, StageTimes, WorkItem};
 
 /// Makes the lane's pipeline, and runs batches until there is nobody left to ask for them.
 pub(super) fn run(
@@ -93,8 +93,8 @@ impl Lane {
     fn run(&mut self, pipeline: &mut Pipeline, items: &[WorkItem]) -> Result<(), EngineError> {
         let (shared, number) = (&self.shared, self.number);
         let (open, outbox) = (&mut self.open, &mut self.outbox);
-        let mut made = |times: &StageTimes, answers| {
-            open.note(times, answers);
+        let mut made = |times: &StageTimes, rows| {
+            open.note(times, rows);
             // Live characters need their plans by a time of their own, whoever else waits.
             if open.is_all_made() || (shared.full_batch_waits() && !open.is_live) {
                 return;
@@ -124,17 +124,16 @@ impl Drop for Lane {
 /// The requests of a batch that are not answered, and what there is for them.
 struct Unanswered {
     started: Instant,
-    /// Where the batch's time has gone so far, and how much of that was put to what was taken out.
+    /// Where the batch's time has gone so far.
     times: StageTimes,
-    charged: Duration,
     /// With the place in the batch of its first character.
     parts: Vec<(Part, usize)>,
     /// By the place in the batch, until they are taken out.
-    answers: Vec<Option<RowAnswer>>,
+    rows: Vec<Option<MadeRow>>,
     /// How many were made, and how many of these were taken out and are no errors.
     made: usize,
     served: usize,
-    /// Plans of live characters are among them.
+    /// Plans of live characters are in the batch.
     is_live: bool,
 }
 
@@ -151,9 +150,8 @@ impl Unanswered {
         Self {
             started,
             times: StageTimes::default(),
-            charged: Duration::ZERO,
             parts,
-            answers: std::iter::repeat_with(|| None).take(rows).collect(),
+            rows: std::iter::repeat_with(|| None).take(rows).collect(),
             made: 0,
             served: 0,
             is_live,
@@ -161,61 +159,43 @@ impl Unanswered {
     }
 
     fn is_all_made(&self) -> bool {
-        self.made == self.answers.len()
+        self.made == self.rows.len()
     }
 
-    fn note(&mut self, times: &StageTimes, answers: RowAnswers) {
+    fn note(&mut self, times: &StageTimes, rows: Vec<MadeRow>) {
         self.times = *times;
-        self.made += answers.len();
-        for (row, answer) in answers {
-            if let Err(error) = &answer {
+        self.made += rows.len();
+        for made in rows {
+            if let Err(error) = &made.answer {
                 tracing::error!(%error, "a character failed");
             }
-            self.answers[row] = Some(answer);
+            let place = made.row;
+            self.rows[place] = Some(made);
         }
     }
 
     /// Takes those out of which all characters are there.
     fn take_whole(&mut self, now: Instant) -> (Pieces, Ran) {
-        let answers = &mut self.answers;
+        let rows = &mut self.rows;
         let whole = self.parts.extract_if(.., |(part, first)| {
-            answers[*first..*first + part.characters]
-                .iter()
-                .all(Option::is_some)
+            rows[*first..*first + part.characters].iter().all(Option::is_some)
         });
         let parts: Vec<(Part, usize)> = whole.collect();
-        let characters: usize = parts.iter().map(|(part, _)| part.characters).sum();
         let piece = |(part, first): (Part, usize)| {
-            let rows = &mut answers[first..first + part.characters];
-            let motions: Result<Vec<RawMotion>, EngineError> =
-                rows.iter_mut().filter_map(Option::take).collect();
-            if motions.is_ok() {
+            let made = joined(&mut rows[first..first + part.characters]);
+            if made.is_ok() {
                 self.served += part.characters;
             }
-            (part, motions)
+            (part, made)
         };
         let pieces = parts.into_iter().map(piece).collect();
         let ran = Ran {
             started: self.started,
             ended: now,
             times: self.times,
-            work: self.charge(characters),
-            size: self.answers.len(),
+            size: self.rows.len(),
         };
         (pieces, ran)
-    }
-
-    /// The time for each of so many characters that are taken out, where they share what was not put to others.
-    fn charge(&mut self, characters: usize) -> Duration {
-        if characters == 0 {
-            return Duration::ZERO;
-        }
-        let StageTimes {
-            assemble, scatter, ..
-        } = self.times;
-        let total = assemble + self.times.inference() + scatter;
-        let rest = total.saturating_sub(std::mem::replace(&mut self.charged, total));
-        rest / characters as u32
     }
 
     /// Takes all out: they fail.
@@ -225,54 +205,19 @@ impl Unanswered {
     }
 }
 
+/// Takes what there is for the characters of one request; an error of one is that of all.
+fn joined(rows: &mut [Option<MadeRow>]) -> Result<Made, EngineError> {
+    let mut all = Made::default();
+    for made in rows.iter_mut().filter_map(Option::take) {
+        all.motions.push(made.answer?);
+        all.work += made.work;
+    }
+    Ok(all)
+}
+
 fn panic_message(payload: &(dyn Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().copied();
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str))
         .unwrap_or("it gave no reason")
         .to_owned()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::batch::scheduler::RequestId;
-
-    fn part(request: u64, characters: usize) -> Part {
-        Part {
-            request: RequestId(request),
-            class: Class::Request,
-            first: 0,
-            characters,
-            waited: Duration::ZERO,
-        }
-    }
-
-    /// Times of a batch of which the decoder has run for so long.
-    fn after(ms: u64) -> StageTimes {
-        StageTimes {
-            decoder: Duration::from_millis(ms),
-            ..StageTimes::default()
-        }
-    }
-
-    #[test]
-    fn the_work_of_a_batch_comes_to_its_whole_time() {
-        let mut open = Unanswered::of(vec![part(0, 1), part(1, 3), part(2, 2)], Instant::now());
-        let mut work = Duration::ZERO;
-        let mut sizes = Vec::new();
-        for (ms, rows) in [(7, vec![0, 1]), (8, vec![]), (30, vec![2, 3, 4]), (40, vec![5])] {
-            let answers = rows.into_iter().map(|row| (row, Ok(RawMotion::default())));
-            open.note(&after(ms), answers.collect());
-            let (pieces, ran) = open.take_whole(Instant::now());
-            let taken: usize = pieces.iter().map(|(part, _)| part.characters).sum();
-            work += ran.work * taken as u32;
-            sizes.push(taken);
-        }
-        assert_eq!(sizes, [1, 0, 3, 2]);
-        assert!(
-            work.abs_diff(after(40).decoder) < Duration::from_micros(1),
-            "{work:?}"
-        );
-        assert!(open.is_all_made() && open.served == 6);
-    }
 }

@@ -20,7 +20,7 @@ use std::ops::Range;
 use crate::pack::Stage;
 
 pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Lanes};
-pub use pipeline::{Pipeline, RowAnswer, RowAnswers, StageTimes, TrialRun, length_of, lengths};
+pub use pipeline::{MadeRow, Pipeline, RowAnswer, StageTimes, TrialRun, length_of, lengths};
 pub use raw::{RawLoop, straight_walk};
 pub use select::{Check, Decision, Selector};
 pub use sizes::BatchSizes;

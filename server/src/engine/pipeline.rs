@@ -80,8 +80,17 @@ pub struct TrialRun {
 
 /// What a batch has for one character.
 pub type RowAnswer = Result<RawMotion, EngineError>;
-/// Some of a batch's answers, by the places of their characters in it.
-pub type RowAnswers = Vec<(usize, RowAnswer)>;
+/// The answer of one row of a batch.
+#[derive(Debug)]
+pub struct MadeRow {
+    /// Its place in the batch.
+    pub row: usize,
+    /// What there is for it.
+    pub answer: RowAnswer,
+    /// Its share of the batch's time. Rows of a batch share the root stage, those of one length the pose stage, those of one call
+    /// the decoder; together they come to all of it.
+    pub work: Duration,
+}
 
 /// The stages of one pack and the buffers between them.
 pub struct Pipeline {
@@ -175,10 +184,10 @@ impl Pipeline {
     /// # Errors
     /// [`EngineError`] where a stage fails. The whole batch fails with it.
     pub fn run(&mut self, items: &[WorkItem]) -> Result<(Vec<RowAnswer>, StageTimes), EngineError> {
-        let mut answers = Vec::with_capacity(items.len());
-        let times = self.run_by_calls(items, &mut |_, some| answers.extend(some))?;
-        answers.sort_by_key(|answer| answer.0);
-        Ok((answers.into_iter().map(|answer| answer.1).collect(), times))
+        let mut rows = Vec::with_capacity(items.len());
+        let times = self.run_by_calls(items, &mut |_, some| rows.extend(some))?;
+        rows.sort_by_key(|made| made.row);
+        Ok((rows.into_iter().map(|made| made.answer).collect(), times))
     }
 
     /// [`Pipeline::run`] that gives each character's answer, by its place in `items`, as soon as it is there, with the times of
@@ -189,7 +198,7 @@ impl Pipeline {
     pub fn run_by_calls(
         &mut self,
         items: &[WorkItem],
-        answered: &mut dyn FnMut(&StageTimes, RowAnswers),
+        made: &mut dyn FnMut(&StageTimes, Vec<MadeRow>),
     ) -> Result<StageTimes, EngineError> {
         let bucket = self.sizes.for_rows(items.len());
         let mut times = StageTimes {
@@ -201,6 +210,7 @@ impl Pipeline {
             self.stages.root(bucket, &self.root_input, &mut self.root_output)
         })?;
 
+        let work = (times.assemble + times.root) / items.len().max(1) as u32;
         let mut failed = Vec::new();
         let mut members = Vec::with_capacity(items.len());
         for (row, item) in items.iter().enumerate() {
@@ -211,55 +221,68 @@ impl Pipeline {
                     tokens,
                     length: length_of(&self.lengths, tokens),
                 }),
-                Err(error) => failed.push((row, Err(error))),
+                Err(error) => failed.push(MadeRow {
+                    row,
+                    answer: Err(error),
+                    work,
+                }),
             }
         }
         if !failed.is_empty() {
-            answered(&times, failed);
+            made(&times, failed);
         }
         members.sort_by_key(|member| (member.length, Reverse(member.passes())));
         for group in members.chunk_by(|a, b| a.length == b.length) {
-            self.run_group(group, &mut times, answered)?;
+            self.run_group(group, work, &mut times, made)?;
         }
         Ok(times)
     }
 
-    /// Runs the stages behind the root for rows of one length, ordered by falling number of passes.
+    /// Runs the stages behind the root for rows of one length, ordered by falling number of passes. Each has taken `work` so far.
     fn run_group(
         &mut self,
         group: &[Member<'_>],
+        work: Duration,
         times: &mut StageTimes,
-        answered: &mut dyn FnMut(&StageTimes, RowAnswers),
+        made: &mut dyn FnMut(&StageTimes, Vec<MadeRow>),
     ) -> Result<(), EngineError> {
         let bucket = self.sizes.for_rows(group.len());
+        let before = times.assemble + times.pose;
         times.alike = times.alike.max(group.len());
         timed(&mut times.assemble, || self.fill_tokens(group, bucket));
         let mut chosen = self.choose_tokens(group, times)?;
+        let work = work + (times.assemble + times.pose - before) / group.len().max(1) as u32;
         let (dims, root, tokens) = (&self.dims, &self.root_output, &self.token_input);
         let (mut begun, mut done) = (Instant::now(), 0);
         self.stages
             .decoder_by_calls(bucket, tokens, &mut self.decoder_output, &mut |call, decoder| {
-                times.decoder += begun.elapsed();
+                let decoder_time = begun.elapsed();
+                times.decoder += decoder_time;
                 let rows = done..call.end.min(group.len());
                 if call.start != done || rows.is_empty() {
                     // All of it is padding. (Or told out of order: what is missing then is an error below.)
                     return begun = Instant::now();
                 }
                 done = rows.end;
-                let answers = timed(&mut times.scatter, || {
+                let mut scatter = Duration::ZERO;
+                let mut answers: Vec<MadeRow> = timed(&mut scatter, || {
                     let members = rows
                         .clone()
                         .zip(&group[rows.clone()])
                         .zip(chosen.drain(..rows.len()));
                     let answer =
-                        |((row, member), chosen): ((usize, &Member<'_>), Result<(), EngineError>)| {
-                            let motion =
-                                chosen.map(|()| copy_out(dims, (root, tokens, decoder), row, member));
-                            (member.row, motion)
+                        |((row, member), chosen): ((usize, &Member<'_>), Result<(), EngineError>)| MadeRow {
+                            row: member.row,
+                            answer: chosen.map(|()| copy_out(dims, (root, tokens, decoder), row, member)),
+                            work,
                         };
                     members.map(answer).collect()
                 });
-                answered(times, answers);
+                times.scatter += scatter;
+                for made in &mut answers {
+                    made.work += (decoder_time + scatter) / rows.len() as u32;
+                }
+                made(times, answers);
                 begun = Instant::now();
             })?;
         match done == group.len() {

@@ -331,8 +331,8 @@ fn answers_come_as_soon_as_their_length_is_done() {
     let whole = run(&mut pipeline(Echo::default()), &items);
     let mut pipeline = pipeline(Echo::default());
     let mut seen = Vec::new();
-    let times = pipeline.run_by_calls(&items, &mut |times, answers| {
-        let answers = answers.into_iter().map(|(row, answer)| (row, answer.unwrap()));
+    let times = pipeline.run_by_calls(&items, &mut |times, rows| {
+        let answers = rows.into_iter().map(|made| (made.row, made.answer.unwrap()));
         seen.push((times.decoder, answers.collect::<Vec<_>>()));
     });
     let places: Vec<Vec<usize>> = seen
@@ -344,6 +344,28 @@ fn answers_come_as_soon_as_their_length_is_done() {
     for (row, motion) in seen.into_iter().flat_map(|(_, some)| some) {
         assert_eq!(motion, whole[row]);
     }
+}
+
+#[test]
+fn the_work_of_rows_comes_to_the_time_of_their_batch() {
+    let items = [16, 5, 16, 9, 12, 5].map(|tokens| item_of(1.0, tokens, tokens as u32 % 3 + 1));
+    let mut pipeline = pipeline(Echo::default());
+    let mut work = [Duration::ZERO; 6];
+    let times = pipeline
+        .run_by_calls(&items, &mut |_, rows| {
+            for made in rows {
+                work[made.row] += made.work;
+            }
+        })
+        .unwrap();
+    let all = times.assemble + times.inference() + times.scatter;
+    let sum: Duration = work.iter().sum();
+    assert!(all.abs_diff(sum) < Duration::from_nanos(100), "{all:?} {sum:?}");
+    // Nobody pays for the root stage alone.
+    assert!(
+        work.iter().all(|&work| work >= times.root / 6),
+        "{work:?} {times:?}"
+    );
 }
 
 /// An engine that tells of these rows, whatever it was asked for.
