@@ -3,13 +3,14 @@
 import statistics
 
 from troupe_bench.cli import STAGES
-from troupe_bench.settings import JEMALLOC, PAUSE_US, RAW_LOOPS
+from troupe_bench.settings import CROWD, CROWD_SIZE, JEMALLOC, PAUSE_US, RAW_LOOPS
 from troupe_bench.store import Store, dig
 
 NAMES = {
     "raw": "raw loop",
     JEMALLOC: "raw loop (jemalloc)",
     "troupe": "**Troupe**",
+    CROWD: "**Troupe**",
     "litserve": "LitServe",
     "fastapi": "FastAPI",
 }
@@ -72,12 +73,14 @@ def serving_table(store: Store) -> list[str]:
             if store.of(alone):
                 calls = [store.median(alone, name) for name in ("call_ms_p50", "call_ms_p99")]
                 rows.append(_row(store, alone, load, calls, best))
-        for target in ("troupe", "litserve", "fastapi"):
+        for target in ("troupe", CROWD, "litserve", "fastapi"):
             found = [key for key in store.every_key() if (key["engine"], key["target"]) == (engine, target)]
             for clients in sorted({key["clients"] for key in found}):
                 key = {"engine": engine, "target": target, "clients": clients}
                 latency = [store.median(key, "latency_ms", name) for name in ("p50", "p99")]
-                rows.append(_row(store, key, f"{clients} client{'s' * (clients > 1)}", latency, best))
+                load = f"{clients} client{'s' * (clients > 1)}"
+                load += f", {CROWD_SIZE} characters a request" * (target == CROWD)
+                rows.append(_row(store, key, load, latency, best))
         repeats = len({key["repeat"] for key in store.every_key() if key["engine"] == engine})
         heads = ["target", "load", "frames/s", "of the raw loop's best", "p50 (ms)", "p99 (ms)"]
         lines += [f"### {ENGINES[engine]}: medians of {repeats}", "", *table(heads, rows, 2), ""]
@@ -110,6 +113,8 @@ def summary_table(store: Store) -> list[str]:
             theirs = {"engine": engine, "target": "raw", "batch": best[0]}
             what = "frames/s at saturation, of the raw loop's best"
             rows += _measured(engine, what, _shares(store, ours, theirs), 0, " %", "≥ 90 %")
+            crowd = _shares(store, {"engine": engine, "target": CROWD}, theirs)
+            rows += _measured(engine, f"{what}, {CROWD_SIZE} characters a request", crowd, 0, " %", "≥ 90 %")
             if same := best_batch(store, engine, JEMALLOC):
                 theirs_too = theirs | {"target": JEMALLOC, "batch": same[0]}
                 shares = _shares(store, ours, theirs_too)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from troupe_bench import programs
 from troupe_bench.programs import Failed, say
-from troupe_bench.settings import JEMALLOC, PAUSE_US, Settings, python_settings
+from troupe_bench.settings import CROWD, CROWD_CLIENTS, CROWD_SIZE, JEMALLOC, PAUSE_US, Settings, python_settings
 from troupe_bench.store import Store, dig
 
 TARGETS = ("raw", "troupe", "litserve", "fastapi")
@@ -18,7 +18,7 @@ MIXED = "12-64"
 def estimate_s(settings: Settings, targets: tuple[str, ...]) -> float:
     """Seconds that the serving part takes, starts of servers included."""
     one = settings.warmup_s + settings.measured_s + 1
-    loads = {"raw": 0, "troupe": len(settings.clients), "litserve": 2, "fastapi": 2}
+    loads = {"raw": 0, "troupe": len(settings.clients) + 1, "litserve": 2, "fastapi": 2}
     starts = {
         "raw": 18 + (2 + len(RAW_BATCHES + JEMALLOC_BATCHES)) * settings.raw_s,
         "troupe": 6,
@@ -82,7 +82,7 @@ def mixed(settings: Settings) -> None:
                     continue
                 if target == "troupe":
                     with programs.troupe(engine, settings.pack) as server:
-                        run = _grpc_load(server, bodies, 32, settings)
+                        run = _grpc_load(server, ("--requests", bodies), 32, settings)
                 else:
                     options = best_options(settings, engine, target) | variant
                     with programs.python_server(target, engine, settings.pack, bodies, options) as server:
@@ -97,16 +97,11 @@ def _measure(settings: Settings, store: Store, bodies: Path, key: dict) -> None:
     if target == "raw":
         _measure_raw(settings, store, key)
         return
-    clients = settings.clients if target == "troupe" else (1, 32)
-    wanted = [count for count in clients if not store.of(key | {"clients": count})]
-    if not wanted:
-        return
     if target == "troupe":
-        with programs.troupe(engine, settings.pack) as server:
-            for count in wanted:
-                run = _grpc_load(server, bodies, count, settings)
-                store.add(key | {"clients": count}, run | {"ready_s": server.started_in_s})
-                say(f"{key} {count} clients: {_summary(run)}")
+        _measure_troupe(settings, store, bodies, key)
+        return
+    wanted = [count for count in (1, 32) if not store.of(key | {"clients": count})]
+    if not wanted:
         return
     options = best_options(settings, engine, target)
     with programs.python_server(target, engine, settings.pack, bodies, options) as server:
@@ -114,6 +109,22 @@ def _measure(settings: Settings, store: Store, bodies: Path, key: dict) -> None:
             run = _http_load(server, bodies, count, settings.warmup_s, settings.measured_s)
             store.add(key | {"clients": count, "options": options}, run)
             say(f"{key} {count} clients: {_summary(run)}")
+
+
+def _measure_troupe(settings: Settings, store: Store, bodies: Path, key: dict) -> None:
+    """The server with requests of one character from several numbers of clients, and with requests of many."""
+    one_each = ("--requests", bodies)
+    many = ("--clip", programs.CLIP, "--frames", LONGEST, "--per-request", str(CROWD_SIZE))
+    loads = [(key | {"clients": count}, one_each) for count in settings.clients]
+    loads.append((key | {"target": CROWD, "clients": CROWD_CLIENTS}, many))
+    wanted = [load for load in loads if not store.of(load[0])]
+    if not wanted:
+        return
+    with programs.troupe(key["engine"], settings.pack) as server:
+        for load, requests in wanted:
+            run = _grpc_load(server, requests, load["clients"], settings)
+            store.add(load, run | {"ready_s": server.started_in_s})
+            say(f"{load}: {_summary(run)}")
 
 
 def _measure_raw(settings: Settings, store: Store, key: dict) -> None:
@@ -137,9 +148,9 @@ def _measure_raw(settings: Settings, store: Store, key: dict) -> None:
     say(f"{key}: {best:,.0f} frames/s at the best batch, {alone[0]['call_ms_p50']:.2f} ms alone")
 
 
-def _grpc_load(server: programs.Running, bodies: Path, clients: int, settings: Settings) -> dict:
+def _grpc_load(server: programs.Running, requests: tuple[str | Path, ...], clients: int, settings: Settings) -> dict:
     times = _times(clients, settings.warmup_s, settings.measured_s)
-    return _checked(programs.load("inbetween", server.url, "--requests", bodies, *times), server.name)
+    return _checked(programs.load("inbetween", server.url, *requests, *times), server.name)
 
 
 def _http_load(server: programs.Running, bodies: Path, clients: int, warmup_s: float, measured_s: float) -> dict:

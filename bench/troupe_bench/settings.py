@@ -15,6 +15,11 @@ JEMALLOC = "raw-jemalloc"
 """The raw loop with the allocator of the server."""
 RAW_LOOPS = ("raw", JEMALLOC)
 
+CROWD = "troupe-crowd"
+"""The server with requests of several characters, as game servers send them."""
+CROWD_SIZE = 16
+CROWD_CLIENTS = 8
+
 
 @dataclass
 class Settings:
