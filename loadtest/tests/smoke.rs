@@ -142,6 +142,10 @@ async fn an_open_loop_over_json_in_stages() {
     assert!(right(0) > 2.0 && right(1) > 5.0);
     assert_eq!(right(0) + right(1), ran.number("/runs/0/counts/right"));
     assert_eq!(ran.report["latency_of"], "answer_from_due");
+    // Standard error is no terminal here.
+    let progress = String::from_utf8_lossy(&ran.output.stderr);
+    let second = |line: &str| line.contains(" 1 s  ") && line.contains(" answers ") && line.contains(" p99 ");
+    assert!(progress.lines().any(second), "{progress}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
