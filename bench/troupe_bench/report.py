@@ -29,7 +29,7 @@ LONGEST_PAUSE_S = 20 * 60
 INTRO = """# Benchmarks
 
 Written by `make bench`. Medians where a table names its repeats; of ratios, the median of those of each turn, with the least and the most.
-"Bar" is what we set out to reach. [How it is measured](../bench/README.md). Engines of CPUs alone: there was no GPU to try CUDA and TensorRT on.
+"Bar" is what we set out to reach. [How it is measured](../bench/README.md). Engines of CPUs alone: CUDA and TensorRT are not measured.
 """
 
 SECTIONS = (

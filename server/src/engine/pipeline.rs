@@ -88,7 +88,7 @@ pub struct MadeRow {
     /// What there is for it.
     pub answer: RowAnswer,
     /// Its share of the batch's time. Rows of a batch share the root stage, those of one length the pose stage, those of one call
-    /// the decoder; together they come to all of it.
+    /// the decoder; together they come to all of it, but for calls of padding alone.
     pub work: Duration,
 }
 
@@ -251,7 +251,7 @@ impl Pipeline {
         times.alike = times.alike.max(group.len());
         timed(&mut times.assemble, || self.fill_tokens(group, bucket));
         let mut chosen = self.choose_tokens(group, times)?;
-        let work = work + (times.assemble + times.pose - before) / group.len().max(1) as u32;
+        let work = work + (times.assemble + times.pose - before) / group.len() as u32;
         let (dims, root, tokens) = (&self.dims, &self.root_output, &self.token_input);
         let (mut begun, mut done) = (Instant::now(), 0);
         self.stages
@@ -261,7 +261,8 @@ impl Pipeline {
                 let rows = done..call.end.min(group.len());
                 if call.start != done || rows.is_empty() {
                     // All of it is padding. (Or told out of order: what is missing then is an error below.)
-                    return begun = Instant::now();
+                    begun = Instant::now();
+                    return;
                 }
                 done = rows.end;
                 let mut scatter = Duration::ZERO;

@@ -409,6 +409,11 @@ fn rows_that_an_engine_does_not_tell_of_are_an_error() {
         let error = pipeline.run(&vec![item(1.0, 1); 3]).unwrap_err().to_string();
         assert!(error.contains("fewer rows"), "{calls:?}: {error}");
     }
+    let told = Tells(Echo::default(), std::iter::once(0..1).collect());
+    let mut pipeline = Pipeline::new(DIMS, Box::new(told), 8);
+    let error = pipeline.run(&vec![item(1.0, 1); 2]).unwrap_err().to_string();
+    assert!(error.contains("fewer rows"), "{error}");
+    assert!(pipeline.run(&[item(1.0, 1)]).is_ok());
 }
 
 #[test]

@@ -183,7 +183,7 @@ fn fill_slot(dims: &Dims, row: usize, slot: usize, key: &KeyTensors, input: &mut
 }
 
 /// What the stages made of one character, in the segment frame.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RawMotion {
     /// Tokens of the segment.
     pub num_tokens: usize,
