@@ -23,6 +23,7 @@ pub mod ik;
 pub mod inspect;
 pub mod interpolate;
 pub mod metrics;
+pub mod model;
 pub mod pin;
 pub mod robot;
 pub mod root;

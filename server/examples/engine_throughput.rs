@@ -13,13 +13,14 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, ensure};
 use clap::Parser;
 use serde::Serialize;
-use troupe_server::config::Config;
-use troupe_server::engine::onnx::{OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
-use troupe_server::engine::{
-    EngineChoice, EngineError, EngineKind, Lanes, Pipeline, RawLoop, StageTimes, Stages, WorkItem,
-    straight_walk,
+use troupe_engine::onnx::{OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
+use troupe_engine::pack::Pack;
+use troupe_engine::{
+    EngineChoice, EngineError, EngineKind, Lanes, Pipeline, RawLoop, StageTimes, Stages, straight_walk,
 };
-use troupe_server::pack::{Dims, Pack};
+use troupe_motion::model::Dims;
+use troupe_motion::model::KeyframeTask;
+use troupe_server::config::Config;
 
 /// Measures the networks of a pack in a loop.
 #[derive(Debug, Parser)]
@@ -120,7 +121,7 @@ enum Work {
     /// Root and pose, as often as the decoder's lane has room for a batch.
     Front(Box<RawLoop>, Turns),
     Decoder(Box<RawLoop>, Turns),
-    Pipeline(Box<Pipeline>, Vec<WorkItem>),
+    Pipeline(Box<Pipeline>, Vec<KeyframeTask>),
 }
 
 /// One end of the way between two lanes.
@@ -228,7 +229,7 @@ impl Work {
 pub(crate) fn main() -> anyhow::Result<()> {
     let args = Args::parse();
     let pack = Pack::load(&args.pack)?;
-    let dims = pack.dims;
+    let dims = pack.rig.dims;
     for &frames in &args.frames {
         let (low, high) = (dims.min_frames(), dims.max_frames());
         ensure!(

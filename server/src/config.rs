@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use confique::Config as _;
 
-use crate::engine::{AccuracyCheck, EngineChoice};
+use troupe_engine::{AccuracyCheck, EngineChoice};
 
 pub use cli::{Cli, Command, DoctorArgs};
 
@@ -371,7 +371,7 @@ impl Config {
     pub fn local(packs: &Path) -> Result<Self, ConfigError> {
         let defaults = Self::builder().load()?;
         let listen = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let onnx_runtime = std::env::var_os(crate::engine::onnx::LIBRARY_VARIABLE).map(PathBuf::from);
+        let onnx_runtime = std::env::var_os(troupe_engine::onnx::LIBRARY_VARIABLE).map(PathBuf::from);
         Self {
             listen,
             packs: packs.to_owned(),

@@ -3,7 +3,7 @@ use std::time::Duration;
 use clap::{CommandFactory as _, Parser as _};
 
 use super::*;
-use crate::engine::onnx::Batching;
+use troupe_engine::onnx::Batching;
 
 fn load(args: &[&str]) -> Result<Config, ConfigError> {
     let args = std::iter::once("troupe-server").chain(args.iter().copied());

@@ -17,15 +17,15 @@ use crate::api;
 use crate::batch::scheduler::Limits;
 use crate::batch::{Batcher, EngineFactory};
 use crate::config::Config;
-use crate::engine::onnx::Batching;
-use crate::engine::{Decision, EngineError, Pipeline, Stages};
-use crate::pack::{Pack, PackError, PackProblem, find_packs};
 use crate::service::{LoadedPack, PackTable, Service};
-use crate::session::load::PlanLoad;
 use crate::session::{Sessions, TimeSource};
-use crate::style::{StyleError, StyleTable};
 use crate::telemetry::Telemetry;
 use crate::world::{LoadError, Store};
+use troupe_character::live::load::PlanLoad;
+use troupe_character::style::{StyleError, StyleTable};
+use troupe_engine::onnx::Batching;
+use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
+use troupe_engine::{Decision, EngineError, Pipeline, Stages};
 
 /// The pack that is the default where nothing else is said.
 const USUAL_DEFAULT: &str = "human";
@@ -221,7 +221,7 @@ async fn start(
     let folders = config.world_folders();
     let read = move || -> Result<_, StartError> {
         let sources = packs()?;
-        let store = Store::load(folders, sources.iter().map(|source| &source.pack))?;
+        let store = Store::load(folders, sources.iter().map(|source| &*source.pack.rig))?;
         Ok((sources, store))
     };
     let (sources, store) = tokio::task::spawn_blocking(read).await.map_err(gone)??;
@@ -262,9 +262,10 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     let sessions = service.telemetry().sessions(pack.name(), &pack.manifest.version);
     let pack = Arc::new(pack);
     let (for_styles, folder) = (pack.clone(), config.styles.clone());
-    let styles = tokio::task::spawn_blocking(move || StyleTable::load(&for_styles, folder))
-        .await
-        .map_err(|_| StartError::Internal("the task that loads styles has stopped".to_owned()))??;
+    let styles =
+        tokio::task::spawn_blocking(move || StyleTable::load(&for_styles.rig, &for_styles.folder, folder))
+            .await
+            .map_err(|_| StartError::Internal("the task that loads styles has stopped".to_owned()))??;
     let batching = decision
         .as_ref()
         .map_or(Batching::UNKNOWN, |decision| decision.batching);
@@ -272,7 +273,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     let (for_engine, engine_metrics) = (pack.clone(), metrics.clone());
     let factory: EngineFactory = Arc::new(move |lane| {
         let loading = Instant::now();
-        let mut pipeline = Pipeline::new(for_engine.dims, stages(&for_engine)?, max_batch);
+        let mut pipeline = Pipeline::new(for_engine.rig.dims, stages(&for_engine)?, max_batch);
         let warming = Instant::now();
         pipeline.warm_up()?;
         let (load, warmup) = (warming - loading, warming.elapsed());

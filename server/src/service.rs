@@ -1,5 +1,6 @@
 //! The service behind both fronts: finds the pack, checks the request, has it served, and makes the answer.
 
+mod describe;
 mod scenes;
 mod sessions;
 
@@ -13,12 +14,14 @@ use troupe_proto::v1;
 use crate::api::ApiError;
 use crate::batch::{Batcher, Order, Served};
 use crate::inbetween::{Plan, RequestLimits, finish, prepare};
-use crate::pack::Pack;
 use crate::session::Sessions;
-use crate::session::load::PlanLoad;
-use crate::style::StyleTable;
 use crate::telemetry::{PackMetrics, SessionMetrics, Telemetry};
 use crate::world::Store;
+use describe::describe;
+use troupe_character::live::load::PlanLoad;
+use troupe_character::style::StyleTable;
+use troupe_engine::pack::Pack;
+use troupe_motion::model::Rig;
 
 /// Requests of up to this many characters are checked and finished on the task that received them; larger ones go to the
 /// pool for blocking work, so that they do not hold up other connections.
@@ -78,9 +81,7 @@ impl PackTable {
     }
 
     fn describe(&self, loaded: &LoadedPack) -> v1::Pack {
-        loaded
-            .pack
-            .describe(loaded.pack.name() == self.default, loaded.engine)
+        describe(&loaded.pack, loaded.pack.name() == self.default, loaded.engine)
     }
 }
 
@@ -198,9 +199,9 @@ impl Service {
             return Err(error.into());
         }
         let order = Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.timeout);
-        let (pack, limits) = (loaded.pack.clone(), self.limits);
+        let (rig, limits) = (loaded.pack.rig.clone(), self.limits);
         let (items, plans) = offload(characters, INLINE_CHARACTERS, move || {
-            prepare(&request, &pack, limits)
+            prepare(&request, &rig, limits)
         })
         .await??;
 
@@ -209,9 +210,9 @@ impl Service {
         let mut timing = timing(&served);
         let copied = served.scatter;
         let scattering = Instant::now();
-        let pack = loaded.pack.clone();
+        let rig = loaded.pack.rig.clone();
         let results = offload(characters, INLINE_CHARACTERS, move || {
-            finish_all(&served, &plans, &pack)
+            finish_all(&served, &plans, &rig)
         })
         .await??;
         let made = scattering.elapsed();
@@ -232,10 +233,10 @@ impl Service {
     }
 }
 
-fn finish_all(served: &Served, plans: &[Plan], pack: &Pack) -> Result<Vec<v1::CharacterResult>, ApiError> {
+fn finish_all(served: &Served, plans: &[Plan], rig: &Rig) -> Result<Vec<v1::CharacterResult>, ApiError> {
     let pairs = served.motions.iter().zip(plans);
     pairs
-        .map(|(motion, plan)| finish(motion, plan, pack).map_err(ApiError::from))
+        .map(|(motion, plan)| finish(motion, plan, rig).map_err(ApiError::from))
         .collect()
 }
 

@@ -11,8 +11,8 @@ use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, Promet
 
 use crate::batch::Class;
 use crate::batch::scheduler::CutReason;
-use crate::engine::{Decision, StageTimes};
-use crate::pack::Stage;
+use troupe_engine::pack::Stage;
+use troupe_engine::{Decision, StageTimes};
 
 pub use sessions::{Eviction, SessionMetrics};
 
@@ -374,9 +374,9 @@ impl PackMetrics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::accuracy::Accuracy;
-    use crate::engine::onnx::Batching;
-    use crate::engine::{Check, EngineKind, Lanes};
+    use troupe_engine::accuracy::Accuracy;
+    use troupe_engine::onnx::Batching;
+    use troupe_engine::{Check, EngineKind, Lanes};
 
     #[test]
     fn metrics_carry_names_labels_and_buckets() {

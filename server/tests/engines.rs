@@ -4,13 +4,13 @@
 
 use std::path::{Path, PathBuf};
 
-use troupe_server::config::Config;
-use troupe_server::engine::accuracy::{Accuracy, Probe, compare, probe};
-use troupe_server::engine::{
+use troupe_engine::accuracy::{Accuracy, Probe, compare, probe};
+use troupe_engine::pack::{MANIFEST_FILE, Pack};
+use troupe_engine::{
     DecoderOutput, EngineChoice, EngineError, EngineKind, PoseOutput, RootInput, RootOutput, Selector,
     Stages, TokenInput,
 };
-use troupe_server::pack::{MANIFEST_FILE, Pack};
+use troupe_server::config::Config;
 
 fn pack() -> Pack {
     let named = std::env::var_os("TROUPE_TEST_PACK").map(PathBuf::from);

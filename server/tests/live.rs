@@ -11,12 +11,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use common::live::{Actor, Cue, Networks, Take, accelerations, percentile, play};
+use troupe_character::live::Stats;
 use troupe_motion::bvh::{self, BvhOptions};
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::metrics::foot_skate_m_per_frame;
 use troupe_motion::root::wrap_angle;
 use troupe_motion::{Skeleton, Vec3};
-use troupe_server::session::Stats;
 
 /// 30 Hz frames of a scene, and its command changes: at 0.5 s and at 5 s.
 const FRAMES: u64 = 300;
@@ -81,7 +81,7 @@ struct Real {
 fn real_walks(networks: &Networks) -> Option<Real> {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/data/bandai-namco");
     let folder = std::env::var_os("TROUPE_DATA").map_or(default, Into::into);
-    let skeleton = &networks.pack.skeleton;
+    let skeleton = &networks.pack.rig.skeleton;
     let (mut values, mut skates) = (Vec::new(), Vec::new());
     for name in STYLES
         .into_iter()
@@ -111,7 +111,7 @@ fn skate_mm(motion: &WorldMotion, frames: Range<usize>, skeleton: &Skeleton) -> 
 fn characters_do_what_they_are_told() {
     let mut networks = Networks::load();
     let performed = perform(&mut networks, 2);
-    let skeleton = Arc::clone(&networks.pack.skeleton);
+    let skeleton = Arc::clone(&networks.pack.rig.skeleton);
     let real = real_walks(&networks);
     match &real {
         Some(Real {

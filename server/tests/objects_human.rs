@@ -6,21 +6,21 @@ use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use troupe_motion::fk::{joint_transform, world_transforms};
-use troupe_motion::{GlobalRoot, Quat, Vec3};
-use troupe_server::config::Config;
-use troupe_server::engine::{EngineKind, Pipeline};
-use troupe_server::object::{self, Definitions};
-use troupe_server::pack::Pack;
-use troupe_server::primitives::LocomotionCommand;
-use troupe_server::scene::{
-    self, Collider, ColliderShape, Holder, Scene, SceneCell, Shape, State, Transform,
-};
-use troupe_server::session::{
+use troupe_character::live::{
     Advance, Character, CharacterEvent, CharacterOptions, Clock, EventKind, FrameOut, Intent, KeyframeError,
     SUB_FRAMES, Start, World, finish_live,
 };
-use troupe_server::style::{Style, StyleTable};
+use troupe_character::object::{self, Definitions};
+use troupe_character::primitives::LocomotionCommand;
+use troupe_character::scene::{
+    self, Collider, ColliderShape, Holder, Scene, SceneCell, Shape, State, Transform,
+};
+use troupe_character::style::{Style, StyleTable};
+use troupe_engine::pack::Pack;
+use troupe_engine::{EngineKind, Pipeline};
+use troupe_motion::fk::{joint_transform, world_transforms};
+use troupe_motion::{GlobalRoot, Quat, Vec3};
+use troupe_server::config::Config;
 
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name)
@@ -41,10 +41,10 @@ impl Studio {
         let pack = Pack::load(&models).unwrap();
         let selector = Config::local(&models).unwrap().selector(1).unwrap();
         let stages = selector.load(&pack, EngineKind::Cpu).unwrap();
-        let definitions = object::load_folder(&folder("examples/objects"), &pack).unwrap();
+        let definitions = object::load_folder(&folder("examples/objects"), &pack.rig).unwrap();
         Self {
-            pipeline: Pipeline::new(pack.dims, Box::new(stages), 1),
-            styles: StyleTable::load(&pack, None).unwrap(),
+            pipeline: Pipeline::new(pack.rig.dims, Box::new(stages), 1),
+            styles: StyleTable::load(&pack.rig, &pack.folder, None).unwrap(),
             definitions: Arc::new(Definitions::new(definitions).unwrap()),
             pack: Arc::new(pack),
         }
@@ -80,7 +80,7 @@ impl Studio {
         let standing = LocomotionCommand::standing(&style);
         let start = Start::Standing(GlobalRoot::new(place, heading));
         Actor {
-            character: Character::in_world(Arc::clone(&self.pack), options, start, standing, Some(world)),
+            character: Character::in_world(Arc::clone(&self.pack.rig), options, start, standing, Some(world)),
             studio: self,
             scene,
             style,
@@ -133,9 +133,9 @@ impl Actor<'_> {
                 let studio = &mut *self.studio;
                 let (mut answers, _) = studio.pipeline.run(std::slice::from_ref(&request.item)).unwrap();
                 let raw = answers.remove(0).unwrap();
-                let mut plan = finish_live(&raw, &request.shape, &studio.pack).unwrap();
+                let mut plan = finish_live(&raw, &request.shape, &studio.pack.rig).unwrap();
                 if let Some(meets) = &request.meets {
-                    meets.meet(&mut plan, &studio.pack.skeleton);
+                    meets.meet(&mut plan, &studio.pack.rig.skeleton);
                 }
                 self.character.plan_arrived(request.number, Ok(plan));
             }
@@ -166,13 +166,13 @@ impl Actor<'_> {
     }
 
     fn joint(&self, index: usize, name: &str) -> Vec3 {
-        let (frame, skeleton) = (&self.frames[index], &self.studio.pack.skeleton);
+        let (frame, skeleton) = (&self.frames[index], &self.studio.pack.rig.skeleton);
         let joint = skeleton.joint_index(name).unwrap();
         joint_transform(skeleton, frame.root, &frame.rotations, joint).0
     }
 
     fn joints(&self, from: usize, to: usize) -> Vec<Vec<Vec3>> {
-        let skeleton = &self.studio.pack.skeleton;
+        let skeleton = &self.studio.pack.rig.skeleton;
         let count = skeleton.joint_count();
         let mut turns = vec![Quat::IDENTITY; count];
         let places = |frame: &FrameOut| {
@@ -185,7 +185,7 @@ impl Actor<'_> {
 
     /// How the motion from frame to frame is.
     fn quality(&self, from: usize, to: usize) -> Quality {
-        let contacts = self.studio.pack.skeleton.contacts.as_ref().unwrap();
+        let contacts = self.studio.pack.rig.skeleton.contacts.as_ref().unwrap();
         let all = self.joints(from, to);
         let mut accelerations: Vec<f32> = Vec::new();
         for three in all.windows(3) {
@@ -285,7 +285,7 @@ fn a_greeter_is_waved_at_from_any_heading() {
         let faces = GlobalRoot::of_pose(
             actor.frames.last().unwrap().root,
             actor.frames.last().unwrap().rotations[0],
-            actor.studio.pack.skeleton.left_axis,
+            actor.studio.pack.rig.skeleton.left_axis,
         );
         let toward = Vec3::new(4.0, 0.0, 5.0) - faces.position.with_y(0.0);
         assert!(faces.forward().angle_between(toward) < 0.4, "it faces the place");
@@ -479,7 +479,7 @@ fn a_walk_over_the_courtyard_steps_up_and_down_and_falls() {
     let end = actor.frames.last().unwrap().root;
     assert!(end.z > 6.8 && (end.y - 0.92).abs() < 0.06, "{end}");
     // Feet stay out of the ground.
-    let skeleton = &actor.studio.pack.skeleton;
+    let skeleton = &actor.studio.pack.rig.skeleton;
     let contacts = skeleton.contacts.as_ref().unwrap();
     let snapshot = actor.scene.snapshot();
     let mut deepest = 0.0_f32;

@@ -4,13 +4,13 @@
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use troupe_engine::onnx::OnnxStages;
+use troupe_engine::pack::{MANIFEST_FILE, Pack, Stage};
+use troupe_engine::{EngineError, EngineKind, Pipeline, Selector, StageTimes, Stages};
+use troupe_motion::model::{KeyTensors, KeyframeTask, Motion};
 use troupe_server::config::Config;
-use troupe_server::engine::onnx::OnnxStages;
-use troupe_server::engine::{
-    EngineError, EngineKind, KeyTensors, Pipeline, RawMotion, Selector, StageTimes, Stages, WorkItem,
-};
-use troupe_server::pack::{MANIFEST_FILE, Pack, Stage};
 
 fn pack_folder() -> PathBuf {
     let named = std::env::var_os("TROUPE_TEST_PACK").map(PathBuf::from);
@@ -44,8 +44,8 @@ fn noise(seed: u64) -> impl FnMut() -> f32 {
 }
 
 /// A task with any subset of constraints, by its seed.
-fn item(pack: &Pack, seed: u64) -> WorkItem {
-    let dims = &pack.dims;
+fn item(pack: &Pack, seed: u64) -> KeyframeTask {
+    let dims = &pack.rig.dims;
     let mut next = noise(seed);
     let mut key = |complete: bool, forward: f32| {
         let angle = if complete { 0.0 } else { 3.0 * next() };
@@ -64,7 +64,7 @@ fn item(pack: &Pack, seed: u64) -> WorkItem {
     let targets = (0..1 + seed as usize % dims.max_targets)
         .map(|target| key(false, 1.0 + 0.03 * target as f32))
         .collect();
-    WorkItem {
+    KeyframeTask {
         context,
         targets,
         frames: (seed % 4 == 1).then(|| dims.min_frames() + seed as usize % 40),
@@ -86,13 +86,14 @@ fn item(pack: &Pack, seed: u64) -> WorkItem {
 }
 
 /// The largest difference of two motions that must have the same tokens.
-fn difference(a: &RawMotion, b: &RawMotion) -> f32 {
-    assert_eq!(a.num_tokens, b.num_tokens, "the token count differs");
-    assert_eq!(a.tokens, b.tokens, "a pose token differs");
+fn difference(a: &Motion, b: &Motion) -> f32 {
+    let (at, bt) = (a.trace.as_deref().unwrap(), b.trace.as_deref().unwrap());
+    assert_eq!(at.num_tokens, bt.num_tokens, "the token count differs");
+    assert_eq!(at.tokens, bt.tokens, "a pose token differs");
     let pairs = [
-        (&a.count_probs, &b.count_probs),
-        (&a.root_r_g3, &b.root_r_g3),
-        (&a.root_r_g4, &b.root_r_g4),
+        (&at.count_probs, &bt.count_probs),
+        (&at.root_r_g3, &bt.root_r_g3),
+        (&a.root, &b.root),
         (&a.rotations, &b.rotations),
         (&a.contacts, &b.contacts),
     ];
@@ -103,7 +104,7 @@ fn difference(a: &RawMotion, b: &RawMotion) -> f32 {
     each.fold(0.0, f32::max)
 }
 
-fn run(pipeline: &mut Pipeline, items: &[WorkItem]) -> (Vec<RawMotion>, StageTimes) {
+fn run(pipeline: &mut Pipeline, items: &[KeyframeTask]) -> (Vec<Motion>, StageTimes) {
     let (answers, times) = pipeline.run(items).unwrap();
     (answers.into_iter().map(Result::unwrap).collect(), times)
 }
@@ -122,17 +123,17 @@ fn engines(selector: &Selector) -> impl Iterator<Item = EngineKind> {
 #[test]
 fn a_character_is_the_same_in_every_batch_and_on_every_lane() {
     let (pack, selector) = (Pack::load(&pack_folder()).unwrap(), selector());
-    let items: Vec<WorkItem> = (0..64).map(|seed| item(&pack, seed)).collect();
+    let items: Vec<KeyframeTask> = (0..64).map(|seed| item(&pack, seed)).collect();
     for engine in engines(&selector) {
         let lane = || {
             let stages = selector.load(&pack, engine).unwrap();
             assert!(stages.any_length());
-            Pipeline::new(pack.dims, Box::new(stages), 64)
+            Pipeline::new(pack.rig.dims, Box::new(stages), 64)
         };
         let mut pipeline = lane();
         let (together, times) = run(&mut pipeline, &items);
         assert_eq!((together.len(), times.bucket), (64, 64));
-        let lengths: HashSet<usize> = together.iter().map(|motion| motion.num_tokens).collect();
+        let lengths: HashSet<usize> = together.iter().map(|motion| motion.frames()).collect();
         assert!(
             lengths.len() > 4,
             "all segments have one of the lengths {lengths:?}"
@@ -143,7 +144,7 @@ fn a_character_is_the_same_in_every_batch_and_on_every_lane() {
             (3, &mut lane()),
             (20, &mut lane()),
         ] {
-            let alone: Vec<RawMotion> = items
+            let alone: Vec<Motion> = items
                 .chunks(size)
                 .take(24 / size + 1)
                 .flat_map(|chunk| run(pipeline, chunk).0)
@@ -163,11 +164,11 @@ fn a_character_is_the_same_in_every_batch_and_on_every_lane() {
 fn a_pack_with_a_fixed_time_axis_serves_the_same() {
     let pack = Pack::load(&pack_folder()).unwrap();
     let fixed = with_fixed_time(&pack);
-    let items: Vec<WorkItem> = (0..8).map(|seed| item(&pack, seed)).collect();
+    let items: Vec<KeyframeTask> = (0..8).map(|seed| item(&pack, seed)).collect();
     let [open, fixed] = [(&pack, true), (&fixed, false)].map(|(pack, any_length)| {
         let stages = load(pack).unwrap();
         assert_eq!(stages.any_length(), any_length);
-        run(&mut Pipeline::new(pack.dims, Box::new(stages), 8), &items).0
+        run(&mut Pipeline::new(pack.rig.dims, Box::new(stages), 8), &items).0
     });
     for (open, fixed) in open.iter().zip(&fixed) {
         assert!(difference(open, fixed) < 1e-4, "{}", difference(open, fixed));
@@ -177,10 +178,10 @@ fn a_pack_with_a_fixed_time_axis_serves_the_same() {
 #[test]
 fn a_pack_with_a_fixed_time_axis_serves_on_every_engine() {
     let pack = with_fixed_time(&Pack::load(&pack_folder()).unwrap());
-    let items: Vec<WorkItem> = (0..7).map(|seed| item(&pack, seed)).collect();
+    let items: Vec<KeyframeTask> = (0..7).map(|seed| item(&pack, seed)).collect();
     for engine in engines(&selector()) {
         let stages = selector().load(&pack, engine).unwrap();
-        let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), 8);
+        let mut pipeline = Pipeline::new(pack.rig.dims, Box::new(stages), 8);
         let together = run(&mut pipeline, &items).0;
         for (item, together) in items.iter().zip(&together) {
             let alone = run(&mut pipeline, std::slice::from_ref(item)).0;
@@ -196,11 +197,14 @@ fn graphs_that_do_not_name_their_axes_are_served_too() {
     let nameless = rewritten(&pack, "nameless-axes", |graph| {
         names.iter().for_each(|name| forget_axis(graph, name));
     });
-    let items: Vec<WorkItem> = (0..5).map(|seed| item(&pack, seed)).collect();
+    let items: Vec<KeyframeTask> = (0..5).map(|seed| item(&pack, seed)).collect();
     for engine in engines(&selector()) {
         let any_batch = |pack: &Pack| {
             let stages = selector().load(pack, engine).unwrap();
-            (stages.any_batch(), Pipeline::new(pack.dims, Box::new(stages), 8))
+            (
+                stages.any_batch(),
+                Pipeline::new(pack.rig.dims, Box::new(stages), 8),
+            )
         };
         let fixed_shapes = engine == EngineKind::OpenvinoBf16;
         let (batch, mut pipeline) = any_batch(&nameless);
@@ -217,8 +221,8 @@ fn graphs_that_do_not_name_their_axes_are_served_too() {
 /// A copy of `pack` whose graphs fix the time axis at the longest segment, as those of older packs do.
 fn with_fixed_time(pack: &Pack) -> Pack {
     rewritten(pack, "fixed-time", |graph| {
-        fix_axis(graph, "tokens", pack.dims.max_tokens);
-        fix_axis(graph, "4*tokens", pack.dims.max_frames());
+        fix_axis(graph, "tokens", pack.rig.dims.max_tokens);
+        fix_axis(graph, "4*tokens", pack.rig.dims.max_frames());
     })
 }
 
@@ -265,8 +269,8 @@ fn places_of_axis(graph: &[u8], name: &str) -> Vec<usize> {
 fn warm_up_meets_every_shape_and_changes_nothing() {
     let pack = Pack::load(&pack_folder()).unwrap();
     let stages = load(&pack).unwrap();
-    let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), 4);
-    let items: Vec<WorkItem> = (0..4).map(|seed| item(&pack, seed)).collect();
+    let mut pipeline = Pipeline::new(pack.rig.dims, Box::new(stages), 4);
+    let items: Vec<KeyframeTask> = (0..4).map(|seed| item(&pack, seed)).collect();
     let before = run(&mut pipeline, &items).0;
     pipeline.warm_up().unwrap();
     assert!(run(&mut pipeline, &items).0 == before);
@@ -275,19 +279,22 @@ fn warm_up_meets_every_shape_and_changes_nothing() {
 #[test]
 fn what_the_pack_promises_the_stages_must_keep() {
     let mut pack = Pack::load(&pack_folder()).unwrap();
-    pack.dims.heads += 1;
+    Arc::make_mut(&mut pack.rig).dims.heads += 1;
     let Err(error) = load(&pack) else {
         panic!("a wrong pack was loaded")
     };
     let text = error.to_string();
     assert!(matches!(error, EngineError::Signature { .. }), "{text}");
-    let heads = pack.dims.heads;
+    let heads = pack.rig.dims.heads;
     assert!(
         text.starts_with("pose.onnx: the input tokens has the shape"),
         "{text}"
     );
     assert!(
-        text.contains(&format!("expected [batch, {}, {heads}]", pack.dims.max_tokens)),
+        text.contains(&format!(
+            "expected [batch, {}, {heads}]",
+            pack.rig.dims.max_tokens
+        )),
         "{text}"
     );
 

@@ -20,7 +20,7 @@ use troupe_motion::{Quat, Skeleton, Vec3};
 use troupe_proto::v1;
 
 fn skeleton() -> std::sync::Arc<Skeleton> {
-    robot::pack(Path::new("unused")).skeleton
+    robot::pack(Path::new("unused")).rig.skeleton.clone()
 }
 
 /// A session of the G1.

@@ -13,12 +13,13 @@ use anyhow::{Context, bail, ensure};
 use prost::Message;
 use serde_json::json;
 use troupe_client::Key;
+use troupe_engine::pack::Pack;
 use troupe_motion::Clip;
 use troupe_motion::bvh::{self, BvhOptions};
+use troupe_motion::model::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
+use troupe_motion::model::{KeyTensors, KeyframeTask};
 use troupe_proto::v1;
-use troupe_server::engine::{KeyTensors, WorkItem};
 use troupe_server::inbetween::{RequestLimits, prepare};
-use troupe_server::pack::{Dims, GLOBAL_ROOT, LOCAL_ROOT, Pack, SIX_D};
 
 /// First bytes of a body: its format and version.
 const MAGIC: &[u8; 4] = b"TBQ1";
@@ -38,7 +39,7 @@ fn main() -> anyhow::Result<()> {
         Some((low, high)) => (low.parse()?, high.parse()?),
         None => (lengths.parse()?, lengths.parse()?),
     };
-    let allowed = pack.dims.min_frames()..=pack.dims.max_frames();
+    let allowed = pack.rig.dims.min_frames()..=pack.rig.dims.max_frames();
     ensure!(
         low <= high && allowed.contains(&low) && allowed.contains(&high),
         "LENGTHS {lengths}: allowed are {} to {}",
@@ -65,7 +66,7 @@ fn main() -> anyhow::Result<()> {
 
 fn read_clip(path: &Path, pack: &Pack) -> anyhow::Result<Clip> {
     let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
-    Ok(bvh::parse_bytes(&bytes)?.to_clip_on(&pack.skeleton, &BvhOptions::default())?)
+    Ok(bvh::parse_bytes(&bytes)?.to_clip_on(&pack.rig.skeleton, &BvhOptions::default())?)
 }
 
 /// Writes one request in its three forms and gives its entry in the list.
@@ -92,24 +93,24 @@ fn write_request(
         pack: String::new(),
         characters: vec![character],
     };
-    let (items, _) = prepare(&request, pack, RequestLimits { max_characters: 1 })?;
+    let (items, _) = prepare(&request, &pack.rig, RequestLimits { max_characters: 1 })?;
     let item = items.first().context("no work item")?;
 
     let name = |ending: &str| format!("{index:03}.{ending}");
     std::fs::write(out.join(name("pb")), request.encode_to_vec())?;
     std::fs::write(out.join(name("json")), serde_json::to_vec(&request)?)?;
-    std::fs::write(out.join(name("bin")), body(item, &pack.dims))?;
+    std::fs::write(out.join(name("bin")), body(item, &pack.rig.dims))?;
     Ok(json!({
         "grpc": name("pb"),
         "json": name("json"),
         "body": name("bin"),
         "frames": frames,
-        "answer_bytes": ANSWER_HEADER + 4 * frames * (pack.dims.joints * SIX_D + GLOBAL_ROOT + pack.dims.contacts),
+        "answer_bytes": ANSWER_HEADER + 4 * frames * (pack.rig.dims.joints * SIX_D + GLOBAL_ROOT + pack.rig.dims.contacts),
     }))
 }
 
 /// The binary body: header, then one column after the other over context and targets. All numbers are little-endian.
-fn body(item: &WorkItem, dims: &Dims) -> Vec<u8> {
+fn body(item: &KeyframeTask, dims: &Dims) -> Vec<u8> {
     let keys: Vec<&KeyTensors> = item.context.iter().chain(&item.targets).collect();
     let mut bytes = MAGIC.to_vec();
     let allowed = item

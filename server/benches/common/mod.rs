@@ -5,17 +5,18 @@ mod waiting;
 use std::path::Path;
 use std::sync::Arc;
 
+use troupe_character::live::{CONTEXT_FRAMES, FrameOut, LivePlan, LiveShape, finish_live};
+use troupe_character::primitives::PlanTargets;
+use troupe_engine::pack::Pack;
 use troupe_motion::bvh::{self, BvhOptions};
 use troupe_motion::conventions::Convention;
 use troupe_motion::fk::world_transforms;
+use troupe_motion::model::{KeyframeTask, Motion, Trace};
 use troupe_motion::rotation::{six_d, to_wxyz};
 use troupe_motion::{Clip, GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
-use troupe_server::engine::{RawMotion, WorkItem};
 use troupe_server::inbetween::{Plan, RequestLimits, finish, prepare};
-use troupe_server::pack::Pack;
-use troupe_server::primitives::PlanTargets;
-use troupe_server::session::{BlockWriter, CONTEXT_FRAMES, Form, FrameOut, LivePlan, LiveShape, finish_live};
+use troupe_server::session::{BlockWriter, Form};
 
 pub use waiting::Waiting;
 
@@ -30,7 +31,7 @@ pub struct Work {
     pub request: v1::InBetweenRequest,
     plan: Plan,
     free: Plan,
-    raw: RawMotion,
+    raw: Motion,
     shape: LiveShape,
     frame: FrameOut,
 }
@@ -41,12 +42,12 @@ impl Work {
         let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let pack = Pack::load(&top.join("models/human")).unwrap();
         let bytes = std::fs::read(top.join("examples/walk.bvh")).unwrap();
-        let skeleton = Arc::new(pack.skeleton.as_ref().clone());
+        let skeleton = Arc::new(pack.rig.skeleton.as_ref().clone());
         let file = bvh::parse_bytes(&bytes).unwrap();
         let clip = file.to_clip_on(&skeleton, &BvhOptions::default()).unwrap();
 
         let request = request(&clip);
-        let (_, mut plans) = prepare(&request, &pack, LIMITS).unwrap();
+        let (_, mut plans) = prepare(&request, &pack.rig, LIMITS).unwrap();
         let frame = SegmentFrame::from_root(clip.root_at(CONTEXT_FRAMES - 1));
         let plan = plans.remove(0);
         Self {
@@ -55,7 +56,7 @@ impl Work {
                 ..plan.clone()
             },
             plan,
-            raw: raw(&clip, &pack.skeleton, &frame),
+            raw: raw(&clip, &pack.rig.skeleton, &frame),
             shape: shape(&clip, frame),
             frame: FrameOut {
                 frame: 0,
@@ -70,23 +71,23 @@ impl Work {
     }
 
     /// A request's checks and its way into the segment frame.
-    pub fn prepare(&self) -> (Vec<WorkItem>, Vec<Plan>) {
-        prepare(&self.request, &self.pack, LIMITS).unwrap()
+    pub fn prepare(&self) -> (Vec<KeyframeTask>, Vec<Plan>) {
+        prepare(&self.request, &self.pack.rig, LIMITS).unwrap()
     }
 
     /// From what the networks made to a request's answer.
     pub fn finish(&self) -> v1::CharacterResult {
-        finish(&self.raw, &self.plan, &self.pack).unwrap()
+        finish(&self.raw, &self.plan, &self.pack.rig).unwrap()
     }
 
     /// The same with feet as the networks made them. Otherwise all four contact joints are held all the time, which is the most.
     pub fn finish_free(&self) -> v1::CharacterResult {
-        finish(&self.raw, &self.free, &self.pack).unwrap()
+        finish(&self.raw, &self.free, &self.pack.rig).unwrap()
     }
 
     /// From what the networks made to a live plan.
     pub fn finish_live(&self) -> LivePlan {
-        finish_live(&self.raw, &self.shape, &self.pack).unwrap()
+        finish_live(&self.raw, &self.shape, &self.pack.rig).unwrap()
     }
 
     /// One tick of a crowd.
@@ -96,14 +97,14 @@ impl Work {
             positions: false,
             six_d: false,
         };
-        let mut writer = BlockWriter::new(&self.pack, form, characters, 1);
+        let mut writer = BlockWriter::new(&self.pack.rig, form, characters, 1);
         for character in 0..characters {
             writer.name(character as u32);
             writer.write(
                 (character, 0),
                 &self.frame,
                 Convention::Native,
-                &self.pack.skeleton,
+                &self.pack.rig.skeleton,
             );
         }
         writer.finish(|_| true)
@@ -150,7 +151,7 @@ fn position(place: Vec3) -> v1::Vec3 {
 }
 
 /// The clip as the networks would have made it.
-fn raw(clip: &Clip, skeleton: &Skeleton, frame: &SegmentFrame) -> RawMotion {
+fn raw(clip: &Clip, skeleton: &Skeleton, frame: &SegmentFrame) -> Motion {
     let joints = skeleton.joint_count();
     let (mut places, mut world) = (vec![Vec3::ZERO; joints], vec![Quat::IDENTITY; joints]);
     let mut rotations = Vec::with_capacity(FRAMES * joints * 6);
@@ -162,14 +163,16 @@ fn raw(clip: &Clip, skeleton: &Skeleton, frame: &SegmentFrame) -> RawMotion {
         rotations.extend(world.iter().flat_map(|&rotation| six_d(rotation)));
         root.extend(frame.to_segment_root(clip.root_at(at)).to_array());
     }
-    RawMotion {
-        num_tokens: FRAMES / 4,
-        count_probs: vec![0.0; 14],
-        root_r_g3: root.clone(),
-        tokens: vec![1; FRAMES],
-        root_r_g4: root,
+    Motion {
         rotations,
         contacts: vec![0.7; FRAMES * 4],
+        trace: Some(Box::new(Trace {
+            num_tokens: FRAMES / 4,
+            count_probs: vec![0.0; 14],
+            root_r_g3: root.clone(),
+            tokens: vec![1; FRAMES],
+        })),
+        root,
     }
 }
 

@@ -15,11 +15,11 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, ensure};
 use clap::Parser;
+use troupe_character::object::{Definition, load_folder};
+use troupe_character::style::StyleTable;
+use troupe_engine::Pipeline;
+use troupe_engine::pack::Pack;
 use troupe_server::config::Config;
-use troupe_server::engine::Pipeline;
-use troupe_server::object::{Definition, load_folder};
-use troupe_server::pack::Pack;
-use troupe_server::style::StyleTable;
 
 use self::report::Report;
 use self::runner::Runner;
@@ -78,14 +78,14 @@ fn main() -> anyhow::Result<()> {
         "approaches and at-once must be more than 0"
     );
     let pack = Arc::new(Pack::load(&args.pack)?);
-    let styles = StyleTable::load(&pack, None)?;
+    let styles = StyleTable::load(&pack.rig, &pack.folder, None)?;
     let definitions = definitions(&args, &pack)?;
     let config = Config::local(Path::new("."))?;
     let selector = config.selector(1)?;
     let decision = selector.choose(&pack)?;
     let stages = selector.load(&pack, decision.engine)?;
     let max_batch = config.max_batch_of(decision.batching);
-    let mut pipeline = Pipeline::new(pack.dims, Box::new(stages), args.at_once.min(max_batch));
+    let mut pipeline = Pipeline::new(pack.rig.dims, Box::new(stages), args.at_once.min(max_batch));
     pipeline.warm_up()?;
     let mut runner = Runner::new(pack.clone(), pipeline);
 
@@ -130,7 +130,7 @@ fn definitions(args: &Args, pack: &Pack) -> anyhow::Result<Vec<(Definition, f32)
                 .with_context(|| format!("--height {given}"))?,
         ));
     }
-    let found = load_folder(&args.objects, pack)?;
+    let found = load_folder(&args.objects, &pack.rig)?;
     for name in &args.only {
         ensure!(
             found.iter().any(|d| &d.name == name),

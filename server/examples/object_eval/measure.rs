@@ -3,16 +3,16 @@
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::ops::Range;
 
+use troupe_character::live::{CharacterEvent, EventKind, KeyframeError};
+use troupe_character::object::{Definition, Keyframe, Origin};
+use troupe_character::scene::Transform;
+use troupe_engine::pack::Pack;
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::{WorldMotion, world_transforms};
 use troupe_motion::metrics::{foot_skate_m_per_frame, joint_accelerations_mps2, percentile};
 use troupe_motion::root::{heading_of, wrap_angle};
 use troupe_motion::rotation::yaw;
 use troupe_motion::{Quat, Skeleton, Vec3};
-use troupe_server::object::{Definition, Keyframe, Origin};
-use troupe_server::pack::Pack;
-use troupe_server::scene::Transform;
-use troupe_server::session::{CharacterEvent, EventKind, KeyframeError};
 
 use super::runner::GROUND_M;
 use super::trials::Spec;
@@ -131,7 +131,7 @@ impl Record {
         };
         let fps = pack.manifest.fps;
         let clip = Clip::new(
-            pack.skeleton.clone(),
+            pack.rig.skeleton.clone(),
             fps,
             self.roots.clone(),
             self.rotations.clone(),
@@ -156,9 +156,9 @@ impl Record {
                 } => {
                     let Some(set) = definition.set(set) else { continue };
                     let frame = Frame {
-                        skeleton: &pack.skeleton,
+                        skeleton: &pack.rig.skeleton,
                         positions: &motion.positions[at * motion.joints..][..motion.joints],
-                        heading: heading_of(clip.rotations_at(at)[0], pack.skeleton.left_axis),
+                        heading: heading_of(clip.rotations_at(at)[0], pack.rig.skeleton.left_axis),
                     };
                     let root = frame.positions[0];
                     let unturned = yaw(-frame.heading);
@@ -200,8 +200,9 @@ impl Record {
         let told = (told as usize).min(motion.frames() - 2);
         let range = told..end.max(told + 2).min(motion.frames() - 1);
         outcome.seconds = (end.saturating_sub(told)) as f32 / fps;
-        let skate =
-            |range| foot_skate_m_per_frame(&pack.skeleton, &motion, range).map_or(f64::NAN, |m| 1000.0 * m);
+        let skate = |range| {
+            foot_skate_m_per_frame(&pack.rig.skeleton, &motion, range).map_or(f64::NAN, |m| 1000.0 * m)
+        };
         outcome.skate_mm = skate(range.clone());
         outcome.skate_before_mm = skate(1..told.max(2));
         outcome.acceleration = joint_accelerations_mps2(&motion, range, fps)

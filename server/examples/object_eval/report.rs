@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Serialize;
+use troupe_engine::pack::Pack;
 use troupe_motion::metrics::percentile;
-use troupe_server::pack::Pack;
 
 use super::measure::{Outcome, Roughness};
 use super::trials::DIRECTIONS;

@@ -3,17 +3,17 @@
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use troupe_motion::Quat;
-use troupe_motion::Vec3;
-use troupe_server::engine::Pipeline;
-use troupe_server::object::{Definition, Definitions};
-use troupe_server::pack::Pack;
-use troupe_server::primitives::LocomotionCommand;
-use troupe_server::scene::{Collider, ColliderShape, Holder, Scene, SceneCell, Shape, Transform};
-use troupe_server::session::{
+use troupe_character::live::{
     Activity, Advance, Character, CharacterEvent, CharacterOptions, Clock, EventKind, FrameOut, Intent,
     PlanFailed, PlanRequest, SUB_FRAMES, Start, World, finish_live,
 };
+use troupe_character::object::{Definition, Definitions};
+use troupe_character::primitives::LocomotionCommand;
+use troupe_character::scene::{Collider, ColliderShape, Holder, Scene, SceneCell, Shape, Transform};
+use troupe_engine::Pipeline;
+use troupe_engine::pack::Pack;
+use troupe_motion::Quat;
+use troupe_motion::Vec3;
 
 use super::measure::{Outcome, Record};
 use super::trials::Spec;
@@ -111,7 +111,7 @@ impl Runner {
             height_m: None,
         };
         let start = Start::Standing(spec.start);
-        let character = Character::in_world(self.pack.clone(), options, start, command, Some(world));
+        let character = Character::in_world(self.pack.rig.clone(), options, start, command, Some(world));
         Ok(Run {
             spec,
             character,
@@ -156,10 +156,10 @@ impl Runner {
             for ((index, request), answer) in some.iter().zip(answers) {
                 let plan = answer
                     .map_err(|_| PlanFailed)
-                    .and_then(|raw| finish_live(&raw, &request.shape, &self.pack).map_err(|_| PlanFailed))
+                    .and_then(|raw| finish_live(&raw, &request.shape, &self.pack.rig).map_err(|_| PlanFailed))
                     .map(|mut plan| {
                         if let Some(meets) = &request.meets {
-                            meets.meet(&mut plan, &self.pack.skeleton);
+                            meets.meet(&mut plan, &self.pack.rig.skeleton);
                         }
                         plan
                     });

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use anyhow::{Context as _, ensure};
 use rand::{Rng as _, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use troupe_character::style::{Style, StyleTable};
 use troupe_motion::{GlobalRoot, Vec3};
-use troupe_server::style::{Style, StyleTable};
 
 /// Directions that the same approach is made from.
 pub const DIRECTIONS: usize = 12;

@@ -7,12 +7,13 @@ mod table;
 use std::time::Duration;
 
 use crate::batch::SubmitError;
-use crate::document::DocumentError;
-use crate::engine::EngineError;
-use crate::inbetween::{FieldError, NonFinite};
-use crate::object::DefinitionsError;
-use crate::scene::{SceneError, TableError};
-use crate::session::Refusal;
+use troupe_character::FieldError;
+use troupe_character::document::DocumentError;
+use troupe_character::live::Refusal;
+use troupe_character::object::DefinitionsError;
+use troupe_character::post::NonFinite;
+use troupe_character::scene::{SceneError, TableError};
+use troupe_engine::EngineError;
 
 pub(super) use form::CodeLabel;
 pub use form::{ErrorBody, ErrorDetail};
@@ -272,7 +273,7 @@ mod tests {
     #[test]
     fn documents_name_their_place_and_echo_little() {
         let error = ApiError::from(DocumentError {
-            source: crate::document::Source::Text("scene"),
+            source: troupe_character::document::Source::Text("scene"),
             place: Some((7, 3)),
             field: "x".repeat(1000),
             message: "y".repeat(1000),

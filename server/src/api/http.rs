@@ -23,8 +23,8 @@ use super::shape::Shapes;
 use super::track::{self, Tracker};
 use super::ws;
 use crate::config::Config;
-use crate::inbetween::FieldError;
 use crate::service::Service;
+use troupe_character::FieldError;
 
 /// The HTTP routes.
 pub(super) fn router(service: &Arc<Service>, config: &Config) -> Router {

@@ -8,8 +8,8 @@ use prost::encoding::{DecodeContext, WireType, decode_key, decode_varint, skip_f
 
 use super::ApiError;
 use crate::config::Config;
-use crate::inbetween::FieldError;
 use crate::session::MAX_COMMANDS;
+use troupe_character::FieldError;
 
 /// Most keyframes of a character or session that are decoded; the pack's own, smaller limit is checked later.
 const MAX_KEYFRAMES: usize = 256;

@@ -9,8 +9,9 @@ use tokio::sync::oneshot;
 use super::driver::{Served, SubmitError};
 use super::order::Order;
 use super::scheduler::{Action, Cut, CutReason, Event, Limits, Part, Refusal, RequestId, Scheduler};
-use crate::engine::{EngineError, RawMotion, StageTimes, WorkItem};
 use crate::telemetry::{PackMetrics, Rejection};
+use troupe_engine::{EngineError, StageTimes};
+use troupe_motion::model::{KeyframeTask, Motion};
 
 /// Where a request's answer goes.
 pub(super) type Reply = oneshot::Sender<Result<Served, SubmitError>>;
@@ -21,7 +22,7 @@ pub(super) type Pieces = Vec<(Part, Result<Made, EngineError>)>;
 #[derive(Debug, Default)]
 pub(super) struct Made {
     /// Of characters in a row.
-    pub(super) motions: Vec<RawMotion>,
+    pub(super) motions: Vec<Motion>,
     /// Their share of the lane's time.
     pub(super) work: Duration,
 }
@@ -46,7 +47,7 @@ impl Outbox {
 /// A batch on its way to its lane.
 #[derive(Debug)]
 pub(super) struct Batch {
-    pub(super) items: Vec<WorkItem>,
+    pub(super) items: Vec<KeyframeTask>,
     pub(super) parts: Vec<Part>,
     pub(super) reason: CutReason,
 }
@@ -65,12 +66,12 @@ pub(super) struct Ran {
 #[derive(Debug)]
 struct Job {
     /// What is not yet cut; taken from the front, in step with the scheduler's parts.
-    items: std::vec::IntoIter<WorkItem>,
+    items: std::vec::IntoIter<KeyframeTask>,
     characters: usize,
     arrived: Instant,
     served: Served,
     /// What lanes have made of it, by the first character; lanes may finish in any order.
-    pieces: Vec<(usize, Vec<RawMotion>)>,
+    pieces: Vec<(usize, Vec<Motion>)>,
     reply: Reply,
 }
 
@@ -120,7 +121,7 @@ impl Core {
     pub(super) fn admit(
         &mut self,
         now: Instant,
-        items: Vec<WorkItem>,
+        items: Vec<KeyframeTask>,
         order: Order,
         reply: Reply,
         outbox: &mut Outbox,
@@ -330,7 +331,7 @@ impl Core {
 }
 
 /// All motions in the order of their characters.
-fn joined(mut pieces: Vec<(usize, Vec<RawMotion>)>) -> Vec<RawMotion> {
+fn joined(mut pieces: Vec<(usize, Vec<Motion>)>) -> Vec<Motion> {
     if pieces.len() == 1 {
         return pieces.pop().map(|(_, motions)| motions).unwrap_or_default();
     }

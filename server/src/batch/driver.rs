@@ -14,8 +14,9 @@ use super::gauge::EngineGauge;
 use super::lane;
 use super::order::Order;
 use super::scheduler::{Limits, Part, RequestId};
-use crate::engine::{EngineError, Pipeline, RawMotion, TrialRun, WorkItem};
 use crate::telemetry::PackMetrics;
+use troupe_engine::{EngineError, Pipeline, TrialRun};
+use troupe_motion::model::{KeyframeTask, Motion};
 
 /// Makes the engine of a lane, of which it gets the number from 0 on. Called once for each lane, on the thread that will
 /// own it; all lanes at the same time.
@@ -51,7 +52,7 @@ pub enum SubmitError {
 #[derive(Debug, Default)]
 pub struct Served {
     /// One answer a character, in the request's order.
-    pub motions: Vec<RawMotion>,
+    pub motions: Vec<Motion>,
     /// From the arrival at the batcher to the cut of the first batch.
     pub queued: Duration,
     /// From the arrival to the start of the first batch on its lane.
@@ -65,7 +66,7 @@ pub struct Served {
     pub inference: Duration,
     /// Copying out of the output tensors, over the same.
     pub scatter: Duration,
-    /// Its share of the lanes' time ([`MadeRow::work`](crate::engine::MadeRow)).
+    /// Its share of the lanes' time ([`MadeRow::work`](troupe_engine::MadeRow)).
     pub work: Duration,
     /// Characters of the largest batch that carried the request.
     pub batch_size: usize,
@@ -156,7 +157,7 @@ impl Batcher {
     ///
     /// # Errors
     /// [`SubmitError`], for the whole request.
-    pub async fn submit(&self, items: Vec<WorkItem>, order: Order) -> Result<Served, SubmitError> {
+    pub async fn submit(&self, items: Vec<KeyframeTask>, order: Order) -> Result<Served, SubmitError> {
         self.enqueue(items, order)?.await
     }
 
@@ -165,7 +166,7 @@ impl Batcher {
     ///
     /// # Errors
     /// [`SubmitError::QueueFull`] where there is no place, [`EngineError::Stopped`] where there is no engine.
-    pub fn enqueue(&self, items: Vec<WorkItem>, order: Order) -> Result<Answer, SubmitError> {
+    pub fn enqueue(&self, items: Vec<KeyframeTask>, order: Order) -> Result<Answer, SubmitError> {
         let (reply, answer) = oneshot::channel();
         if items.is_empty() {
             // Nothing to do, and nothing that a lane would ever finish.
@@ -226,7 +227,7 @@ impl Shared {
     /// Puts a request in, and wakes a lane where one is idle.
     fn admit(
         &self,
-        items: Vec<WorkItem>,
+        items: Vec<KeyframeTask>,
         order: Order,
         reply: super::core::Reply,
     ) -> Result<RequestId, SubmitError> {

@@ -1,10 +1,10 @@
 use std::sync::mpsc as blocking;
 
 use super::*;
-use crate::engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
-use crate::pack::Dims;
-use crate::pack::Stage;
 use crate::telemetry::Telemetry;
+use troupe_engine::pack::Stage;
+use troupe_engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
+use troupe_motion::model::Dims;
 
 pub(super) const DIMS: Dims = Dims {
     joints: 1,
@@ -126,13 +126,13 @@ async fn setup(max_batch: usize, max_queued: usize, trouble: Trouble) -> Setup {
     }
 }
 
-pub(super) fn items(marks: std::ops::Range<usize>) -> Vec<WorkItem> {
-    let key = |mark: usize| crate::engine::KeyTensors {
+pub(super) fn items(marks: std::ops::Range<usize>) -> Vec<KeyframeTask> {
+    let key = |mark: usize| troupe_motion::model::KeyTensors {
         global_root: Some([mark as f32; 5]),
         ..Default::default()
     };
     marks
-        .map(|mark| WorkItem {
+        .map(|mark| KeyframeTask {
             context: vec![key(mark)],
             targets: vec![key(mark)],
             frames: None,
@@ -151,7 +151,11 @@ pub(super) fn soon() -> Order {
 }
 
 pub(super) fn marks(served: &Served) -> Vec<f32> {
-    served.motions.iter().map(|motion| motion.root_r_g3[0]).collect()
+    served
+        .motions
+        .iter()
+        .map(|motion| motion.trace.as_ref().unwrap().root_r_g3[0])
+        .collect()
 }
 
 /// Waits until the batcher shows `requests` waiting.

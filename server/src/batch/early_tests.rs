@@ -5,9 +5,9 @@ use std::sync::mpsc as blocking;
 use super::tests::{DIMS, Gate, Trouble, dispatched, items, marks, pending, soon};
 use super::*;
 use crate::batch::OwnerId;
-use crate::engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
-use crate::pack::Stage;
 use crate::telemetry::Telemetry;
+use troupe_engine::pack::Stage;
+use troupe_engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 
 const MAX_BATCH: usize = 8;
 

@@ -11,7 +11,8 @@ use super::core::{Batch, Made, Outbox, Pieces, Ran};
 use super::driver::{EngineFactory, Shared};
 use super::order::Class;
 use super::scheduler::Part;
-use crate::engine::{EngineError, MadeRow, Pipeline, StageTimes, WorkItem};
+use troupe_engine::{EngineError, MadeRow, Pipeline, StageTimes};
+use troupe_motion::model::KeyframeTask;
 
 /// Makes the lane's pipeline, and runs batches until there is nobody left to ask for them.
 pub(super) fn run(
@@ -90,7 +91,7 @@ impl Lane {
 
     /// Runs a batch. What is there before its end is handed out at once, so that nobody waits for calls of the engine that come
     /// after their own, unless a full batch waits. The last stay in `open`.
-    fn run(&mut self, pipeline: &mut Pipeline, items: &[WorkItem]) -> Result<(), EngineError> {
+    fn run(&mut self, pipeline: &mut Pipeline, items: &[KeyframeTask]) -> Result<(), EngineError> {
         let (shared, number) = (&self.shared, self.number);
         let (open, outbox) = (&mut self.open, &mut self.outbox);
         let mut made = |times: &StageTimes, rows| {

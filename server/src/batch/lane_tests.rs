@@ -5,8 +5,8 @@ use std::sync::mpsc as blocking;
 use super::tests::{DIMS, Gate, Trouble, dispatched, items, marks, pending, soon};
 use super::*;
 use crate::batch::order::OwnerId;
-use crate::engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 use crate::telemetry::Telemetry;
+use troupe_engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 
 /// Two lanes, each with a gate of its own.
 struct Lanes {
@@ -261,7 +261,13 @@ async fn a_queue_that_is_too_slow_is_known_before_any_work() {
 /// Notes when its thread lets go of it.
 struct Ends(blocking::Sender<usize>, usize);
 
-impl Stages for (Gate, Ends) {
+/// A gate that tells when its thread lets go of it.
+struct Ending(
+    Gate,
+    #[expect(dead_code, reason = "told when it is dropped")] Ends,
+);
+
+impl Stages for Ending {
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
         self.0.root(rows, input, output)
     }
@@ -301,7 +307,7 @@ async fn lanes_end_with_the_last_batcher_and_where_one_of_them_does_not_start() 
                 sizes: Arc::default(),
                 trouble: Trouble::None,
             };
-            Ok(Pipeline::new(DIMS, Box::new((gate, ends)), 4))
+            Ok(Pipeline::new(DIMS, Box::new(Ending(gate, ends)), 4))
         });
         let telemetry = Telemetry::new().unwrap();
         let limits = Limits { lanes: 2, ..limits() };

@@ -46,7 +46,7 @@ use self::meter::Meter;
 use self::queue::{Queue, Take};
 use self::standing::Standing;
 use super::order::{Class, Order};
-use crate::engine::BatchSizes;
+use troupe_engine::BatchSizes;
 
 pub use limits::{Limits, Refusal};
 

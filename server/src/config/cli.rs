@@ -6,7 +6,7 @@ use clap::Parser;
 use confique::Layer as _;
 
 use super::Config;
-use crate::engine::EngineChoice;
+use troupe_engine::EngineChoice;
 
 type Layer = <Config as confique::Config>::Layer;
 

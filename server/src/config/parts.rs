@@ -4,12 +4,12 @@ use std::time::Duration;
 
 use super::Config;
 use crate::batch::scheduler::Limits;
-use crate::engine::machine::{Machine, available_cores};
-use crate::engine::onnx::{Batching, Runtime};
-use crate::engine::{EngineError, Lanes, Selector};
 use crate::inbetween::RequestLimits;
 use crate::session::SessionLimits;
 use crate::world::Folders;
+use troupe_engine::machine::{Machine, available_cores};
+use troupe_engine::onnx::{Batching, Runtime};
+use troupe_engine::{EngineError, Lanes, Selector};
 
 /// Shortest time for which InBetween calls stay behind live plans.
 const MIN_AGEING: Duration = Duration::from_secs(2);

@@ -8,10 +8,10 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::config::Config;
-use crate::engine::machine::Machine;
-use crate::engine::{Decision, EngineError, EngineKind, Lanes, Selector};
-use crate::pack::Pack;
 use crate::server::load_packs;
+use troupe_engine::machine::Machine;
+use troupe_engine::pack::Pack;
+use troupe_engine::{Decision, EngineError, EngineKind, Lanes, Selector};
 
 pub use trial::{Speed, Trial};
 

@@ -1,10 +1,10 @@
 use std::time::Duration;
 
 use crate::doctor::{Engine, Library, Speed, Trial};
-use crate::engine::accuracy::Accuracy;
-use crate::engine::machine::Machine;
-use crate::engine::onnx::Batching;
-use crate::engine::{Check, Decision, EngineKind, Lanes};
+use troupe_engine::accuracy::Accuracy;
+use troupe_engine::machine::Machine;
+use troupe_engine::onnx::Batching;
+use troupe_engine::{Check, Decision, EngineKind, Lanes};
 
 use super::*;
 

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use crate::engine::{EngineError, EngineKind, Lanes, Pipeline, RawLoop, Selector};
-use crate::pack::Pack;
+use troupe_engine::pack::Pack;
+use troupe_engine::{EngineError, EngineKind, Lanes, Pipeline, RawLoop, Selector};
 
 /// Time for one measurement.
 const MOMENT: Duration = Duration::from_millis(200);
@@ -52,14 +52,14 @@ impl Trial {
         let mut trial = Self {
             load_s: 0.0,
             warm_up_s: 0.0,
-            frames: USUAL_FRAMES.clamp(pack.dims.min_frames(), pack.dims.max_frames()),
+            frames: USUAL_FRAMES.clamp(pack.rig.dims.min_frames(), pack.rig.dims.max_frames()),
             speeds: Vec::new(),
         };
         let lanes = selector.lanes;
         let loading = Instant::now();
         let pipelines = on_lanes(0..lanes.count, |_| {
             let stages = selector.load(pack, engine)?;
-            Ok(Pipeline::new(pack.dims, Box::new(stages), max_batch))
+            Ok(Pipeline::new(pack.rig.dims, Box::new(stages), max_batch))
         })?;
         let warming = Instant::now();
         let pipelines = on_lanes(pipelines, |mut pipeline| {
@@ -71,7 +71,7 @@ impl Trial {
 
         let loops = pipelines
             .into_iter()
-            .map(|pipeline| RawLoop::new(&pack.dims, pipeline.into_stages(), max_batch, trial.frames))
+            .map(|pipeline| RawLoop::new(&pack.rig.dims, pipeline.into_stages(), max_batch, trial.frames))
             .collect();
         trial.measure(pack, lanes, loops, max_batch)?;
         if lanes.count > 1 {
@@ -84,7 +84,7 @@ impl Trial {
                 ..selector.clone()
             };
             let stages = Box::new(selector.load(pack, engine)?);
-            let alone = RawLoop::new(&pack.dims, stages, max_batch, trial.frames);
+            let alone = RawLoop::new(&pack.rig.dims, stages, max_batch, trial.frames);
             trial.measure(pack, one, vec![alone], max_batch)?;
         }
         Ok(trial)
@@ -100,7 +100,7 @@ impl Trial {
         for batch in BATCHES.into_iter().filter(|&batch| batch <= max_batch) {
             let barrier = Barrier::new(loops.len());
             let runs = on_lanes(loops.iter_mut(), |lane| {
-                lane.set_shape(&pack.dims, batch, self.frames);
+                lane.set_shape(&pack.rig.dims, batch, self.frames);
                 let warm = lane.run();
                 // Every lane comes here, whatever became of it.
                 barrier.wait();

@@ -1,11 +1,11 @@
 //! Context keyframes on their own: where a live character begins.
 
+use troupe_character::{FieldError, Path};
+use troupe_motion::model::Rig;
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 use troupe_proto::v1;
 
 use super::keyframe::{self, Role};
-use super::{FieldError, Path};
-use crate::pack::Pack;
 
 /// A frame in the world.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,9 +24,9 @@ pub fn check_context(
     path: &Path<'_>,
     name: &'static str,
     keys: &[v1::Keyframe],
-    pack: &Pack,
+    rig: &Rig,
 ) -> Result<Vec<ContextFrame>, FieldError> {
-    let wanted = pack.dims.context_frames;
+    let wanted = rig.dims.context_frames;
     if keys.len() != wanted {
         let message = format!("has {} keyframes", keys.len());
         return Err(path
@@ -39,7 +39,7 @@ pub fn check_context(
         if key.velocity.is_some() {
             return Err(path.field("velocity").error("is given", "root and pose only"));
         }
-        checked.push(keyframe::check(&path, key, Role::Context, &pack.skeleton)?);
+        checked.push(keyframe::check(&path, key, Role::Context, &rig.skeleton)?);
     }
     // Distances count from the origin: a character's first place has no other.
     for (index, key) in checked.iter().enumerate() {

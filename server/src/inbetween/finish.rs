@@ -1,36 +1,33 @@
 //! From raw motion to frames.
 
-use troupe_motion::fk::{local_from_world_rotations, world_transforms};
+use troupe_character::keyframe::Given;
+use troupe_character::post::{
+    HingeColumns, NonFinite, PIN_REACH_FRAMES, check_finite, contact_bits, hold_between, onto_hinges,
+    parent_relative, roots, to_world_rotations,
+};
+use troupe_motion::fk::world_transforms;
+use troupe_motion::model::{Dims, GLOBAL_ROOT, Motion, Rig, SIX_D};
 use troupe_motion::pin::{PosePin, pin_poses};
 use troupe_motion::root::heading_of;
-use troupe_motion::rotation::{align_sign, from_six_ds, six_d, to_wxyz};
+use troupe_motion::rotation::{six_d, to_wxyz};
 use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 
-use super::feet::{contact_bits, hold_between};
-use super::hinges::{HingeColumns, onto_hinges};
-use super::{Given, PIN_REACH_FRAMES, Parts, Plan};
-use crate::engine::{RawMotion, all_finite};
-use crate::pack::{Dims, GLOBAL_ROOT, Pack, SIX_D};
-
-/// The model gave numbers that are not finite.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("the model gave frames that are not finite")]
-pub struct NonFinite;
+use super::{Parts, Plan};
 
 /// Turns what the stages made of one character into its answer, in the world.
 ///
 /// # Errors
 /// [`NonFinite`] where the frames, or what the stages before them gave, are not usable.
-pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::CharacterResult, NonFinite> {
-    let dims = &pack.dims;
-    let frames = plan.frames.unwrap_or(raw.num_tokens * dims.frames_per_token);
+pub fn finish(raw: &Motion, plan: &Plan, rig: &Rig) -> Result<v1::CharacterResult, NonFinite> {
+    let dims = &rig.dims;
+    let frames = plan.frames.unwrap_or(raw.frames());
     check_finite(raw)?;
 
-    let mut roots: Vec<GlobalRoot> = roots(&raw.root_r_g4[..frames * GLOBAL_ROOT]).collect();
-    let mut rotations = parent_relative(raw, frames, dims, &pack.skeleton);
-    pin(&mut roots, &mut rotations, plan, &pack.skeleton);
+    let mut roots: Vec<GlobalRoot> = roots(&raw.root[..frames * GLOBAL_ROOT]).collect();
+    let mut rotations = parent_relative(raw, frames, dims, &rig.skeleton);
+    pin(&mut roots, &mut rotations, plan, &rig.skeleton);
 
     let mut root_positions: Vec<Vec3> = roots
         .iter()
@@ -39,7 +36,7 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
     to_world_rotations(&plan.frame, dims.joints, &mut rotations);
     // A robot's feet are held by what its hinges can do, so its poses come onto them first. What that took is told.
     let mut hinges = on_hinges(
-        pack,
+        rig,
         &root_positions,
         &mut rotations,
         plan.parts.qpos && !plan.hold_feet,
@@ -47,11 +44,11 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
     if plan.hold_feet {
         let contacts = contact_bits(&raw.contacts, dims.contacts, frames);
         let gap = plan.context.len()..frames - plan.targets.len();
-        hold_between(pack, &mut root_positions, &mut rotations, &contacts, gap);
-        hinges.qpos = on_hinges(pack, &root_positions, &mut rotations, plan.parts.qpos).qpos;
+        hold_between(rig, &mut root_positions, &mut rotations, &contacts, gap);
+        hinges.qpos = on_hinges(rig, &root_positions, &mut rotations, plan.parts.qpos).qpos;
     }
     // From here on all that is said of a robot's frames is said of the same poses.
-    let (positions, six_d) = world_columns(&pack.skeleton, &root_positions, &rotations, plan.parts);
+    let (positions, six_d) = world_columns(&rig.skeleton, &root_positions, &rotations, plan.parts);
     Ok(v1::CharacterResult {
         id: plan.id.clone(),
         frames: Some(v1::Frames {
@@ -76,8 +73,8 @@ pub fn finish(raw: &RawMotion, plan: &Plan, pack: &Pack) -> Result<v1::Character
 }
 
 /// A robot's poses brought onto its hinges; others stay as they are.
-fn on_hinges(pack: &Pack, roots: &[Vec3], rotations: &mut [Quat], wants_qpos: bool) -> HingeColumns {
-    match &pack.skeleton.robot {
+fn on_hinges(rig: &Rig, roots: &[Vec3], rotations: &mut [Quat], wants_qpos: bool) -> HingeColumns {
+    match &rig.skeleton.robot {
         Some(robot) => onto_hinges(robot, roots, rotations, wants_qpos),
         None => HingeColumns::default(),
     }
@@ -90,25 +87,6 @@ fn flat<T, const N: usize>(items: &[T], numbers: impl Fn(&T) -> [f32; N]) -> Vec
         all.extend_from_slice(&numbers(item));
     }
     all
-}
-
-/// Checks that all that the stages gave is finite.
-///
-/// # Errors
-/// [`NonFinite`] where it is not.
-pub(crate) fn check_finite(raw: &RawMotion) -> Result<(), NonFinite> {
-    let outputs = [
-        &raw.count_probs,
-        &raw.root_r_g3,
-        &raw.root_r_g4,
-        &raw.rotations,
-        &raw.contacts,
-    ];
-    if outputs.into_iter().all(|values| all_finite(values)) {
-        Ok(())
-    } else {
-        Err(NonFinite)
-    }
 }
 
 /// Has the frames meet their keyframes: roots over the whole gap, poses over a few frames on either side.
@@ -165,36 +143,6 @@ fn pin(roots: &mut [GlobalRoot], rotations: &mut [Quat], plan: &Plan, skeleton: 
     pin_poses(rotations, joints, &pose_pins, PIN_REACH_FRAMES);
 }
 
-/// Roots from `[frames, 5]` numbers.
-pub(crate) fn roots(values: &[f32]) -> impl Iterator<Item = GlobalRoot> {
-    values
-        .chunks_exact(GLOBAL_ROOT)
-        .map(|r| GlobalRoot::from_array([r[0], r[1], r[2], r[3], r[4]]))
-}
-
-/// World 6D rotations to quaternions, joint 0 in the (segment's) world and the others relative to their parents.
-pub(crate) fn parent_relative(raw: &RawMotion, frames: usize, dims: &Dims, skeleton: &Skeleton) -> Vec<Quat> {
-    let joints = dims.joints;
-    let mut world = vec![Quat::IDENTITY; frames * joints];
-    from_six_ds(&raw.rotations, &mut world);
-    let mut rotations = vec![Quat::IDENTITY; frames * joints];
-    for (world, local) in world.chunks_exact(joints).zip(rotations.chunks_exact_mut(joints)) {
-        local_from_world_rotations(skeleton, world, local);
-    }
-    rotations
-}
-
-/// Turns joint 0 of every frame into the world, and keeps each joint's quaternion in the hemisphere of the frame before
-/// it, so that clients may interpolate between frames without care.
-pub(crate) fn to_world_rotations(frame: &SegmentFrame, joints: usize, rotations: &mut [Quat]) {
-    for pose in rotations.chunks_exact_mut(joints) {
-        pose[0] = frame.to_world_rotation(pose[0]).normalize();
-    }
-    for index in joints..rotations.len() {
-        rotations[index] = align_sign(rotations[index], rotations[index - joints]);
-    }
-}
-
 /// World positions of all joints and their world rotations in 6D form, each where asked for.
 fn world_columns(
     skeleton: &Skeleton,
@@ -224,18 +172,19 @@ fn world_columns(
     (positions, six_ds)
 }
 
-fn intermediates(raw: &RawMotion, frame: &SegmentFrame, dims: &Dims) -> v1::Intermediates {
+fn intermediates(raw: &Motion, frame: &SegmentFrame, dims: &Dims) -> v1::Intermediates {
     let world = |values: &[f32]| {
         roots(values)
             .flat_map(|root| frame.to_world_root(root).to_array())
             .collect()
     };
+    let trace = raw.trace.as_deref().cloned().unwrap_or_default();
     v1::Intermediates {
-        predicted_frame_count: (raw.num_tokens * dims.frames_per_token) as u32,
-        token_count_probabilities: raw.count_probs.clone(),
-        root_r_g3: world(&raw.root_r_g3),
-        tokens: raw.tokens.clone(),
-        root_r_g4: world(&raw.root_r_g4),
+        predicted_frame_count: (trace.num_tokens * dims.frames_per_token) as u32,
+        token_count_probabilities: trace.count_probs,
+        root_r_g3: world(&trace.root_r_g3),
+        tokens: trace.tokens,
+        root_r_g4: world(&raw.root),
     }
 }
 

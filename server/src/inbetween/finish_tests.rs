@@ -3,10 +3,10 @@ use std::f32::consts::FRAC_PI_2;
 use troupe_motion::rotation::six_d;
 
 use super::*;
-use crate::inbetween::prepare::tests::toy_pack;
+use troupe_character::testing::toy_rig;
 
 /// Walks along the segment's +Z at 0.1 m a frame with an upright pose, and turns by `turn` a frame.
-fn raw(tokens: usize, turn: f32) -> RawMotion {
+fn raw(tokens: usize, turn: f32) -> Motion {
     let frames = tokens * 4;
     let root = |frame: usize| {
         let heading = turn * frame as f32;
@@ -17,14 +17,16 @@ fn raw(tokens: usize, turn: f32) -> RawMotion {
         let foot = six_d(Quat::from_rotation_y(turn * frame as f32) * Quat::from_rotation_x(0.2));
         pelvis.into_iter().chain(foot)
     };
-    RawMotion {
-        num_tokens: tokens,
-        count_probs: vec![0.5; 14],
-        root_r_g3: (0..frames).flat_map(root).collect(),
-        tokens: vec![1; tokens * 2],
-        root_r_g4: (0..frames).flat_map(root).collect(),
+    Motion {
+        root: (0..frames).flat_map(root).collect(),
         rotations: (0..frames).flat_map(pose).collect(),
         contacts: vec![1.5; frames],
+        trace: Some(Box::new(troupe_motion::model::Trace {
+            num_tokens: tokens,
+            count_probs: vec![0.5; 14],
+            root_r_g3: (0..frames).flat_map(root).collect(),
+            tokens: vec![1; tokens * 2],
+        })),
     }
 }
 
@@ -62,7 +64,7 @@ fn assert_near(actual: &[f32], expected: &[f32]) {
 
 #[test]
 fn frames_are_in_the_world_and_parent_relative() {
-    let result = finish(&raw(3, 0.0), &plan(None, vec![None]), &toy_pack()).unwrap();
+    let result = finish(&raw(3, 0.0), &plan(None, vec![None]), &toy_rig()).unwrap();
     let frames = result.frames.unwrap();
     assert_eq!((result.id.as_str(), frames.frame_count), ("me", 12));
     // The segment's +Z is the world's +X.
@@ -93,7 +95,7 @@ fn the_root_is_pinned_to_the_targets() {
         context: (0..4).map(at).collect(),
         ..plan(Some(14), vec![None, Some(target)])
     };
-    let result = finish(&raw(4, 0.0), &plan, &toy_pack()).unwrap();
+    let result = finish(&raw(4, 0.0), &plan, &toy_rig()).unwrap();
     let frames = result.frames.unwrap();
     assert_eq!(frames.frame_count, 14);
     assert_near(&frames.root_positions[39..], &[6.5, 0.8, 1.7]);
@@ -128,7 +130,7 @@ fn a_height_without_a_root_is_met_where_the_root_is() {
         targets,
         ..plan(None, Vec::new())
     };
-    let frames = finish(&raw(3, 0.0), &plan, &toy_pack()).unwrap().frames.unwrap();
+    let frames = finish(&raw(3, 0.0), &plan, &toy_rig()).unwrap().frames.unwrap();
     // Segment (0.3, 0.8, 0.8), and the last frame goes on from there: the model makes 0.1 m of way along +Z.
     assert_near(&frames.root_positions[30..33], &[5.8, 0.8, 1.7]);
     assert_near(&frames.root_positions[33..], &[5.9, 0.7, 1.7]);
@@ -155,7 +157,7 @@ fn every_keyframe_is_met_exactly() {
         targets: vec![key(26, -0.1), key(27, -0.12)],
         ..plan(Some(28), Vec::new())
     };
-    let frames = finish(&raw(7, 0.0), &plan, &toy_pack()).unwrap().frames.unwrap();
+    let frames = finish(&raw(7, 0.0), &plan, &toy_rig()).unwrap().frames.unwrap();
     let keys = plan.context.iter().zip(0..).chain(plan.targets.iter().zip(26..));
     for (key, frame) in keys {
         let (root, rotations) = (key.root.unwrap(), key.rotations.as_ref().unwrap());
@@ -182,7 +184,7 @@ fn every_keyframe_is_met_exactly() {
 
 #[test]
 fn quaternions_do_not_change_hemisphere() {
-    let frames = finish(&raw(16, 0.3), &plan(None, vec![None]), &toy_pack())
+    let frames = finish(&raw(16, 0.3), &plan(None, vec![None]), &toy_rig())
         .unwrap()
         .frames
         .unwrap();
@@ -199,21 +201,21 @@ fn only_what_was_asked_for_comes_back() {
         parts: Parts::default(),
         ..plan(None, vec![None])
     };
-    let result = finish(&raw(3, 0.0), &plan, &toy_pack()).unwrap();
+    let result = finish(&raw(3, 0.0), &plan, &toy_rig()).unwrap();
     assert!(result.intermediates.is_none() && result.frames.unwrap().positions.is_empty());
 }
 
 #[test]
 fn frames_that_are_not_finite_are_refused() {
     for spoil in [
-        |raw: &mut RawMotion| raw.rotations[7] = f32::NAN,
-        |raw: &mut RawMotion| raw.root_r_g4[2] = f32::INFINITY,
-        |raw: &mut RawMotion| raw.contacts[0] = f32::NAN,
-        |raw: &mut RawMotion| raw.count_probs[0] = f32::NAN,
-        |raw: &mut RawMotion| raw.root_r_g3[1] = f32::NAN,
+        |raw: &mut Motion| raw.rotations[7] = f32::NAN,
+        |raw: &mut Motion| raw.root[2] = f32::INFINITY,
+        |raw: &mut Motion| raw.contacts[0] = f32::NAN,
+        |raw: &mut Motion| raw.trace.as_mut().unwrap().count_probs[0] = f32::NAN,
+        |raw: &mut Motion| raw.trace.as_mut().unwrap().root_r_g3[1] = f32::NAN,
     ] {
         let mut raw = raw(3, 0.0);
         spoil(&mut raw);
-        assert_eq!(finish(&raw, &plan(None, vec![None]), &toy_pack()), Err(NonFinite));
+        assert_eq!(finish(&raw, &plan(None, vec![None]), &toy_rig()), Err(NonFinite));
     }
 }

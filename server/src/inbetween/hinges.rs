@@ -1,49 +1,13 @@
-//! Robots: frames on their hinges, and keyframes as MuJoCo's `qpos`.
+//! Robots: keyframes as MuJoCo's `qpos`.
 
-use troupe_motion::robot::{Fitted, ROOT_QPOS};
+use troupe_character::limits::UNIT_TOLERANCE;
+use troupe_character::{FieldError, Path};
+use troupe_motion::robot::ROOT_QPOS;
 use troupe_motion::root::heading_of;
-use troupe_motion::{GlobalRoot, Quat, Robot, Skeleton, Vec3};
+use troupe_motion::{GlobalRoot, Quat, Skeleton};
 use troupe_proto::v1;
 
-use super::{ANGLE_TOLERANCE_RAD, FieldError, Path, UNIT_TOLERANCE};
-
-/// What is told of a robot's frames.
-#[derive(Debug, Default)]
-pub(super) struct HingeColumns {
-    /// `frames * qpos_len`, where asked for.
-    pub(super) qpos: Vec<f32>,
-    /// [`Fitted::residual_rad`] of each frame.
-    pub(super) residuals: Vec<f32>,
-    /// [`Fitted::clamped`] of each frame.
-    pub(super) clamped: Vec<u32>,
-}
-
-/// Brings frames onto the robot's hinges and into their limits.
-pub(super) fn onto_hinges(
-    robot: &Robot,
-    roots: &[Vec3],
-    rotations: &mut [Quat],
-    wants_qpos: bool,
-) -> HingeColumns {
-    let (frames, size) = (roots.len(), robot.qpos_len());
-    let joints = rotations.len() / frames.max(1);
-    let mut columns = HingeColumns {
-        qpos: vec![0.0; if wants_qpos { frames * size } else { 0 }],
-        residuals: Vec::with_capacity(frames),
-        clamped: Vec::with_capacity(frames),
-    };
-    let mut fitted = Fitted::default();
-    for (frame, (&root, pose)) in roots.iter().zip(rotations.chunks_exact_mut(joints)).enumerate() {
-        robot.fit(pose, &mut fitted);
-        columns.residuals.push(fitted.residual_rad);
-        columns.clamped.push(fitted.clamped as u32);
-        if wants_qpos {
-            let row = &mut columns.qpos[frame * size..(frame + 1) * size];
-            robot.write_qpos(root, pose[0], &fitted.angles, row);
-        }
-    }
-    columns
-}
+use super::ANGLE_TOLERANCE_RAD;
 
 /// The root and the pose (joint 0 in the world, others parent-relative) that the `qpos` of a keyframe says.
 ///

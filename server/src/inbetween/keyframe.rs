@@ -1,19 +1,15 @@
-//! One keyframe: its checks, and its tensors in the segment frame.
+//! One keyframe: its checks.
 
-use troupe_motion::features::pose_features_from_world;
-use troupe_motion::fk::world_transforms;
+use troupe_character::keyframe::{Checked, CheckedPose};
+use troupe_character::limits::{HEADING_TOLERANCE, MAX_HEIGHT_M, UNIT_TOLERANCE};
+use troupe_character::{FieldError, Path};
 use troupe_motion::root::{heading_of, wrap_angle};
 use troupe_motion::rotation::from_wxyz;
-use troupe_motion::{GlobalRoot, LocalRoot, Quat, SegmentFrame, Skeleton, Vec3};
+use troupe_motion::{GlobalRoot, LocalRoot, Quat, Skeleton, Vec3};
 use troupe_proto::v1;
 
 use super::hinges::check_qpos;
-use super::{
-    FieldError, Given, HEADING_TOLERANCE, HEIGHT_TOLERANCE_M, MAX_DISTANCE_M, MAX_HEIGHT_M, MAX_VELOCITY,
-    Path, UNIT_TOLERANCE,
-};
-use crate::engine::KeyTensors;
-use crate::pack::POSE_FEATURES;
+use super::{HEIGHT_TOLERANCE_M, MAX_DISTANCE_M, MAX_VELOCITY};
 
 /// Least part of the character's left that must lie on the ground for its pose to have a heading worth comparing:
 /// below it the left is within six degrees of the vertical.
@@ -26,85 +22,6 @@ pub(super) enum Role {
     Context,
     /// Any subset, but something.
     Target,
-}
-
-/// A keyframe with every value checked on its own, still in the world.
-#[derive(Debug, Clone)]
-pub(crate) struct Checked {
-    pub(super) root: Option<GlobalRoot>,
-    /// Height of the root joint, wherever it was given.
-    height: Option<f32>,
-    velocity: Option<Velocity>,
-    pose: Option<CheckedPose>,
-}
-
-impl Checked {
-    /// A keyframe of parts that need no checks: rotations of unit length, joint 0 in the world, and everything finite. A
-    /// pose needs a height, from `height`, the root or the velocity, and is left out without one.
-    pub(crate) fn of(
-        root: Option<GlobalRoot>,
-        height: Option<f32>,
-        velocity: Option<LocalRoot>,
-        rotations: Option<Vec<Quat>>,
-    ) -> Self {
-        let height = root
-            .map(|root| root.position.y)
-            .or(height)
-            .or(velocity.map(|velocity| velocity.height));
-        Self {
-            root,
-            height,
-            velocity: velocity.map(
-                |LocalRoot {
-                     vx,
-                     vz,
-                     omega,
-                     height,
-                 }| Velocity {
-                    vx,
-                    vz,
-                    omega,
-                    height,
-                },
-            ),
-            pose: rotations
-                .zip(height)
-                .map(|(rotations, height)| CheckedPose { rotations, height }),
-        }
-    }
-
-    /// What the keyframe fixes, in the segment frame.
-    pub(super) fn given(&self, frame: &SegmentFrame) -> Given {
-        let rotations = self.pose.as_ref().map(|pose| {
-            let mut rotations = pose.rotations.clone();
-            if let Some(pelvis) = rotations.first_mut() {
-                *pelvis = frame.to_segment_rotation(*pelvis);
-            }
-            rotations
-        });
-        let root = self.root.map(|root| frame.to_segment_root(root));
-        Given {
-            root,
-            height: self.height,
-            rotations,
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Velocity {
-    vx: f32,
-    vz: f32,
-    omega: f32,
-    height: f32,
-}
-
-#[derive(Debug, Clone)]
-struct CheckedPose {
-    /// Unit length; joint 0 in the world, others parent-relative.
-    rotations: Vec<Quat>,
-    /// Height of the root joint, metres.
-    height: f32,
 }
 
 /// Checks the values of one keyframe. Distances from the context are checked once that is known: [`check_reach`].
@@ -338,7 +255,7 @@ fn check_velocity(
     path: &Path<'_>,
     velocity: &v1::RootVelocity,
     height: Option<f32>,
-) -> Result<Velocity, FieldError> {
+) -> Result<LocalRoot, FieldError> {
     let path = path.field("velocity");
     for (name, value) in [
         ("x", velocity.x),
@@ -359,7 +276,7 @@ fn check_velocity(
             "the root joint's height in metres, or a root",
         )
     })?;
-    Ok(Velocity {
+    Ok(LocalRoot {
         vx: velocity.x,
         vz: velocity.z,
         omega: velocity.angular,
@@ -389,101 +306,4 @@ pub(super) fn check_reach(path: &Path<'_>, key: &Checked, anchor: Vec3) -> Resul
         }
     }
     Ok(())
-}
-
-/// Makes keyframe tensors in a segment frame; keeps its scratch memory between keyframes.
-pub(crate) struct KeyWriter<'a> {
-    skeleton: &'a Skeleton,
-    fps: f32,
-    local: Vec<Quat>,
-    positions: Vec<Vec3>,
-    rotations: Vec<Quat>,
-}
-
-impl<'a> KeyWriter<'a> {
-    pub(crate) fn new(skeleton: &'a Skeleton, fps: f32) -> Self {
-        let joints = skeleton.joint_count();
-        Self {
-            skeleton,
-            fps,
-            local: vec![Quat::IDENTITY; joints],
-            positions: vec![Vec3::ZERO; joints],
-            rotations: vec![Quat::IDENTITY; joints],
-        }
-    }
-
-    /// Tensors of consecutive keyframes. A velocity that is not given follows from the root of the keyframe before it;
-    /// the first keyframe takes that of the second, as in training.
-    pub(crate) fn write(&mut self, frame: &SegmentFrame, keys: &[Checked]) -> Vec<KeyTensors> {
-        let roots: Vec<Option<GlobalRoot>> = keys
-            .iter()
-            .map(|key| key.root.map(|root| frame.to_segment_root(root)))
-            .collect();
-        let step = |pair: &[Option<GlobalRoot>]| Some(self.local_root(&pair[0]?, &pair[1]?));
-        let mut locals: Vec<Option<LocalRoot>> = std::iter::once(None)
-            .chain(roots.windows(2).map(step))
-            .take(keys.len())
-            .collect();
-        if let ([first, Some(second), ..], Some(root)) =
-            (locals.as_mut_slice(), roots.first().copied().flatten())
-        {
-            *first = Some(LocalRoot {
-                height: root.position.y,
-                ..*second
-            });
-        }
-        for (local, key) in locals.iter_mut().zip(keys) {
-            if let Some(Velocity {
-                vx,
-                vz,
-                omega,
-                height,
-            }) = key.velocity
-            {
-                *local = Some(frame.to_segment_local_root(LocalRoot {
-                    vx,
-                    vz,
-                    omega,
-                    height,
-                }));
-            }
-        }
-        keys.iter()
-            .zip(roots)
-            .zip(locals)
-            .map(|((key, root), local)| KeyTensors {
-                local_root: local.map(LocalRoot::to_array),
-                global_root: root.map(GlobalRoot::to_array),
-                pose: key.pose.as_ref().map(|pose| self.pose(frame, pose)),
-            })
-            .collect()
-    }
-
-    /// The backward difference of two consecutive roots.
-    fn local_root(&self, before: &GlobalRoot, now: &GlobalRoot) -> LocalRoot {
-        let velocity = (now.position - before.position) * self.fps;
-        LocalRoot {
-            vx: velocity.x,
-            vz: velocity.z,
-            omega: wrap_angle(now.heading - before.heading) * self.fps,
-            height: now.position.y,
-        }
-    }
-
-    fn pose(&mut self, frame: &SegmentFrame, pose: &CheckedPose) -> Box<[f32]> {
-        self.local.copy_from_slice(&pose.rotations);
-        self.local[0] = frame.to_segment_rotation(self.local[0]);
-        // Features are relative to the projected root, so the root stands above the origin whatever its place.
-        let root = Vec3::new(0.0, pose.height, 0.0);
-        world_transforms(
-            self.skeleton,
-            root,
-            &self.local,
-            &mut self.positions,
-            &mut self.rotations,
-        );
-        let mut features = vec![0.0; self.skeleton.joint_count() * POSE_FEATURES].into_boxed_slice();
-        pose_features_from_world(root, &self.positions, &self.rotations, &mut features);
-        features
-    }
 }

@@ -1,12 +1,13 @@
 //! From a request to work items.
 
-use troupe_motion::{GlobalRoot, Quat, SegmentFrame};
+use troupe_character::keyframe::{Checked, Given, KeyWriter};
+use troupe_character::{FieldError, Path};
+use troupe_motion::SegmentFrame;
+use troupe_motion::model::{Dims, KeyframeTask, Rig};
 use troupe_proto::v1;
 
-use super::keyframe::{self, Checked, KeyWriter, Role};
-use super::{FieldError, MAX_ID_BYTES, MAX_POSE_STEPS, MAX_TEMPERATURE, Path};
-use crate::engine::WorkItem;
-use crate::pack::{Dims, Pack};
+use super::keyframe::{self, Role};
+use super::{MAX_ID_BYTES, MAX_POSE_STEPS, MAX_TEMPERATURE};
 
 /// Limits of a request that the server sets, beside those of the pack.
 #[derive(Debug, Clone, Copy)]
@@ -47,26 +48,15 @@ pub struct Parts {
     pub qpos: bool,
 }
 
-/// What a keyframe fixes, in the segment frame.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Given {
-    /// Where the root is and faces.
-    pub root: Option<GlobalRoot>,
-    /// How high the root is, metres; given without a root too.
-    pub height: Option<f32>,
-    /// One rotation for each joint: joint 0 in the segment, others parent-relative.
-    pub rotations: Option<Vec<Quat>>,
-}
-
 /// Checks a request for `pack` and brings it into the form of the stages.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
 pub fn prepare(
     request: &v1::InBetweenRequest,
-    pack: &Pack,
+    rig: &Rig,
     limits: RequestLimits,
-) -> Result<(Vec<WorkItem>, Vec<Plan>), FieldError> {
+) -> Result<(Vec<KeyframeTask>, Vec<Plan>), FieldError> {
     let root = Path::root();
     let count = request.characters.len();
     if count == 0 || count > limits.max_characters {
@@ -79,12 +69,12 @@ pub fn prepare(
             .field("characters")
             .error(message, format!("1 to {}", limits.max_characters)));
     }
-    let mut writer = KeyWriter::new(&pack.skeleton, pack.manifest.fps);
+    let mut writer = KeyWriter::new(&rig.skeleton, rig.fps);
     let mut items = Vec::with_capacity(count);
     let mut plans = Vec::with_capacity(count);
     for (index, character) in request.characters.iter().enumerate() {
         let (item, plan) =
-            prepare_character(&root.element("characters", index), character, pack, &mut writer)?;
+            prepare_character(&root.element("characters", index), character, rig, &mut writer)?;
         items.push(item);
         plans.push(plan);
     }
@@ -94,15 +84,15 @@ pub fn prepare(
 fn prepare_character(
     path: &Path<'_>,
     character: &v1::Character,
-    pack: &Pack,
+    rig: &Rig,
     writer: &mut KeyWriter<'_>,
-) -> Result<(WorkItem, Plan), FieldError> {
-    check_options(path, character, &pack.dims)?;
-    check_qpos_wanted(path, character, pack)?;
-    let frames = check_frame_count(path, character, &pack.dims)?;
-    let allowed_counts = check_counts(path, character, &pack.dims, frames)?;
-    let context = check_keyframes(path, "context", &character.context, Role::Context, pack)?;
-    let targets = check_keyframes(path, "targets", &character.targets, Role::Target, pack)?;
+) -> Result<(KeyframeTask, Plan), FieldError> {
+    check_options(path, character, &rig.dims)?;
+    check_qpos_wanted(path, character, rig)?;
+    let frames = check_frame_count(path, character, &rig.dims)?;
+    let allowed_counts = check_counts(path, character, &rig.dims, frames)?;
+    let context = check_keyframes(path, "context", &character.context, Role::Context, rig)?;
+    let targets = check_keyframes(path, "targets", &character.targets, Role::Target, rig)?;
     let Some(anchor) = context.last().and_then(|key| key.root) else {
         return Err(path
             .field("context")
@@ -115,7 +105,7 @@ fn prepare_character(
     }
 
     let frame = SegmentFrame::from_root(anchor);
-    let item = WorkItem {
+    let item = KeyframeTask {
         context: writer.write(&frame, &context),
         targets: writer.write(&frame, &targets),
         frames,
@@ -185,10 +175,10 @@ fn check_options(path: &Path<'_>, character: &v1::Character, dims: &Dims) -> Res
     }
 }
 
-fn check_qpos_wanted(path: &Path<'_>, character: &v1::Character, pack: &Pack) -> Result<(), FieldError> {
-    match character.return_qpos && pack.skeleton.robot.is_none() {
+fn check_qpos_wanted(path: &Path<'_>, character: &v1::Character, rig: &Rig) -> Result<(), FieldError> {
+    match character.return_qpos && rig.skeleton.robot.is_none() {
         true => Err(path.field("return_qpos").error(
-            format!("is true, but pack {} has no robot", pack.name()),
+            format!("is true, but pack {} has no robot", rig.name()),
             "false; true for packs with a robot",
         )),
         false => Ok(()),
@@ -261,11 +251,11 @@ fn check_keyframes(
     name: &'static str,
     keys: &[v1::Keyframe],
     role: Role,
-    pack: &Pack,
+    rig: &Rig,
 ) -> Result<Vec<Checked>, FieldError> {
     keys.iter()
         .enumerate()
-        .map(|(index, key)| keyframe::check(&path.element(name, index), key, role, &pack.skeleton))
+        .map(|(index, key)| keyframe::check(&path.element(name, index), key, role, &rig.skeleton))
         .collect()
 }
 

@@ -1,50 +1,11 @@
 use std::f32::consts::FRAC_PI_2;
 
-use troupe_motion::{ContactParams, Joint, Quat, Skeleton, Vec3};
+use troupe_motion::Quat;
 
 use super::*;
-use crate::pack::Manifest;
+use troupe_character::testing::toy_rig;
 
 const LIMITS: RequestLimits = RequestLimits { max_characters: 2 };
-
-/// Two joints: a pelvis whose left is its +X, and a foot below it.
-pub(crate) fn toy_pack() -> Pack {
-    let joint = |name: &str, parent, y| Joint {
-        name: name.into(),
-        parent,
-        offset_m: Vec3::new(0.0, y, 0.0),
-    };
-    let contacts = ContactParams {
-        joints: vec![1],
-        max_height_m: vec![0.1],
-        max_speed_mps: 0.3,
-        clearance_m: vec![0.05],
-    };
-    let joints = vec![joint("Hips", None, 0.0), joint("Foot", Some(0), -0.8)];
-    let skeleton = Skeleton::new(joints, Vec3::X, 0.0, Some(contacts)).unwrap();
-    let manifest = Manifest {
-        format: 1,
-        name: "toy".into(),
-        version: "1".into(),
-        licence: String::new(),
-        credits: Vec::new(),
-        fps: 30.0,
-        frames_per_token: 4,
-        min_tokens: 3,
-        max_tokens: 16,
-        heads: 2,
-        codes: 5,
-        context_frames: 4,
-        max_targets: 4,
-        parameters: 0,
-        content_hash: format!("sha256:{}", "0".repeat(64)),
-        skeleton,
-        robot: None,
-        training: toml::Table::new(),
-        evaluation: toml::Table::new(),
-    };
-    Pack::from_manifest(manifest, std::path::Path::new("toy")).unwrap()
-}
 
 fn position(x: f32, y: f32, z: f32) -> Option<v1::Vec3> {
     Some(v1::Vec3 { x, y, z })
@@ -81,12 +42,12 @@ fn character() -> v1::Character {
     }
 }
 
-fn prepared(character: v1::Character) -> Result<(WorkItem, Plan), FieldError> {
+fn prepared(character: v1::Character) -> Result<(KeyframeTask, Plan), FieldError> {
     let request = v1::InBetweenRequest {
         pack: String::new(),
         characters: vec![character],
     };
-    let (mut items, mut plans) = prepare(&request, &toy_pack(), LIMITS)?;
+    let (mut items, mut plans) = prepare(&request, &toy_rig(), LIMITS)?;
     Ok((items.remove(0), plans.remove(0)))
 }
 
@@ -186,7 +147,7 @@ fn any_subset_makes_a_target() {
         },
     ];
     let (item, plan) = prepared(partial).unwrap();
-    let has = |key: &crate::engine::KeyTensors| {
+    let has = |key: &troupe_motion::model::KeyTensors| {
         (
             key.local_root.is_some(),
             key.global_root.is_some(),
@@ -229,7 +190,7 @@ fn counts_follow_the_request() {
 
 #[test]
 fn keyframes_alone_can_ask_for_more_tokens() {
-    let mut pack = toy_pack();
+    let mut pack = toy_rig();
     pack.dims.min_tokens = 1;
     let mut request = v1::InBetweenRequest {
         pack: String::new(),
@@ -356,7 +317,7 @@ fn the_number_of_characters_is_limited() {
             pack: String::new(),
             characters: vec![character(); count],
         };
-        let error = prepare(&request, &toy_pack(), LIMITS).unwrap_err();
+        let error = prepare(&request, &toy_rig(), LIMITS).unwrap_err();
         assert_eq!(
             (
                 error.field.as_str(),

@@ -107,7 +107,7 @@ impl Service {
         &self,
         request: v1::PutObjectDefinitionRequest,
     ) -> Result<v1::PutObjectDefinitionResponse, ApiError> {
-        let pack = self.table()?.find("pack", &request.pack)?.pack.clone();
+        let pack = self.table()?.find("pack", &request.pack)?.pack.rig.clone();
         self.blocking(move |store| store.put_object(&request, &pack))
             .await
     }

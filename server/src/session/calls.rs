@@ -8,12 +8,13 @@ use troupe_proto::v1;
 
 use super::cell::SessionCell;
 use super::drive::{Place, Roster};
-use super::{Refusal, Registry, TimeSource, commands, describe, options, peek, step, units};
+use super::{Registry, TimeSource, commands, describe, options, peek, step, units};
 use crate::api::ApiError;
-use crate::inbetween::Path;
 use crate::service::PackTable;
 use crate::telemetry::Telemetry;
 use crate::world::{Standing, Store};
+use troupe_character::Path;
+use troupe_character::live::Refusal;
 
 /// Most sessions of a page of the list, and how many where nothing is said.
 const PAGE: (u32, u32) = (1000, 100);

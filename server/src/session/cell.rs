@@ -8,13 +8,14 @@ use tokio::sync::Notify;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
+use super::EventQueue;
 use super::time::TimeSource;
-use super::{Character, EventQueue, PlanRequest, Stats};
 use crate::api::ApiError;
 use crate::batch::{OwnerId, SubmitError};
-use crate::scene::Resident;
 use crate::service::LoadedPack;
-use crate::style::Style;
+use troupe_character::live::{Character, PlanRequest, Stats};
+use troupe_character::scene::Resident;
+use troupe_character::style::Style;
 
 /// Who advances a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,17 +6,19 @@ use troupe_motion::Vec3;
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent as Asked;
 
+use super::Registry;
 use super::cell::{Live, SessionCell};
 use super::options::unknown_style;
 use super::units;
-use super::{CommandOutcome, Intent, Refusal, Registry};
 use crate::api::ApiError;
-use crate::document::MAX_NAME_CHARS;
-use crate::inbetween::{FieldError, MAX_HEIGHT_M, Path};
-use crate::primitives::LocomotionCommand;
-use crate::scene::MAX_ID_BYTES;
 use crate::session::TimeSource;
-use crate::style::Style;
+use troupe_character::document::MAX_NAME_CHARS;
+use troupe_character::limits::MAX_HEIGHT_M;
+use troupe_character::live::{CommandOutcome, Intent, Refusal};
+use troupe_character::primitives::LocomotionCommand;
+use troupe_character::scene::MAX_ID_BYTES;
+use troupe_character::style::Style;
+use troupe_character::{FieldError, Path};
 
 /// Most commands of one request.
 pub const MAX_COMMANDS: usize = 10_000;

@@ -8,8 +8,8 @@ use troupe_motion::root::wrap_angle;
 use troupe_proto::v1;
 
 use super::cell::{Live, SessionCell};
-use super::{Stats, View};
 use super::{events, units};
+use troupe_character::live::{Stats, View};
 
 /// The session as it stands at `now`.
 pub(super) fn session(cell: &SessionCell, now: Instant) -> v1::Session {

@@ -7,9 +7,10 @@ use troupe_motion::rotation::{six_d, to_wxyz};
 use troupe_motion::{Quat, Robot, Skeleton, Vec3};
 use troupe_proto::v1;
 
-use super::FrameOut;
-use crate::inbetween::{FieldError, Path};
-use crate::pack::{Pack, SIX_D};
+use troupe_character::live::FrameOut;
+use troupe_character::{FieldError, Path};
+use troupe_motion::model::Rig;
+use troupe_motion::model::SIX_D;
 
 /// How frames are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,10 +46,10 @@ impl Form {
     ///
     /// # Errors
     /// [`FieldError`] for `qpos` of a pack without a robot.
-    pub fn check(&self, path: &Path<'_>, pack: &Pack) -> Result<(), FieldError> {
-        match self.encoding == v1::Encoding::Qpos && pack.skeleton.robot.is_none() {
+    pub fn check(&self, path: &Path<'_>, rig: &Rig) -> Result<(), FieldError> {
+        match self.encoding == v1::Encoding::Qpos && rig.skeleton.robot.is_none() {
             true => Err(path.field("encoding").error(
-                format!("is qpos, but pack {} has no robot", pack.name()),
+                format!("is qpos, but pack {} has no robot", rig.name()),
                 "f32 or compact; qpos for packs with a robot",
             )),
             false => Ok(()),
@@ -71,20 +72,20 @@ pub struct BlockWriter {
 
 impl BlockWriter {
     /// A block for `characters` of `pack`, `frames` frames each.
-    pub fn new(pack: &Pack, form: Form, characters: usize, frames: usize) -> Self {
-        let joints = pack.skeleton.joint_count();
+    pub fn new(rig: &Rig, form: Form, characters: usize, frames: usize) -> Self {
+        let joints = rig.skeleton.joint_count();
         let cells = characters * frames;
         let (floats, bytes, angles) = match form.encoding {
             v1::Encoding::F32 => (cells, 0, 0),
             v1::Encoding::Compact => (0, cells, 0),
             v1::Encoding::Qpos => (0, 0, cells),
         };
-        let qpos_len = pack.skeleton.robot.as_ref().map_or(0, Robot::qpos_len);
+        let qpos_len = rig.skeleton.robot.as_ref().map_or(0, Robot::qpos_len);
         let posed = if form.positions || form.six_d { joints } else { 0 };
         let placed = if form.positions { cells * joints } else { 0 };
         let turned = if form.six_d { cells * joints } else { 0 };
         let block = v1::FrameBlock {
-            pack: pack.name().to_owned(),
+            pack: rig.name().to_owned(),
             slots: Vec::with_capacity(characters),
             frame_count: frames as u32,
             first_frames: vec![0; characters],

@@ -4,7 +4,7 @@ use troupe_motion::codec::{MAX_ROOT_ERROR_M, MAX_ROTATION_ERROR_RAD, decode_root
 use troupe_motion::rotation::{angle_between, from_wxyz};
 
 use super::*;
-use crate::inbetween::prepare_tests::toy_pack;
+use troupe_character::testing::toy_rig;
 
 fn frame(number: u64, x: f32) -> FrameOut {
     FrameOut {
@@ -20,7 +20,7 @@ fn frame(number: u64, x: f32) -> FrameOut {
 }
 
 fn block(encoding: v1::Encoding, convention: Convention) -> v1::FrameBlock {
-    let pack = toy_pack();
+    let pack = toy_rig();
     let form = Form {
         encoding,
         positions: true,
@@ -83,7 +83,7 @@ fn the_compact_form_is_within_its_error_bound() {
 
 #[test]
 fn positions_are_the_worlds_in_the_sessions_convention() {
-    let pack = toy_pack();
+    let pack = toy_rig();
     let form = Form {
         encoding: v1::Encoding::F32,
         positions: true,
@@ -115,7 +115,7 @@ fn positions_are_the_worlds_in_the_sessions_convention() {
 
 #[test]
 fn characters_that_failed_leave_no_gap() {
-    let pack = toy_pack();
+    let pack = toy_rig();
     let form = Form {
         encoding: v1::Encoding::F32,
         positions: false,

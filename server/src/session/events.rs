@@ -7,9 +7,9 @@ use troupe_proto::v1;
 use troupe_proto::v1::session_event::Kind;
 
 use super::cell::Live;
-use super::{Activity, CharacterEvent, EventKind, HeldObject, KeyframeError};
 use crate::telemetry::SessionMetrics;
 use crate::world::{position, quat};
+use troupe_character::live::{Activity, CharacterEvent, EventKind, HeldObject, KeyframeError};
 
 /// Most events of a session that wait; of more, the oldest are dropped.
 pub const MAX_WAITING_EVENTS: usize = 64;

@@ -7,10 +7,11 @@ use troupe_motion::{Quat, Vec3};
 use super::super::drive::Roster;
 use super::super::encode::Form;
 use super::super::registry::tests::Setup;
-use super::super::{FailReason, Registry, SUB_FRAMES, TimeSource};
+use super::super::{Registry, TimeSource};
 use super::*;
-use crate::scene::{Scene, SceneTable, Transform};
 use crate::telemetry::Telemetry;
+use troupe_character::live::{FailReason, SUB_FRAMES};
+use troupe_character::scene::{Scene, SceneTable, Transform};
 
 fn event(frame: u64, kind: EventKind) -> CharacterEvent {
     CharacterEvent { frame, kind }

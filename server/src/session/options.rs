@@ -9,17 +9,19 @@ use troupe_motion::rotation::{from_wxyz, to_wxyz};
 use troupe_motion::{GlobalRoot, Vec3};
 use troupe_proto::v1;
 
+use super::SessionLimits;
 use super::cell::Parts;
 use super::units;
-use super::{Character, CharacterOptions, SessionLimits, Start, World};
 use crate::api::ApiError;
-use crate::inbetween::{ContextFrame, FieldError, MAX_DISTANCE_M, MAX_TEMPERATURE, Path, check_context};
-use crate::pack::Pack;
-use crate::primitives::LocomotionCommand;
-use crate::scene::{Holder, Resident};
+use crate::inbetween::{ContextFrame, MAX_DISTANCE_M, MAX_TEMPERATURE, check_context};
 use crate::service::{LoadedPack, PackTable};
-use crate::style::Style;
 use crate::world::Store;
+use troupe_character::live::{Character, CharacterOptions, Start, World};
+use troupe_character::primitives::LocomotionCommand;
+use troupe_character::scene::{Holder, Resident};
+use troupe_character::style::Style;
+use troupe_character::{FieldError, Path};
+use troupe_motion::model::Rig;
 
 /// Most characters of a session's id.
 pub const MAX_ID_CHARS: usize = 64;
@@ -46,7 +48,7 @@ pub(super) fn parts(
     let pack = packs.find(path.field("pack"), &options.pack)?.clone();
     let style = style(&path.field("style"), &options.style, &pack)?;
     let convention = units::convention(&path.field("convention"), options.convention)?;
-    let start = start(path, options, convention, &pack.pack)?;
+    let start = start(path, options, convention, &pack.pack.rig)?;
     let ttl = ttl(path, options, limits)?;
     let priority = options.priority.unwrap_or(DEFAULT_PRIORITY);
     let priority = units::priority(&path.field("priority"), priority)?;
@@ -69,7 +71,7 @@ pub(super) fn parts(
         convention,
         seed: options.seed,
         ttl,
-        character: Character::in_world(pack.pack.clone(), character, start, command, world),
+        character: Character::in_world(pack.pack.rig.clone(), character, start, command, world),
         style,
         priority,
         pack,
@@ -181,7 +183,7 @@ fn start(
     path: &Path<'_>,
     options: &v1::SessionOptions,
     convention: Convention,
-    pack: &Pack,
+    pack: &Rig,
 ) -> Result<Start, FieldError> {
     if options.context.is_empty() {
         let place = options.position.unwrap_or_default();

@@ -10,10 +10,10 @@ use troupe_proto::v1::command::Intent as Asked;
 
 use super::cell::SessionCell;
 use super::encode::{BlockWriter, Form};
-use super::{CONTEXT_FRAMES, FrameOut, Intent, Peek, PlanCause, PlanRecord, WaitingCommand};
 use super::{describe, units};
-use crate::pack::Pack;
-use crate::primitives::{LocomotionCommand, TargetKey};
+use troupe_character::live::{CONTEXT_FRAMES, FrameOut, Intent, Peek, PlanCause, PlanRecord, WaitingCommand};
+use troupe_character::primitives::{LocomotionCommand, TargetKey};
+use troupe_motion::model::Rig;
 
 /// Most frames of a peek.
 pub const MAX_PEEK_FRAMES: u32 = 64;
@@ -27,7 +27,7 @@ pub(super) fn peek(cell: &SessionCell, frames: usize, now: Instant) -> v1::PeekR
             live.character.peek(frames),
         )
     };
-    let (convention, pack) = (cell.convention(), &cell.pack().pack);
+    let (convention, pack) = (cell.convention(), &cell.pack().pack.rig);
     v1::PeekResponse {
         session: Some(session),
         future: Some(future(&peek, pack, convention)),
@@ -37,7 +37,7 @@ pub(super) fn peek(cell: &SessionCell, frames: usize, now: Instant) -> v1::PeekR
     }
 }
 
-fn future(peek: &Peek, pack: &Pack, convention: Convention) -> v1::FrameBlock {
+fn future(peek: &Peek, pack: &Rig, convention: Convention) -> v1::FrameBlock {
     let joints = pack.skeleton.joint_count();
     let form = Form {
         encoding: v1::Encoding::F32,
@@ -61,7 +61,7 @@ fn future(peek: &Peek, pack: &Pack, convention: Convention) -> v1::FrameBlock {
     writer.finish(|_| true)
 }
 
-fn plan_view(plan: &PlanRecord, pack: &Pack, convention: Convention) -> v1::PlanView {
+fn plan_view(plan: &PlanRecord, pack: &Rig, convention: Convention) -> v1::PlanView {
     let joints = pack.skeleton.joint_count();
     let shape = &plan.shape;
     let context = (0..CONTEXT_FRAMES).map(|index| v1::Keyframe {

@@ -8,11 +8,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::cell::SessionCell;
-use super::{Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, Meets, PlanFailed, PlanRequest, finish_live};
 use crate::batch::{Order, SubmitError};
-use crate::engine::{EngineError, RawMotion};
-use crate::inbetween::hold_live;
 use crate::service::LoadedPack;
+use troupe_character::live::{
+    Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, Meets, PlanFailed, PlanRequest, finish_live,
+};
+use troupe_character::post::hold_live;
+use troupe_engine::EngineError;
+use troupe_motion::model::Motion;
 
 /// Shortest wait before a place in a full queue is asked for again.
 const MIN_RETRY: Duration = Duration::from_millis(5);
@@ -49,7 +52,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
             result = cell.pack().batcher.submit(vec![item.clone()], order).await;
         }
         if let Ok(served) = &result {
-            cell.pack().load.measured(asked.elapsed(), served);
+            cell.pack().load.measured(asked.elapsed(), served.work);
         }
         let plan = result
             .and_then(|served| {
@@ -108,23 +111,23 @@ impl Drop for Awaited {
 /// The moment from which on a plan that is asked for now is missed.
 fn deadline(cell: &SessionCell, request: &PlanRequest) -> Instant {
     let frames = request.due_in_frames as f32;
-    Instant::now() + Duration::from_secs_f32(frames / cell.pack().pack.manifest.fps)
+    Instant::now() + Duration::from_secs_f32(frames / cell.pack().pack.rig.fps)
 }
 
 fn finish(
-    raw: &RawMotion,
+    raw: &Motion,
     shape: &LiveShape,
     meets: Option<&Meets>,
     pack: &LoadedPack,
 ) -> Result<LivePlan, SubmitError> {
-    let mut plan = finish_live(raw, shape, &pack.pack).map_err(|_| {
+    let mut plan = finish_live(raw, shape, &pack.pack.rig).map_err(|_| {
         SubmitError::Engine(EngineError::Output {
-            stage: crate::pack::Stage::Decoder,
+            stage: troupe_engine::pack::Stage::Decoder,
             problem: "frames that are not finite".to_owned(),
         })
     })?;
     match meets {
-        Some(meets) => meets.meet(&mut plan, &pack.pack.skeleton),
+        Some(meets) => meets.meet(&mut plan, &pack.pack.rig.skeleton),
         None => {
             let LivePlan {
                 roots,
@@ -132,7 +135,7 @@ fn finish(
                 contacts,
                 ..
             } = &mut plan;
-            hold_live(&pack.pack, roots, rotations, contacts, CONTEXT_FRAMES);
+            hold_live(&pack.pack.rig, roots, rotations, contacts, CONTEXT_FRAMES);
         }
     }
     pack.metrics.planned(plan.roots.len());
@@ -141,7 +144,7 @@ fn finish(
 
 /// Tells the character, and wakes the one who waits for it.
 fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitError>) {
-    let fps = cell.pack().pack.manifest.fps;
+    let fps = cell.pack().pack.rig.fps;
     let mut live = cell.live();
     let plan = match plan {
         Ok(plan) => {
@@ -169,8 +172,8 @@ fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitEr
 #[cfg(test)]
 mod tests {
     use super::super::registry::tests::Setup;
-    use super::super::{Clock, SUB_FRAMES};
     use super::*;
+    use troupe_character::live::{Clock, SUB_FRAMES};
 
     #[tokio::test]
     async fn a_plan_that_is_lost_to_a_panic_has_failed() {

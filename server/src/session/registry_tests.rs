@@ -6,21 +6,23 @@ use proptest::prelude::*;
 use troupe_motion::conventions::Convention;
 use troupe_motion::{GlobalRoot, Vec3};
 
+use super::super::TimeSource;
 use super::super::cell::{Held, Owner, Parts};
-use super::super::load::PlanLoad;
-use super::super::{Character, CharacterOptions, Start, TimeSource, World};
 use super::*;
 use crate::batch::{Batcher, EngineFactory};
 use crate::config::Config;
-use crate::engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, TokenInput};
-use crate::engine::{EngineError, Pipeline, Stages};
-use crate::primitives::LocomotionCommand;
-use crate::scene::testing::{boxed, place};
-use crate::scene::{Holder, Resident, Scene, SceneTable, State};
 use crate::service::LoadedPack;
-use crate::style::StyleTable;
-use crate::style::testing::{walker_pack, walker_style};
 use crate::telemetry::Telemetry;
+use troupe_character::live::load::PlanLoad;
+use troupe_character::live::{Character, CharacterOptions, Start, World};
+use troupe_character::primitives::LocomotionCommand;
+use troupe_character::scene::testing::{boxed, place};
+use troupe_character::scene::{Holder, Resident, Scene, SceneTable, State};
+use troupe_character::style::StyleTable;
+use troupe_character::style::testing::{walker_rig, walker_style};
+use troupe_engine::pack::testing::pack_of;
+use troupe_engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, TokenInput};
+use troupe_engine::{EngineError, Pipeline, Stages};
 
 const TTL: Duration = Duration::from_secs(10);
 
@@ -52,14 +54,14 @@ pub(in super::super) struct Setup {
 
 impl Setup {
     pub(in super::super) async fn new(limit: usize) -> Self {
-        let (pack, telemetry) = (walker_pack(), Telemetry::new().unwrap());
+        let (pack, telemetry) = (pack_of(walker_rig()), Telemetry::new().unwrap());
         let config = Config::local(Path::new("unused")).unwrap();
         let metrics = telemetry.pack(pack.name(), "1");
-        let dims = pack.dims;
+        let dims = pack.rig.dims;
         let factory: EngineFactory = Arc::new(move |_| Ok(Pipeline::new(dims, Box::new(Idle), 1)));
         let batcher = Batcher::start("test", config.batch_limits(8), metrics.clone(), factory);
         let loaded = LoadedPack {
-            styles: StyleTable::load(&pack, None).unwrap(),
+            styles: StyleTable::load(&pack.rig, &pack.folder, None).unwrap(),
             sessions: telemetry.sessions(pack.name(), "1"),
             batcher: batcher.await.unwrap(),
             engine: "idle",
@@ -120,7 +122,7 @@ impl Setup {
             convention: Convention::Native,
             seed: 0,
             ttl: TTL,
-            character: Character::in_world(self.pack.pack.clone(), options, start, command, world),
+            character: Character::in_world(self.pack.pack.rig.clone(), options, start, command, world),
             style,
             priority: 0.5,
             resident,

@@ -15,14 +15,13 @@ use troupe_proto::v1;
 use super::cell::{Held, Owner};
 use super::encode::{BlockWriter, Form};
 use super::planner::{self, Patience};
-use super::{
-    Advance, Clock, FrameOut, Registry, SUB_FRAMES, SessionLimits, Strain, TimeSource, events, units,
-};
+use super::{Registry, SessionLimits, TimeSource, events, units};
 use crate::api::ApiError;
 use crate::batch::SubmitError;
-use crate::engine::EngineError;
-use crate::inbetween::{FieldError, Path};
 use crate::service::LoadedPack;
+use troupe_character::live::{Advance, Clock, FrameOut, SUB_FRAMES, Strain};
+use troupe_character::{FieldError, Path};
+use troupe_engine::EngineError;
 
 /// Most frames of a step.
 pub const MAX_STEP_FRAMES: u32 = 120;
@@ -126,7 +125,7 @@ pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String],
     let (mut walkers, blocks) = gather((registry, time), ids, plan.form, &mut stepped.problems);
     let mut writers: Vec<BlockWriter> = blocks
         .iter()
-        .map(|(pack, count)| BlockWriter::new(&pack.pack, plan.form, *count, plan.frames))
+        .map(|(pack, count)| BlockWriter::new(&pack.pack.rig, plan.form, *count, plan.frames))
         .collect();
     for walker in &walkers {
         writers[walker.block].name(walker.slot as u32);
@@ -182,7 +181,7 @@ fn gather(
     for (slot, id) in ids.iter().enumerate() {
         let field = || format!("session_ids[{slot}]");
         let taken = registry.get(id, now, &field).and_then(|cell| {
-            form.check(&Path::root(), &cell.pack().pack)?;
+            form.check(&Path::root(), &cell.pack().pack.rig)?;
             cell.take(Owner::Step, &field)
         });
         let held = match taken {
@@ -283,7 +282,7 @@ impl Walker {
                     (self.place, self.done),
                     out,
                     cell.convention(),
-                    &cell.pack().pack.skeleton,
+                    &cell.pack().pack.rig.skeleton,
                 );
                 self.done += 1;
                 *written += 1;

@@ -6,9 +6,9 @@ use troupe_proto::v1;
 
 use super::options::unknown_style;
 use crate::api::ApiError;
-use crate::inbetween::Path;
 use crate::service::LoadedPack;
-use crate::style::{MAX_ADDED_STYLES, PutError, Style};
+use troupe_character::Path;
+use troupe_character::style::{MAX_ADDED_STYLES, PutError, Style};
 
 /// `troupe.v1.Sessions/ListStyles`.
 pub(crate) fn list(pack: &LoadedPack) -> v1::ListStylesResponse {
@@ -45,7 +45,7 @@ pub(crate) fn put(pack: &Arc<LoadedPack>, style: Option<&v1::Style>) -> Result<v
     let Some(style) = style else {
         return Err(path.error("is missing", "a style with its keyframes").into());
     };
-    let style = Style::from_proto(&path, style, &pack.pack, false)?;
+    let style = Style::from_proto(&path, style, &pack.pack.rig, false)?;
     let name = path.field("name");
     match pack.styles.put(style) {
         Ok(style) => Ok(style.to_proto()),

@@ -4,7 +4,7 @@ use troupe_motion::Vec3;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
-use crate::inbetween::{FieldError, Path};
+use troupe_character::{FieldError, Path};
 
 /// Largest heading either way, radians: beyond it a 32-bit float is coarse.
 pub const MAX_HEADING: f32 = 1000.0;

@@ -3,7 +3,7 @@
 use metrics::{Counter, Gauge, Histogram, Key, Label, Recorder as _};
 
 use super::{METADATA, Telemetry};
-use crate::session::{EventKind, FailReason, PlanCause, Stats};
+use troupe_character::live::{EventKind, FailReason, PlanCause, Stats};
 
 pub(super) const ACTIVE: &str = "troupe_sessions_active";
 pub(super) const STREAMS: &str = "troupe_streams_active";

@@ -7,12 +7,12 @@ use troupe_proto::v1;
 
 use super::{Store, StoreError, definition, message};
 use crate::api::ApiError;
-use crate::document::{Format, read};
-use crate::inbetween::Path;
-use crate::object::Listed;
-use crate::pack::Pack;
-use crate::scene::{MAX_INSTANCES, NamedScene, Scene, SceneCell, SceneDoc, SceneError};
 use crate::session::units;
+use troupe_character::Path;
+use troupe_character::document::{Format, read};
+use troupe_character::object::Listed;
+use troupe_character::scene::{MAX_INSTANCES, NamedScene, Scene, SceneCell, SceneDoc, SceneError};
+use troupe_motion::model::Rig;
 
 impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
@@ -199,7 +199,7 @@ impl Store {
     pub fn put_object(
         &self,
         request: &v1::PutObjectDefinitionRequest,
-        pack: &Pack,
+        pack: &Rig,
     ) -> Result<v1::PutObjectDefinitionResponse, ApiError> {
         let path = Path::root();
         let (text, format) = definition::document(&path.field("document"), request.document.as_ref())?;
@@ -311,7 +311,10 @@ fn change_each<T>(
 ) -> v1::ObjectsResponse {
     let done: Result<_, std::convert::Infallible> = cell.update(|scene| {
         let each = list.iter().enumerate().map(|(index, one)| v1::ObjectResult {
-            id: id(one).chars().take(crate::scene::MAX_ID_BYTES).collect(),
+            id: id(one)
+                .chars()
+                .take(troupe_character::scene::MAX_ID_BYTES)
+                .collect(),
             problem: change(index, one, scene).err().map(|error| error.problem()),
         });
         let results = each.collect();

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use troupe_proto::v1;
 
 use crate::api::ApiError;
-use crate::document::{DocumentError, Format, read};
-use crate::inbetween::{FieldError, Path};
-use crate::object::{Definition, Listed, ObjectDoc};
-use crate::pack::Pack;
-use crate::scene::SceneTable;
+use troupe_character::document::{DocumentError, Format, read};
+use troupe_character::object::{Definition, Listed, ObjectDoc};
+use troupe_character::scene::SceneTable;
+use troupe_character::{FieldError, Path};
+use troupe_motion::model::Rig;
 
 /// Checks that a document is there, and how it is written.
 pub(super) fn document<'a>(
@@ -37,7 +37,10 @@ pub(super) fn check_name(name: &str, wanted: &str) -> Result<(), FieldError> {
     if wanted.is_empty() || wanted == name {
         return Ok(());
     }
-    let wanted: String = wanted.chars().take(crate::document::MAX_NAME_CHARS).collect();
+    let wanted: String = wanted
+        .chars()
+        .take(troupe_character::document::MAX_NAME_CHARS)
+        .collect();
     Err(Path::root().field("name").error(
         format!("is {name:?}, but the request names {wanted:?}"),
         "the name in the request",
@@ -49,7 +52,7 @@ pub(super) fn read_definition(
     text: &str,
     format: Format,
     wanted: &str,
-    pack: &Pack,
+    pack: &Rig,
 ) -> Result<Definition, DocumentError> {
     read(text, format, |doc: ObjectDoc| {
         check_name(&doc.name, wanted)?;

@@ -10,10 +10,10 @@ use troupe_proto::v1;
 use super::message::write_object;
 use super::{Store, definition, shape};
 use crate::api::ApiError;
-use crate::inbetween::{FieldError, Path};
-use crate::object::DefinitionList;
-use crate::scene::{self, BoxTrace, MAX_COORDINATE_M, SceneCell, State, Transform};
 use crate::session::units;
+use troupe_character::object::DefinitionList;
+use troupe_character::scene::{self, BoxTrace, MAX_COORDINATE_M, SceneCell, State, Transform};
+use troupe_character::{FieldError, Path};
 
 /// Half the size of a character's box: to the sides, up and down, and to front and back, metres.
 const CHARACTER_HALF_EXTENTS_M: Vec3 = Vec3::new(0.25, 0.9, 0.25);

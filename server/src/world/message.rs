@@ -7,13 +7,14 @@ use troupe_proto::v1;
 
 use super::shape;
 use crate::api::ApiError;
-use crate::document::check;
-use crate::inbetween::{FieldError, Path, UNIT_TOLERANCE};
-use crate::scene::{
+use crate::session::units;
+use troupe_character::document::check;
+use troupe_character::limits::UNIT_TOLERANCE;
+use troupe_character::scene::{
     Bodies, Collider, Instance, MAX_COLLIDERS, MAX_COORDINATE_M, MAX_ID_BYTES, MAX_INSTANCES, NamedScene,
     Scene, SceneCell, SceneError, State, Transform, body_of, field_error,
 };
-use crate::session::units;
+use troupe_character::{FieldError, Path};
 
 pub(crate) use crate::session::units::position;
 

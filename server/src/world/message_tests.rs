@@ -4,8 +4,8 @@ use troupe_motion::Vec3;
 use troupe_motion::rotation::angle_between;
 
 use super::*;
-use crate::scene::testing::boxed;
-use crate::scene::{Body, BoxTrace, ColliderShape, Surface};
+use troupe_character::scene::testing::boxed;
+use troupe_character::scene::{Body, BoxTrace, ColliderShape, Surface};
 
 /// One definition, named cup.
 struct Cups;
@@ -110,7 +110,7 @@ fn near(a: Vec3, b: Vec3) -> bool {
 }
 
 fn points(shape: &ColliderShape) -> Vec<Vec3> {
-    use crate::scene::Shape;
+    use troupe_character::scene::Shape;
     match shape {
         ColliderShape::Solid(Shape::Box {
             center_m,

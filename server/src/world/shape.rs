@@ -5,11 +5,11 @@ use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
 use super::message::position;
-use crate::inbetween::{FieldError, Path};
-use crate::scene::{
+use crate::session::units;
+use troupe_character::scene::{
     CONVEX_POINTS, ColliderShape, HALF_EXTENT_M, HEIGHTFIELD_SIDE, Heightfield, MAX_SHAPE_COORDINATE_M, Shape,
 };
-use crate::session::units;
+use troupe_character::{FieldError, Path};
 
 /// Checks a shape's values and makes it native.
 pub(super) fn read(

@@ -5,10 +5,12 @@ use std::convert::Infallible;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::document::{Document as _, DocumentError, Format, forget, keep, read_kept};
-use crate::object::{Definition, DefinitionList, Definitions, DefinitionsError, MAX_DEFINITIONS, Uploaded};
-use crate::pack::Pack;
-use crate::scene::{NamedScene, Scene, SceneDoc, SceneTable, TableError};
+use troupe_character::document::{Document as _, DocumentError, Format, forget, keep, read_kept};
+use troupe_character::object::{
+    Definition, DefinitionList, Definitions, DefinitionsError, MAX_DEFINITIONS, Uploaded,
+};
+use troupe_character::scene::{NamedScene, Scene, SceneDoc, SceneTable, TableError};
+use troupe_motion::model::Rig;
 
 /// Where scenes and definitions are read from as the server starts, and kept when they are uploaded.
 #[derive(Debug, Clone, Default)]
@@ -94,7 +96,7 @@ impl Store {
     ///
     /// # Errors
     /// [`LoadError`], which names the file and what is wrong with it.
-    pub fn load<'a>(folders: Folders, packs: impl IntoIterator<Item = &'a Pack>) -> Result<Self, LoadError> {
+    pub fn load<'a>(folders: Folders, packs: impl IntoIterator<Item = &'a Rig>) -> Result<Self, LoadError> {
         let mut definitions: Vec<Definition> = Vec::new();
         if let Some(folder) = &folders.objects {
             for pack in packs {
@@ -233,7 +235,7 @@ impl Store {
 }
 
 /// Reads the definitions of one pack.
-fn read_definitions(folder: &FilePath, pack: &Pack, all: &mut Vec<Definition>) -> Result<(), LoadError> {
+fn read_definitions(folder: &FilePath, pack: &Rig, all: &mut Vec<Definition>) -> Result<(), LoadError> {
     let check = |doc| Definition::from_doc(doc, pack);
     for definition in read_kept(folder, check, |definition| &definition.name)? {
         if all.iter().any(|before| before.name == definition.name) {

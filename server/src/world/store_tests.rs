@@ -1,13 +1,13 @@
 use troupe_motion::Vec3;
 
 use super::store::{Folders, LoadError, Store, StoreError};
-use crate::document::Format;
-use crate::object::testing::{CUP, definition};
-use crate::object::{Definition, DefinitionsError};
-use crate::pack::{Manifest, Pack};
-use crate::scene::testing::place;
-use crate::scene::{Holder, NamedScene, Scene, State, TableError};
-use crate::style::testing::{TempFolder, walker_pack};
+use troupe_character::document::Format;
+use troupe_character::object::testing::{CUP, definition};
+use troupe_character::object::{Definition, DefinitionsError};
+use troupe_character::scene::testing::place;
+use troupe_character::scene::{Holder, NamedScene, Scene, State, TableError};
+use troupe_character::style::testing::{TempFolder, walker_rig};
+use troupe_motion::model::Rig;
 
 const YARD: &str = r#"
 format = 1
@@ -28,17 +28,15 @@ fn folders(folder: &TempFolder) -> Folders {
 }
 
 fn load(folder: &TempFolder) -> Result<Store, LoadError> {
-    Store::load(folders(folder), [&walker_pack(), &other_pack()])
+    Store::load(folders(folder), [&walker_rig(), &other_rig()])
 }
 
-/// A pack of the same skeleton under another name.
-fn other_pack() -> Pack {
-    let pack = walker_pack();
-    let manifest = Manifest {
+/// A rig of the same skeleton under another name.
+fn other_rig() -> Rig {
+    Rig {
         name: "others".into(),
-        ..pack.manifest.clone()
-    };
-    Pack::from_manifest(manifest, &pack.folder).unwrap()
+        ..walker_rig()
+    }
 }
 
 fn put_yard(store: &Store, text: &str) -> Result<String, String> {
@@ -48,7 +46,7 @@ fn put_yard(store: &Store, text: &str) -> Result<String, String> {
     put.map_err(|error| error.to_string())
 }
 
-fn put_cup(store: &Store) -> crate::object::Uploaded {
+fn put_cup(store: &Store) -> troupe_character::object::Uploaded {
     store.put_definition(definition(), CUP, Format::Toml).unwrap()
 }
 
@@ -156,7 +154,7 @@ fn a_definition_may_change_its_pack() {
     let folder = TempFolder::new("store-packs");
     let store = load(&folder).unwrap();
     put_cup(&store);
-    let moved = Definition::from_toml(CUP, &other_pack()).unwrap();
+    let moved = Definition::from_toml(CUP, &other_rig()).unwrap();
     assert!(
         store
             .put_definition(moved, CUP, Format::Toml)

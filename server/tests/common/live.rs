@@ -7,18 +7,19 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use troupe_motion::fk::WorldMotion;
-use troupe_motion::root::heading_of;
-use troupe_motion::{Clip, GlobalRoot, Quat, Skeleton, Vec3};
-use troupe_server::config::Config;
-use troupe_server::engine::{EngineKind, Pipeline, WorkItem};
-use troupe_server::pack::{MANIFEST_FILE, Pack};
-use troupe_server::primitives::LocomotionCommand;
-use troupe_server::session::{
+use troupe_character::live::{
     Advance, Arrival, Character, CharacterOptions, Clock, CommandOutcome, FrameOut, Intent, PlanRequest,
     SUB_FRAMES, Start, Stats, finish_live,
 };
-use troupe_server::style::StyleTable;
+use troupe_character::primitives::LocomotionCommand;
+use troupe_character::style::StyleTable;
+use troupe_engine::pack::{MANIFEST_FILE, Pack};
+use troupe_engine::{EngineKind, Pipeline};
+use troupe_motion::fk::WorldMotion;
+use troupe_motion::model::KeyframeTask;
+use troupe_motion::root::heading_of;
+use troupe_motion::{Clip, GlobalRoot, Quat, Skeleton, Vec3};
+use troupe_server::config::Config;
 
 /// Most characters of a batch.
 pub const MAX_BATCH: usize = 64;
@@ -50,8 +51,8 @@ impl Networks {
         config.lanes = 1;
         let stages = config.selector(1).unwrap().load(&pack, EngineKind::Cpu).unwrap();
         Self {
-            styles: StyleTable::load(&pack, None).unwrap(),
-            pipeline: Pipeline::new(pack.dims, Box::new(stages), MAX_BATCH),
+            styles: StyleTable::load(&pack.rig, &pack.folder, None).unwrap(),
+            pipeline: Pipeline::new(pack.rig.dims, Box::new(stages), MAX_BATCH),
             pack: Arc::new(pack),
         }
     }
@@ -59,10 +60,10 @@ impl Networks {
     /// Makes the plans of these requests, in batches.
     fn serve(&mut self, troop: &mut [Actor], requests: Vec<(usize, PlanRequest)>) {
         for batch in requests.chunks(MAX_BATCH) {
-            let items: Vec<WorkItem> = batch.iter().map(|(_, request)| request.item.clone()).collect();
+            let items: Vec<KeyframeTask> = batch.iter().map(|(_, request)| request.item.clone()).collect();
             let (answers, _) = self.pipeline.run(&items).unwrap();
             for ((index, request), raw) in batch.iter().zip(answers) {
-                let plan = finish_live(&raw.unwrap(), &request.shape, &self.pack).unwrap();
+                let plan = finish_live(&raw.unwrap(), &request.shape, &self.pack.rig).unwrap();
                 let actor = &mut troop[*index];
                 let arrival = actor.character.plan_arrived(request.number, Ok(plan));
                 assert!(
@@ -187,7 +188,7 @@ impl Actor {
         };
         let start = Start::Standing(GlobalRoot::new(Vec3::ZERO, 0.0));
         Self {
-            character: Character::new(Arc::clone(&networks.pack), options, start, command),
+            character: Character::new(Arc::clone(&networks.pack.rig), options, start, command),
             cues,
             told: 0,
             take: Take::default(),

@@ -14,15 +14,14 @@ use std::time::{Duration, Instant};
 
 use tokio::net::TcpListener;
 use tonic::transport::Channel;
+use troupe_engine::pack::{Manifest, Pack, Stage};
+use troupe_engine::{DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
+use troupe_motion::model::Dims;
 use troupe_motion::{ContactParams, Joint, Skeleton, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::motion_client::MotionClient;
 use troupe_proto::v1::sessions_client::SessionsClient;
 use troupe_server::config::Config;
-use troupe_server::engine::{
-    DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput,
-};
-use troupe_server::pack::{Dims, Manifest, Pack, Stage};
 use troupe_server::server::{PackSource, ServerHandle, serve_packs_at};
 use troupe_server::session::TimeSource;
 
@@ -251,7 +250,7 @@ impl TestServer {
                     decision: None,
                     stages: Box::new(move |pack| {
                         Ok(Box::new(StraightLine {
-                            dims: pack.dims,
+                            dims: pack.rig.dims,
                             gate: gate.clone(),
                         }))
                     }),

@@ -5,15 +5,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use serde::Deserialize;
+use troupe_engine::pack::{Manifest, Pack};
+use troupe_engine::{DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 use troupe_motion::fk::world_transforms;
 use troupe_motion::robot::{Robot, RobotDoc};
 use troupe_motion::rotation::{six_d, to_wxyz};
 use troupe_motion::{Quat, Skeleton, Vec3};
 use troupe_proto::v1;
-use troupe_server::engine::{
-    DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput,
-};
-use troupe_server::pack::{Manifest, Pack};
 use troupe_server::server::PackSource;
 
 use super::{Gate, StraightLine, TestServer};
@@ -115,7 +113,7 @@ impl Folder {
     pub fn new(test: &str) -> Self {
         let path = std::env::temp_dir().join(format!("troupe-g1-{test}-{}", std::process::id()));
         std::fs::create_dir_all(path.join("styles")).unwrap();
-        let style = style(&pack(&path).skeleton);
+        let style = style(&pack(&path).rig.skeleton);
         std::fs::write(
             path.join("styles/normal.json"),
             serde_json::to_string(&style).unwrap(),
@@ -192,10 +190,10 @@ pub async fn start(folder: &Folder) -> TestServer {
     let path = folder.path().to_owned();
     let more = move |lanes| {
         let pack = pack(&path);
-        let skeleton = Arc::clone(&pack.skeleton);
+        let skeleton = Arc::clone(&pack.rig.skeleton);
         let stages = move |pack: &Pack| {
             let line = StraightLine {
-                dims: pack.dims,
+                dims: pack.rig.dims,
                 gate: Gate::default(),
             };
             let skeleton = Arc::clone(&skeleton);

@@ -3,9 +3,9 @@
 use std::f32::consts::PI;
 
 use troupe_client::{InBetween, Key, SegmentLength};
+use troupe_engine::EngineChoice;
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::{Clip, Vec3};
-use troupe_server::engine::EngineChoice;
 
 use crate::motion::{character, difference, frames_difference, message, request, turn_and_move, walk};
 use crate::server::{Server, shared};

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use troupe_client::{Client, Encoding, FrameOptions, SessionOptions};
+use troupe_engine::EngineChoice;
 use troupe_motion::Vec3;
-use troupe_server::engine::EngineChoice;
 
 use crate::server::Server;
 

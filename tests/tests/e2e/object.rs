@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use troupe_server::document::Format;
-use troupe_server::object::{Definition, Definitions, Hold, Motion, Origin, load_file};
-use troupe_server::pack::Pack;
-use troupe_server::scene::NamedScene;
+use troupe_character::document::Format;
+use troupe_character::object::{Definition, Definitions, Hold, Motion, Origin, load_file};
+use troupe_character::scene::NamedScene;
+use troupe_engine::pack::Pack;
 
 use crate::cli::{Folder, failed, printed, text, troupe};
 use crate::server::pack_folder;
@@ -45,7 +45,7 @@ fn a_definition_from_a_clip_is_one_of_the_server() {
     let made = printed(&offline(
         "--frames 30,52,80,100 --name post --hold 80 --soft 52=10 --distance 0.8 --shared",
     ));
-    let post = Definition::from_toml(&made, &pack()).unwrap();
+    let post = Definition::from_toml(&made, &pack().rig).unwrap();
     assert_eq!((post.name.as_str(), post.sets.len()), ("post", 4));
     assert_eq!(
         (
@@ -91,7 +91,7 @@ fn a_thing_for_the_hand_is_one_of_the_server() {
         "{}",
         text(&told.stderr)
     );
-    let cup = load_file(&file, &pack()).unwrap();
+    let cup = load_file(&file, &pack().rig).unwrap();
     assert_eq!((cup.sets.len(), cup.variants.len(), cup.sockets.len()), (6, 2, 1));
     let reach = &cup.sets[3];
     assert!(reach.keyframes[0].rotations.is_none() && reach.keyframes[0].points.len() == 1);
@@ -113,7 +113,7 @@ fn a_seat_is_one_of_the_server() {
     let made = printed(&offline(
         "--frames 0,2,4 --sets turn,sit,rise --name stool --pivot false --seat 2=0.45 --hold 2 --from-stand",
     ));
-    let stool = Definition::from_toml(&made, &pack()).unwrap();
+    let stool = Definition::from_toml(&made, &pack().rig).unwrap();
     let [turn, sit, rise] = &stool.sets[..] else {
         panic!("{made}")
     };
@@ -145,7 +145,7 @@ fn the_tutorial_leads_to_an_object_in_a_scene() {
             .replace("wayside.toml", file.to_str().unwrap());
         printed(&offline(&line));
     }
-    let wayside = load_file(&file, &pack()).unwrap();
+    let wayside = load_file(&file, &pack().rig).unwrap();
     assert_eq!(
         (wayside.name.as_str(), wayside.variants.len(), wayside.body.shared),
         ("wayside", 2, true)

@@ -6,10 +6,10 @@ use http::StatusCode;
 use tonic::Code;
 
 use super::ApiError;
-use crate::document::check::listed;
-use crate::object::{DefinitionsError, MAX_DEFINITIONS};
-use crate::scene::{MAX_ID_BYTES, MAX_SCENES, SceneError, TableError};
-use crate::session::{MAX_WAITING_COMMANDS, Refusal};
+use troupe_character::document::check::listed;
+use troupe_character::live::{MAX_WAITING_COMMANDS, Refusal};
+use troupe_character::object::{DefinitionsError, MAX_DEFINITIONS};
+use troupe_character::scene::{MAX_ID_BYTES, MAX_SCENES, SceneError, TableError};
 
 /// When to try again where a place is free as soon as somebody leaves, which nobody foresees.
 const WHEN_SOMEBODY_LEAVES: Duration = Duration::from_secs(1);

@@ -11,7 +11,7 @@ use troupe_proto::v1;
 
 use crate::api::error::{ApiError, MAX_MESSAGE, MAX_PATH, cut};
 use crate::api::shape::Shapes;
-use crate::document::plain;
+use troupe_character::document::plain;
 
 /// Limits of a body. `DefaultBodyLimit` enforces the bytes; here they are named in errors.
 #[derive(Clone)]

@@ -10,8 +10,8 @@ use troupe_proto::v1;
 use super::json::JsonBody;
 use super::{Asked, Named, asked, named};
 use crate::api::error::{ApiError, ErrorBody, cut};
-use crate::inbetween::FieldError;
 use crate::service::Service;
+use troupe_character::FieldError;
 
 type Server = State<Arc<Service>>;
 

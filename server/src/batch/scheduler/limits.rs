@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::batch::order::Class;
-use crate::engine::BatchSizes;
+use troupe_engine::BatchSizes;
 
 /// Shortest time after which it is worth to try again.
 const MIN_RETRY: Duration = Duration::from_millis(10);
@@ -15,7 +15,7 @@ pub struct Limits {
     pub lanes: usize,
     /// Most characters in one batch.
     pub max_batch: usize,
-    /// Whether the engine pads batches to one of its [sizes](crate::engine::BatchSizes); else it takes any as it is.
+    /// Whether the engine pads batches to one of its [sizes](troupe_engine::BatchSizes); else it takes any as it is.
     pub padded: bool,
     /// Most characters of one call of the engine, where it cuts batches into calls; else 0.
     pub call_rows: usize,

@@ -19,7 +19,7 @@ use troupe_proto::v1::drive_response::Message as Say;
 use super::encode::Form;
 use super::{Sessions, commands, step, units};
 use crate::api::ApiError;
-use crate::inbetween::{FieldError, Path};
+use troupe_character::{FieldError, Path};
 
 pub use outbox::{Outbox, Outlet, outbox};
 pub(super) use roster::Roster;

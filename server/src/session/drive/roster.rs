@@ -8,13 +8,14 @@ use troupe_proto::v1;
 
 use super::outbox::Tick;
 use crate::api::ApiError;
-use crate::inbetween::Path;
 use crate::service::LoadedPack;
-use crate::session::budget;
 use crate::session::cell::{End, Held, Owner, SessionCell};
 use crate::session::encode::{BlockWriter, Form};
 use crate::session::planner::{self, Patience};
-use crate::session::{Clock, FrameOut, Registry, Strain, TimeSource, events};
+use crate::session::{Registry, TimeSource, events};
+use troupe_character::Path;
+use troupe_character::live::budget;
+use troupe_character::live::{Clock, FrameOut, Strain};
 
 /// A session on the stream.
 #[derive(Debug)]
@@ -89,7 +90,7 @@ impl Roster {
             });
         }
         let cell = self.registry.get(id, self.time.now(), &field)?;
-        form.check(&Path::root().field("open"), &cell.pack().pack)?;
+        form.check(&Path::root().field("open"), &cell.pack().pack.rig)?;
         let held = cell.take(Owner::Drive, &field)?;
         let known = self.packs.iter().position(|pack| Arc::ptr_eq(pack, cell.pack()));
         let pack = known.unwrap_or_else(|| {
@@ -152,7 +153,7 @@ impl Roster {
         let counts = self.counts();
         let mut writers: Vec<(BlockWriter, usize)> = counts
             .iter()
-            .map(|(pack, count)| (BlockWriter::new(&pack.pack, form, *count, 1), 0))
+            .map(|(pack, count)| (BlockWriter::new(&pack.pack.rig, form, *count, 1), 0))
             .collect();
         let mut underruns = 0;
         let mut in_hands = Vec::new();
@@ -185,7 +186,7 @@ impl Roster {
                 (*place, 0),
                 &self.out,
                 cell.convention(),
-                &cell.pack().pack.skeleton,
+                &cell.pack().pack.rig.skeleton,
             );
             *place += 1;
         }
@@ -223,7 +224,7 @@ impl Roster {
 
 /// How it is with the networks for a character of this priority.
 fn strain(pack: &LoadedPack, priority: f32) -> Strain {
-    let (load, fps) = (&pack.load, pack.pack.manifest.fps);
+    let (load, fps) = (&pack.load, pack.pack.rig.fps);
     Strain {
         expected_frames: load.expected_frames(pack.batcher.gauge().lanes(), fps),
         lead_frames: load.lead_frames(fps),

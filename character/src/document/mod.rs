@@ -1,0 +1,18 @@
+//! Documents that people write: TOML or JSON texts, files and folders of them, read and checked.
+//!
+//! A [`Document`] is what stands in a text; a check makes of it what the server works with. Whatever is wrong, the error
+//! names file, line, field and what is allowed ([`DocumentError`]). Smart objects ([`crate::object`]) and scenes
+//! ([`crate::scene`]) are such documents.
+
+pub mod check;
+mod folder;
+mod locate;
+mod read;
+#[cfg(test)]
+pub(crate) mod testing;
+mod words;
+
+pub use check::MAX_NAME_CHARS;
+pub use folder::{forget, keep, read_folder, read_kept};
+pub use read::{Document, DocumentError, Format, Source, parse, read, read_file};
+pub use words::plain;

@@ -1,0 +1,240 @@
+//! Beginning to use an object: what must hold for it, what it is called when it does not, and the reservation.
+
+use std::sync::Arc;
+
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use troupe_motion::Vec3;
+
+use super::super::{EventKind, FailReason, Refusal};
+use super::hand::Refused;
+use super::using::Using;
+use super::{Act, Body, Doing};
+use crate::object::{Action, Definition};
+use crate::primitives::object::Interaction;
+use crate::scene::{Instance, Scene, SceneError, State};
+
+/// What a character is to do with an object, as far as it is settled before it begins.
+pub(super) struct Checked {
+    definition: Arc<Definition>,
+    instance: Arc<Instance>,
+    variant: usize,
+    /// Index of the approach that was asked for.
+    approach: Option<usize>,
+}
+
+impl Act {
+    /// The seed of the next interaction: every one has its own.
+    pub(super) fn seed(&self, body: &Body<'_>) -> u64 {
+        let mut generator = ChaCha8Rng::seed_from_u64(body.options.seed);
+        // Plans count their streams from 0.
+        generator.set_stream(u64::MAX - self.begun);
+        generator.next_u64()
+    }
+
+    /// Whether the object can be used now, by which variant and from which approach. `root` is where the character is;
+    /// `names` are of variant and approach, where they are asked for.
+    ///
+    /// # Errors
+    /// [`Refusal`].
+    pub(super) fn checked(
+        &self,
+        id: &Arc<str>,
+        names: (Option<&str>, Option<&str>),
+        seed: u64,
+        root: Vec3,
+        body: &Body<'_>,
+    ) -> Result<Checked, Refusal> {
+        let scene = self.world.scene.snapshot();
+        let unknown = || Refusal::UnknownObject { id: Arc::clone(id) };
+        let instance = scene.instance(id).ok_or_else(unknown)?;
+        let listed = self.world.definitions.get(&instance.object);
+        let definition = listed.map_err(|_| unknown())?.definition;
+        if definition.pack != body.rig.name() {
+            return Err(Refusal::WrongPack {
+                id: Arc::clone(id),
+                pack: definition.pack.clone(),
+            });
+        }
+        let variant = variant(&definition, names.0, seed)?;
+        let approach = approach(&definition, names.1)?;
+        self.check_free(id, instance, &definition, variant)?;
+        let checked = Checked {
+            instance: Arc::clone(instance),
+            definition,
+            variant,
+            approach,
+        };
+        let using = checked.using(&scene, root, body, 0);
+        match using.blocked(&scene, root, body.footing.level()) {
+            Some(by) => Err(Refusal::Blocked {
+                id: Arc::clone(id),
+                by,
+            }),
+            None => Ok(checked),
+        }
+    }
+
+    /// Nobody else has it, and the hand is free where it is needed.
+    fn check_free(
+        &self,
+        id: &Arc<str>,
+        instance: &Instance,
+        definition: &Definition,
+        variant: usize,
+    ) -> Result<(), Refusal> {
+        let own = &self.world.holder;
+        match &instance.state {
+            State::Reserved(by) | State::Held(by) if by != own => {
+                return Err(Refusal::Taken {
+                    id: Arc::clone(id),
+                    by: by.clone(),
+                });
+            }
+            State::Held(_) => return Err(Refusal::HandFull { id: Arc::clone(id) }),
+            State::Free | State::Reserved(_) => {}
+        }
+        let takes = definition.variants.get(variant).is_some_and(|variant| {
+            let sets = variant.entry.iter().chain(&variant.exit);
+            sets.filter_map(|&set| definition.sets.get(set))
+                .flat_map(|set| &set.events)
+                .any(|event| matches!(event.action, Action::Attach(_)))
+        });
+        match &self.hand {
+            Some(hand) if takes => Err(Refusal::HandFull {
+                id: Arc::clone(&hand.instance),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Begins to use an object, or says why not.
+    pub(super) fn begin(
+        &mut self,
+        id: &Arc<str>,
+        variant: Option<&str>,
+        approach: Option<&str>,
+        frame: i64,
+        body: &mut Body<'_>,
+    ) {
+        let seed = self.seed(body);
+        let root = body.timeline.buffer().root(frame);
+        let begun = self
+            .checked(id, (variant, approach), seed, root, body)
+            .map_err(|refusal| Refused::from(&refusal))
+            .and_then(|checked| self.reserve(id).map(|()| checked));
+        let checked = match begun {
+            Ok(checked) => checked,
+            Err(Refused { reason, message }) => {
+                let instance = Arc::clone(id);
+                self.tell(
+                    frame,
+                    EventKind::Failed {
+                        instance,
+                        reason,
+                        message,
+                    },
+                );
+                return;
+            }
+        };
+        self.begun += 1;
+        let scene = self.world.scene.snapshot();
+        let using = checked.using(&scene, root, body, frame);
+        self.tell(
+            frame,
+            EventKind::Started {
+                instance: Arc::clone(id),
+                definition: checked.definition.name.clone(),
+                variant: checked.definition.variants[checked.variant].name.clone(),
+                approach: using.approach_name(),
+                seed,
+            },
+        );
+        self.doing = Doing::Using(Box::new(using));
+    }
+
+    fn reserve(&self, id: &str) -> Result<(), Refused> {
+        let reserve = |scene: &mut Scene| scene.reserve(id, &self.world.holder);
+        self.world.scene.update(reserve).map_err(|error| Refused {
+            reason: match error {
+                SceneError::Unknown { .. } => FailReason::Removed,
+                _ => FailReason::Taken,
+            },
+            message: error.to_string(),
+        })
+    }
+
+    /// Begins the way out of what is in the hand, where its variant has one.
+    pub(super) fn begin_way_out(&mut self, frame: i64, body: &mut Body<'_>) {
+        let Some(hand) = &self.hand else { return };
+        let (definition, variant) = (Arc::clone(&hand.definition), hand.variant);
+        let has_exit = (definition.variants.get(variant)).is_some_and(|variant| !variant.exit.is_empty());
+        if !has_exit {
+            self.drop_held(frame, body);
+            return;
+        }
+        let instance = Arc::clone(&hand.instance);
+        let interaction = Interaction::way_out(definition, variant);
+        self.doing = Doing::Using(Box::new(Using::way_out(instance, interaction, frame, body)));
+    }
+}
+
+impl Checked {
+    fn using(&self, scene: &Scene, root: Vec3, body: &Body<'_>, frame: i64) -> Using {
+        let interaction = Interaction::new(Arc::clone(&self.definition), self.variant);
+        Using::new(
+            &self.instance,
+            interaction,
+            self.approach,
+            (scene, root),
+            frame,
+            body,
+        )
+    }
+}
+
+fn variant(definition: &Definition, name: Option<&str>, seed: u64) -> Result<usize, Refusal> {
+    let Some(name) = name else {
+        return Ok(definition.variant_for(seed));
+    };
+    definition
+        .variant_named(name)
+        .ok_or_else(|| Refusal::UnknownVariant {
+            definition: definition.name.clone(),
+            name: name.to_owned(),
+            there_are: definition
+                .variants
+                .iter()
+                .map(|variant| variant.name.clone())
+                .collect(),
+        })
+}
+
+fn approach(definition: &Definition, name: Option<&str>) -> Result<Option<usize>, Refusal> {
+    let Some(name) = name else { return Ok(None) };
+    match definition.approach_named(name) {
+        Some(index) => Ok(Some(index)),
+        None => Err(Refusal::UnknownApproach {
+            definition: definition.name.clone(),
+            name: name.to_owned(),
+            there_are: (definition.approaches.iter())
+                .map(|approach| approach.name.clone())
+                .collect(),
+        }),
+    }
+}
+
+impl From<&Refusal> for Refused {
+    fn from(refusal: &Refusal) -> Self {
+        let reason = match refusal {
+            Refusal::Taken { .. } | Refusal::HandFull { .. } => FailReason::Taken,
+            Refusal::Blocked { .. } => FailReason::Blocked,
+            _ => FailReason::Removed,
+        };
+        Self {
+            reason,
+            message: refusal.to_string(),
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! Falling: where the ground ends, the character goes the way of a thrown body and lands.
+
+use troupe_motion::Vec3;
+use troupe_motion::ballistic::{self, Drop, MAX_FALL_S, Throw, fall_motion};
+use troupe_motion::ik::Posed;
+
+use super::super::buffer::Frames;
+use super::super::{CROSSFADE_FRAMES, EventKind, FailReason};
+use super::carry::RAMP_FRAMES;
+use super::footing::DEEPEST_M;
+use super::hand::Refused;
+use super::{Act, Body, Doing, Next};
+use crate::primitives::recipe::STANDING_MPS;
+use crate::scene::{RayHit, Scene};
+
+/// Frames over which the velocity at the edge is measured.
+const VELOCITY_FRAMES: i64 = 3;
+
+/// Who is to move after a landing does so once its hips are at this share of their standing height: lower ones the networks do
+/// not know.
+const UP_SHARE: f32 = 0.85;
+
+/// A surface whose normal points up by less than this is a wall: one does not land on it.
+const LEAST_UP: f32 = 0.6;
+/// The root stays so far from a wall that it falls against, metres.
+const OFF_WALL_M: f32 = 0.25;
+/// How far behind the landing a wall is looked for, for it is not at rest at once, and how high, metres.
+const WAY_OUT_M: f32 = 0.8;
+const SHIN_M: f32 = 0.3;
+
+/// A fall, from the frame behind the edge to when the character is upright again.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fall {
+    /// First frame with the feet on the ground.
+    touches: i64,
+    landed: bool,
+    /// First frame behind the landing with the hips as high as the networks know them: one who is to move goes on from there.
+    up: i64,
+    /// Last frame, from which locomotion goes on in any case.
+    upright: i64,
+    height_m: f32,
+    impact_mps: f32,
+}
+
+impl Act {
+    /// Writes the fall into the buffer, from frame `frame` on. Answers whether there is one: not where nothing is below.
+    pub(super) fn begin_fall(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
+        let (fps, level) = (body.rig.fps, body.footing.level());
+        let shown = body.shown(frame);
+        let velocity = body.velocity(frame, VELOCITY_FRAMES);
+        let Some(landing) = landing(scene, shown.root.with_y(level), velocity, fps) else {
+            return false;
+        };
+        let floor = landing.floor_m;
+        let style = &body.locomotion.command().style;
+        let idle = style.idle();
+        // The joints go over from the motion that was under way, as any plan does; the root begins with its velocity.
+        let goes_on = (1..=CROSSFADE_FRAMES as i64).flat_map(|step| body.shown(frame + step).rotations);
+        let under_way: Vec<_> = goes_on.collect();
+        let drop = Drop {
+            velocity,
+            floor_m: floor,
+            wall_s: landing.wall_s,
+            standing: Posed {
+                root: Vec3::Y * idle.height_m,
+                rotations: &idle.rotations,
+            },
+            under_way: &under_way,
+            air: None,
+            fps,
+        };
+        let legs = body.footing.legs();
+        let mut fall = fall_motion(&body.rig.skeleton, legs, shown.posed(), &drop);
+        if fall.motion.roots.is_empty() {
+            return false;
+        }
+        for root in &mut fall.motion.roots {
+            root.y -= floor;
+        }
+        self.fall_on_the_way(frame, body);
+        let frames = Frames {
+            roots: &fall.motion.roots,
+            rotations: &fall.motion.rotations,
+            contacts: &fall.motion.contacts,
+        };
+        body.timeline.forget_flight();
+        body.timeline.put(frame, frames, false);
+        body.footing.level_from(frame, floor);
+        body.carry.rest(frame, RAMP_FRAMES);
+        let height_m = level - floor;
+        let up = up_again(&fall);
+        self.tell(
+            frame,
+            EventKind::Fell {
+                height_m: Some(height_m),
+            },
+        );
+        self.doing = Doing::Falling(Fall {
+            touches: frame + 1 + fall.touch_down as i64,
+            landed: false,
+            up: frame + 1 + up as i64,
+            upright: frame + fall.motion.roots.len() as i64,
+            height_m,
+            impact_mps: fall.impact_mps,
+        });
+        body.hold(frame.max(self.upright() - body.timeline.look_ahead()));
+        true
+    }
+
+    fn upright(&self) -> i64 {
+        match &self.doing {
+            Doing::Falling(fall) => fall.upright,
+            _ => i64::MIN,
+        }
+    }
+
+    /// A character that falls on its way to an object does not come there.
+    fn fall_on_the_way(&mut self, frame: i64, body: &mut Body<'_>) {
+        let message = "the ground ended on the way".to_owned();
+        let reason = FailReason::NotReached;
+        self.fail(frame, body, Refused { reason, message });
+    }
+
+    /// Nothing is asked for before the character is upright, or nearly so where it is to move; then locomotion goes on with its
+    /// command, and with what came during the fall.
+    pub(super) fn settle_fall(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
+        let Doing::Falling(fall) = &mut self.doing else {
+            return Next::Locomotion;
+        };
+        let lands = !fall.landed && frame >= fall.touches;
+        fall.landed |= lands;
+        let fall = *fall;
+        if lands {
+            let (height_m, speed_mps) = (fall.height_m, fall.impact_mps);
+            self.tell(fall.touches, EventKind::Landed { height_m, speed_mps });
+        }
+        let command = body.locomotion.command();
+        let moves = command.velocity.length() >= STANDING_MPS && self.waiting.is_none();
+        let until = if moves && fall.landed {
+            fall.up
+        } else {
+            fall.upright
+        };
+        if frame + body.timeline.look_ahead() < until {
+            return Next::Wait;
+        }
+        self.doing = Doing::Locomotion;
+        let command = command.clone();
+        body.move_on(frame, command, false);
+        if let Some(intent) = self.waiting.take() {
+            self.take_up(intent, frame, body);
+        }
+        Next::Locomotion
+    }
+}
+
+/// The frame of a fall at which the hips are up again, or nearly so.
+fn up_again(fall: &ballistic::Fall) -> usize {
+    let roots = &fall.motion.roots;
+    let last = roots.len() - 1;
+    let is_up = |&frame: &usize| roots[frame].y >= UP_SHARE * roots[last].y;
+    (fall.lowest..last).find(is_up).unwrap_or(last)
+}
+
+/// Where a fall ends.
+struct Landing {
+    floor_m: f32,
+    /// As in [`Drop`].
+    wall_s: Option<f32>,
+}
+
+/// Where a body that is thrown from `foot`, the floor point under its root, lands. At a wall it falls straight down, and stands on
+/// what it comes to then, steep as that may be.
+fn landing(scene: &Scene, foot: Vec3, velocity: Vec3, fps: f32) -> Option<Landing> {
+    let throw = Throw {
+        position: foot,
+        velocity,
+    };
+    let mut wall = None;
+    let ground = |a: Vec3, b: Vec3| {
+        let hit = scene.cast_ray(a, b - a, a.distance(b), None)?;
+        if hit.is_inside() {
+            return None;
+        }
+        wall = is_wall(&hit).then_some(hit.point);
+        Some(hit.point.y)
+    };
+    let met = throw.lands(fps, MAX_FALL_S, ground)?;
+    let over_ground = velocity.with_y(0.0);
+    let speed = over_ground.length();
+    // How long it may go on over the ground to stay off a wall at `point`.
+    let stops_s = |point: Vec3| {
+        let far = (point - foot).with_y(0.0).length();
+        (far - OFF_WALL_M).max(0.0) / speed.max(STANDING_MPS)
+    };
+    if let Some(point) = wall {
+        let wall_s = stops_s(point);
+        let below = scene.support(throw.at(wall_s), DEEPEST_M, None)?;
+        return (!below.is_inside()).then_some(Landing {
+            floor_m: below.point.y,
+            wall_s: Some(wall_s),
+        });
+    }
+    let ahead = scene.cast_ray(met.place + Vec3::Y * SHIN_M, over_ground, WAY_OUT_M, None);
+    Some(Landing {
+        floor_m: met.place.y,
+        wall_s: ahead.filter(is_wall).map(|hit| stops_s(hit.point)),
+    })
+}
+
+fn is_wall(hit: &RayHit) -> bool {
+    !hit.is_inside() && hit.normal.y < LEAST_UP
+}

@@ -1,0 +1,231 @@
+//! An object in a character's hand: where it is from frame to frame, and how it is put down.
+
+use std::sync::Arc;
+
+use troupe_motion::fk::joint_transform;
+use troupe_motion::ik::Posed;
+use troupe_motion::interpolate::smoothstep;
+use troupe_motion::{Skeleton, Vec3};
+
+use super::super::{FailReason, World};
+use crate::object::{Definition, Socket};
+use crate::scene::{MAX_COORDINATE_M, Scene, SceneError, Transform};
+
+/// Frames over which an object turns in the hand before it is put down.
+const REST_FRAMES: f32 = 10.0;
+
+/// What a character holds.
+#[derive(Debug, Clone)]
+pub(super) struct Hand {
+    pub(super) instance: Arc<str>,
+    pub(super) definition: Arc<Definition>,
+    /// Index of the variant by which it was taken.
+    pub(super) variant: usize,
+    /// Index of the socket in the definition.
+    socket: usize,
+    /// The frame at which it was attached.
+    since: i64,
+    /// Where it was then, in the joint's frame.
+    from: Transform,
+    /// Where the socket has it, in the joint's frame.
+    held: Transform,
+    /// The frame at which it is put down, and where it is then in the joint's frame.
+    rest: Option<(i64, Transform)>,
+}
+
+/// Why an object could not be taken or put down.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Refused {
+    pub(super) reason: FailReason,
+    pub(super) message: String,
+}
+
+impl Hand {
+    /// Takes the object `instance` to socket `socket`, at frame `frame` of which `posed` is what is shown.
+    ///
+    /// # Errors
+    /// [`Refused`] where the scene does not have it, or somebody else does.
+    pub(super) fn take(
+        world: &World,
+        skeleton: &Skeleton,
+        instance: &Arc<str>,
+        (definition, variant): (&Arc<Definition>, usize),
+        socket: usize,
+        frame: i64,
+        posed: Posed<'_>,
+    ) -> Result<Self, Refused> {
+        let of = definition.sockets.get(socket).ok_or_else(|| Refused {
+            reason: FailReason::Removed,
+            message: format!("the definition {:?} has no socket {socket}", definition.name),
+        })?;
+        let taken = world.scene.update(|scene| {
+            scene.hold(instance, &world.holder)?;
+            scene
+                .instance(instance)
+                .map(|there| there.transform)
+                .ok_or_else(|| SceneError::Unknown {
+                    what: "object",
+                    id: instance.to_string(),
+                })
+        });
+        let there = taken.map_err(|error| Refused {
+            reason: match error {
+                SceneError::Unknown { .. } => FailReason::Removed,
+                _ => FailReason::Taken,
+            },
+            message: error.to_string(),
+        })?;
+        let from = joint(skeleton, of, posed).inverse() * there;
+        Ok(Self {
+            instance: Arc::clone(instance),
+            definition: Arc::clone(definition),
+            variant,
+            socket,
+            since: frame,
+            from,
+            held: of.offset(from.rotation),
+            rest: None,
+        })
+    }
+
+    pub(super) fn socket(&self) -> Option<&Socket> {
+        self.definition.sockets.get(self.socket)
+    }
+
+    /// Where the object is in a frame, which may lie between two of the timeline; `posed` is what is shown.
+    pub(super) fn transform(&self, skeleton: &Skeleton, frame: f64, posed: Posed<'_>) -> Transform {
+        let Some(socket) = self.socket() else {
+            return self.from;
+        };
+        joint(skeleton, socket, posed) * self.offset(socket, frame)
+    }
+
+    /// Where the object is in the joint's frame. Frames of a session that lasts are many, so they are not counted as `f32`.
+    fn offset(&self, socket: &Socket, frame: f64) -> Transform {
+        let since = (frame - self.since as f64) as f32;
+        let held = socket.offset_at(self.from, self.held, since);
+        let Some((at, rest)) = self.rest else {
+            return held;
+        };
+        let share = 1.0 + (frame - at as f64) as f32 / REST_FRAMES;
+        let share = smoothstep(share.clamp(0.0, 1.0));
+        Transform::new(
+            held.position.lerp(rest.position, share),
+            held.rotation.slerp(rest.rotation, share),
+        )
+    }
+
+    /// What becomes of the object when it is put down in a frame: how far up its middle goes, metres (down where that is negative),
+    /// and where it then is in the joint's frame. `None` where there is no place for it.
+    pub(super) fn on_release(
+        &self,
+        scene: &Scene,
+        skeleton: &Skeleton,
+        posed: Posed<'_>,
+    ) -> Option<(f32, Transform)> {
+        let socket = self.socket()?;
+        let joint = joint(skeleton, socket, posed);
+        let at = joint * self.held;
+        let placed = self.definition.place(scene, &self.instance, at).ok()?.transform;
+        let middle = self.definition.body.volume.center();
+        let lift = placed.point(middle).y - at.point(middle).y;
+        Some((lift, joint.inverse() * placed))
+    }
+
+    /// The object turns in the hand to where it is put down: at frame `rest.0` it is at `rest.1` in the joint's frame.
+    pub(super) fn comes_to_rest(&mut self, rest: (i64, Transform)) {
+        self.rest = Some(rest);
+    }
+
+    /// It is not put down: from `frame` on it goes back to its socket.
+    pub(super) fn stays(&mut self, frame: i64) {
+        if let (Some(socket), Some(_)) = (self.socket(), self.rest) {
+            self.from = self.offset(socket, frame as f64);
+            (self.since, self.rest) = (frame, None);
+        }
+    }
+
+    /// Puts the object down from `at` by its definition's rule. Where it is now comes back.
+    ///
+    /// # Errors
+    /// [`Refused`] where there is no place, or the scene does not have it any more.
+    pub(super) fn put_down(&self, world: &World, at: Transform) -> Result<Transform, Refused> {
+        let scene = world.scene.snapshot();
+        let placement = self
+            .definition
+            .place(&scene, &self.instance, at)
+            .map_err(|error| Refused {
+                reason: FailReason::NoPlace,
+                message: error.to_string(),
+            })?;
+        self.release(world, placement.transform)
+    }
+
+    /// Lets go of the object: it is put down by the rule, or, where there is no place for it, on whatever is below it.
+    pub(super) fn let_go(&self, world: &World, at: Transform) -> Option<Transform> {
+        if let Ok(transform) = self.put_down(world, at) {
+            return Some(transform);
+        }
+        let scene = world.scene.snapshot();
+        let from = at.position + Vec3::Y * self.definition.release.lift_m;
+        let below = scene.support(from, super::footing::DEEPEST_M, Some(&self.instance));
+        let upright = Transform::upright(at.position, at.heading());
+        let transform = match below {
+            Some(hit) if !hit.is_inside() => {
+                let lowest = self.definition.body.volume.lowest_along(upright, Vec3::Y);
+                let lift = lowest.map_or(0.0, |lowest| upright.position.y - lowest);
+                Transform::new(hit.point + Vec3::Y * lift, upright.rotation)
+            }
+            _ => upright,
+        };
+        self.release(world, transform).ok()
+    }
+
+    /// Frees the object in the scene, at `transform`; at the edge of the world where that is beyond it, for a scene does not
+    /// take it there and it is to be in nobody's hand.
+    fn release(&self, world: &World, mut transform: Transform) -> Result<Transform, Refused> {
+        let edge = Vec3::splat(MAX_COORDINATE_M);
+        transform.position = transform.position.clamp(-edge, edge);
+        let release = |scene: &mut Scene| scene.release(&self.instance, &world.holder, transform);
+        world.scene.update(release).map_err(|error| Refused {
+            reason: FailReason::Removed,
+            message: error.to_string(),
+        })?;
+        Ok(transform)
+    }
+}
+
+/// The socket's joint in the world.
+fn joint(skeleton: &Skeleton, socket: &Socket, posed: Posed<'_>) -> Transform {
+    let (position, rotation) = joint_transform(skeleton, posed.root, posed.rotations, socket.joint);
+    Transform::new(position, rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use troupe_motion::Quat;
+
+    use super::super::testing::{definitions, doll_rig};
+    use super::*;
+
+    #[test]
+    fn after_days_what_is_held_moves_as_at_once() {
+        let definition = definitions(&doll_rig()).get("cup").unwrap().definition;
+        let at = |since: i64| {
+            let hand = Hand {
+                instance: "cup".into(),
+                definition: Arc::clone(&definition),
+                variant: 0,
+                socket: 0,
+                since,
+                from: Transform::new(Vec3::X, Quat::IDENTITY),
+                held: Transform::IDENTITY,
+                rest: Some((since + 20, Transform::new(Vec3::Y, Quat::IDENTITY))),
+            };
+            let socket = hand.socket().unwrap();
+            let parts = (0..80).map(|quarter| since as f64 + 0.25 * f64::from(quarter));
+            parts.map(|frame| hand.offset(socket, frame)).collect::<Vec<_>>()
+        };
+        assert_eq!(at(0), at(1 << 40));
+    }
+}

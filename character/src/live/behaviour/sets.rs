@@ -1,0 +1,253 @@
+//! The motion of one set: its keyframes in full, and the way to them, by the networks or without them.
+
+use std::sync::Arc;
+
+use troupe_motion::Vec3;
+use troupe_motion::ik::Posed;
+use troupe_motion::root::wrap_angle;
+use troupe_motion::stance::stance_transition;
+
+use super::super::buffer::Frames;
+use super::super::{FailReason, Meets};
+use super::footing::{Support, support};
+use super::hand::{Hand, Refused};
+use super::using::Using;
+use super::{Body, SetPlan, Wish};
+use crate::object::{Action, Anchor, Moment, Origin, Set};
+use crate::primitives::object::recipe::{IN_PLACE_M, STANDS_MPS, STOPPED_TURN};
+use crate::primitives::object::{
+    BodyParts, Key, Unreachable, Way, keys, stance_frames, suits_stance, targets,
+};
+use crate::primitives::recipe::VELOCITY_FRAMES;
+use crate::scene::{Scene, Transform};
+
+/// What is put down may stand so much lower or higher than the keyframe says, metres: the hand goes there. Farther below, it is
+/// let fall.
+const PUT_DOWN_M: f32 = 0.4;
+/// How near the object comes to the surface, metres, in at most so many rounds: a hand that goes lower turns too.
+const PUT_DOWN_NEAR_M: f32 = 0.003;
+const PUT_DOWN_ROUNDS: usize = 4;
+
+/// A set whose motion is to be made.
+#[derive(Debug)]
+pub(super) struct Prepared {
+    /// Index of the set in the definition.
+    pub(super) set: usize,
+    /// The frame that the motion starts from.
+    splice: i64,
+    /// Its keyframes, with heights over the ground.
+    pub(super) keys: Vec<Key>,
+    /// Height of the ground at the keyframes, metres.
+    pub(super) ground: f32,
+    /// Where what is put down at the last of them comes to rest, in the frame of the joint that holds it.
+    pub(super) rest: Option<Transform>,
+}
+
+impl Using {
+    /// Works out the keyframes of a set for a character that comes from frame `splice`, with `hand` holding something.
+    pub(super) fn prepare(
+        &self,
+        scene: &Scene,
+        index: usize,
+        splice: i64,
+        hand: Option<&Hand>,
+        body: &Body<'_>,
+    ) -> Result<Prepared, Refused> {
+        let Some(set) = self.set(index) else {
+            return Err(Refused {
+                reason: FailReason::Removed,
+                message: format!("the definition has no set {index}"),
+            });
+        };
+        let from = body.flat(splice);
+        let level = body.footing.level();
+        let anchor = |ground_y| match set.origin {
+            Origin::Object => self.anchor(ground_y),
+            Origin::Character => Anchor::of_character(body.root(splice), ground_y),
+        };
+        let ground = ground_at(scene, set, &anchor(level), from.root, level);
+        let style = &body.locomotion.command().style;
+        let parts = BodyParts {
+            skeleton: &body.rig.skeleton,
+            legs: body.footing.legs(),
+            standing: style.idle(),
+        };
+        let make = |set: &Set| keys(set, &anchor(ground), ground, &parts, from);
+        let keys = make(set);
+        let keys = keys.map_err(|Unreachable { joint, short_m }| {
+            let joint = body
+                .rig
+                .skeleton
+                .joints
+                .get(joint)
+                .map(|joint| joint.name.as_str());
+            Refused {
+                reason: FailReason::OutOfReach,
+                message: format!(
+                    "set {:?}: {} stays {short_m:.2} m from its point",
+                    set.name,
+                    joint.unwrap_or("a joint")
+                ),
+            }
+        })?;
+        let hand = hand.filter(|hand| hand.instance == self.instance && puts_down(set));
+        let (keys, rest) = match hand {
+            Some(hand) => {
+                let on_release = |key: &Key| {
+                    let posed = Posed {
+                        root: key.root + Vec3::Y * ground,
+                        rotations: &key.rotations,
+                    };
+                    hand.on_release(scene, &body.rig.skeleton, posed)
+                };
+                let lowered = hand.socket().and_then(|socket| {
+                    onto_surface(set, socket.joint, &keys, on_release, |set| make(set).ok())
+                });
+                lowered.map_or((keys, None), |(keys, rest)| (keys, Some(rest)))
+            }
+            None => (keys, None),
+        };
+        Ok(Prepared {
+            set: index,
+            splice,
+            keys,
+            ground,
+            rest,
+        })
+    }
+}
+
+fn puts_down(set: &Set) -> bool {
+    let mut events = set.events.iter();
+    events.any(|event| event.action == Action::Release && event.at != Moment::Start)
+}
+
+/// The keyframes of a set that puts down what `joint` holds, with the joint's points moved up or down so that the object is let
+/// go where it comes to lie, for a definition cannot know how high the surface is; and where it lies then in the joint's frame.
+/// `None` where the joint has no point, or the surface is too far or out of reach: then it falls.
+fn onto_surface(
+    set: &Set,
+    joint: usize,
+    keys: &[Key],
+    on_release: impl Fn(&Key) -> Option<(f32, Transform)>,
+    make: impl Fn(&Set) -> Option<Vec<Key>>,
+) -> Option<(Vec<Key>, Transform)> {
+    let (mut set, mut moved, mut lifted) = (set.clone(), keys.to_vec(), 0.0);
+    for _ in 0..PUT_DOWN_ROUNDS {
+        let (lift, _) = on_release(moved.last()?)?;
+        if lift.abs() < PUT_DOWN_NEAR_M {
+            break;
+        }
+        lifted += lift;
+        let points = set.keyframes.iter_mut().flat_map(|key| &mut key.points);
+        let mut points = points.filter(|point| point.joint == joint).peekable();
+        if points.peek().is_none() || lifted.abs() > PUT_DOWN_M {
+            return None;
+        }
+        points.for_each(|point| point.position_m.y += lift);
+        moved = make(&set)?;
+    }
+    let (_, rest) = on_release(moved.last()?)?;
+    Some((moved, rest))
+}
+
+/// Height of what the character stands on at the last keyframe of `set`: what is under its root, but where the hips are low.
+/// One who sits keeps its feet on the ground that it stood on, at height `level`.
+fn ground_at(scene: &Scene, set: &Set, anchor: &Anchor, from: Vec3, level: f32) -> f32 {
+    let last = set
+        .keyframes
+        .last()
+        .map(|key| anchor.keyframe(key))
+        .unwrap_or_default();
+    let place = last.place.map_or(from, |[x, z]| Vec3::new(x, 0.0, z));
+    let low = last.height.is_some_and(|height| height - level < set.low_hips_m);
+    match support(scene, place, level) {
+        Support::At(height) if !low => height,
+        _ => level,
+    }
+}
+
+impl Prepared {
+    /// Whether the motion is made without the networks.
+    pub(super) fn is_stance(&self, set: &Set, body: &Body<'_>) -> bool {
+        suits_stance(set, &self.keys, body.flat(self.splice)) || self.is_there(set, body)
+    }
+
+    /// Refuses a keyframe that is more than `farthest_m` away.
+    pub(super) fn check_way(&self, set: &Set, farthest_m: f32, body: &Body<'_>) -> Result<(), Refused> {
+        let from = body.flat(self.splice).root;
+        let ways = self.keys.iter().map(|key| (key.root - from).with_y(0.0).length());
+        let way = ways.fold(0.0, f32::max);
+        match way <= farthest_m {
+            true => Ok(()),
+            false => Err(Refused {
+                reason: FailReason::OutOfReach,
+                message: format!(
+                    "set {:?}: its keyframe is {way:.1} m away; allowed: up to {farthest_m} m",
+                    set.name
+                ),
+            }),
+        }
+    }
+
+    /// Whether the character stopped for the set and stands where its keyframe is, but for a small step or turn. The networks fill
+    /// so short a way with gestures: an arm goes up before somebody sits down.
+    fn is_there(&self, set: &Set, body: &Body<'_>) -> bool {
+        let (from, left_axis) = (body.root(self.splice), body.rig.skeleton.left_axis);
+        let speed = body.velocity(self.splice, VELOCITY_FRAMES as i64).length();
+        let near = |key: &Key| {
+            let to = key.global_root(left_axis);
+            (to.position - from.position).with_y(0.0).length() < IN_PLACE_M
+                && wrap_angle(to.heading - from.heading).abs() < STOPPED_TURN
+        };
+        set.from_stand && set.motion.is_none() && speed < STANDS_MPS && self.keys.iter().all(near)
+    }
+
+    /// What to ask the networks for. `first`: it is the first set.
+    pub(super) fn plan(&self, set: &Set, still: bool, first: bool, body: &Body<'_>) -> SetPlan {
+        let way = Way {
+            from: body.root(self.splice),
+            velocity: body.velocity(self.splice, VELOCITY_FRAMES as i64),
+            first,
+        };
+        SetPlan {
+            wish: Wish {
+                splice: self.splice,
+                still,
+            },
+            targets: targets(set, &self.keys, body.rig, &way),
+            meets: Meets {
+                keys: self.keys.clone(),
+                settles: set.comes_to_rest(),
+                legs: Arc::clone(body.footing.legs()),
+            },
+        }
+    }
+
+    /// Writes the motion into the buffer without the networks; the frame of its last keyframe.
+    pub(super) fn write(&self, set: &Set, still: bool, body: &mut Body<'_>) -> i64 {
+        let skeleton = &body.rig.skeleton;
+        let Some((first, others)) = self.keys.split_first() else {
+            return self.splice;
+        };
+        let from = body.flat(self.splice);
+        let (count, lean) = stance_frames(set, skeleton, from, first);
+        let count = (count as usize).saturating_sub(others.len()).max(1);
+        let legs = body.footing.legs();
+        let mut motion = stance_transition(skeleton, legs, from, first.posed(), count, lean);
+        for key in others {
+            motion.roots.push(key.root);
+            motion.rotations.extend_from_slice(&key.rotations);
+            motion
+                .contacts
+                .push(motion.contacts.last().copied().unwrap_or_default());
+        }
+        let frames = Frames {
+            roots: &motion.roots,
+            rotations: &motion.rotations,
+            contacts: &motion.contacts,
+        };
+        body.timeline.put(self.splice, frames, !still);
+        body.timeline.buffer().last()
+    }
+}

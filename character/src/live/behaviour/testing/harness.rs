@@ -1,0 +1,298 @@
+//! A character in a scene that is driven frame by frame, with plans that go straight.
+
+use std::sync::Arc;
+
+use troupe_motion::fk::world_transforms;
+use troupe_motion::rotation::yaw;
+use troupe_motion::{GlobalRoot, Quat, Vec3};
+
+use super::super::super::{
+    Advance, Character, CharacterEvent, CharacterOptions, Clock, EventKind, FrameOut, Intent, LivePlan,
+    PlanFailed, PlanRequest, PlanTrace, Refusal, SUB_FRAMES, Start, World,
+};
+use super::{definitions, doll_rig, doll_style, room};
+use crate::object::Definitions;
+use crate::primitives::LocomotionCommand;
+use crate::scene::{Holder, Instance, SceneCell, Transform};
+use crate::style::Style;
+use troupe_motion::model::Rig;
+
+pub(crate) fn options() -> CharacterOptions {
+    CharacterOptions {
+        seed: 1,
+        look_ahead_frames: 4,
+        replan_interval_frames: None,
+        root_ratio: None,
+        temperature: 0.0,
+    }
+}
+
+/// How plans come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Plans {
+    /// At once.
+    AtOnce,
+    /// So many frames after they were asked for.
+    After(u32),
+    /// Not at all, for the keyframes of objects.
+    Never,
+}
+
+/// A character in a scene, and everything that came out of it.
+pub(crate) struct Harness {
+    pub(crate) character: Character,
+    pub(crate) scene: Arc<SceneCell>,
+    pub(crate) definitions: Arc<Definitions>,
+    pub(crate) rig: Arc<Rig>,
+    pub(crate) style: Arc<Style>,
+    pub(crate) clock: Clock,
+    pub(crate) plans: Plans,
+    /// Sub-frames of a tick.
+    pub(crate) sub_frames: u32,
+    open: Option<(PlanRequest, u32)>,
+    sequence: u64,
+    pub(crate) frames: Vec<FrameOut>,
+    pub(crate) events: Vec<CharacterEvent>,
+    /// Plans that were asked for, by cause and splice frame.
+    pub(crate) requests: Vec<PlanRequest>,
+}
+
+impl Harness {
+    pub(crate) fn new() -> Self {
+        let definitions = definitions(&doll_rig());
+        let scene = Arc::new(SceneCell::new(room(&definitions)));
+        Self::in_scene(scene, definitions, "a", Vec3::ZERO)
+    }
+
+    /// A character of session `name` that stands at `place`.
+    pub(crate) fn in_scene(
+        scene: Arc<SceneCell>,
+        definitions: Arc<Definitions>,
+        name: &str,
+        place: Vec3,
+    ) -> Self {
+        let world = World {
+            scene: Arc::clone(&scene),
+            definitions: Arc::clone(&definitions),
+            holder: Holder::new(name),
+        };
+        let (rig, style) = (doll_rig(), doll_style());
+        let start = Start::Standing(GlobalRoot::new(place, 0.0));
+        let standing = LocomotionCommand::standing(&style);
+        Self {
+            character: Character::in_world(Arc::clone(&rig), options(), start, standing, Some(world)),
+            scene,
+            definitions,
+            rig,
+            style,
+            clock: Clock::Waits,
+            plans: Plans::AtOnce,
+            sub_frames: SUB_FRAMES,
+            open: None,
+            sequence: 0,
+            frames: Vec::new(),
+            events: Vec::new(),
+            requests: Vec::new(),
+        }
+    }
+
+    pub(crate) fn give(&mut self, intent: Intent) -> Result<(), Refusal> {
+        self.sequence += 1;
+        self.character.give(self.sequence, None, intent).map(|_| ())
+    }
+
+    pub(crate) fn interact(&mut self, instance: &str, variant: &str) -> Result<(), Refusal> {
+        self.give(Intent::Interact {
+            instance: instance.into(),
+            variant: (!variant.is_empty()).then(|| variant.to_owned()),
+            approach: None,
+        })
+    }
+
+    pub(crate) fn walk(&mut self, x: f32, z: f32) {
+        let command = LocomotionCommand {
+            velocity: Vec3::new(x, 0.0, z),
+            ..LocomotionCommand::standing(&self.style)
+        };
+        self.give(Intent::Locomote(command)).unwrap();
+    }
+
+    /// One tick on.
+    pub(crate) fn tick(&mut self) {
+        let mut left = self.sub_frames;
+        loop {
+            let moved = self.character.advance(left, self.clock);
+            left = 0;
+            if let Some(request) = self.character.take_request() {
+                let delay = match self.plans {
+                    Plans::After(frames) => frames,
+                    _ => 0,
+                };
+                self.requests.push(request.clone());
+                self.open = Some((request, delay));
+            }
+            let waits = moved == Advance::NeedsPlan;
+            self.answer(waits);
+            if !waits {
+                break;
+            }
+        }
+        self.character.take_events(&mut self.events);
+        let mut out = FrameOut::default();
+        self.character.sample(&mut out);
+        self.frames.push(out);
+    }
+
+    fn answer(&mut self, waits: bool) {
+        let Some((request, delay)) = &mut self.open else {
+            return;
+        };
+        if *delay > 0 && !waits {
+            *delay -= 1;
+            return;
+        }
+        let plan = match self.plans {
+            Plans::Never if request.meets.is_some() => Err(PlanFailed),
+            _ => Ok(straight(request, &self.rig)),
+        };
+        let number = request.number;
+        self.open = None;
+        self.character.plan_arrived(number, plan);
+        // The answer may have come with another request.
+        if let Some(request) = self.character.take_request() {
+            self.requests.push(request.clone());
+            self.open = Some((request, 0));
+        }
+    }
+
+    pub(crate) fn run(&mut self, frames: usize) {
+        (0..frames).for_each(|_| self.tick());
+    }
+
+    /// Goes on until something of that kind has happened, at most `frames` frames: when it did.
+    pub(crate) fn until(&mut self, frames: usize, is: impl Fn(&EventKind) -> bool) -> Option<u64> {
+        let known = self.events.len();
+        for _ in 0..frames {
+            self.tick();
+            if let Some(event) = self.events[known..].iter().find(|event| is(&event.kind)) {
+                return Some(event.frame);
+            }
+        }
+        None
+    }
+
+    pub(crate) fn object(&self, id: &str) -> Arc<Instance> {
+        Arc::clone(self.scene.snapshot().instance(id).unwrap())
+    }
+
+    pub(crate) fn move_object(&self, id: &str, to: Vec3) {
+        self.scene
+            .update(|scene| scene.move_to(id, Transform::new(to, Quat::IDENTITY)))
+            .unwrap();
+    }
+
+    /// Joints of a frame that was shown, in the world.
+    pub(crate) fn joints(&self, index: usize) -> Vec<Vec3> {
+        let frame = &self.frames[index];
+        let count = self.rig.skeleton.joint_count();
+        let (mut places, mut turns) = (vec![Vec3::ZERO; count], vec![Quat::IDENTITY; count]);
+        world_transforms(
+            &self.rig.skeleton,
+            frame.root,
+            &frame.rotations,
+            &mut places,
+            &mut turns,
+        );
+        places
+    }
+
+    /// The largest acceleration of a joint from frame `from` on, m/s², and the largest way in a frame, metres.
+    pub(crate) fn roughness(&self, from: usize) -> (f32, f32) {
+        let all: Vec<Vec<Vec3>> = (from..self.frames.len())
+            .map(|index| self.joints(index))
+            .collect();
+        let mut acceleration = 0.0_f32;
+        for three in all.windows(3) {
+            for ((a, b), c) in three[0].iter().zip(&three[1]).zip(&three[2]) {
+                let bend = *c - 2.0 * *b + *a;
+                acceleration = acceleration.max(bend.length() * 900.0);
+            }
+        }
+        let way = |pair: &[Vec<Vec3>]| {
+            let apart = pair[0].iter().zip(&pair[1]).map(|(a, b)| a.distance(*b));
+            apart.fold(0.0, f32::max)
+        };
+        (acceleration, all.windows(2).map(way).fold(0.0, f32::max))
+    }
+
+    /// What happened, as words with frames.
+    pub(crate) fn told(&self) -> Vec<(u64, &'static str)> {
+        let word = |kind: &EventKind| match kind {
+            EventKind::Started { .. } => "started",
+            EventKind::Entered { .. } => "entered",
+            EventKind::Reached { .. } => "reached",
+            EventKind::Attached { .. } => "attached",
+            EventKind::Released { .. } => "released",
+            EventKind::Done { .. } => "done",
+            EventKind::Failed { .. } => "failed",
+            EventKind::Interrupted { .. } => "interrupted",
+            EventKind::Fell { .. } => "fell",
+            EventKind::Landed { .. } => "landed",
+        };
+        self.events
+            .iter()
+            .map(|event| (event.frame, word(&event.kind)))
+            .collect()
+    }
+
+    pub(crate) fn words(&self) -> Vec<&'static str> {
+        self.told().into_iter().map(|(_, word)| word).collect()
+    }
+}
+
+/// What the networks might give: straight from the context to near the target, the pose going over to the target's. Feet stand
+/// where the root hardly moves; else one after the other, but for plans that are to meet keyframes.
+pub(crate) fn straight(request: &PlanRequest, rig: &Rig) -> LivePlan {
+    let shape = &request.shape;
+    let target = shape.targets.targets.last().unwrap();
+    let listed = request.item.allowed_counts.iter().position(|&allowed| allowed);
+    let tokens = rig.dims.min_tokens + listed.unwrap_or(0);
+    let frames = shape.targets.frames.unwrap_or(tokens * rig.dims.frames_per_token);
+    let joints = rig.skeleton.joint_count();
+    let (start, end) = (shape.context_roots[3], target.root.unwrap());
+    let off = match request.meets {
+        Some(_) => Vec3::new(0.03, 0.01, -0.04),
+        None => Vec3::ZERO,
+    };
+    let mut roots = shape.context_roots.to_vec();
+    let mut rotations = shape.context_rotations.clone();
+    let from = shape.context_rotations[3 * joints..].to_vec();
+    let to = target.rotations.clone().unwrap();
+    let tilt = if request.meets.is_some() { 0.05 } else { 0.0 };
+    for frame in 4..frames {
+        let part = (frame - 3) as f32 / (frames - 4) as f32;
+        roots.push(start.lerp(end.position + off, part));
+        let pose = from.iter().zip(&to).map(|(a, b)| a.slerp(*b, part).normalize());
+        rotations.extend(pose);
+        let pelvis = &mut rotations[frame * joints];
+        *pelvis = (yaw(tilt * part) * *pelvis).normalize();
+    }
+    let moves = (end.position - start).with_y(0.0).length() > 0.3;
+    // One foot after the other, by where it is on the way.
+    let steps = |root: &Vec3| 1 << (((root.x + root.z) / 0.4).floor() as i32).rem_euclid(2);
+    let contacts = match (moves, &request.meets) {
+        (false, _) => vec![3; frames],
+        (true, Some(_)) => vec![0; frames],
+        (true, None) => roots.iter().map(steps).collect(),
+    };
+    let mut plan = LivePlan {
+        contacts,
+        roots,
+        rotations,
+        trace: PlanTrace::default(),
+    };
+    if let Some(meets) = &request.meets {
+        meets.meet(&mut plan, &rig.skeleton);
+    }
+    plan
+}

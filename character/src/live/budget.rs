@@ -1,0 +1,255 @@
+//! The crowd's budget: who is planned for how often, and how far ahead, where the networks cannot serve everybody as often
+//! as usual. Pure: time comes in as a number.
+//!
+//! [`Controller`] turns what plans have to wait into one number, the **pressure**: 0 where the networks keep up, 1 where
+//! everybody plans once a second, [`MOST_PRESSURE`] where every plan is as long as the pack allows and lasts as long as it
+//! can. [`stretch`] says how much of it falls on a character of some priority, and [`Pace::new`] what that means in frames:
+//!
+//! 1. Intervals grow, from the style's to what a plan of the usual length lasts.
+//! 2. Plans grow, by a token at a time, up to the one that lasts a second; each lasts as long as it can.
+//! 3. Only once that is true of everybody, plans grow on, up to the pack's longest.
+//!
+//! In each step the least important go first. At pressure 0 nothing here has any effect. Characters on a caller's clock
+//! are not under it, so that their frames do not depend on the load.
+
+use super::CONTEXT_FRAMES;
+use super::buffer::CROSSFADE_FRAMES;
+use crate::primitives::recipe::HORIZON_S;
+use troupe_motion::model::Dims;
+
+/// Highest pressure.
+pub const MOST_PRESSURE: f32 = 2.0;
+/// Pressure that nobody feels: a moment's delay changes nothing.
+const SLIGHT_PRESSURE: f32 = 0.03;
+/// How much sooner a priority of 0 feels the pressure than one of 1, against the pressure that takes either from the
+/// first interval to the last: at 1, the most important begin when the least important have come to the end.
+const PRIORITY_SPREAD: f32 = 1.0;
+/// Frames that must remain of a plan where the next takes over, under pressure: two fewer than it takes to fade. Those two
+/// are drawn out, at 4 and 13 % of their weight, which is a millimetre or two of a walk, and every plan lasts two frames longer.
+pub(super) const LEFT_FRAMES: u32 = CROSSFADE_FRAMES as u32 - 2;
+
+/// Frames by which plans are asked for further ahead under a [`stretch`] of 1, and of 2.
+const LEAD_FRAMES: (f32, f32) = (8.0, 24.0);
+/// The look-ahead that delays are measured against.
+const LOOK_AHEAD_FRAMES: f32 = 4.0;
+/// How much of that plans may take on average.
+const LEAD_USED: f32 = 0.5;
+
+/// How much of the pressure falls on a character, 0 to 2. Up to 1 it is on the way to a plan a second.
+///
+/// It grows with the pressure and falls with the priority, both at most twice as fast.
+pub fn stretch(pressure: f32, priority: f32) -> f32 {
+    let step =
+        |pressure: f32| (pressure * (1.0 + PRIORITY_SPREAD) - PRIORITY_SPREAD * priority).clamp(0.0, 1.0);
+    step(pressure) + step(pressure - 1.0)
+}
+
+/// How often a character is planned for, and how far ahead, where not as usual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pace {
+    /// Frames between plans.
+    pub interval_frames: u32,
+    /// Frames of a plan, context included.
+    pub plan_frames: u32,
+    /// Frames by which plans are asked for further ahead than the look-ahead, so that they may wait for each other.
+    pub lead_frames: u32,
+}
+
+impl Pace {
+    /// The pace of a character of a pack under a [`stretch`], or none where it is as usual. `interval_frames`: its style's,
+    /// or none where the style stands still and plans for a low buffer only, which lose nothing by long plans.
+    /// `phase`: any number, best a different one for each character; between two steps it says who takes which, so that
+    /// demand has no jumps.
+    pub fn new(
+        stretch: f32,
+        interval_frames: Option<u32>,
+        phase: u64,
+        dims: &Dims,
+        fps: f32,
+    ) -> Option<Self> {
+        if stretch <= 0.0 {
+            return None;
+        }
+        let steps = Steps::new(dims, fps);
+        let longest = steps.longest();
+        let frames = match interval_frames {
+            None => between(steps.lasts(steps.usual_tokens) as f32, longest, stretch),
+            Some(usual) => {
+                let second = between(usual as f32, steps.second(), stretch);
+                between(second, longest, stretch - 1.0)
+            }
+        };
+        let least = interval_frames.unwrap_or_default();
+        let (interval_frames, plan_frames) = steps.pace(least, frames.min(longest), part(phase));
+        Some(Self {
+            interval_frames,
+            plan_frames,
+            lead_frames: lead_frames(stretch).round() as u32,
+        })
+    }
+}
+
+fn lead_frames(stretch: f32) -> f32 {
+    let (second, longest) = LEAD_FRAMES;
+    second * stretch.min(1.0) + (longest - second) * (stretch - 1.0).clamp(0.0, 1.0)
+}
+
+/// From `a` to `b` in equal ratios, never back.
+fn between(a: f32, b: f32, part: f32) -> f32 {
+    a * (b / a).max(1.0).powf(part.clamp(0.0, 1.0))
+}
+
+/// A number from 0 to 1 that is spread evenly over consecutive numbers too.
+fn part(phase: u64) -> f32 {
+    (phase.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f32 / (1u32 << 24) as f32
+}
+
+/// What plans of a pack may be.
+struct Steps {
+    frames_per_token: u32,
+    usual_frames: u32,
+    usual_tokens: u32,
+    max_tokens: u32,
+    fps: f32,
+}
+
+impl Steps {
+    fn new(dims: &Dims, fps: f32) -> Self {
+        let frames_per_token = dims.frames_per_token as u32;
+        let usual_frames = CONTEXT_FRAMES as u32 + (HORIZON_S * fps).round() as u32;
+        let usual_frames = usual_frames.clamp(dims.min_frames() as u32, dims.max_frames() as u32);
+        Self {
+            frames_per_token,
+            usual_frames,
+            usual_tokens: usual_frames.div_ceil(frames_per_token),
+            max_tokens: dims.max_tokens as u32,
+            fps,
+        }
+    }
+
+    /// Frames for which a plan of so many frames lasts.
+    fn lasts_frames(frames: u32) -> u32 {
+        frames.saturating_sub(CONTEXT_FRAMES as u32 + LEFT_FRAMES).max(1)
+    }
+
+    fn lasts(&self, tokens: u32) -> u32 {
+        Self::lasts_frames(tokens * self.frames_per_token)
+    }
+
+    /// Frames for which a plan lasts that everybody takes before anybody takes a longer one: the longest that is made again
+    /// within a second.
+    fn second(&self) -> f32 {
+        let fits = |tokens: &u32| self.lasts(*tokens) as f32 <= self.fps;
+        let tokens = (self.usual_tokens..=self.max_tokens).rev().find(fits);
+        self.lasts(tokens.unwrap_or(self.usual_tokens)) as f32
+    }
+
+    fn longest(&self) -> f32 {
+        self.lasts(self.max_tokens) as f32
+    }
+
+    /// Interval, at least `least`, and length nearest to an interval: a whole number of frames while a plan of the usual number
+    /// of tokens will do, then as long as one of so many tokens lasts, for anything less of it would be more work and not
+    /// less.
+    fn pace(&self, least: u32, interval: f32, part: f32) -> (u32, u32) {
+        let usual = self.lasts(self.usual_tokens);
+        if interval <= usual as f32 {
+            let interval_frames = ((interval + part) as u32).min(usual);
+            let enough = interval_frames <= Self::lasts_frames(self.usual_frames);
+            let plan_frames = match enough {
+                true => self.usual_frames,
+                false => self.usual_tokens * self.frames_per_token,
+            };
+            return (interval_frames, plan_frames);
+        }
+        let more = (interval - usual as f32) / self.frames_per_token as f32;
+        let enough = |tokens: &u32| self.lasts(*tokens) >= least;
+        let first = (self.usual_tokens..self.max_tokens).find(enough);
+        let tokens = (self.usual_tokens + (more + part) as u32)
+            .clamp(first.unwrap_or(self.max_tokens), self.max_tokens);
+        (self.lasts(tokens), tokens * self.frames_per_token)
+    }
+}
+
+/// Time of a plan from asking to answer at which the pressure neither grows nor falls, seconds: within the usual look-ahead
+/// of four frames. A batch takes `c / (1 - load)` where the networks are at work all the time, and a plan waits for one and
+/// travels in another.
+const WANTED_DELAY_S: f32 = 0.09;
+/// `c` above for the middle between engines, for both batches: it makes a load of a delay. Were it off by a factor, the
+/// pressure would only move by that much faster or slower.
+const LEAST_DELAY_S: f32 = 0.015;
+/// How fast the pressure moves: its change in a second where the load is off by 1.
+const SPEED: f32 = 1.0;
+/// How fast it builds up by what is urgent: its change in a second for each unit of that.
+const URGENT_SPEED: f32 = 1.0;
+/// Loads below this count as this much: an idle engine takes the pressure away in about two seconds.
+const LEAST_LOAD: f32 = -0.2;
+/// From this delay on the pressure does not wait to be built up, and from the second on there is no more to add, seconds.
+const URGENT_DELAY_S: (f32, f32) = (0.14, 0.5);
+/// Shares of the engine's time that plans take, from which on they are taken to be what holds plans up, and wholly so.
+/// Below, it is other work that does, and longer plans would not help.
+const OWN_SHARE: (f32, f32) = (0.3, 0.5);
+/// How many times as long as plans take they are asked for ahead, where other work holds them up.
+const LEAD_MARGIN: f32 = 1.5;
+/// Time over which readings are smoothed, seconds.
+const SMOOTHING_S: f32 = 0.3;
+/// Longest time between two readings that counts, seconds.
+const MAX_STEP_S: f32 = 0.5;
+
+/// What is read of a pack's engine and queue.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// How long plans took lately from asking to answer, or would take if asked for now: the longer, seconds.
+    pub delay_s: f32,
+    /// Share of the engine's time that plans took lately.
+    pub share: f32,
+}
+
+/// Turns readings into pressure: an integral, for what lasts, and a part for what is urgent now.
+#[derive(Debug, Clone, Default)]
+pub struct Controller {
+    lasting: f32,
+    urgent: f32,
+    share: f32,
+    delay_s: f32,
+    own: f32,
+}
+
+impl Controller {
+    /// Takes a reading, `passed_s` seconds after the one before.
+    pub fn observe(&mut self, passed_s: f32, reading: Reading) {
+        let passed_s = passed_s.clamp(0.0, MAX_STEP_S);
+        let weight = 1.0 - (-passed_s / SMOOTHING_S).exp();
+        self.share += (reading.share - self.share) * weight;
+        self.delay_s += (reading.delay_s - self.delay_s) * weight;
+        let (from, to) = OWN_SHARE;
+        let own = ((self.share - from) / (to - from)).clamp(0.0, 1.0);
+
+        // Under pressure plans are asked for further ahead, and may take as much longer.
+        let longer = 1.0 + LEAD_USED * lead_frames(self.pressure()) / LOOK_AHEAD_FRAMES;
+        let (from, to) = URGENT_DELAY_S;
+        let urgent = ((self.delay_s - from * longer) / (to - from)).clamp(0.0, 1.0);
+        self.urgent = urgent * own * MOST_PRESSURE;
+
+        let load = |delay_s: f32| (1.0 - LEAST_DELAY_S / delay_s.max(1e-6)).max(LEAST_LOAD);
+        let off = load(self.delay_s / longer) - load(WANTED_DELAY_S);
+        let off = if off > 0.0 { off * own } else { off };
+        let change = SPEED * off + URGENT_SPEED * self.urgent;
+        self.lasting = (self.lasting + change * passed_s).clamp(0.0, MOST_PRESSURE + SLIGHT_PRESSURE);
+        self.own = own;
+    }
+
+    /// How far ahead plans are to be asked for, where it is not the plans' own doing that they take long, seconds.
+    pub fn lead_s(&self) -> f32 {
+        (1.0 - self.own) * self.delay_s * LEAD_MARGIN
+    }
+
+    /// 0 to [`MOST_PRESSURE`].
+    pub fn pressure(&self) -> f32 {
+        (self.lasting + self.urgent - SLIGHT_PRESSURE).clamp(0.0, MOST_PRESSURE)
+    }
+}
+
+#[cfg(test)]
+#[path = "budget_tests.rs"]
+mod tests;

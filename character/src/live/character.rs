@@ -1,0 +1,510 @@
+//! A character's state machine: commands, ticks and plans in; requests for plans and frames out. It knows no clock, no
+//! thread and no engine, so the same events give the same frames.
+//!
+//! In a scene, [`Act`] has the first word about every frame, [`Footing`] lifts frames onto what is there to stand on, for the
+//! buffer's heights count from a flat ground, and [`Carry`] bends an arm that carries something.
+
+use std::sync::Arc;
+
+use troupe_motion::ik::Posed;
+use troupe_motion::robot::Fitted;
+use troupe_motion::rotation::yaw;
+use troupe_motion::{GlobalRoot, Quat, Vec3};
+
+use super::behaviour::{Act, Body, Carry, Footing, Next, SetPlan};
+use super::budget::Pace;
+use super::buffer::{Frames, MotionBuffer};
+use super::inbox::Inbox;
+use super::policy::Policy;
+use super::request::{self, Context};
+use super::timeline::{Stop, Ticket, Timeline};
+use super::{
+    Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
+    FrameOut, HeldObject, Intent, LivePlan, LiveShape, Meets, Peek, PlanFailed, PlanRecord, PlanRequest,
+    Refusal, SUB_FRAMES, Start, Stats, Strain, View, WaitingCommand, World,
+};
+use crate::primitives::recipe::VELOCITY_FRAMES;
+use crate::primitives::{Locomotion, LocomotionCommand, PlanContext, PlanTargets};
+use crate::style::Style;
+use troupe_motion::model::Rig;
+
+/// Frame of the first context frame of a new character.
+const FIRST_FRAME: i64 = 1 - CONTEXT_FRAMES as i64;
+
+/// One character.
+#[derive(Debug)]
+pub struct Character {
+    rig: Arc<Rig>,
+    options: CharacterOptions,
+    /// What it does in its scene; none without one.
+    act: Option<Act>,
+    /// What it stands on; none where that is the ground at height 0 always.
+    footing: Option<Footing>,
+    /// How it carries what is in its hand.
+    carry: Carry,
+    timeline: Timeline,
+    /// How much of the crowd's pressure falls on it.
+    stretch: f32,
+    /// The newest plan leaves off in the middle of a turn.
+    unfinished: bool,
+    inbox: Inbox,
+    locomotion: Locomotion,
+    /// Sequence number of the current command, and the frame from which it held.
+    current: (u64, u64),
+    /// A plan to ask for.
+    outbox: Option<PlanRequest>,
+    /// What the newest plan was asked with.
+    asked: Option<(Ticket, Arc<LiveShape>)>,
+    newest: Option<Arc<PlanRecord>>,
+}
+
+impl Character {
+    /// A character at frame 0 that does what `command` says, in no scene. The rotations of a [`Start::Context`] and of the
+    /// style must fit the pack.
+    pub fn new(rig: Arc<Rig>, options: CharacterOptions, start: Start, command: LocomotionCommand) -> Self {
+        Self::in_world(rig, options, start, command, None)
+    }
+
+    /// As [`Character::new`], in a scene.
+    pub fn in_world(
+        rig: Arc<Rig>,
+        options: CharacterOptions,
+        start: Start,
+        command: LocomotionCommand,
+        world: Option<World>,
+    ) -> Self {
+        let moving = matches!(start, Start::Context { .. });
+        let under = |place, hips_m| move |world: &World| Act::floor_under(world, place, hips_m);
+        let level = |place, hips_m| world.as_ref().map_or(0.0, under(place, hips_m));
+        let (context, level) = match start {
+            Start::Standing(root) => (standing(&command.style, root), level(root.position, 0.0)),
+            Start::Context { roots, rotations } => {
+                let level = level(roots[CONTEXT_FRAMES - 1], command.style.idle().height_m);
+                let roots = roots.map(|root| root.with_y(root.y - level));
+                (Context { roots, rotations }, level)
+            }
+        };
+        let buffer = MotionBuffer::new(
+            rig.skeleton.joint_count(),
+            FIRST_FRAME,
+            Frames {
+                roots: &context.roots,
+                rotations: &context.rotations,
+                contacts: &[0; CONTEXT_FRAMES],
+            },
+        );
+        let facing = context.global_roots(rig.skeleton.left_axis)[CONTEXT_FRAMES - 1].heading;
+        let timeline = Timeline::new(buffer, options.look_ahead_frames, options.seed);
+        let mut character = Self {
+            timeline: match world {
+                Some(_) => timeline.looks_ahead(),
+                None => timeline,
+            },
+            stretch: 0.0,
+            unfinished: false,
+            inbox: Inbox::default(),
+            locomotion: Locomotion::new(0, facing, rig.fps, command),
+            current: (0, 0),
+            outbox: None,
+            asked: None,
+            newest: None,
+            footing: world.is_some().then(|| Footing::new(&rig.skeleton, level)),
+            act: world.map(Act::new),
+            carry: Carry::default(),
+            rig,
+            options,
+        };
+        if moving {
+            let ticket = character.timeline.ask_first();
+            character.ask(ticket, None);
+        }
+        character
+    }
+
+    /// Gives a command, to hold from `at_frame` on, after those before it. Without it, or where that frame is past: from the next frame that the
+    /// cursor leaves in [`Clock::Waits`], or reaches in [`Clock::Runs`].
+    ///
+    /// # Errors
+    /// [`Refusal`] for what the character could not do now.
+    pub fn give(
+        &mut self,
+        sequence: u64,
+        at_frame: Option<u64>,
+        intent: Intent,
+    ) -> Result<CommandOutcome, Refusal> {
+        let now = self.timeline.frame() as u64;
+        let at = at_frame.unwrap_or(now).max(now);
+        if sequence > self.inbox.last_sequence() {
+            self.inbox.check(&intent)?;
+            self.check(&intent)?;
+        }
+        Ok(self.inbox.offer(sequence, at, intent))
+    }
+
+    /// Whether a command could be carried out now.
+    fn check(&mut self, intent: &Intent) -> Result<(), Refusal> {
+        match (self.acting(), intent) {
+            (Some((act, body)), intent) => act.check(intent, &body),
+            (None, Intent::Interact { .. }) => Err(Refusal::NoScene),
+            (None, _) => Ok(()),
+        }
+    }
+
+    /// What the character does in its scene, and what that works on.
+    fn acting(&mut self) -> Option<(&mut Act, Body<'_>)> {
+        let (act, footing) = (self.act.as_mut()?, self.footing.as_mut()?);
+        let body = Body {
+            rig: &self.rig,
+            options: &self.options,
+            timeline: &mut self.timeline,
+            locomotion: &mut self.locomotion,
+            footing,
+            carry: &mut self.carry,
+        };
+        Some((act, body))
+    }
+
+    /// [`Character::give`] for a command that moves the character over the ground.
+    #[cfg(test)]
+    pub(crate) fn command(
+        &mut self,
+        sequence: u64,
+        at_frame: Option<u64>,
+        command: LocomotionCommand,
+    ) -> CommandOutcome {
+        let given = self.give(sequence, at_frame, Intent::Locomote(command));
+        given.expect("moving over the ground is never refused")
+    }
+
+    /// Moves what happened since the last call to the end of `into`, in order; to be called after every other call.
+    pub fn take_events(&mut self, into: &mut Vec<CharacterEvent>) {
+        if let Some(act) = &mut self.act {
+            act.take_events(into);
+        }
+    }
+
+    /// What the character is about.
+    pub fn activity(&self) -> Activity {
+        self.act.as_ref().map(Act::activity).unwrap_or_default()
+    }
+
+    /// What is in its hand, where that is something.
+    pub fn held(&self) -> Option<HeldObject> {
+        let act = self.act.as_ref().filter(|act| act.holds())?;
+        let mut rotations = Vec::new();
+        let (root, _) = self.shown(self.timeline.cursor(), &mut rotations, &mut Fitted::default());
+        let rotations = rotations.as_slice();
+        act.held(&self.rig, self.timeline.cursor(), Posed { root, rotations })
+    }
+
+    /// Takes the character out of its scene for good, as its session ends: what it holds is put down, what it reserved is free.
+    pub fn leave(&mut self) {
+        let held = self.held().map(|held| held.transform);
+        if let Some(act) = self.act.take() {
+            act.leave(held);
+        }
+    }
+
+    /// Takes the number of a command that asks for no motion: the character goes on with what it does.
+    pub fn note_command(&mut self, sequence: u64) -> CommandOutcome {
+        self.inbox.note(sequence)
+    }
+
+    /// How it is with the networks from now on.
+    pub fn under_load(&mut self, strain: Strain) {
+        self.timeline.expect(strain.expected_frames, strain.lead_frames);
+        self.stretch = strain.stretch;
+    }
+
+    /// Moves the cursor by `sub_frames` of the [`SUB_FRAMES`] that a frame has.
+    pub fn advance(&mut self, sub_frames: u32, clock: Clock) -> Advance {
+        self.timeline.push(sub_frames);
+        loop {
+            match self.timeline.run(clock) {
+                Stop::AtFrame(frame) => self.settle(frame, clock),
+                Stop::NeedsPlan => return Advance::NeedsPlan,
+                Stop::Done => return Advance::Moved,
+            }
+        }
+    }
+
+    /// The plan to ask for, if there is one; to be called after every other call.
+    pub fn take_request(&mut self) -> Option<PlanRequest> {
+        self.outbox.take()
+    }
+
+    /// A plan that was asked for has come, or will not.
+    pub fn plan_arrived(&mut self, number: u64, plan: Result<LivePlan, PlanFailed>) -> Arrival {
+        let Ok(plan) = plan else {
+            let arrival = self.timeline.fail(number);
+            self.lost(number, arrival);
+            return arrival;
+        };
+        let arrival = self.timeline.land(number, &plan);
+        self.lost(number, arrival);
+        if !matches!(arrival, Arrival::InTime { .. } | Arrival::Late) {
+            return arrival;
+        }
+        if let Some((act, mut body)) = self.acting() {
+            act.landed(number, &plan.trace.off, &mut body);
+        }
+        if let Some((ticket, shape)) = self.asked.take_if(|(ticket, _)| ticket.number == number) {
+            self.newest = Some(Arc::new(PlanRecord {
+                number: ticket.number,
+                cause: ticket.cause,
+                asked_at: ticket.asked_at as u64,
+                splice: ticket.splice as u64,
+                shape,
+                trace: plan.trace,
+            }));
+        }
+        arrival
+    }
+
+    fn lost(&mut self, number: u64, arrival: Arrival) {
+        if matches!(arrival, Arrival::Failed | Arrival::Dropped)
+            && let Some((act, mut body)) = self.acting()
+        {
+            act.lost(number, &mut body);
+        }
+    }
+
+    /// The frame at the cursor.
+    pub fn sample(&self, out: &mut FrameOut) {
+        (out.root, out.contacts) = self.shown(self.timeline.cursor(), &mut out.rotations, &mut out.fitted);
+        out.frame = self.timeline.frame() as u64;
+        out.underrun = self.timeline.slowing();
+    }
+
+    /// The motion at `cursor`, in sub-frames, as it is shown: the buffer's, lifted onto what the character stands on,
+    /// with the arm bent that carries something, a robot's pose on its hinges.
+    fn shown(&self, cursor: i64, rotations: &mut Vec<Quat>, fitted: &mut Fitted) -> (Vec3, u8) {
+        let (mut root, contacts) = self.timeline.buffer().sample(cursor, rotations);
+        let sub_frames = i64::from(SUB_FRAMES);
+        let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
+        let part = rest as f32 / SUB_FRAMES as f32;
+        self.dress((frame, part), &mut root, rotations, fitted);
+        (root, contacts)
+    }
+
+    /// Makes a frame of the buffer, or what is `part` of the way (0 to 1) to the next, one that is shown.
+    fn dress(&self, (frame, part): (i64, f32), root: &mut Vec3, rotations: &mut [Quat], fitted: &mut Fitted) {
+        let skeleton = &self.rig.skeleton;
+        if let Some(footing) = &self.footing {
+            footing.lift(skeleton, frame, part, root, rotations);
+            self.carry.bend(skeleton, frame, part, *root, rotations);
+        }
+        // Last, so that everything that is said of the frame is said of the same pose.
+        match &skeleton.robot {
+            Some(robot) => robot.fit(rotations, fitted),
+            None => fitted.clear(),
+        }
+    }
+
+    /// The frame that the cursor has reached.
+    pub fn frame(&self) -> u64 {
+        self.timeline.frame() as u64
+    }
+
+    /// What the character has done so far.
+    pub fn stats(&self) -> Stats {
+        self.timeline.stats()
+    }
+
+    /// The character as it stands.
+    pub fn view(&self) -> View {
+        let cursor = self.timeline.cursor();
+        let (mut pose, mut before, mut fitted) = (Vec::new(), Vec::new(), Fitted::default());
+        let (position, _) = self.shown(cursor, &mut pose, &mut fitted);
+        let (before, _) = self.shown(cursor - i64::from(SUB_FRAMES), &mut before, &mut fitted);
+        let way = (position - before).with_y(0.0).length();
+        let pelvis = pose.first().copied().unwrap_or_default();
+        View {
+            frame: self.timeline.frame() as u64,
+            root: GlobalRoot::of_pose(position, pelvis, self.rig.skeleton.left_axis),
+            speed_mps: way * self.rig.fps,
+            buffered_frames: self.timeline.frames_left() as u32,
+            last_sequence: self.inbox.last_sequence(),
+            stats: self.timeline.stats(),
+        }
+    }
+
+    /// Up to `frames` frames of the future, and the plan behind them.
+    pub fn peek(&self, frames: usize) -> Peek {
+        let first = self.timeline.frame() + 1;
+        let last = first.saturating_add_unsigned(frames as u64).saturating_sub(1);
+        let future = self.timeline.buffer().range(first, last);
+        let (mut roots, mut rotations) = (future.roots.to_vec(), future.rotations.to_vec());
+        let poses = rotations.chunks_exact_mut(self.rig.skeleton.joint_count());
+        let mut fitted = Fitted::default();
+        for (frame, (root, pose)) in (first..).zip(roots.iter_mut().zip(poses)) {
+            self.dress((frame, 0.0), root, pose, &mut fitted);
+        }
+        Peek {
+            first_frame: first as u64,
+            roots,
+            rotations,
+            contacts: future.contacts.to_vec(),
+            plan: self.newest.clone(),
+            in_flight: self.timeline.awaits_plan(),
+            waiting: self.waiting(),
+        }
+    }
+
+    /// The first of the commands that wait for their frames, or the current one where no plan was asked for with it yet.
+    fn waiting(&self) -> Option<WaitingCommand> {
+        self.inbox.waiting().cloned().or_else(|| {
+            let (sequence, frame) = self.current;
+            (sequence > 0 && self.timeline.command_waits()).then(|| WaitingCommand {
+                sequence,
+                frame,
+                intent: Intent::Locomote(self.locomotion.command().clone()),
+            })
+        })
+    }
+
+    /// Decides about the frame that the cursor is at: which commands hold, and whether to ask for a plan.
+    fn settle(&mut self, frame: i64, clock: Clock) {
+        while let Some(due) = self.inbox.take_due(frame as u64) {
+            if self.take_up(due.intent, frame) {
+                self.current = (due.sequence, frame as u64);
+            }
+        }
+        let next = match self.acting() {
+            Some((act, mut body)) => act.settle(frame, &mut body),
+            None => Next::Locomotion,
+        };
+        match next {
+            Next::Locomotion => self.settle_locomotion(clock),
+            Next::Wait => {
+                self.timeline.settle_for(None);
+            }
+            Next::Ask(plan) => self.settle_set(*plan),
+        }
+    }
+
+    /// Takes up a command. Answers whether locomotion goes by another from now on.
+    fn take_up(&mut self, intent: Intent, frame: i64) -> bool {
+        if let Some((act, mut body)) = self.acting() {
+            return act.take_up(intent, frame, &mut body);
+        }
+        let now = self.locomotion.command();
+        let command = match intent {
+            Intent::Locomote(command) => command,
+            Intent::Cancel => LocomotionCommand::standing(&now.style),
+            Intent::Interact { .. } | Intent::EndInteraction | Intent::Drop => return false,
+        };
+        if same(now, &command) {
+            return false;
+        }
+        self.locomotion.set_command(frame as u64, command);
+        self.timeline.command_changed();
+        true
+    }
+
+    /// Asks for the plan to the keyframes of an object.
+    fn settle_set(&mut self, plan: SetPlan) {
+        let Some(ticket) = self.timeline.settle_for(Some(plan.wish)) else {
+            return;
+        };
+        if let Some(act) = &mut self.act {
+            act.asked(ticket.number);
+        }
+        let context = self.context(ticket.splice);
+        self.unfinished = false;
+        self.send(ticket, context, plan.targets, Some(Arc::new(plan.meets)));
+    }
+
+    /// Leaves the frame that the cursor is at to locomotion.
+    fn settle_locomotion(&mut self, clock: Clock) {
+        let style = &self.locomotion.command().style;
+        let interval = self
+            .options
+            .replan_interval_frames
+            .unwrap_or(style.replan_interval_frames);
+        let interval_frames = (!style.is_static).then_some(interval);
+        let policy = Policy {
+            interval_frames,
+            pace: self.pace(interval_frames),
+            unfinished: self.unfinished,
+        };
+        if let Some(ticket) = self.timeline.settle(clock, policy) {
+            self.ask(ticket, policy.pace);
+        }
+    }
+
+    fn pace(&self, interval_frames: Option<u32>) -> Option<Pace> {
+        let (dims, fps) = (&self.rig.dims, self.rig.fps);
+        Pace::new(self.stretch, interval_frames, self.options.seed, dims, fps)
+    }
+
+    fn ask(&mut self, ticket: Ticket, pace: Option<Pace>) {
+        let context = self.context(ticket.splice);
+        let skeleton = &self.rig.skeleton;
+        let targets = self.locomotion.plan(&PlanContext {
+            frame: ticket.splice as u64,
+            roots: context.global_roots(skeleton.left_axis),
+            rotations: &context.rotations,
+            velocity: (self.timeline.buffer()).velocity(ticket.splice, VELOCITY_FRAMES as i64, self.rig.fps),
+            skeleton,
+            fps: self.rig.fps,
+            frames_per_token: self.rig.dims.frames_per_token,
+            plan_frames: pace.map(|pace| pace.plan_frames as usize),
+        });
+        self.unfinished = targets.unfinished;
+        self.send(ticket, context, targets, None);
+    }
+
+    fn send(&mut self, ticket: Ticket, context: Context, targets: PlanTargets, meets: Option<Arc<Meets>>) {
+        let (item, shape) = request::build(&self.rig, &self.options, ticket.number, context, targets);
+        let shape = Arc::new(shape);
+        self.asked = Some((ticket, Arc::clone(&shape)));
+        self.outbox = Some(PlanRequest {
+            number: ticket.number,
+            cause: ticket.cause,
+            item,
+            shape,
+            meets,
+            splice_in_frames: (ticket.splice - ticket.asked_at) as u32,
+            due_in_frames: (ticket.due - ticket.asked_at) as u32,
+            spacing_frames: ticket.spacing.map(|frames| frames.max(0) as u32),
+        });
+    }
+
+    /// The frames that a plan with this splice frame starts from.
+    fn context(&self, splice: i64) -> Context {
+        let buffer = self.timeline.buffer();
+        let frames = std::array::from_fn::<i64, CONTEXT_FRAMES, _>(|i| splice + FIRST_FRAME + i as i64);
+        Context {
+            roots: frames.map(|frame| buffer.root(frame)),
+            rotations: frames
+                .iter()
+                .flat_map(|&frame| buffer.pose(frame))
+                .copied()
+                .collect(),
+        }
+    }
+}
+
+/// Four frames of a style's standing pose.
+fn standing(style: &Style, root: GlobalRoot) -> Context {
+    let key = style.idle();
+    let mut pose = key.rotations.clone();
+    if let Some(pelvis) = pose.first_mut() {
+        *pelvis = yaw(root.heading) * *pelvis;
+    }
+    Context {
+        roots: [root.position.with_y(key.height_m); CONTEXT_FRAMES],
+        rotations: pose.repeat(CONTEXT_FRAMES),
+    }
+}
+
+/// Whether two commands ask for the same.
+pub(super) fn same(a: &LocomotionCommand, b: &LocomotionCommand) -> bool {
+    (Arc::ptr_eq(&a.style, &b.style) || a.style == b.style)
+        && (a.velocity, a.facing, &a.gait, a.height_m) == (b.velocity, b.facing, &b.gait, b.height_m)
+}
+
+#[cfg(test)]
+#[path = "character_tests.rs"]
+mod tests;

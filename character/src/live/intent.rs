@@ -1,0 +1,112 @@
+//! What a character is asked to do, and in which scene.
+
+use std::sync::Arc;
+
+use super::MAX_WAITING_COMMANDS;
+use crate::object::Definitions;
+use crate::primitives::LocomotionCommand;
+use crate::scene::{Holder, SceneCell};
+
+/// The scene that a character lives in.
+#[derive(Debug, Clone)]
+pub struct World {
+    /// The scene; shared with others, and changed by them.
+    pub scene: Arc<SceneCell>,
+    /// What its objects can be used for.
+    pub definitions: Arc<Definitions>,
+    /// The character's name in the scene: what it reserves and holds is reserved and held by this.
+    pub holder: Holder,
+}
+
+/// What a command asks of a character, in the native convention.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Intent {
+    /// Move over the ground.
+    Locomote(LocomotionCommand),
+    /// Go to an object of the scene and use it.
+    Interact {
+        /// The object.
+        instance: Arc<str>,
+        /// Name of the variant. `None`: one by weight and seed.
+        variant: Option<String>,
+        /// Name of the approach. `None`: the nearest.
+        approach: Option<String>,
+    },
+    /// Leave what is held by the variant's exit; nothing where there is no interaction.
+    EndInteraction,
+    /// Break off whatever it does, at once, let go of what is in the hand, and stand.
+    Cancel,
+    /// Put down what is in the hand, by its definition's rule; nothing where the hand is empty.
+    Drop,
+}
+
+/// Why a command is not accepted: the character could not do it now. Nothing has changed then, and its sequence number is
+/// free. What is found out later is told by [`EventKind::Failed`].
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// The session is in no scene.
+    #[error("the session is in no scene")]
+    NoScene,
+    /// No such object in the scene.
+    #[error("the scene has no object {id:?}")]
+    UnknownObject {
+        /// Its id.
+        id: Arc<str>,
+    },
+    /// The object's definition is for characters of another pack.
+    #[error("object {id:?} can be used by characters of pack {pack} only")]
+    WrongPack {
+        /// The object.
+        id: Arc<str>,
+        /// The pack that its definition was checked for.
+        pack: String,
+    },
+    /// The definition has no such variant.
+    #[error("object definition {definition:?} has no variant {name:?}")]
+    UnknownVariant {
+        /// The definition.
+        definition: String,
+        /// What was asked for.
+        name: String,
+        /// The variants that there are.
+        there_are: Vec<String>,
+    },
+    /// The definition has no such approach.
+    #[error("object definition {definition:?} has no approach {name:?}")]
+    UnknownApproach {
+        /// The definition.
+        definition: String,
+        /// What was asked for.
+        name: String,
+        /// The approaches that there are.
+        there_are: Vec<String>,
+    },
+    /// Another character has reserved or holds the object.
+    #[error("object {id:?} is taken by {by}")]
+    Taken {
+        /// The object.
+        id: Arc<str>,
+        /// Who has it.
+        by: Holder,
+    },
+    /// Something stands between the character and where it would start.
+    #[error("the way to object {id:?} is blocked by {by}")]
+    Blocked {
+        /// The object.
+        id: Arc<str>,
+        /// What is in the way, for example `object "crate"` or `collider "wall"`.
+        by: String,
+    },
+    /// As many commands as may wait for their frames do.
+    #[error(
+        "{MAX_WAITING_COMMANDS} commands of the session wait for their frames; at most {MAX_WAITING_COMMANDS} may, beside a \
+         locomote"
+    )]
+    TooManyCommands,
+    /// The hand holds another object.
+    #[error("the character holds object {id:?}; allowed: to drop it first")]
+    HandFull {
+        /// What it holds.
+        id: Arc<str>,
+    },
+}

@@ -1,0 +1,186 @@
+//! Has a plan meet the keyframes of an object.
+//!
+//! The networks come near a keyframe, and what comes after them meets it exactly: what the root lacks is spread over the gap, what
+//! the pose lacks fades over 8 frames ([`troupe_motion::pin`]), the last frames come to rest in a pose that is held, and feet that
+//! stand are kept where they stand, for all of that would have them slide.
+
+use std::f32::consts::PI;
+use std::ops::Range;
+use std::sync::Arc;
+
+use troupe_motion::fk::joint_transform;
+use troupe_motion::ik::{FootLock, Leg, Posed, lock_feet, settle, two_bone};
+use troupe_motion::pin::{PosePin, pin_poses};
+use troupe_motion::segment::{RootPin, pin_targets};
+use troupe_motion::{GlobalRoot, Skeleton, Vec3};
+
+use super::{CONTEXT_FRAMES, LivePlan};
+use crate::post::PIN_REACH_FRAMES;
+use crate::primitives::object::Key;
+use crate::primitives::object::recipe::SETTLE_FRAMES;
+
+/// A foot that goes at least so far, metres, in at least so many frames, steps: it is lifted by so much, metres.
+const LEAST_STEP_M: f32 = 0.05;
+const LEAST_STEP_FRAMES: usize = 5;
+const STEP_OVER_M: f32 = 0.06;
+
+/// What an answer is to meet.
+#[derive(Debug, Clone)]
+pub struct Meets {
+    /// The last frames, in the plan's own space: heights count from what the character stands on.
+    pub keys: Vec<Key>,
+    /// Whether the last is a pose to come to rest in.
+    pub settles: bool,
+    /// The legs of the pack's skeleton.
+    pub legs: Arc<[Leg]>,
+}
+
+impl Meets {
+    /// Draws the last frames of `plan` to the keyframes; notes in its trace how far off they were. A plan that is too short
+    /// for context and keyframes stays as it is.
+    pub fn meet(&self, plan: &mut LivePlan, skeleton: &Skeleton) {
+        let joints = skeleton.joint_count();
+        let frames = plan.roots.len();
+        let first = frames.saturating_sub(self.keys.len());
+        if self.keys.is_empty() || first <= CONTEXT_FRAMES {
+            return;
+        }
+        let frame = |plan: &LivePlan, frame: usize, key: &Key| {
+            let posed = Posed {
+                root: plan.roots[frame],
+                rotations: &plan.rotations[frame * joints..(frame + 1) * joints],
+            };
+            key.error(skeleton, posed)
+        };
+        plan.trace.off = (self.keys.iter().enumerate())
+            .map(|(nth, key)| frame(plan, first + nth, key))
+            .collect();
+
+        self.pin(plan, skeleton, first);
+        if self.settles
+            && let [key] = self.keys.as_slice()
+        {
+            let fading = SETTLE_FRAMES.min(frames - CONTEXT_FRAMES);
+            settle(
+                &mut plan.roots,
+                &mut plan.rotations,
+                joints,
+                key.root,
+                &key.rotations,
+                fading,
+            );
+        }
+        lock_feet(
+            skeleton,
+            &self.legs,
+            &mut plan.roots,
+            &mut plan.rotations,
+            &plan.contacts,
+            &FootLock {
+                floor_m: Some(0.0),
+                ..FootLock::over(CONTEXT_FRAMES..first)
+            },
+        );
+        if self.settles {
+            plan.contacts[frames - 1] = standing_contacts(plan, skeleton);
+        }
+        for leg in self.legs.iter() {
+            for swing in swings(leg, &plan.contacts[..first]) {
+                step_over(leg, swing, plan, skeleton);
+            }
+        }
+    }
+
+    fn pin(&self, plan: &mut LivePlan, skeleton: &Skeleton, first: usize) {
+        let joints = skeleton.joint_count();
+        let mut roots: Vec<GlobalRoot> = (plan.roots.iter().zip(plan.rotations.chunks_exact(joints)))
+            .map(|(&root, pose)| GlobalRoot::of_pose(root, pose[0], skeleton.left_axis))
+            .collect();
+        let root_pins: Vec<RootPin> = (self.keys.iter().enumerate())
+            .map(|(nth, key)| RootPin {
+                frame: first + nth,
+                root: key.global_root(skeleton.left_axis),
+            })
+            .collect();
+        let last_context = CONTEXT_FRAMES - 1;
+        pin_targets(&mut roots, &mut plan.rotations, joints, last_context, &root_pins);
+        for (position, root) in plan.roots.iter_mut().zip(&roots) {
+            *position = root.position;
+        }
+        let last_pose = plan.rotations[last_context * joints..CONTEXT_FRAMES * joints].to_vec();
+        let context = PosePin {
+            frame: last_context,
+            rotations: &last_pose,
+        };
+        let keys = (self.keys.iter().enumerate()).map(|(nth, key)| PosePin {
+            frame: first + nth,
+            rotations: &key.rotations,
+        });
+        let pins: Vec<PosePin<'_>> = std::iter::once(context).chain(keys).collect();
+        pin_poses(&mut plan.rotations, joints, &pins, PIN_REACH_FRAMES);
+    }
+}
+
+/// What touches the ground in the last frame, in which nothing moves.
+fn standing_contacts(plan: &LivePlan, skeleton: &Skeleton) -> u8 {
+    let (Some(contacts), Some(&root)) = (&skeleton.contacts, plan.roots.last()) else {
+        return 0;
+    };
+    let pose = &plan.rotations[plan.rotations.len() - skeleton.joint_count()..];
+    let touches = |(&joint, &most): (&usize, &f32)| joint_transform(skeleton, root, pose, joint).0.y < most;
+    let each = contacts.joints.iter().zip(&contacts.max_height_m).take(8);
+    each.map(touches)
+        .enumerate()
+        .fold(0, |bits, (bit, touches)| bits | (u8::from(touches) << bit))
+}
+
+/// Frames behind the context in which a leg does not stand, in runs that a step takes.
+fn swings(leg: &Leg, contacts: &[u8]) -> Vec<Range<usize>> {
+    let stands = |frame: usize| contacts[frame] & leg.contact_bits() != 0;
+    let mut swings = Vec::new();
+    let mut start = None;
+    for frame in CONTEXT_FRAMES..=contacts.len() {
+        match start {
+            None if frame < contacts.len() && !stands(frame) => start = Some(frame),
+            Some(from) if frame == contacts.len() || stands(frame) => {
+                swings.push(from..frame);
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    swings.retain(|swing| swing.len() >= LEAST_STEP_FRAMES);
+    swings
+}
+
+/// Lifts a foot that goes from one place to another low over the ground: what a plan is drawn to its keyframe by would have
+/// it slide there.
+fn step_over(leg: &Leg, swing: Range<usize>, plan: &mut LivePlan, skeleton: &Skeleton) {
+    let joints = skeleton.joint_count();
+    let foot = |plan: &LivePlan, frame: usize| {
+        let pose = &plan.rotations[frame * joints..(frame + 1) * joints];
+        joint_transform(skeleton, plan.roots[frame], pose, leg.foot).0
+    };
+    let (start, end) = (foot(plan, swing.start), foot(plan, swing.end - 1));
+    if (end - start).with_y(0.0).length() < LEAST_STEP_M {
+        return;
+    }
+    let share = |frame: usize| (frame + 1 - swing.start) as f32 / (swing.len() + 1) as f32;
+    let arc = |frame: usize| (PI * share(frame)).sin();
+    let lacking = |frame: usize| STEP_OVER_M * arc(frame) - (foot(plan, frame).y - leg.clearance_m[0]);
+    let most = swing.clone().map(lacking).fold(0.0, f32::max);
+    if most == 0.0 {
+        return;
+    }
+    for frame in swing.clone() {
+        let goal = foot(plan, frame) + Vec3::Y * most * arc(frame) * arc(frame);
+        let root = plan.roots[frame];
+        let pose = &mut plan.rotations[frame * joints..(frame + 1) * joints];
+        let pole = GlobalRoot::of_pose(root, pose[0], skeleton.left_axis).forward();
+        two_bone(skeleton, root, pose, leg.chain(), goal, pole, true);
+    }
+}
+
+#[cfg(test)]
+#[path = "meet_tests.rs"]
+mod tests;

@@ -1,0 +1,33 @@
+//! One live character as a pure state machine: events in, plans to ask for and frames out.
+//!
+//! A [`Character`] knows no clock, no thread and no engine.
+
+pub mod behaviour;
+pub mod budget;
+mod buffer;
+mod character;
+mod event;
+mod inbox;
+mod intent;
+pub mod load;
+mod meet;
+mod plan;
+mod policy;
+pub mod request;
+#[cfg(test)]
+mod testing;
+mod timeline;
+mod types;
+
+pub use buffer::CROSSFADE_FRAMES;
+pub use character::Character;
+pub use event::{Activity, CharacterEvent, EventKind, FailReason, HeldObject, KeyframeError};
+pub use inbox::MAX_WAITING_COMMANDS;
+pub use intent::{Intent, Refusal, World};
+pub use meet::Meets;
+pub use plan::finish_live;
+pub use types::{
+    Advance, Arrival, CONTEXT_FRAMES, CharacterOptions, Clock, CommandOutcome, FrameOut, LivePlan, LiveShape,
+    Peek, PlanCause, PlanFailed, PlanRecord, PlanRequest, PlanTrace, SUB_FRAMES, Start, Stats, Strain, View,
+    WaitingCommand,
+};

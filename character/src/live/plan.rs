@@ -1,0 +1,93 @@
+//! From a live plan's raw motion to frames in the world.
+
+use troupe_motion::pin::{PosePin, fade, pin_poses};
+use troupe_motion::root::{heading_of, wrap_angle};
+use troupe_motion::rotation::{align_sign, yaw};
+use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
+
+use super::{CONTEXT_FRAMES, LivePlan, LiveShape, PlanTrace};
+use crate::post::{
+    NonFinite, PIN_REACH_FRAMES, check_finite, contact_bits, parent_relative, roots, to_world_rotations,
+};
+use troupe_motion::model::Motion;
+use troupe_motion::model::Rig;
+
+/// The frame that a plan carries on from.
+const LAST_CONTEXT: usize = CONTEXT_FRAMES - 1;
+
+/// Turns what the stages made into a plan that carries on from its context.
+///
+/// What the last context frame lacks goes to the frames behind it: the place on the ground and the heading as they are,
+/// height and pose fading over [`PIN_REACH_FRAMES`]. Targets are guidance and not met: the next plan starts before
+/// the cursor comes near them.
+///
+/// # Errors
+/// [`NonFinite`] where the stages gave numbers that are not finite.
+pub fn finish_live(raw: &Motion, shape: &LiveShape, rig: &Rig) -> Result<LivePlan, NonFinite> {
+    check_finite(raw)?;
+    let dims = &rig.dims;
+    let made = raw.frames();
+    let frames = shape.targets.frames.map_or(made, |frames| frames.min(made));
+    let mut rotations = parent_relative(raw, frames, dims, &rig.skeleton);
+    to_world_rotations(&shape.frame, dims.joints, &mut rotations);
+    let r_g4 = world_roots(&raw.root, frames, &shape.frame);
+    let mut positions: Vec<Vec3> = r_g4.iter().map(|root| root.position).collect();
+
+    let trace = raw.trace.as_deref().cloned().unwrap_or_default();
+    join_roots(&mut positions, &shape.context_roots);
+    join_poses(&mut rotations, &shape.context_rotations, rig.skeleton.left_axis);
+    Ok(LivePlan {
+        roots: positions,
+        rotations,
+        contacts: contact_bits(&raw.contacts, dims.contacts, frames),
+        trace: PlanTrace {
+            r_g3: world_roots(&trace.root_r_g3, frames, &shape.frame),
+            r_g4,
+            tokens: trace.tokens,
+            count_probs: trace.count_probs,
+            off: Vec::new(),
+        },
+    })
+}
+
+fn world_roots(values: &[f32], frames: usize, frame: &SegmentFrame) -> Vec<GlobalRoot> {
+    roots(values)
+        .take(frames)
+        .map(|root| frame.to_world_root(root))
+        .collect()
+}
+
+/// Has the roots go on from the context: the path over the ground moves as a whole, the height's part fades.
+fn join_roots(positions: &mut [Vec3], context: &[Vec3; CONTEXT_FRAMES]) {
+    let lacking = context[LAST_CONTEXT] - positions[LAST_CONTEXT];
+    for (frame, position) in positions.iter_mut().enumerate() {
+        let fading = fade(frame.saturating_sub(LAST_CONTEXT), PIN_REACH_FRAMES);
+        *position += Vec3::new(lacking.x, lacking.y * fading, lacking.z);
+    }
+    positions[..CONTEXT_FRAMES].copy_from_slice(context);
+}
+
+/// Has the poses go on from the context's: all turn by what the heading lacks, the rest fades.
+fn join_poses(rotations: &mut [Quat], context: &[Quat], left_axis: Vec3) {
+    let joints = context.len() / CONTEXT_FRAMES;
+    let given = &context[LAST_CONTEXT * joints..];
+    let heading = |pelvis| heading_of(pelvis, left_axis);
+    let lacking = wrap_angle(heading(given[0]) - heading(rotations[LAST_CONTEXT * joints]));
+    let turn = yaw(lacking);
+    for pose in rotations.chunks_exact_mut(joints) {
+        pose[0] = (turn * pose[0]).normalize();
+    }
+    let pin = PosePin {
+        frame: LAST_CONTEXT,
+        rotations: given,
+    };
+    pin_poses(rotations, joints, &[pin], PIN_REACH_FRAMES);
+    rotations[..context.len()].copy_from_slice(context);
+    for index in context.len()..rotations.len() {
+        rotations[index] = align_sign(rotations[index], rotations[index - joints]);
+    }
+}
+
+#[cfg(test)]
+#[path = "plan_tests.rs"]
+mod tests;

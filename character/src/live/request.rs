@@ -1,0 +1,150 @@
+//! From what a primitive asks for to a work item in its segment frame.
+
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use troupe_motion::root::heading_of;
+use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
+
+use super::{CONTEXT_FRAMES, CharacterOptions, LiveShape};
+use crate::keyframe::{Checked, KeyWriter};
+use crate::primitives::{self, Guide, PlanTargets, TargetKey};
+use troupe_motion::model::{Dims, Rig};
+use troupe_motion::model::{GapPose, KeyframeTask, RootGuide};
+
+/// The four frames that a plan starts from, in the world.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Context {
+    /// Root positions, oldest first.
+    pub roots: [Vec3; CONTEXT_FRAMES],
+    /// `4 * joints`.
+    pub rotations: Vec<Quat>,
+}
+
+impl Context {
+    /// Roots with the headings of the poses.
+    pub fn global_roots(&self, left_axis: Vec3) -> [GlobalRoot; CONTEXT_FRAMES] {
+        let joints = self.rotations.len() / CONTEXT_FRAMES;
+        std::array::from_fn(|frame| {
+            let pelvis = self.rotations[frame * joints];
+            GlobalRoot::new(self.roots[frame], heading_of(pelvis, left_axis))
+        })
+    }
+}
+
+/// Makes the work item of plan `number`, and what it takes to finish the answer.
+pub fn build(
+    rig: &Rig,
+    options: &CharacterOptions,
+    number: u64,
+    context: Context,
+    mut targets: PlanTargets,
+) -> (KeyframeTask, LiveShape) {
+    if let (Some(guide), Some(ratio)) = (&mut targets.guide, options.root_ratio) {
+        guide.position_ratio = ratio;
+    }
+    let dims = &rig.dims;
+    targets.frames = targets
+        .frames
+        .map(|frames| frames.clamp(dims.min_frames(), dims.max_frames()));
+    let roots = context.global_roots(rig.skeleton.left_axis);
+    let frame = SegmentFrame::from_root(roots[CONTEXT_FRAMES - 1]);
+
+    let mut writer = KeyWriter::new(&rig.skeleton, rig.fps);
+    let item = KeyframeTask {
+        context: writer.write(&frame, &context_keys(&roots, &context.rotations)),
+        targets: writer.write(&frame, &target_keys(&targets.targets)),
+        frames: targets.frames,
+        allowed_counts: allowed_counts(dims, &targets),
+        seed: plan_seed(options.seed, number),
+        temperature: options.temperature,
+        pose_steps: 1,
+        root_guide: targets.guide.as_ref().map(|guide| root_guide(&frame, guide)),
+        gap_poses: gap_poses(&mut writer, &frame, &targets.gap_poses),
+    };
+    let shape = LiveShape {
+        frame,
+        context_roots: context.roots,
+        context_rotations: context.rotations,
+        targets,
+    };
+    (item, shape)
+}
+
+fn context_keys(roots: &[GlobalRoot; CONTEXT_FRAMES], rotations: &[Quat]) -> Vec<Checked> {
+    let poses = rotations.chunks_exact(rotations.len() / CONTEXT_FRAMES);
+    roots
+        .iter()
+        .zip(poses)
+        .map(|(&root, pose)| Checked::of(Some(root), None, None, Some(pose.to_vec())))
+        .collect()
+}
+
+fn target_keys(targets: &[TargetKey]) -> Vec<Checked> {
+    targets
+        .iter()
+        .map(|key| Checked::of(key.root, key.height_m, key.velocity, key.rotations.clone()))
+        .collect()
+}
+
+fn root_guide(frame: &SegmentFrame, guide: &Guide) -> RootGuide {
+    let point = |&root: &GlobalRoot| {
+        let root = frame.to_segment_root(root);
+        let [x, y, z] = root.position.to_array();
+        [x, y, z, root.heading]
+    };
+    RootGuide {
+        path: guide.path.iter().map(point).collect(),
+        position_ratio: guide.position_ratio,
+        height_ratio: guide.height_ratio,
+        heading_ratio: guide.heading_ratio,
+    }
+}
+
+fn gap_poses(
+    writer: &mut KeyWriter<'_>,
+    frame: &SegmentFrame,
+    poses: &[primitives::GapPose],
+) -> Vec<GapPose> {
+    let keys: Vec<Checked> = poses
+        .iter()
+        .map(|key| Checked::of(None, Some(key.height_m), None, Some(key.rotations.clone())))
+        .collect();
+    let frames = poses.iter().map(|key| key.frame);
+    frames
+        .zip(writer.write(frame, &keys))
+        .filter_map(|(frame, key)| {
+            Some(GapPose {
+                frame,
+                pose: key.pose?,
+            })
+        })
+        .collect()
+}
+
+/// Which token counts the root stage may choose: the one that `frames` takes, those that the primitive lists, or all that
+/// have room for the keyframes.
+fn allowed_counts(dims: &Dims, targets: &PlanTargets) -> Vec<bool> {
+    let fewest = dims.tokens_for(dims.context_frames + targets.targets.len());
+    let listed = |tokens: usize| match targets.frames {
+        Some(frames) => tokens == dims.tokens_for(frames),
+        None => tokens >= fewest && targets.allowed_token_counts.contains(&(tokens as u32)),
+    };
+    let counts = dims.min_tokens..=dims.max_tokens;
+    let allowed: Vec<bool> = counts.clone().map(listed).collect();
+    if allowed.contains(&true) {
+        allowed
+    } else {
+        counts.map(|tokens| tokens >= fewest).collect()
+    }
+}
+
+/// The seed of plan `number` of a character: every plan has its own, and plans that are skipped do not shift it.
+fn plan_seed(seed: u64, number: u64) -> u64 {
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    generator.set_stream(number);
+    generator.next_u64()
+}
+
+#[cfg(test)]
+#[path = "request_tests.rs"]
+mod tests;

@@ -1,0 +1,305 @@
+//! Keyframes worked out in full, and what the networks are asked for to meet them.
+
+use troupe_motion::fk::joint_transform;
+use troupe_motion::ik::{Leg, Posed, ReachOptions, pose_at, reach_pose};
+use troupe_motion::root::{heading_of, wrap_angle};
+use troupe_motion::rotation::yaw;
+use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
+
+use super::recipe::{
+    FEET_STAY, FIRST_TOKENS, LEAN_M, LEAST_PLAN_FRAMES, LOW_FRAMES, LOW_STANCE, NEXT_TOKENS, REACHED_M,
+    SLOWEST, SPARE_TOKENS, STANCE_FRAMES, STAYS_M, TURN_RPS,
+};
+use crate::object::{Anchor, Motion, Set, WorldKeyframe};
+use crate::primitives::{CONTEXT_FRAMES, PlanTargets, TargetKey};
+use crate::style::StyleKey;
+use troupe_motion::model::{Dims, Rig};
+
+/// How near hips come to the place that a keyframe says, metres, in at most so many rounds.
+const PLACED_M: f32 = 0.002;
+const PLACE_ROUNDS: usize = 6;
+
+/// What a character is made of, as far as keyframes need it.
+#[derive(Debug, Clone, Copy)]
+pub struct BodyParts<'a> {
+    /// The pack's skeleton.
+    pub skeleton: &'a Skeleton,
+    /// Its legs.
+    pub legs: &'a [Leg],
+    /// The pose that it stands in: what a keyframe does not say is as in it.
+    pub standing: &'a StyleKey,
+}
+
+/// A keyframe in full. Heights count from what the character stands on there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Key {
+    /// Position of the root joint.
+    pub root: Vec3,
+    /// The pose: joint 0 in the world, others relative to their parents.
+    pub rotations: Vec<Quat>,
+    /// The joints that the keyframe has points for, and these.
+    pub points: Vec<(usize, Vec3)>,
+}
+
+/// How far a motion is from a keyframe.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct KeyframeError {
+    /// Root joint, metres.
+    pub root_m: f32,
+    /// Heading, radians.
+    pub heading: f32,
+    /// The farthest joint, metres.
+    pub joint_m: f32,
+}
+
+/// A point that no pose comes to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unreachable {
+    /// The joint.
+    pub joint: usize,
+    /// How far it stays from its point, metres.
+    pub short_m: f32,
+}
+
+impl Key {
+    /// Root with the heading of the pose.
+    pub fn global_root(&self, left_axis: Vec3) -> GlobalRoot {
+        let pelvis = self.rotations.first().copied().unwrap_or_default();
+        GlobalRoot::of_pose(self.root, pelvis, left_axis)
+    }
+
+    /// The same as one frame.
+    pub fn posed(&self) -> Posed<'_> {
+        Posed {
+            root: self.root,
+            rotations: &self.rotations,
+        }
+    }
+
+    /// How far `frame` is from it.
+    pub fn error(&self, skeleton: &Skeleton, frame: Posed<'_>) -> KeyframeError {
+        let heading =
+            |pose: &[Quat]| heading_of(pose.first().copied().unwrap_or_default(), skeleton.left_axis);
+        KeyframeError {
+            root_m: frame.root.distance(self.root),
+            heading: wrap_angle(heading(frame.rotations) - heading(&self.rotations)).abs(),
+            joint_m: farthest(skeleton, self.posed(), frame),
+        }
+    }
+}
+
+/// The farthest that a joint is apart in two frames, metres.
+fn farthest(skeleton: &Skeleton, a: Posed<'_>, b: Posed<'_>) -> f32 {
+    let place = |frame: Posed<'_>, joint| joint_transform(skeleton, frame.root, frame.rotations, joint).0;
+    (0..skeleton.joint_count())
+        .map(|joint| place(a, joint).distance(place(b, joint)))
+        .fold(0.0, f32::max)
+}
+
+/// The keyframes of `set`, anchored by `anchor`, for a character that comes from the frame `from` (its root's height over
+/// what it stands on) and stands at height `ground_y` in the world at the keyframes. What a keyframe does not say is as in the
+/// standing pose, its place and heading as in the one before.
+///
+/// # Errors
+/// [`Unreachable`] for the first point that is out of reach.
+pub fn keys(
+    set: &Set,
+    anchor: &Anchor,
+    ground_y: f32,
+    body: &BodyParts<'_>,
+    from: Posed<'_>,
+) -> Result<Vec<Key>, Unreachable> {
+    let pelvis = from.rotations.first().copied().unwrap_or_default();
+    let mut before = GlobalRoot::of_pose(from.root, pelvis, body.skeleton.left_axis);
+    let mut keys = Vec::with_capacity(set.keyframes.len());
+    for keyframe in &set.keyframes {
+        let key = key(&anchor.keyframe(keyframe), ground_y, body, before)?;
+        before = key.global_root(body.skeleton.left_axis);
+        keys.push(key);
+    }
+    Ok(keys)
+}
+
+fn key(
+    given: &WorldKeyframe,
+    ground_y: f32,
+    body: &BodyParts<'_>,
+    before: GlobalRoot,
+) -> Result<Key, Unreachable> {
+    let height = given.height.map(|height| height - ground_y);
+    let standing = GlobalRoot::new(before.position.with_y(body.standing.height_m), before.heading);
+    let root = GlobalRoot {
+        position: given
+            .root_or(standing)
+            .position
+            .with_y(height.unwrap_or(body.standing.height_m)),
+        ..given.root_or(standing)
+    };
+    let (root_m, rotations) = match &given.rotations {
+        Some(rotations) => (root.position, rotations.clone()),
+        None => upright(root, before, body),
+    };
+    let points: Vec<(usize, Vec3)> = (given.points.iter())
+        .map(|point| (point.joint, point.position - Vec3::Y * ground_y))
+        .collect();
+    if points.is_empty() {
+        return Ok(Key {
+            root: root_m,
+            rotations,
+            points,
+        });
+    }
+    let options = ReachOptions {
+        // A height that is given is kept; else the hips go where the hand needs them.
+        root: height.map(|_| root_m),
+        ..ReachOptions::default()
+    };
+    let reach = |root: Vec3| {
+        let base = Posed {
+            root,
+            rotations: &rotations,
+        };
+        reach_pose(body.skeleton, body.legs, base, &points, &options)
+    };
+    let mut reached = reach(root_m);
+    if given.place.is_some() {
+        // Who bows moves the hips back: the feet stand so far ahead that the hips come to the place that is given.
+        let mut base = root_m;
+        for _ in 0..PLACE_ROUNDS {
+            let off = (root_m - reached.root).with_y(0.0);
+            if off.length() < PLACED_M || !off.is_finite() {
+                break;
+            }
+            base += off;
+            reached = reach(base);
+        }
+    }
+    for (&(joint, _), &short_m) in points.iter().zip(&reached.errors_m) {
+        if short_m.is_nan() || short_m > REACHED_M {
+            return Err(Unreachable { joint, short_m });
+        }
+    }
+    Ok(Key {
+        root: reached.root,
+        rotations: reached.rotations,
+        points,
+    })
+}
+
+/// The standing pose at a root. At another height its feet stay on the ground: where they are, for one that comes from `before`
+/// close by, or else below the root.
+fn upright(root: GlobalRoot, before: GlobalRoot, body: &BodyParts<'_>) -> (Vec3, Vec<Quat>) {
+    let standing_at = |root: GlobalRoot| {
+        let mut rotations = body.standing.rotations.clone();
+        if let Some(pelvis) = rotations.first_mut() {
+            *pelvis = (yaw(root.heading) * *pelvis).normalize();
+        }
+        (root.position.with_y(body.standing.height_m), rotations)
+    };
+    if root.position.y == body.standing.height_m {
+        return standing_at(root);
+    }
+    let (near_m, near_turn) = FEET_STAY;
+    let way = (root.position - before.position).with_y(0.0).length();
+    let stays = way < near_m && wrap_angle(root.heading - before.heading).abs() < near_turn;
+    let (position, rotations) = standing_at(if stays { before } else { root });
+    let base = Posed {
+        root: position,
+        rotations: &rotations,
+    };
+    let posed = pose_at(body.skeleton, body.legs, base, root.position, 0.0);
+    (posed.root, posed.rotations)
+}
+
+/// Whether the motion to these keyframes of `set` is made without the networks, for a character that comes from `from`.
+pub fn suits_stance(set: &Set, keys: &[Key], from: Posed<'_>) -> bool {
+    let low = |height: f32| height < set.low_hips_m;
+    let hands_alone = (set.keyframes.iter()).all(|key| {
+        !key.points.is_empty() && key.rotations.is_none() && key.place_m.is_none() && key.heading.is_none()
+    });
+    match set.motion {
+        Some(motion) => motion == Motion::Stance,
+        None => hands_alone || low(from.root.y) || keys.iter().any(|key| low(key.root.y)),
+    }
+}
+
+/// Frames of a motion without the networks to `key`, and how far it leans on the way, radians.
+pub fn stance_frames(set: &Set, skeleton: &Skeleton, from: Posed<'_>, key: &Key) -> (u32, f32) {
+    let way = key.root - from.root;
+    let low = from.root.y.min(key.root.y) < set.low_hips_m;
+    let (frames, lean) = match low {
+        true if way.x.hypot(way.z) > LEAN_M => LOW_STANCE,
+        true => (LOW_FRAMES, 0.0),
+        false => {
+            let (fewest, most, metre) = STANCE_FRAMES;
+            let frames = metre * farthest(skeleton, from, key.posed()).sqrt();
+            ((frames.round() as u32).clamp(fewest, most), 0.0)
+        }
+    };
+    (set.frames.unwrap_or(frames).max(1), lean)
+}
+
+/// Where a motion to keyframes starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Way {
+    /// The root.
+    pub from: GlobalRoot,
+    /// Its velocity over the ground, m/s.
+    pub velocity: Vec3,
+    /// They are the first keyframes of an interaction.
+    pub first: bool,
+}
+
+/// What the networks of `pack` are asked for to bring a character to `keys`.
+pub fn targets(set: &Set, keys: &[Key], rig: &Rig, way: &Way) -> PlanTargets {
+    let left_axis = rig.skeleton.left_axis;
+    let target = |key: &Key| TargetKey {
+        root: Some(key.global_root(left_axis)),
+        velocity: None,
+        rotations: Some(key.rotations.clone()),
+        height_m: None,
+    };
+    let end = keys.last().map_or(way.from, |key| key.global_root(left_axis));
+    let allowed = match set.frames {
+        Some(_) => Vec::new(),
+        None => token_counts(&rig.dims, rig.fps, way, end),
+    };
+    let frames = |frames: u32| CONTEXT_FRAMES + frames.max(LEAST_PLAN_FRAMES) as usize;
+    PlanTargets {
+        targets: keys.iter().map(target).collect(),
+        gap_poses: Vec::new(),
+        frames: set.frames.map(frames),
+        allowed_token_counts: allowed,
+        guide: None,
+        r_g1: end,
+        r_g2: Vec::new(),
+        unfinished: false,
+        gaits: Vec::new(),
+    }
+}
+
+/// Token counts with which the way, and the turn, are not too quick.
+fn token_counts(dims: &Dims, fps: f32, way: &Way, to: GlobalRoot) -> Vec<u32> {
+    let Way {
+        from,
+        velocity,
+        first,
+    } = *way;
+    let far = (to.position - from.position).with_y(0.0).length();
+    let turn = wrap_angle(to.heading - from.heading).abs();
+    let (share, least_mps) = SLOWEST;
+    let slowest = (share * velocity.with_y(0.0).length()).max(least_mps);
+    let seconds = (far / slowest).max(if first { 0.0 } else { turn / TURN_RPS });
+    let frames = seconds * fps + CONTEXT_FRAMES as f32;
+    let needed = (frames / dims.frames_per_token as f32).ceil() as u32;
+    let (least, most_needed, most) = if first { FIRST_TOKENS } else { NEXT_TOKENS };
+    let fewest = needed.clamp(least, most_needed);
+    let stays = !first && far < STAYS_M;
+    let most = if stays { fewest + SPARE_TOKENS } else { most };
+    let (low, high) = (dims.min_tokens as u32, dims.max_tokens as u32);
+    (fewest.clamp(low, high)..=most.clamp(low, high)).collect()
+}
+
+#[cfg(test)]
+#[path = "key_tests.rs"]
+mod tests;

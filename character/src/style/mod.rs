@@ -1,0 +1,248 @@
+//! Locomotion styles: what a command's velocity chooses target poses from (paper section 6.1 and appendix D).
+//!
+//! A [`Style`] is a set of [`Gait`]s, each a cycle of keyframes captured at one velocity. Styles come as files
+//! (`styles/*.json` in a pack folder, the JSON form of the message `Style`), or over the API; [`StyleTable`] holds those of
+//! a pack. What planning needs of a style beyond its values is worked out once and kept with it: [`cycles`].
+//!
+//! A style need not have a gait that stands. Where none does, standing takes the key of the slowest gait at which the root
+//! is highest: the moment of a step at which the legs are under the body.
+
+pub(crate) mod cycles;
+mod file;
+mod proto;
+mod table;
+#[cfg(any(test, feature = "testing"))]
+#[allow(clippy::unwrap_used, reason = "for tests")]
+pub mod testing;
+
+use std::sync::OnceLock;
+
+use troupe_motion::{Quat, Skeleton};
+
+pub use file::{StyleError, StyleProblem, load_folder};
+pub use table::{MAX_ADDED_STYLES, PutError, StyleTable, UnknownStyle};
+
+use cycles::Cycles;
+
+/// Most characters of a style's or gait's name: letters, digits, '-', '_' or '.'.
+pub const MAX_NAME_CHARS: usize = 64;
+/// Most gaits of a style.
+pub const MAX_GAITS: usize = 16;
+/// Most keyframes of a gait.
+pub const MAX_KEYS: usize = 32;
+/// Largest velocity of a gait along an axis (m/s), its largest turning rate (rad/s) and the highest default speed.
+pub const MAX_GAIT_VELOCITY: f32 = 10.0;
+/// Largest momentary velocity of a keyframe along an axis (m/s) and its largest turning rate (rad/s).
+pub const MAX_KEY_VELOCITY: f32 = 50.0;
+/// Longest cycle, frames.
+pub const MAX_PERIOD_FRAMES: f32 = 300.0;
+/// Fewest and most frames between plans.
+pub const REPLAN_INTERVAL_FRAMES: std::ops::RangeInclusive<u32> = 3..=30;
+/// Highest root ratio.
+pub const MAX_ROOT_RATIO: f32 = 1.2;
+/// A gait slower than this (m/s over the ground, and 0.3 m times rad/s of turning) stands.
+pub const STANDING_GAIT_MPS: f32 = 0.05;
+/// Heights of a style's gaits that are farther apart than this are a range that a command may choose from, metres. Those
+/// closer are what gaits differ by anyway: a run is a few centimetres lower than a walk.
+pub const HEIGHT_RANGE_M: f32 = 0.12;
+/// Metres over the ground that a radian of turning counts for.
+pub const TURN_RADIUS_M: f32 = 0.3;
+
+/// A way to move: gaits between which the command's velocity chooses and blends.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Style {
+    /// Its name, unique in its pack.
+    pub name: String,
+    /// Speed that it was captured at, m/s.
+    pub default_speed_mps: f32,
+    /// Frames between plans, 3 to 30.
+    pub replan_interval_frames: u32,
+    /// Token counts that a plan may have. Empty: as many as the horizon takes.
+    pub allowed_token_counts: Vec<u32>,
+    /// It stands still: plans are made for commands and a low buffer only.
+    pub is_static: bool,
+    /// How closely the root follows the spring's path, 0 to 1.2.
+    pub root_ratio: f32,
+    /// At least one, each with at least one key.
+    pub gaits: Vec<Gait>,
+    /// Whether it came with the pack.
+    pub built_in: bool,
+    /// What planning needs of the gaits; `Default::default()` for a new style.
+    pub cache: StyleCache,
+}
+
+/// One way to move at one velocity: a cycle of keyframes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gait {
+    /// Its name, unique in the style.
+    pub name: String,
+    /// Velocity to the left in the heading's frame, m/s.
+    pub left_mps: f32,
+    /// Velocity forward in the heading's frame, m/s.
+    pub forward_mps: f32,
+    /// Turning rate, rad/s.
+    pub turn_rps: f32,
+    /// Frames of a cycle; 0 for one that stands.
+    pub period_frames: f32,
+    /// Poses at equal steps through the cycle, at least one.
+    pub keys: Vec<StyleKey>,
+}
+
+/// A pose of a gait, in the heading's frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StyleKey {
+    /// One for each joint; the first with the heading taken out, others relative to their parents.
+    pub rotations: Vec<Quat>,
+    /// Height of the root joint, metres.
+    pub height_m: f32,
+    /// Velocity to the left, m/s.
+    pub left_mps: f32,
+    /// Velocity forward, m/s.
+    pub forward_mps: f32,
+    /// Angular velocity, rad/s.
+    pub turn_rps: f32,
+}
+
+impl Style {
+    /// The pose to stand in: the first key of the first gait that stands, or else the highest key of the slowest gait.
+    ///
+    /// # Panics
+    /// If the style has no gait or the gait no key, which no checked style is.
+    pub fn idle(&self) -> &StyleKey {
+        let slowest = self.slowest_gait();
+        let gait = &self.gaits[slowest];
+        &gait.keys[if gait.stands() { 0 } else { gait.highest_key() }]
+    }
+
+    /// The gait of this name.
+    pub fn gait(&self, name: &str) -> Option<&Gait> {
+        self.gaits.iter().find(|gait| gait.name == name)
+    }
+
+    /// Heights of the root joint that a command may choose from, metres. `None`: the style has no such range.
+    pub fn height_range_m(&self) -> Option<(f32, f32)> {
+        let heights = || self.gaits.iter().map(Gait::height_m);
+        let (low, high) = (
+            heights().fold(f32::INFINITY, f32::min),
+            heights().fold(f32::NEG_INFINITY, f32::max),
+        );
+        (high - low > HEIGHT_RANGE_M).then_some((low, high))
+    }
+
+    /// Index of the first of the slowest gaits.
+    pub(crate) fn slowest_gait(&self) -> usize {
+        let mut slowest = 0;
+        for (index, gait) in self.gaits.iter().enumerate() {
+            if gait.pace_mps() < self.gaits[slowest].pace_mps() && !self.gaits[slowest].stands() {
+                slowest = index;
+            }
+        }
+        slowest
+    }
+
+    /// What planning needs of the gaits. Worked out at the first call, for the skeleton of the style's pack.
+    pub(crate) fn cycles(&self, skeleton: &Skeleton) -> &Cycles {
+        self.cache.0.get_or_init(|| Cycles::new(self, skeleton))
+    }
+}
+
+impl Gait {
+    /// Speed over the ground, m/s.
+    pub fn speed_mps(&self) -> f32 {
+        self.left_mps.hypot(self.forward_mps)
+    }
+
+    /// Speed with the turning in it, m/s.
+    pub(crate) fn pace_mps(&self) -> f32 {
+        self.speed_mps().hypot(self.turn_rps * TURN_RADIUS_M)
+    }
+
+    /// Whether it stays where it is.
+    pub fn stands(&self) -> bool {
+        self.pace_mps() < STANDING_GAIT_MPS
+    }
+
+    /// Mean height of the root joint, metres; 0 without keys.
+    pub fn height_m(&self) -> f32 {
+        let sum: f32 = self.keys.iter().map(|key| key.height_m).sum();
+        sum / self.keys.len().max(1) as f32
+    }
+
+    /// Index of the first of the highest keys.
+    pub(crate) fn highest_key(&self) -> usize {
+        let mut highest = 0;
+        for (index, key) in self.keys.iter().enumerate() {
+            if key.height_m > self.keys[highest].height_m {
+                highest = index;
+            }
+        }
+        highest
+    }
+}
+
+/// What planning needs of a style's gaits, worked out when first asked for. A copy of a style starts without.
+#[derive(Default)]
+pub struct StyleCache(OnceLock<Cycles>);
+
+impl Clone for StyleCache {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl PartialEq for StyleCache {
+    /// It follows from the style's values, so it never tells two styles apart.
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl std::fmt::Debug for StyleCache {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(if self.0.get().is_some() {
+            "StyleCache(ready)"
+        } else {
+            "StyleCache(empty)"
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::testing::walker_style;
+    use super::*;
+
+    #[test]
+    fn standing_takes_the_standing_gait_or_the_highest_key_of_the_slowest() {
+        let mut style = walker_style();
+        assert_eq!(style.idle(), &style.gait("idle").unwrap().keys[0]);
+        style.gaits.retain(|gait| gait.speed_mps() > 0.0);
+        let walk = style.gait("walk-back").unwrap();
+        assert!(style.gaits.iter().all(|gait| gait.pace_mps() >= walk.pace_mps()));
+        let top = walk.keys.iter().map(|key| key.height_m).fold(0.0, f32::max);
+        assert_eq!(style.idle().height_m, top);
+    }
+
+    #[test]
+    fn heights_make_a_range_where_they_differ_enough() {
+        let mut style = walker_style();
+        assert_eq!(style.height_range_m(), None);
+        let mut crouch = style.gait("walk").unwrap().clone();
+        crouch.name = "crouch".to_owned();
+        for key in &mut crouch.keys {
+            key.height_m -= 0.3;
+        }
+        style.gaits.push(crouch);
+        let (low, high) = style.height_range_m().unwrap();
+        assert!(high - low > 0.25 && high < 1.0, "{low} {high}");
+    }
+
+    #[test]
+    fn a_copy_starts_without_the_cache() {
+        let style = walker_style();
+        style.cycles(&testing::walker());
+        assert_eq!(format!("{:?}", style.cache), "StyleCache(ready)");
+        assert_eq!(format!("{:?}", style.clone().cache), "StyleCache(empty)");
+        assert_eq!(style.clone(), style);
+    }
+}

@@ -1,0 +1,299 @@
+//! The styles of one pack: its own and those that users added.
+
+use std::collections::BTreeMap;
+use std::path::{Path as FilePath, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use arc_swap::ArcSwap;
+use troupe_motion::Skeleton;
+
+use super::Style;
+use super::file::{self, StyleError, StyleProblem, load_folder};
+use troupe_motion::model::Rig;
+
+/// Most styles that may be added to a pack.
+pub const MAX_ADDED_STYLES: usize = 256;
+/// Folder of a pack's own styles inside the pack.
+const FOLDER: &str = "styles";
+/// The style of sessions that name none, where the pack has it.
+const PREFERRED_DEFAULT: &str = "normal";
+
+type Styles = BTreeMap<String, Arc<Style>>;
+
+/// The styles of one pack. Reading takes no lock and sees a style wholly or not at all; a session keeps the style that it
+/// has when that is replaced.
+#[derive(Debug)]
+pub struct StyleTable {
+    pack: String,
+    skeleton: Arc<Skeleton>,
+    styles: ArcSwap<Styles>,
+    /// Where added styles are kept over a restart.
+    folder: Option<PathBuf>,
+    /// One writer at a time.
+    writing: Mutex<()>,
+}
+
+/// A name that is no style's.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}", self.text())]
+pub struct UnknownStyle {
+    /// The pack.
+    pub pack: String,
+    /// The name; empty where the default was asked for and there is none.
+    pub name: String,
+    /// The styles that there are.
+    pub known: Vec<String>,
+}
+
+impl UnknownStyle {
+    fn text(&self) -> String {
+        let Self { pack, name, known } = self;
+        if known.is_empty() {
+            format!("pack {pack} has no styles; add one, or give the pack a folder {FOLDER}/")
+        } else {
+            format!("pack {pack} has no style {name:?}; it has {}", known.join(", "))
+        }
+    }
+}
+
+/// Why a style was not added.
+#[derive(Debug, thiserror::Error)]
+pub enum PutError {
+    /// The name is of one of the pack's own.
+    #[error("style {0:?} came with the pack and cannot be replaced")]
+    BuiltIn(String),
+    /// The pack has as many as it may.
+    #[error("the pack has {MAX_ADDED_STYLES} added styles, the most that it may have")]
+    TooMany,
+    /// It could not be written to the folder of added styles.
+    #[error("style {name:?} could not be kept: {cause}")]
+    Keep {
+        /// The style.
+        name: String,
+        /// Why.
+        cause: std::io::Error,
+    },
+}
+
+impl StyleTable {
+    /// Loads the pack's own styles from the folder `styles` inside `pack_folder`, which it need not have, and added ones from
+    /// `folder`/`pack name`, which need not be there yet. Without `folder`, added styles last until the server stops.
+    ///
+    /// # Errors
+    /// [`StyleError`], which names the file and what is wrong with it.
+    pub fn load(rig: &Rig, pack_folder: &FilePath, folder: Option<PathBuf>) -> Result<Self, StyleError> {
+        let own = load_folder(&pack_folder.join(FOLDER), rig, true)?;
+        let folder = folder.map(|folder| folder.join(rig.name()));
+        let added = match &folder {
+            Some(folder) => load_folder(folder, rig, false)?,
+            None => Vec::new(),
+        };
+        let wrong = |path: PathBuf, problem| Err(StyleError { path, problem });
+        if added.len() > MAX_ADDED_STYLES {
+            return wrong(
+                folder.unwrap_or_default(),
+                StyleProblem::TooMany(MAX_ADDED_STYLES),
+            );
+        }
+        if let Some(twice) = added
+            .iter()
+            .find(|style| own.iter().any(|o| o.name == style.name))
+        {
+            let path = folder.unwrap_or_default().join(format!("{}.json", twice.name));
+            return wrong(path, StyleProblem::BuiltIn);
+        }
+        Ok(Self::new(rig, own.into_iter().chain(added), folder))
+    }
+
+    fn new(rig: &Rig, styles: impl Iterator<Item = Style>, folder: Option<PathBuf>) -> Self {
+        let ready = |style: Style| {
+            style.cycles(&rig.skeleton);
+            (style.name.clone(), Arc::new(style))
+        };
+        Self {
+            pack: rig.name().to_owned(),
+            skeleton: Arc::clone(&rig.skeleton),
+            styles: ArcSwap::from_pointee(styles.map(ready).collect()),
+            folder,
+            writing: Mutex::new(()),
+        }
+    }
+
+    /// The style of this name.
+    pub fn get(&self, name: &str) -> Option<Arc<Style>> {
+        self.styles.load().get(name).cloned()
+    }
+
+    /// All styles, sorted by name.
+    pub fn list(&self) -> Vec<Arc<Style>> {
+        self.styles.load().values().cloned().collect()
+    }
+
+    /// The style of sessions that name none: `normal` where there is one, else the first by name.
+    pub fn default_style(&self) -> Option<Arc<Style>> {
+        let styles = self.styles.load();
+        let preferred = styles.get(PREFERRED_DEFAULT);
+        preferred.or_else(|| styles.values().next()).cloned()
+    }
+
+    /// The style of this name, or the default one for an empty name.
+    ///
+    /// # Errors
+    /// [`UnknownStyle`] with the names that there are. A pack need not have styles.
+    pub fn resolve(&self, name: &str) -> Result<Arc<Style>, UnknownStyle> {
+        let style = if name.is_empty() {
+            self.default_style()
+        } else {
+            self.get(name)
+        };
+        style.ok_or_else(|| UnknownStyle {
+            pack: self.pack.clone(),
+            name: name.to_owned(),
+            known: self.styles.load().keys().cloned().collect(),
+        })
+    }
+
+    /// Adds a checked style, or replaces one that was added. Writes it to the folder of added styles, where there is one:
+    /// this blocks.
+    ///
+    /// # Errors
+    /// [`PutError`]; the table is as it was then.
+    pub fn put(&self, style: Style) -> Result<Arc<Style>, PutError> {
+        let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut styles = Styles::clone(&self.styles.load());
+        let added = styles.values().filter(|style| !style.built_in).count();
+        match styles.get(&style.name) {
+            Some(there) if there.built_in => return Err(PutError::BuiltIn(style.name)),
+            None if added >= MAX_ADDED_STYLES => return Err(PutError::TooMany),
+            _ => {}
+        }
+        let style = Style {
+            built_in: false,
+            ..style
+        };
+        if let Some(folder) = &self.folder {
+            file::write_file(folder, &style).map_err(|cause| PutError::Keep {
+                name: style.name.clone(),
+                cause,
+            })?;
+        }
+        style.cycles(&self.skeleton);
+        let style = Arc::new(style);
+        styles.insert(style.name.clone(), Arc::clone(&style));
+        self.styles.store(Arc::new(styles));
+        Ok(style)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::style::testing::{TempFolder, walker_rig, walker_style};
+
+    fn named(name: &str) -> Style {
+        Style {
+            name: name.to_owned(),
+            ..walker_style()
+        }
+    }
+
+    /// The table of a pack in a folder with the styles `names`, and of those added in another.
+    fn table_with(
+        folder: &TempFolder,
+        names: &[&str],
+        added: Option<PathBuf>,
+    ) -> Result<StyleTable, StyleError> {
+        for name in names {
+            file::write_file(&folder.path().join(FOLDER), &named(name)).unwrap();
+        }
+        StyleTable::load(&walker_rig(), folder.path(), added)
+    }
+
+    #[test]
+    fn a_pack_without_styles_has_an_empty_table_that_says_so() {
+        let folder = TempFolder::new("no-styles");
+        let table = table_with(&folder, &[], None).unwrap();
+        assert!(table.list().is_empty() && table.default_style().is_none());
+        let error = table.resolve("").unwrap_err();
+        assert!(error.to_string().contains("walkers has no styles"), "{error}");
+        table.put(named("mine")).unwrap();
+        assert_eq!(table.resolve("").unwrap().name, "mine");
+    }
+
+    #[test]
+    fn the_default_is_normal_or_the_first() {
+        let folder = TempFolder::new("default-style");
+        let table = table_with(&folder, &["zany", "brisk"], None).unwrap();
+        assert_eq!(table.default_style().unwrap().name, "brisk");
+        table.put(named("normal")).unwrap();
+        assert_eq!(table.resolve("").unwrap().name, "normal");
+        let error = table.resolve("zen").unwrap_err();
+        assert_eq!(error.known, ["brisk", "normal", "zany"]);
+        assert!(
+            error
+                .to_string()
+                .contains("no style \"zen\"; it has brisk, normal, zany")
+        );
+    }
+
+    #[test]
+    fn built_in_styles_stay_and_added_ones_are_replaced_and_kept() {
+        let (folder, added) = (TempFolder::new("own-styles"), TempFolder::new("added-styles"));
+        let load = || table_with(&folder, &["normal"], Some(added.path().to_owned()));
+        let table = load().unwrap();
+        assert!(table.get("normal").unwrap().built_in);
+        assert!(matches!(table.put(named("normal")), Err(PutError::BuiltIn(name)) if name == "normal"));
+
+        let first = table.put(named("mine")).unwrap();
+        assert!(!first.built_in);
+        let mut faster = named("mine");
+        faster.default_speed_mps = 2.5;
+        faster.built_in = true;
+        table.put(faster).unwrap();
+        assert_eq!(
+            first.default_speed_mps,
+            walker_style().default_speed_mps,
+            "held ones stay"
+        );
+        let again = load().unwrap().get("mine").unwrap();
+        assert_eq!(
+            (again.default_speed_mps, again.built_in),
+            (2.5, false),
+            "kept over a restart"
+        );
+
+        // A name that the pack took meanwhile is reported with its file.
+        file::write_file(&added.path().join("walkers"), &named("normal")).unwrap();
+        let error = load().unwrap_err().to_string();
+        assert!(
+            error.contains("normal.json") && error.contains("the pack has a style"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn the_number_of_added_styles_is_bounded() {
+        let folder = TempFolder::new("many-styles");
+        let table = table_with(&folder, &["normal"], None).unwrap();
+        for index in 0..MAX_ADDED_STYLES {
+            table.put(named(&format!("style-{index}"))).unwrap();
+        }
+        assert!(matches!(table.put(named("one-more")), Err(PutError::TooMany)));
+        table.put(named("style-7")).unwrap();
+        assert_eq!(table.list().len(), MAX_ADDED_STYLES + 1);
+    }
+
+    #[test]
+    fn a_style_that_cannot_be_kept_is_not_added() {
+        let folder = TempFolder::new("blocked-styles");
+        let file = folder.path().join("file");
+        std::fs::write(&file, "in the way").unwrap();
+        let table = table_with(&folder, &["normal"], None).unwrap();
+        let table = StyleTable {
+            folder: Some(file),
+            ..table
+        };
+        assert!(matches!(table.put(named("mine")), Err(PutError::Keep { .. })));
+        assert!(table.get("mine").is_none());
+    }
+}

@@ -1,0 +1,147 @@
+//! Inference: the three stages of a pack behind the [`Stages`] trait, and the [`Pipeline`] that takes a batch of
+//! characters through them. One thread owns a pipeline; nothing here is shared or locked.
+//!
+//! [`onnx::OnnxStages`] runs the stages on ONNX Runtime. Other engines (and tests) implement [`Stages`].
+
+pub mod accuracy;
+mod choice;
+mod fill;
+pub mod machine;
+pub mod onnx;
+pub mod pack;
+mod pipeline;
+mod raw;
+mod sampling;
+mod select;
+mod sizes;
+mod specs;
+mod tensors;
+
+use std::ops::Range;
+
+use crate::pack::Stage;
+
+pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Lanes};
+pub use pipeline::{MadeRow, Pipeline, RowAnswer, StageTimes, TrialRun, length_of, lengths};
+pub use raw::{RawLoop, straight_walk};
+pub use select::{Check, Decision, Selector};
+pub use sizes::BatchSizes;
+pub use tensors::{DecoderOutput, PoseOutput, RootInput, RootOutput, Rows, TokenInput};
+
+/// Runs the networks of one pack.
+///
+/// `rows` is the batch size of the call, and the token axis of the pose stage and the decoder is [`TokenInput::length`],
+/// one of [`lengths`]. Unless it takes [any batch](Stages::any_batch), `rows` is one of [`BatchSizes`]: an engine sees few
+/// different shapes, all of them during warm-up. Only the first `rows` rows of inputs and outputs count; inputs have room for more,
+/// up to a multiple of 8, which hold values of other batches. A row's result must not depend on the other rows.
+pub trait Stages: Send {
+    /// Whether a batch of any size is as fast as those of the warm-up. Then batches are not padded, and warm-up is short.
+    fn any_batch(&self) -> bool {
+        false
+    }
+
+    /// Batches that warm-up must meet where [any batch](Self::any_batch) is taken, beside the smallest and the largest.
+    fn call_rows(&self) -> &[usize] {
+        &[]
+    }
+
+    /// Whether the pose stage and the decoder take calls that are shorter than the pack's longest segment.
+    fn any_length(&self) -> bool {
+        true
+    }
+
+    /// Token count and root trajectory from constraints.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the engine fails; the whole batch fails with it.
+    fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError>;
+
+    /// Logits of every pose token.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the engine fails; the whole batch fails with it.
+    fn pose(&mut self, rows: usize, input: &TokenInput, output: &mut PoseOutput) -> Result<(), EngineError>;
+
+    /// Frames from tokens.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the engine fails; the whole batch fails with it.
+    fn decoder(
+        &mut self,
+        rows: usize,
+        input: &TokenInput,
+        output: &mut DecoderOutput,
+    ) -> Result<(), EngineError>;
+
+    /// [`Stages::decoder`] that tells `made` which rows are there, as soon as they are: an engine that runs a batch in several
+    /// calls tells of each. All rows are told of once, in their order; the last call's may be more than `rows`.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the engine fails; what was not told of fails with it.
+    fn decoder_by_calls(
+        &mut self,
+        rows: usize,
+        input: &TokenInput,
+        output: &mut DecoderOutput,
+        made: &mut dyn FnMut(Range<usize>, &DecoderOutput),
+    ) -> Result<(), EngineError> {
+        self.decoder(rows, input, output)?;
+        made(0..rows, output);
+        Ok(())
+    }
+}
+
+/// Why inference failed.
+#[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
+pub enum EngineError {
+    /// The ONNX Runtime library is missing or unusable.
+    #[error("ONNX Runtime: {0}. Run `make runtime` to fetch it, or set ORT_DYLIB_PATH to libonnxruntime")]
+    Library(String),
+    /// An engine that was asked for by name and does not serve.
+    #[error("the engine {engine} cannot serve: {reason}")]
+    Unusable {
+        /// The engine.
+        engine: EngineKind,
+        /// Why not.
+        reason: String,
+    },
+    /// A stage that does not load.
+    #[error("cannot load {file}: {reason}")]
+    Load {
+        /// The stage's file.
+        file: &'static str,
+        /// What the runtime says.
+        reason: String,
+    },
+    /// A stage whose tensors differ from the contract.
+    #[error("{file}: {problem}")]
+    Signature {
+        /// The stage's file.
+        file: &'static str,
+        /// Which tensor, what it is and what it must be.
+        problem: String,
+    },
+    /// A run that failed.
+    #[error("the {} stage failed: {reason}", stage.name())]
+    Run {
+        /// The stage.
+        stage: Stage,
+        /// What the runtime says.
+        reason: String,
+    },
+    /// A run that gave values out of the contract.
+    #[error("the {} stage gave {problem}", stage.name())]
+    Output {
+        /// The stage.
+        stage: Stage,
+        /// What is wrong with its output.
+        problem: String,
+    },
+    /// A run that panicked: a defect of the engine. It takes the next batch all the same.
+    #[error("the engine panicked: {0}")]
+    Panicked(String),
+    /// The thread that owns the engine has ended.
+    #[error("the engine has stopped")]
+    Stopped,
+}

@@ -1,0 +1,102 @@
+//! The ONNX Runtime library: found, loaded, and asked what it offers.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use ort::environment::Environment;
+use ort::ep::{self, ExecutionProvider};
+
+use crate::{EngineError, EngineKind};
+
+/// Names the environment variable with the path of the ONNX Runtime library.
+pub const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";
+
+/// The runtime, ready to load stages: one library, and one environment, a process. It has no thread pool of its own: the
+/// sessions of each lane have theirs.
+#[derive(Clone)]
+pub struct Runtime {
+    environment: Environment,
+    library: PathBuf,
+}
+
+impl Runtime {
+    /// Loads the library, or gives the runtime that this process already has. Without a path, `ORT_DYLIB_PATH` names it.
+    ///
+    /// # Errors
+    /// [`EngineError::Library`], which says how to get the library.
+    pub fn new(library: Option<&Path>) -> Result<Self, EngineError> {
+        static CURRENT: Mutex<Option<Runtime>> = Mutex::new(None);
+        let mut current = CURRENT.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(runtime) = &*current {
+            return Ok(runtime.clone());
+        }
+        let runtime = Self::load(library)?;
+        *current = Some(runtime.clone());
+        Ok(runtime)
+    }
+
+    fn load(library: Option<&Path>) -> Result<Self, EngineError> {
+        let named = library
+            .map(Path::to_path_buf)
+            .or_else(|| std::env::var_os(LIBRARY_VARIABLE).map(PathBuf::from));
+        let path = named.ok_or_else(|| EngineError::Library(format!("{LIBRARY_VARIABLE} is not set")))?;
+        // The real path: ONNX Runtime looks for the libraries of its providers beside the file that was opened, which must
+        // not be a link from elsewhere. And ort looks up relative paths beside the executable, users mean the working
+        // directory.
+        let path = std::fs::canonicalize(&path).unwrap_or(path);
+        if !path.is_file() {
+            return Err(EngineError::Library(format!(
+                "there is no library at {}",
+                path.display()
+            )));
+        }
+        let failed = |error: &dyn std::fmt::Display| EngineError::Library(error.to_string());
+        let environment = ort::init_from(&path)
+            .map_err(|error| failed(&error))?
+            .with_name("troupe")
+            .with_telemetry(false)
+            .build()
+            .map_err(|error| failed(&error))?;
+        tracing::info!(library = %path.display(), "ONNX Runtime loaded");
+        Ok(Self {
+            environment,
+            library: path,
+        })
+    }
+
+    pub(super) fn environment(&self) -> &Environment {
+        &self.environment
+    }
+
+    /// The library's file, links followed.
+    pub fn library(&self) -> &Path {
+        &self.library
+    }
+
+    /// The version that the library's file name tells, as in `libonnxruntime.so.1.24.1`.
+    pub fn version(&self) -> Option<&str> {
+        let name = self.library.file_name()?.to_str()?;
+        let start = name.find(|c: char| c.is_ascii_digit())?;
+        let version = name[start..].trim_end_matches(".dylib");
+        version
+            .split('.')
+            .all(|part| part.parse::<u32>().is_ok())
+            .then_some(version)
+    }
+
+    /// What the library says about its build.
+    pub fn build(&self) -> &'static str {
+        ort::info()
+    }
+
+    /// Whether the library was built with the provider of this engine. That provider may still fail to load.
+    pub fn offers(&self, engine: EngineKind) -> bool {
+        let offered = match engine {
+            EngineKind::Cpu => Ok(true),
+            EngineKind::OpenvinoBf16 => ep::OpenVINO::is_available(),
+            EngineKind::Cuda => ep::CUDA::is_available(),
+            EngineKind::Tensorrt => ep::TensorRT::is_available(),
+        };
+        offered.unwrap_or(false)
+    }
+}

@@ -1,0 +1,98 @@
+//! One stage's session on the engine of choice.
+
+use std::path::Path;
+
+use ort::ep::{self, ArbitrarilyConfigurableExecutionProvider as _, ExecutionProviderDispatch};
+use ort::logging::LogLevel;
+use ort::session::Session;
+use ort::session::builder::GraphOptimizationLevel;
+
+use super::{Runtime, one_line};
+use crate::EngineKind;
+
+/// How a lane's networks run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SessionOptions {
+    /// The engine.
+    pub engine: EngineKind,
+    /// Threads of the lane, its own among them.
+    pub threads: usize,
+    /// Whether threads that wait for work spin for a moment before they sleep: a little faster, at the cost of CPU. With
+    /// one thread there is nobody to wait for.
+    pub spin: bool,
+    /// Whether OpenVINO has a network for each shape, where the graph names its open axes: see [`super::no_fixed_shapes`].
+    pub fixed_shapes: bool,
+}
+
+/// The length that an open axis of a graph gets.
+pub(super) struct FixedAxis<'a> {
+    /// The axis.
+    pub(super) name: &'a str,
+    /// Its length.
+    pub(super) size: usize,
+}
+
+/// Opens the graph in `path`, with axes that are open in it fixed.
+pub(super) fn open(
+    runtime: &Runtime,
+    options: SessionOptions,
+    path: &Path,
+    fixed: &[FixedAxis<'_>],
+) -> Result<Session, String> {
+    let mut builder = Session::builder(runtime.environment())
+        .map_err(|error| one_line(&error))?
+        .with_optimization_level(GraphOptimizationLevel::All)
+        .map_err(|error| one_line(&error))?
+        // A plan of the memory for each of many shapes: measured to gain nothing, and to slow small batches down.
+        .with_memory_pattern(false)
+        .map_err(|error| one_line(&error))?
+        .with_intra_threads(match options.engine {
+            // It has threads of its own, and a lane many sessions.
+            EngineKind::OpenvinoBf16 => 1,
+            EngineKind::Cpu | EngineKind::Cuda | EngineKind::Tensorrt => options.threads,
+        })
+        .map_err(|error| one_line(&error))?
+        .with_inter_threads(1)
+        .map_err(|error| one_line(&error))?
+        .with_intra_op_spinning(options.spin)
+        .map_err(|error| one_line(&error))?;
+    for axis in fixed {
+        builder = builder
+            .with_dimension_override(axis.name, axis.size as i64)
+            .map_err(|error| one_line(&error))?;
+    }
+    let mut builder = match provider(options) {
+        Some(provider) => builder
+            .with_execution_providers([provider.error_on_failure()])
+            .map_err(|error| one_line(&error))?
+            // It warns of every graph that some nodes of it, for shapes, stay with the CPU's own kernels.
+            .with_log_level(LogLevel::Error)
+            .map_err(|error| one_line(&error))?,
+        None => builder,
+    };
+    builder.commit_from_file(path).map_err(|error| one_line(&error))
+}
+
+fn provider(options: SessionOptions) -> Option<ExecutionProviderDispatch> {
+    match options.engine {
+        EngineKind::Cpu => None,
+        EngineKind::OpenvinoBf16 => Some(openvino(options.threads).build()),
+        EngineKind::Cuda => Some(ep::CUDA::default().build()),
+        EngineKind::Tensorrt => Some(ep::TensorRT::default().build()),
+    }
+}
+
+/// OpenVINO on the CPU in bf16. Without pinning: lanes know nothing of each other, and would all sit on the first cores.
+fn openvino(threads: usize) -> ep::OpenVINO {
+    let properties = serde_json::json!({
+        "CPU": {
+            "INFERENCE_PRECISION_HINT": "bf16",
+            "INFERENCE_NUM_THREADS": threads.to_string(),
+            "NUM_STREAMS": "1",
+            "ENABLE_CPU_PINNING": "NO",
+        }
+    });
+    ep::OpenVINO::default()
+        .with_device_type("CPU")
+        .with_arbitrary_config("load_config", properties.to_string())
+}

@@ -1,0 +1,157 @@
+//! `pack.toml`.
+
+use serde::{Deserialize, Serialize};
+use troupe_motion::Skeleton;
+use troupe_motion::model::Dims;
+use troupe_motion::robot::RobotDoc;
+
+use super::PackProblem;
+
+/// The manifest format that this server reads.
+const FORMAT: u32 = 1;
+/// Frames a second of every pack: a session's timeline, its commands' frames and the rates of 30, 50 and 60 Hz rest on it.
+const FPS: f32 = 30.0;
+
+/// The parsed `pack.toml`. Tables that it does not know, such as an exporter's own checks, are left alone.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Version of the manifest's own format.
+    pub format: u32,
+    /// The name that requests give: lower-case letters, digits, `-` and `_`.
+    pub name: String,
+    /// The pack's version.
+    pub version: String,
+    /// Licence of the weights.
+    pub licence: String,
+    /// Whose work the pack is built on.
+    #[serde(default)]
+    pub credits: Vec<String>,
+    /// Frames per second: 30.
+    pub fps: f32,
+    /// Frames of one token.
+    pub frames_per_token: usize,
+    /// Fewest tokens of a segment.
+    pub min_tokens: usize,
+    /// Most tokens of a segment.
+    pub max_tokens: usize,
+    /// Codebooks of a token.
+    pub heads: usize,
+    /// Codes of a codebook.
+    pub codes: usize,
+    /// Context keyframes of a request.
+    pub context_frames: usize,
+    /// Most target keyframes of a request.
+    pub max_targets: usize,
+    /// Weights of all stages.
+    pub parameters: u64,
+    /// `sha256:<hex>` of the ONNX files.
+    pub content_hash: String,
+    /// What the pack animates.
+    pub skeleton: Skeleton,
+    /// The skeleton's hinges, where it is a robot's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot: Option<RobotDoc>,
+    /// How it was trained; free.
+    #[serde(default)]
+    pub training: toml::Table,
+    /// How well it does; free.
+    #[serde(default)]
+    pub evaluation: toml::Table,
+}
+
+impl Manifest {
+    /// Reads a manifest from TOML text. Only the form is checked here, [`Manifest::check`] looks at the values.
+    ///
+    /// # Errors
+    /// [`PackProblem::Format`] or [`PackProblem::Parse`].
+    pub fn parse(text: &str) -> Result<Self, PackProblem> {
+        #[derive(Deserialize)]
+        struct Version {
+            format: u32,
+        }
+        // The format comes first: fields of another format would only give confusing errors.
+        let Version { format: found } = toml::from_str(text)?;
+        if found != FORMAT {
+            return Err(PackProblem::Format {
+                found,
+                supported: FORMAT,
+            });
+        }
+        Ok(toml::from_str(text)?)
+    }
+
+    /// Checks all values and gives the sizes that follow from them.
+    ///
+    /// # Errors
+    /// [`PackProblem::Field`] for the first value out of its range.
+    pub fn check(&self) -> Result<Dims, PackProblem> {
+        let name_ok = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '_';
+        if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(name_ok) {
+            return Err(field("name", &self.name, "1 to 64 of a-z, 0-9, - and _"));
+        }
+        if self.fps != FPS {
+            let why = "30: timelines of sessions and the rates at which frames are taken count in 30 frames a second";
+            return Err(field("fps", self.fps, why));
+        }
+        let ranges = [
+            ("frames_per_token", self.frames_per_token, 1, 64),
+            ("min_tokens", self.min_tokens, 1, 1024),
+            ("max_tokens", self.max_tokens, self.min_tokens, 1024),
+            ("heads", self.heads, 1, 64),
+            ("codes", self.codes, 2, 65_536),
+            ("context_frames", self.context_frames, 1, 64),
+            ("max_targets", self.max_targets, 1, 64),
+        ];
+        for (name, value, low, high) in ranges {
+            if !(low..=high).contains(&value) {
+                return Err(field(name, value, format!("{low} to {high}")));
+            }
+        }
+        let hash = self.content_hash.strip_prefix("sha256:").unwrap_or_default();
+        if hash.len() != 64 || !hash.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+            return Err(field(
+                "content_hash",
+                &self.content_hash,
+                "sha256: and 64 hexadecimal digits",
+            ));
+        }
+        let contacts = self
+            .skeleton
+            .contacts
+            .as_ref()
+            .map_or(0, |contacts| contacts.len());
+        if contacts == 0 {
+            return Err(field("skeleton.contacts.joints", "empty", "at least one joint"));
+        }
+        let dims = Dims {
+            joints: self.skeleton.joint_count(),
+            contacts,
+            heads: self.heads,
+            codes: self.codes,
+            min_tokens: self.min_tokens,
+            max_tokens: self.max_tokens,
+            frames_per_token: self.frames_per_token,
+            context_frames: self.context_frames,
+            max_targets: self.max_targets,
+        };
+        let keyframes = dims.slots();
+        if keyframes > dims.max_frames() {
+            let allowed = format!("at least {keyframes} frames, for the context and target keyframes");
+            return Err(field("max_tokens x frames_per_token", dims.max_frames(), allowed));
+        }
+        Ok(dims)
+    }
+
+    /// The free tables as JSON text: `{"training": {..}, "evaluation": {..}}`.
+    pub fn figures_json(&self) -> String {
+        serde_json::json!({ "training": self.training, "evaluation": self.evaluation }).to_string()
+    }
+}
+
+fn field(field: &'static str, found: impl ToString, allowed: impl Into<String>) -> PackProblem {
+    PackProblem::Field {
+        field,
+        found: found.to_string(),
+        allowed: allowed.into(),
+    }
+}

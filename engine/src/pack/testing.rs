@@ -1,0 +1,39 @@
+//! Packs without files, for tests.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use troupe_motion::model::Rig;
+
+use super::{Manifest, Pack};
+
+/// A pack of that rig. It has a manifest and no networks.
+pub fn pack_of(rig: Rig) -> Pack {
+    let dims = rig.dims;
+    let manifest = Manifest {
+        format: 1,
+        name: rig.name.clone(),
+        version: "1".into(),
+        licence: String::new(),
+        credits: Vec::new(),
+        fps: rig.fps,
+        frames_per_token: dims.frames_per_token,
+        min_tokens: dims.min_tokens,
+        max_tokens: dims.max_tokens,
+        heads: dims.heads,
+        codes: dims.codes,
+        context_frames: dims.context_frames,
+        max_targets: dims.max_targets,
+        parameters: 0,
+        content_hash: format!("sha256:{}", "0".repeat(64)),
+        skeleton: (*rig.skeleton).clone(),
+        robot: None,
+        training: toml::Table::new(),
+        evaluation: toml::Table::new(),
+    };
+    Pack {
+        folder: PathBuf::from(&manifest.name),
+        manifest,
+        rig: Arc::new(rig),
+    }
+}

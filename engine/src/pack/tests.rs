@@ -1,0 +1,187 @@
+use super::*;
+
+const MANIFEST: &str = r#"
+format = 1
+name = "toy"
+version = "1.0.0"
+licence = "Apache-2.0"
+credits = ["Somebody"]
+fps = 30.0
+frames_per_token = 4
+min_tokens = 3
+max_tokens = 16
+heads = 4
+codes = 256
+context_frames = 4
+max_targets = 4
+parameters = 12
+content_hash = "sha256:HASH"
+
+[skeleton]
+left_axis = [1.0, 0.0, 0.0]
+[[skeleton.joints]]
+name = "Hips"
+parent = ""
+offset_m = [0.0, 0.9, 0.0]
+[[skeleton.joints]]
+name = "Foot"
+parent = "Hips"
+offset_m = [0.0, -0.85, 0.0]
+[skeleton.contacts]
+joints = ["Foot"]
+max_height_m = [0.1]
+max_speed_mps = 0.3
+clearance_m = [0.05]
+
+[training]
+steps = 10
+
+[exporter]
+unknown = "and ignored"
+"#;
+
+/// sha256 of "root" + "pose" + "decoder".
+fn toy_hash() -> String {
+    let hash: String = Sha256::digest(b"rootposedecoder")
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
+    hash
+}
+
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(test: &str, manifest: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("troupe-pack-{test}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        for stage in Stage::ALL {
+            std::fs::write(path.join(stage.file_name()), stage.name()).unwrap();
+        }
+        std::fs::write(path.join(MANIFEST_FILE), manifest).unwrap();
+        Self(path)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn problem(test: &str, change: (&str, &str)) -> String {
+    let manifest = MANIFEST.replace("HASH", &toy_hash());
+    assert!(manifest.contains(change.0));
+    let folder = Folder::new(test, &manifest.replace(change.0, change.1));
+    let error = Pack::load(&folder.0).unwrap_err();
+    assert!(
+        error.to_string().contains(&folder.0.display().to_string()),
+        "{error}"
+    );
+    error.problem.to_string()
+}
+
+#[test]
+fn a_good_pack_loads() {
+    let folder = Folder::new("good", &MANIFEST.replace("HASH", &toy_hash()));
+    let pack = Pack::load(&folder.0).unwrap();
+    assert_eq!(
+        (
+            pack.rig.dims.min_frames(),
+            pack.rig.dims.max_frames(),
+            pack.rig.dims.counts()
+        ),
+        (12, 64, 14)
+    );
+    assert_eq!(find_packs(&folder.0).unwrap(), std::slice::from_ref(&folder.0));
+}
+
+#[test]
+fn a_robots_hinges_are_its_skeletons() {
+    let robot = r#"
+[robot]
+name = "hopper"
+[[robot.hinges]]
+joint = "Foot"
+axis = [1.0, 0.0, 0.0]
+rest = [1.0, 0.0, 0.0, 0.0]
+lower_rad = -0.5
+upper_rad = 1.5
+max_speed_rad_per_s = 9.0
+"#;
+    let manifest = MANIFEST.replace("HASH", &toy_hash()) + robot;
+    let pack = Pack::load(&Folder::new("robot", &manifest).0).unwrap();
+    let hinge = pack.rig.skeleton.robot.as_ref().unwrap().hinges()[0];
+    assert_eq!((hinge.joint, hinge.lower_rad, hinge.upper_rad), (1, -0.5, 1.5));
+}
+
+#[test]
+fn every_mistake_is_named() {
+    let cases = [
+        ("format = 1", "format = 7", "format 7 is not supported"),
+        (
+            "name = \"toy\"",
+            "name = \"Toy Pack\"",
+            "name is Toy Pack; allowed: 1 to 64 of a-z",
+        ),
+        ("fps = 30.0", "fps = nan", "fps is NaN"),
+        ("fps = 30.0", "fps = 60.0", "fps is 60; allowed: 30"),
+        (
+            "max_tokens = 16",
+            "max_tokens = 2",
+            "max_tokens is 2; allowed: 3 to 1024",
+        ),
+        ("heads = 4", "heads = 0", "heads is 0; allowed: 1 to 64"),
+        ("heads = 4", "", "missing field `heads`"),
+        ("max_targets = 4", "max_targets = 62", "at least 66 frames"),
+        ("joints = [\"Foot\"]", "joints = [\"Paw\"]", "Paw"),
+        ("sha256:", "md5:", "allowed: sha256: and 64"),
+        ("parent = \"Hips\"", "parent = \"\"", "Foot"),
+        (
+            "[training]",
+            "[robot]\nname = \"hopper\"\nhinges = [{ joint = \"Paw\", axis = [1.0, 0.0, 0.0], rest = [1.0, 0.0, 0.0, 0.0], lower_rad = -1.0, upper_rad = 1.0, max_speed_rad_per_s = 9.0 }]\n[training]",
+            "pack.toml: robot.hinges[0].joint is \"Paw\"; allowed: a joint of the skeleton",
+        ),
+        (
+            "[training]",
+            "[robot]\nname = \"hopper\"\nhinges = []\nmass = 3\n[training]",
+            "unknown field `mass`",
+        ),
+    ];
+    for (index, (from, to, expected)) in cases.into_iter().enumerate() {
+        let text = problem(&format!("mistake-{index}"), (from, to));
+        assert!(text.contains(expected), "{to:?} gave {text:?}");
+    }
+}
+
+#[test]
+fn changed_files_are_found_out() {
+    let folder = Folder::new("hash", &MANIFEST.replace("HASH", &toy_hash()));
+    std::fs::write(folder.0.join("pose.onnx"), "tampered").unwrap();
+    let error = Pack::load(&folder.0).unwrap_err();
+    assert!(
+        matches!(error.problem, PackProblem::ContentHash { .. }),
+        "{error}"
+    );
+    std::fs::remove_file(folder.0.join("decoder.onnx")).unwrap();
+    assert!(
+        Pack::load(&folder.0)
+            .unwrap_err()
+            .to_string()
+            .contains("decoder.onnx")
+    );
+}
+
+#[test]
+fn a_folder_without_packs_says_so() {
+    let folder = Folder::new("none", "");
+    std::fs::remove_file(folder.0.join(MANIFEST_FILE)).unwrap();
+    assert!(matches!(
+        find_packs(&folder.0).unwrap_err().problem,
+        PackProblem::NoPacks
+    ));
+    assert!(matches!(
+        find_packs(&folder.0.join("absent")).unwrap_err().problem,
+        PackProblem::Read { .. }
+    ));
+}

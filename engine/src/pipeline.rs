@@ -1,0 +1,457 @@
+//! Takes a batch of characters through root, pose and decoder.
+//!
+//! Where the engine is slow in shapes that it has not met, batches are padded to one of its [sizes](BatchSizes) with neutral
+//! rows, so that it sees few shapes. Behind the root stage, which chooses token counts, rows part into groups of one
+//! [length](lengths) each, so that a short segment does not pay for a long one beside it. A row's own token count decides
+//! its length: the same request has the same frames, bit for bit, whatever it travels with. In a group, rows are ordered by their number of pose passes: the pose stage
+//! runs on a shrinking prefix, and characters that asked for one pass do not pay for those that asked for ten.
+
+use std::cmp::Reverse;
+use std::time::{Duration, Instant};
+
+use troupe_motion::model::{Dims, GLOBAL_ROOT, KeyframeTask, Motion, SIX_D, Trace, all_finite};
+
+use super::fill::FillRows as _;
+use super::sampling::{PoseSampler, fill_count_noise};
+use super::tensors::ROOM_MULTIPLE;
+use super::{BatchSizes, DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
+use crate::pack::Stage;
+
+/// Token axes that an engine is asked for, in rising order: the most tokens, three quarters of it, and so on down to half.
+/// It is the most alone where the engine does not take `any` length.
+///
+/// They are few, for a batch of segments of all lengths parts into a group for each. A call of a stage costs as much as one or
+/// two rows of the longest segment do, and with OpenVINO each length has networks of its own.
+pub fn lengths(dims: &Dims, any: bool) -> Vec<usize> {
+    let shortest = match any {
+        true => (dims.max_tokens / 2).max(dims.min_tokens),
+        false => dims.max_tokens,
+    };
+    let mut lengths: Vec<usize> = std::iter::successors(Some(dims.max_tokens), |length| Some(length * 3 / 4))
+        .take_while(|&length| length >= shortest)
+        .collect();
+    lengths.reverse();
+    lengths
+}
+
+/// Which of [`lengths`] a segment of `tokens` tokens is padded to.
+pub fn length_of(lengths: &[usize], tokens: usize) -> usize {
+    let longer = lengths.iter().copied().find(|&length| length >= tokens);
+    longer.or(lengths.last().copied()).unwrap_or(tokens)
+}
+
+/// Rows of the batch that [`Pipeline::trial`] tells of, where so many fit: what a busy server has at least.
+const TRIAL_ROWS: usize = 8;
+
+/// Where a batch's time in the engine went.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct StageTimes {
+    /// Filling input tensors, the choice of tokens included.
+    pub assemble: Duration,
+    /// The root stage.
+    pub root: Duration,
+    /// All passes of the pose stage, over all groups.
+    pub pose: Duration,
+    /// The decoder, over all groups.
+    pub decoder: Duration,
+    /// Copying each character's rows out of the output tensors.
+    pub scatter: Duration,
+    /// Rows of the batch in the root stage, padding included.
+    pub bucket: usize,
+    /// Most rows of one length behind it.
+    pub alike: usize,
+}
+
+impl StageTimes {
+    /// The three stages together.
+    pub fn inference(&self) -> Duration {
+        self.root + self.pose + self.decoder
+    }
+}
+
+/// A batch of rows of the longest length, run to see how fast they are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TrialRun {
+    /// Rows of the batch.
+    pub rows: usize,
+    /// How long the three stages took together.
+    pub took: Duration,
+}
+
+/// What a batch has for one character.
+pub type RowAnswer = Result<Motion, EngineError>;
+/// The answer of one row of a batch.
+#[derive(Debug)]
+pub struct MadeRow {
+    /// Its place in the batch.
+    pub row: usize,
+    /// What there is for it.
+    pub answer: RowAnswer,
+    /// Its share of the batch's time. Rows of a batch share the root stage, those of one length the pose stage, those of one call
+    /// the decoder; together they come to all of it, but for calls of padding alone.
+    pub work: Duration,
+}
+
+/// The stages of one pack and the buffers between them.
+pub struct Pipeline {
+    dims: Dims,
+    stages: Box<dyn Stages>,
+    sizes: BatchSizes,
+    lengths: Vec<usize>,
+    trial: Option<TrialRun>,
+    root_input: RootInput,
+    root_output: RootOutput,
+    token_input: TokenInput,
+    pose_output: PoseOutput,
+    decoder_output: DecoderOutput,
+}
+
+impl Pipeline {
+    /// A pipeline for batches of up to `max_batch` characters, all buffers allocated.
+    pub fn new(dims: Dims, stages: Box<dyn Stages>, max_batch: usize) -> Self {
+        let rows = max_batch.max(1);
+        Self {
+            root_input: RootInput::new(&dims, rows),
+            root_output: RootOutput::new(&dims, rows),
+            token_input: TokenInput::new(&dims, rows),
+            pose_output: PoseOutput::new(&dims, rows),
+            decoder_output: DecoderOutput::new(&dims, rows),
+            lengths: lengths(&dims, stages.any_length()),
+            trial: None,
+            sizes: BatchSizes::new(max_batch, stages.any_batch()),
+            dims,
+            stages,
+        }
+    }
+
+    /// The stages, for other use.
+    pub fn into_stages(self) -> Box<dyn Stages> {
+        self.stages
+    }
+
+    /// Runs every stage once in every shape: the first run of a shape is slow, so it must not meet a caller. The largest
+    /// comes first, for the engine's memory grows by less then. An engine that takes any batch runs the largest, the
+    /// smallest and those that it [names](Stages::call_rows) alone. Then a batch of several is run again, for its
+    /// [time](Pipeline::trial).
+    ///
+    /// # Errors
+    /// [`EngineError`] where a stage fails.
+    pub fn warm_up(&mut self) -> Result<(), EngineError> {
+        let mut sizes = self.sizes.all().to_vec();
+        if self.stages.any_batch() {
+            let calls = self.stages.call_rows();
+            sizes.retain(|size| [1, self.sizes.largest()].contains(size) || calls.contains(size));
+        }
+        for bucket in sizes.into_iter().rev() {
+            self.run_root_of_nothing(bucket)?;
+            for length in self.lengths.clone().into_iter().rev() {
+                self.run_tokens_of_nothing(bucket, length)?;
+            }
+        }
+        let rows = self.sizes.within(TRIAL_ROWS);
+        let mut took = Duration::ZERO;
+        timed(&mut took, || {
+            self.run_root_of_nothing(rows)?;
+            self.run_tokens_of_nothing(rows, self.dims.max_tokens)
+        })?;
+        self.trial = Some(TrialRun { rows, took });
+        Ok(())
+    }
+
+    /// How long a batch took when everything was warm. None before [`Pipeline::warm_up`].
+    pub fn trial(&self) -> Option<TrialRun> {
+        self.trial
+    }
+
+    fn run_root_of_nothing(&mut self, rows: usize) -> Result<(), EngineError> {
+        self.clear_padding(0, rows);
+        self.stages.root(rows, &self.root_input, &mut self.root_output)
+    }
+
+    fn run_tokens_of_nothing(&mut self, rows: usize, length: usize) -> Result<(), EngineError> {
+        self.set_length(length);
+        for row in 0..rows {
+            self.token_input.clear_row(row, length);
+        }
+        self.stages.pose(rows, &self.token_input, &mut self.pose_output)?;
+        self.stages
+            .decoder(rows, &self.token_input, &mut self.decoder_output)
+    }
+
+    /// Runs a batch; the answers are in the order of `items`, which must not be more than the largest batch. A character
+    /// for which a stage gives values out of the contract has an error of its own; the others are served.
+    ///
+    /// # Errors
+    /// [`EngineError`] where a stage fails. The whole batch fails with it.
+    pub fn run(&mut self, items: &[KeyframeTask]) -> Result<(Vec<RowAnswer>, StageTimes), EngineError> {
+        let mut rows = Vec::with_capacity(items.len());
+        let times = self.run_by_calls(items, &mut |_, some| rows.extend(some))?;
+        rows.sort_by_key(|made| made.row);
+        Ok((rows.into_iter().map(|made| made.answer).collect(), times))
+    }
+
+    /// [`Pipeline::run`] that gives each character's answer, by its place in `items`, as soon as it is there, with the times of
+    /// the batch until then.
+    ///
+    /// # Errors
+    /// [`EngineError`] where a stage fails. What was not answered fails with it.
+    pub fn run_by_calls(
+        &mut self,
+        items: &[KeyframeTask],
+        made: &mut dyn FnMut(&StageTimes, Vec<MadeRow>),
+    ) -> Result<StageTimes, EngineError> {
+        let bucket = self.sizes.for_rows(items.len());
+        let mut times = StageTimes {
+            bucket,
+            ..StageTimes::default()
+        };
+        timed(&mut times.assemble, || self.fill_root(items, bucket));
+        timed(&mut times.root, || {
+            self.stages.root(bucket, &self.root_input, &mut self.root_output)
+        })?;
+
+        let work = (times.assemble + times.root) / items.len().max(1) as u32;
+        let mut failed = Vec::new();
+        let mut members = Vec::with_capacity(items.len());
+        for (row, item) in items.iter().enumerate() {
+            match self.root_answer(row, item) {
+                Ok(tokens) => members.push(Member {
+                    row,
+                    item,
+                    tokens,
+                    length: length_of(&self.lengths, tokens),
+                }),
+                Err(error) => failed.push(MadeRow {
+                    row,
+                    answer: Err(error),
+                    work,
+                }),
+            }
+        }
+        if !failed.is_empty() {
+            made(&times, failed);
+        }
+        members.sort_by_key(|member| (member.length, Reverse(member.passes())));
+        for group in members.chunk_by(|a, b| a.length == b.length) {
+            self.run_group(group, work, &mut times, made)?;
+        }
+        Ok(times)
+    }
+
+    /// Runs the stages behind the root for rows of one length, ordered by falling number of passes. Each has taken `work` so far.
+    fn run_group(
+        &mut self,
+        group: &[Member<'_>],
+        work: Duration,
+        times: &mut StageTimes,
+        made: &mut dyn FnMut(&StageTimes, Vec<MadeRow>),
+    ) -> Result<(), EngineError> {
+        let bucket = self.sizes.for_rows(group.len());
+        let before = times.assemble + times.pose;
+        times.alike = times.alike.max(group.len());
+        timed(&mut times.assemble, || self.fill_tokens(group, bucket));
+        let mut chosen = self.choose_tokens(group, times)?;
+        let work = work + (times.assemble + times.pose - before) / group.len() as u32;
+        let (dims, root, tokens) = (&self.dims, &self.root_output, &self.token_input);
+        let (mut begun, mut done) = (Instant::now(), 0);
+        self.stages
+            .decoder_by_calls(bucket, tokens, &mut self.decoder_output, &mut |call, decoder| {
+                let decoder_time = begun.elapsed();
+                times.decoder += decoder_time;
+                let rows = done..call.end.min(group.len());
+                if call.start != done || rows.is_empty() {
+                    // All of it is padding. (Or told out of order: what is missing then is an error below.)
+                    begun = Instant::now();
+                    return;
+                }
+                done = rows.end;
+                let mut scatter = Duration::ZERO;
+                let mut answers: Vec<MadeRow> = timed(&mut scatter, || {
+                    let members = rows
+                        .clone()
+                        .zip(&group[rows.clone()])
+                        .zip(chosen.drain(..rows.len()));
+                    let answer =
+                        |((row, member), chosen): ((usize, &Member<'_>), Result<(), EngineError>)| MadeRow {
+                            row: member.row,
+                            answer: chosen.map(|()| copy_out(dims, (root, tokens, decoder), row, member)),
+                            work,
+                        };
+                    members.map(answer).collect()
+                });
+                times.scatter += scatter;
+                for made in &mut answers {
+                    made.work += (decoder_time + scatter) / rows.len() as u32;
+                }
+                made(times, answers);
+                begun = Instant::now();
+            })?;
+        match done == group.len() {
+            true => Ok(()),
+            false => Err(output(Stage::Decoder, "fewer rows than its batch has")),
+        }
+    }
+
+    fn set_length(&mut self, length: usize) {
+        self.token_input.set_length(&self.dims, length);
+        self.pose_output.set_length(&self.dims, length);
+        self.decoder_output.set_length(&self.dims, length);
+    }
+
+    fn clear_padding(&mut self, from: usize, bucket: usize) {
+        for row in from..bucket {
+            self.root_input.clear_row(row);
+        }
+    }
+
+    fn fill_root(&mut self, items: &[KeyframeTask], bucket: usize) {
+        for (row, item) in items.iter().enumerate() {
+            item.fill_root_input(&self.dims, row, &mut self.root_input);
+            fill_count_noise(
+                item.seed,
+                item.temperature,
+                self.root_input.count_noise.row_mut(row),
+            );
+        }
+        self.clear_padding(items.len(), bucket);
+    }
+
+    /// Lays the token input out for a group and fills it from the root stage's answer.
+    fn fill_tokens(&mut self, group: &[Member<'_>], bucket: usize) {
+        self.set_length(group.first().map_or(self.dims.max_tokens, |member| member.length));
+        for (row, member) in group.iter().enumerate() {
+            let trajectory = self.root_output.global_root.row(member.row);
+            member
+                .item
+                .fill_token_input(&self.dims, row, member.tokens, trajectory, &mut self.token_input);
+        }
+        for row in group.len()..bucket {
+            self.token_input.clear_row(row, self.dims.min_tokens);
+        }
+        for row in bucket..bucket.next_multiple_of(ROOM_MULTIPLE) {
+            self.token_input.spare_row(row, self.dims.min_tokens);
+        }
+    }
+
+    /// The token count that the root stage chose for a row, where its trajectory is usable.
+    fn root_answer(&self, row: usize, item: &KeyframeTask) -> Result<usize, EngineError> {
+        let tokens = self.checked_count(self.root_output.num_tokens.row(row)[0], item)?;
+        let frames = tokens * self.dims.frames_per_token;
+        let trajectory = &self.root_output.global_root.row(row)[..frames * GLOBAL_ROOT];
+        if all_finite(trajectory) {
+            Ok(tokens)
+        } else {
+            Err(output(Stage::Root, "a trajectory that is not finite"))
+        }
+    }
+
+    fn checked_count(&self, chosen: i64, item: &KeyframeTask) -> Result<usize, EngineError> {
+        usize::try_from(chosen)
+            .ok()
+            .filter(|tokens| {
+                let index = tokens.checked_sub(self.dims.min_tokens);
+                index
+                    .and_then(|index| item.allowed_counts.get(index))
+                    .copied()
+                    .unwrap_or(false)
+            })
+            .ok_or_else(|| {
+                output(
+                    Stage::Root,
+                    &format!("the token count {chosen}, which was not allowed"),
+                )
+            })
+    }
+
+    /// Runs the pose stage until every row of the group has its tokens. A row whose logits are not usable goes on as
+    /// padding.
+    fn choose_tokens(
+        &mut self,
+        group: &[Member<'_>],
+        times: &mut StageTimes,
+    ) -> Result<Vec<Result<(), EngineError>>, EngineError> {
+        let Dims { heads, codes, .. } = self.dims;
+        let mut chosen = vec![Ok(()); group.len()];
+        let mut samplers: Vec<PoseSampler> = group
+            .iter()
+            .map(|member| PoseSampler::new(member.item.seed, member.item.temperature, member.passes()))
+            .collect();
+        let passes = group.first().map_or(0, Member::passes);
+        for pass in 1..=passes {
+            let active = group.partition_point(|member| member.passes() >= pass);
+            let bucket = self.sizes.for_rows(active);
+            timed(&mut times.pose, || {
+                self.stages.pose(bucket, &self.token_input, &mut self.pose_output)
+            })?;
+            let started = Instant::now();
+            for (row, sampler) in samplers[..active].iter_mut().enumerate() {
+                if chosen[row].is_err() {
+                    continue;
+                }
+                let tokens = &mut self.token_input.tokens.row_mut(row)[..group[row].tokens * heads];
+                if !sampler.commit(pass, codes, self.pose_output.logits.row(row), tokens) {
+                    chosen[row] = Err(output(Stage::Pose, "logits that are not finite"));
+                    self.token_input.clear_row(row, self.dims.min_tokens);
+                }
+            }
+            times.assemble += started.elapsed();
+        }
+        Ok(chosen)
+    }
+}
+
+/// The answer of a group's row number `row`, of what the stages made.
+fn copy_out(
+    dims: &Dims,
+    (root, input, decoder): (&RootOutput, &TokenInput, &DecoderOutput),
+    row: usize,
+    member: &Member<'_>,
+) -> Motion {
+    let frames = member.tokens * dims.frames_per_token;
+    let tokens = &input.tokens.row(row)[..member.tokens * dims.heads];
+    Motion {
+        root: decoder.global_root.row(row)[..frames * GLOBAL_ROOT].to_vec(),
+        rotations: decoder.rotations.row(row)[..frames * dims.joints * SIX_D].to_vec(),
+        contacts: decoder.contacts.row(row)[..frames * dims.contacts].to_vec(),
+        trace: Some(Box::new(Trace {
+            num_tokens: member.tokens,
+            count_probs: root.count_probs.row(member.row).to_vec(),
+            root_r_g3: root.global_root.row(member.row)[..frames * GLOBAL_ROOT].to_vec(),
+            tokens: tokens.iter().map(|&token| token as u32).collect(),
+        })),
+    }
+}
+
+/// A row of the batch behind the root stage.
+struct Member<'a> {
+    /// Its row in the root stage, and its place among the answers.
+    row: usize,
+    item: &'a KeyframeTask,
+    tokens: usize,
+    /// Tokens with padding.
+    length: usize,
+}
+
+impl Member<'_> {
+    fn passes(&self) -> u32 {
+        self.item.pose_steps.max(1)
+    }
+}
+
+fn timed<T>(total: &mut Duration, work: impl FnOnce() -> T) -> T {
+    let started = Instant::now();
+    let result = work();
+    *total += started.elapsed();
+    result
+}
+
+fn output(stage: Stage, problem: &str) -> EngineError {
+    EngineError::Output {
+        stage,
+        problem: problem.to_owned(),
+    }
+}
+
+#[cfg(test)]
+#[path = "pipeline_tests.rs"]
+mod tests;

@@ -1,0 +1,473 @@
+use std::sync::{Arc, Mutex};
+
+use super::*;
+use troupe_motion::model::{KeyTensors, RootGuide};
+
+const DIMS: Dims = Dims {
+    joints: 2,
+    contacts: 1,
+    heads: 2,
+    codes: 5,
+    min_tokens: 3,
+    max_tokens: 16,
+    frames_per_token: 4,
+    context_frames: 4,
+    max_targets: 4,
+};
+
+/// Stage, rows, and token axis of a call; 0 for the root stage, which has none.
+type Call = (Stage, usize, usize);
+
+/// Rows in, rows out: each stage writes values that tell which row's input they came from.
+#[derive(Default)]
+struct Echo {
+    calls: Arc<Mutex<Vec<Call>>>,
+    break_stage: Option<Stage>,
+    count: Option<i64>,
+    one_length: bool,
+    any_batch: bool,
+}
+
+impl Echo {
+    fn call(&self, stage: Stage, rows: usize, length: usize) {
+        self.calls.lock().unwrap().push((stage, rows, length));
+    }
+}
+
+/// x of the root in the last frame of the segment.
+fn last_x(input: &TokenInput, row: usize) -> f32 {
+    let frames = input.num_tokens.row(row)[0] as usize * DIMS.frames_per_token;
+    input.global_root.row(row)[(frames - 1) * GLOBAL_ROOT]
+}
+
+impl Stages for Echo {
+    fn any_length(&self) -> bool {
+        !self.one_length
+    }
+
+    fn any_batch(&self) -> bool {
+        self.any_batch
+    }
+
+    fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
+        self.call(Stage::Root, rows, 0);
+        for row in 0..rows {
+            let first = input
+                .allowed_counts
+                .row(row)
+                .iter()
+                .position(|&may| may == 1.0)
+                .unwrap();
+            output
+                .num_tokens
+                .fill_row(row, self.count.unwrap_or((first + DIMS.min_tokens) as i64));
+            output
+                .global_root
+                .fill_row(row, input.key_global_root.row(row)[0]);
+        }
+        if self.break_stage == Some(Stage::Root) {
+            output.global_root.fill_row(0, f32::NAN);
+        }
+        Ok(())
+    }
+
+    fn pose(&mut self, rows: usize, input: &TokenInput, output: &mut PoseOutput) -> Result<(), EngineError> {
+        self.call(Stage::Pose, rows, input.length());
+        assert_eq!(output.logits.row(0).len(), input.length() * 10);
+        for row in 0..rows {
+            let code = last_x(input, row) as usize % DIMS.codes;
+            for logits in output.logits.row_mut(row).chunks_mut(DIMS.codes) {
+                logits.fill(0.0);
+                logits[code] = 1.0;
+            }
+        }
+        if self.break_stage == Some(Stage::Pose) {
+            output.logits.fill_row(0, f32::INFINITY);
+        }
+        Ok(())
+    }
+
+    fn decoder(
+        &mut self,
+        rows: usize,
+        input: &TokenInput,
+        output: &mut DecoderOutput,
+    ) -> Result<(), EngineError> {
+        self.call(Stage::Decoder, rows, input.length());
+        if self.break_stage == Some(Stage::Decoder) {
+            return Err(EngineError::Run {
+                stage: Stage::Decoder,
+                reason: "broken".into(),
+            });
+        }
+        // An engine that runs a batch in calls of fixed sizes reads the rows behind it too.
+        for row in 0..rows.next_multiple_of(ROOM_MULTIPLE) {
+            let tokens = input.tokens.row(row);
+            assert!(
+                tokens.iter().all(|&token| token < DIMS.codes as i64),
+                "masked token left in row {row}"
+            );
+        }
+        for row in 0..rows {
+            output.rotations.fill_row(row, last_x(input, row));
+            output
+                .global_root
+                .row_mut(row)
+                .copy_from_slice(input.global_root.row(row));
+            output.contacts.fill_row(row, input.length() as f32);
+        }
+        Ok(())
+    }
+}
+
+/// A task whose root stays at `mark`, and which takes `mark` tokens more than the fewest.
+fn item(mark: f32, pose_steps: u32) -> KeyframeTask {
+    item_of(mark, DIMS.min_tokens + mark as usize, pose_steps)
+}
+
+fn item_of(mark: f32, tokens: usize, pose_steps: u32) -> KeyframeTask {
+    let key = KeyTensors {
+        global_root: Some([mark; 5]),
+        ..KeyTensors::default()
+    };
+    KeyframeTask {
+        context: vec![key.clone(); 4],
+        targets: vec![key],
+        frames: None,
+        allowed_counts: (DIMS.min_tokens..=DIMS.max_tokens)
+            .map(|count| count == tokens)
+            .collect(),
+        seed: 1,
+        temperature: 0.0,
+        pose_steps,
+        root_guide: None,
+        gap_poses: Vec::new(),
+    }
+}
+
+/// The motions of a batch in which no row fails.
+fn run(pipeline: &mut Pipeline, items: &[KeyframeTask]) -> Vec<Motion> {
+    let (answers, _) = pipeline.run(items).unwrap();
+    answers.into_iter().map(Result::unwrap).collect()
+}
+
+fn pipeline(echo: Echo) -> Pipeline {
+    Pipeline::new(DIMS, Box::new(echo), 8)
+}
+
+#[test]
+fn lengths_are_few_and_long() {
+    assert_eq!(lengths(&DIMS, true), [9, 12, 16]);
+    assert_eq!(lengths(&DIMS, false), [16]);
+    let dims = Dims {
+        min_tokens: 3,
+        max_tokens: 3,
+        ..DIMS
+    };
+    assert_eq!(lengths(&dims, true), [3]);
+    let dims = Dims {
+        min_tokens: 15,
+        ..DIMS
+    };
+    assert_eq!(lengths(&dims, true), [16]);
+}
+
+#[test]
+fn warm_up_runs_every_stage_in_every_shape() {
+    for one_length in [false, true] {
+        let echo = Echo {
+            one_length,
+            ..Echo::default()
+        };
+        let calls = echo.calls.clone();
+        let mut pipeline = pipeline(echo);
+        assert_eq!(pipeline.trial(), None);
+        pipeline.warm_up().unwrap();
+        assert_eq!(pipeline.trial().unwrap().rows, 8);
+        let mut expected = Vec::new();
+        for rows in [8, 6, 4, 2, 1] {
+            expected.push((Stage::Root, rows, 0));
+            for length in lengths(&DIMS, !one_length).into_iter().rev() {
+                expected.extend([(Stage::Pose, rows, length), (Stage::Decoder, rows, length)]);
+            }
+        }
+        // And once more, for the time that it takes.
+        let longest = DIMS.max_tokens;
+        expected.extend([
+            (Stage::Root, 8, 0),
+            (Stage::Pose, 8, longest),
+            (Stage::Decoder, 8, longest),
+        ]);
+        assert_eq!(*calls.lock().unwrap(), expected);
+    }
+}
+
+#[test]
+fn answers_come_in_the_order_of_the_items_whatever_their_lengths_and_passes() {
+    for one_length in [false, true] {
+        let echo = Echo {
+            one_length,
+            ..Echo::default()
+        };
+        let items: Vec<KeyframeTask> = [(4.0, 1), (2.0, 3), (13.0, 1), (4.0, 2), (1.0, 1)]
+            .map(|(mark, steps)| item(mark, steps))
+            .into();
+        let (motions, _) = pipeline(echo).run(&items).unwrap();
+        for (motion, mark) in motions.into_iter().zip([4.0, 2.0, 13.0, 4.0, 1.0]) {
+            let motion = motion.unwrap();
+            let trace = motion.trace.as_deref().unwrap();
+            assert_eq!(trace.num_tokens, DIMS.min_tokens + mark as usize);
+            let frames = trace.num_tokens * 4;
+            assert_eq!(trace.root_r_g3, vec![mark; frames * 5]);
+            assert_eq!(motion.rotations, vec![mark; frames * 2 * 6]);
+            assert_eq!(trace.tokens, vec![mark as u32 % 5; trace.num_tokens * 2]);
+            assert_eq!(motion.root, trace.root_r_g3);
+            assert_eq!(motion.contacts.len(), frames);
+        }
+    }
+}
+
+#[test]
+fn rows_run_in_groups_of_one_length_and_passes_for_those_who_asked() {
+    let echo = Echo::default();
+    let calls = echo.calls.clone();
+    // Eleven and twelve tokens share a length; eight have the one below.
+    let items = [(8, 1), (12, 1), (11, 3), (12, 2), (8, 1), (12, 1), (12, 1)];
+    let items = items.map(|(tokens, steps)| item_of(1.0, tokens, steps));
+    let (_, times) = pipeline(echo).run(&items).unwrap();
+    assert_eq!(times.bucket, 8);
+    let expected = [
+        (Stage::Root, 8, 0),
+        (Stage::Pose, 2, 9),
+        (Stage::Decoder, 2, 9),
+        (Stage::Pose, 6, 12),
+        (Stage::Pose, 2, 12),
+        (Stage::Pose, 1, 12),
+        (Stage::Decoder, 6, 12),
+    ];
+    assert_eq!(*calls.lock().unwrap(), expected);
+}
+
+#[test]
+fn what_a_failed_batch_left_behind_reaches_no_call() {
+    let mut pipeline = pipeline(Echo {
+        any_batch: true,
+        ..Echo::default()
+    });
+    for row in 0..8 {
+        pipeline.token_input.tokens.fill_row(row, DIMS.codes as i64);
+    }
+    // The engine asserts it for the rows that it may read.
+    pipeline.run(&vec![item_of(1.0, 10, 1); 3]).unwrap();
+}
+
+#[test]
+fn an_engine_that_takes_any_batch_gets_no_padding() {
+    let echo = Echo {
+        any_batch: true,
+        ..Echo::default()
+    };
+    let calls = echo.calls.clone();
+    let mut pipeline = pipeline(echo);
+    pipeline.warm_up().unwrap();
+    let sizes: Vec<usize> = calls.lock().unwrap().drain(..).map(|call| call.1).collect();
+    assert!(
+        sizes.iter().all(|&rows| rows == 8 || rows == 1) && sizes[0] == 8,
+        "{sizes:?}"
+    );
+    let (_, times) = pipeline.run(&vec![item_of(1.0, 10, 1); 7]).unwrap();
+    assert_eq!(times.bucket, 7);
+    let expected = [Stage::Root, Stage::Pose, Stage::Decoder];
+    let calls = calls.lock().unwrap();
+    assert_eq!(
+        calls.iter().map(|call| (call.0, call.1)).collect::<Vec<_>>(),
+        expected.map(|stage| (stage, 7))
+    );
+}
+
+#[test]
+fn a_character_alone_and_in_a_batch_is_the_same() {
+    let mut pipeline = pipeline(Echo::default());
+    let items: Vec<KeyframeTask> = [
+        (1.0, 3),
+        (2.0, 16),
+        (3.0, 9),
+        (4.0, 11),
+        (5.0, 12),
+        (6.0, 9),
+        (7.0, 15),
+    ]
+    .into_iter()
+    .map(|(mark, tokens)| item_of(mark, tokens, 1 + mark as u32 % 3))
+    .collect();
+    let together = run(&mut pipeline, &items);
+    for (item, together) in items.iter().zip(together) {
+        // The toy decoder writes the call's length into the contacts.
+        assert_eq!(run(&mut pipeline, std::slice::from_ref(item)), [together]);
+    }
+}
+
+#[test]
+fn the_stages_behind_the_root_see_the_guided_trajectory() {
+    let mut guided = item(3.0, 1);
+    guided.root_guide = Some(RootGuide {
+        path: vec![[4.0, 9.0, 3.0, 0.0]; 24].into(),
+        position_ratio: 1.0,
+        height_ratio: 0.0,
+        heading_ratio: 1.0,
+    });
+    let motions = run(&mut pipeline(Echo::default()), &[guided, item(3.0, 1)]);
+    for (motion, x) in motions.into_iter().zip([4.0, 3.0]) {
+        let trace = motion.trace.as_deref().unwrap();
+        assert_eq!(trace.root_r_g3, [3.0; 24 * 5]);
+        assert_eq!(trace.tokens, [x as u32; 12]);
+        for (frame, root) in motion.root.chunks(5).enumerate() {
+            assert_eq!(root[..3], [if frame < 4 { 3.0 } else { x }, 3.0, 3.0]);
+        }
+    }
+}
+
+#[test]
+fn answers_come_as_soon_as_their_length_is_done() {
+    let items = [item_of(1.0, 16, 1), item_of(2.0, 5, 1), item_of(3.0, 16, 1)];
+    let whole = run(&mut pipeline(Echo::default()), &items);
+    let mut pipeline = pipeline(Echo::default());
+    let mut seen = Vec::new();
+    let times = pipeline.run_by_calls(&items, &mut |times, rows| {
+        let answers = rows.into_iter().map(|made| (made.row, made.answer.unwrap()));
+        seen.push((times.decoder, answers.collect::<Vec<_>>()));
+    });
+    let places: Vec<Vec<usize>> = seen
+        .iter()
+        .map(|(_, some)| some.iter().map(|answer| answer.0).collect())
+        .collect();
+    assert_eq!(places, [vec![1], vec![0, 2]]);
+    assert!(seen[0].0 < seen[1].0 && seen[1].0 == times.unwrap().decoder);
+    for (row, motion) in seen.into_iter().flat_map(|(_, some)| some) {
+        assert_eq!(motion, whole[row]);
+    }
+}
+
+#[test]
+fn the_work_of_rows_comes_to_the_time_of_their_batch() {
+    let items = [16, 5, 16, 9, 12, 5].map(|tokens| item_of(1.0, tokens, tokens as u32 % 3 + 1));
+    let mut pipeline = pipeline(Echo::default());
+    let mut work = [Duration::ZERO; 6];
+    let times = pipeline
+        .run_by_calls(&items, &mut |_, rows| {
+            for made in rows {
+                work[made.row] += made.work;
+            }
+        })
+        .unwrap();
+    let all = times.assemble + times.inference() + times.scatter;
+    let sum: Duration = work.iter().sum();
+    assert!(all.abs_diff(sum) < Duration::from_nanos(100), "{all:?} {sum:?}");
+    // Nobody pays for the root stage alone.
+    assert!(
+        work.iter().all(|&work| work >= times.root / 6),
+        "{work:?} {times:?}"
+    );
+}
+
+/// An engine that tells of these rows, whatever it was asked for.
+struct Tells(Echo, Vec<std::ops::Range<usize>>);
+
+impl Stages for Tells {
+    fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
+        self.0.root(rows, input, output)
+    }
+
+    fn pose(&mut self, rows: usize, input: &TokenInput, output: &mut PoseOutput) -> Result<(), EngineError> {
+        self.0.pose(rows, input, output)
+    }
+
+    fn decoder(
+        &mut self,
+        rows: usize,
+        input: &TokenInput,
+        output: &mut DecoderOutput,
+    ) -> Result<(), EngineError> {
+        self.0.decoder(rows, input, output)
+    }
+
+    fn decoder_by_calls(
+        &mut self,
+        _: usize,
+        _: &TokenInput,
+        output: &mut DecoderOutput,
+        made: &mut dyn FnMut(std::ops::Range<usize>, &DecoderOutput),
+    ) -> Result<(), EngineError> {
+        self.1.iter().cloned().for_each(|call| made(call, output));
+        Ok(())
+    }
+}
+
+#[test]
+fn rows_that_an_engine_does_not_tell_of_are_an_error() {
+    for calls in [vec![], vec![0..1, 1..1], vec![0..2, 0..2, 0..3], vec![1..3, 0..1]] {
+        let told = Tells(Echo::default(), calls.clone());
+        let mut pipeline = Pipeline::new(DIMS, Box::new(told), 8);
+        let error = pipeline.run(&vec![item(1.0, 1); 3]).unwrap_err().to_string();
+        assert!(error.contains("fewer rows"), "{calls:?}: {error}");
+    }
+    let told = Tells(Echo::default(), std::iter::once(0..1).collect());
+    let mut pipeline = Pipeline::new(DIMS, Box::new(told), 8);
+    let error = pipeline.run(&vec![item(1.0, 1); 2]).unwrap_err().to_string();
+    assert!(error.contains("fewer rows"), "{error}");
+    assert!(pipeline.run(&[item(1.0, 1)]).is_ok());
+}
+
+#[test]
+fn calls_of_padding_alone_answer_nobody() {
+    // A batch of nine is padded to twelve.
+    for calls in [vec![0..8, 8..16], (0..12).map(|row| row..row + 1).collect()] {
+        let told = Tells(Echo::default(), calls);
+        let mut pipeline = Pipeline::new(DIMS, Box::new(told), 12);
+        let (answers, times) = pipeline.run(&vec![item(1.0, 1); 9]).unwrap();
+        assert!(answers.len() == 9 && times.bucket == 12);
+    }
+}
+
+#[test]
+fn outputs_out_of_the_contract_fail_their_own_row_only() {
+    // The engine spoils row 0: in the root stage that is the first item, behind it the one with the most passes.
+    let items = [(1.0, 1), (2.0, 3), (3.0, 2)].map(|(mark, steps)| item_of(mark, 5, steps));
+    let good = run(&mut pipeline(Echo::default()), &items);
+    for (stage, bad, says) in [
+        (Stage::Root, 0, "trajectory that is not finite"),
+        (Stage::Pose, 1, "logits that are not finite"),
+    ] {
+        let mut pipeline = pipeline(Echo {
+            break_stage: Some(stage),
+            ..Echo::default()
+        });
+        let (answers, _) = pipeline.run(&items).unwrap();
+        let error = answers[bad].as_ref().unwrap_err().to_string();
+        assert!(error.contains(says), "{error}");
+        for row in (0..3).filter(|&row| row != bad) {
+            let motion = answers[row].as_ref().unwrap();
+            assert_eq!(motion.rotations, good[row].rotations, "{stage:?}");
+            assert_eq!(motion.trace, good[row].trace, "{stage:?}");
+        }
+    }
+    for count in [0, 3, 17, -1] {
+        let mut pipeline = pipeline(Echo {
+            count: Some(count),
+            ..Echo::default()
+        });
+        let (answers, _) = pipeline.run(&[item(1.0, 1)]).unwrap();
+        let error = answers[0].as_ref().unwrap_err().to_string();
+        assert!(error.contains("not allowed"), "{error}");
+    }
+}
+
+#[test]
+fn a_failing_stage_fails_the_batch() {
+    let mut pipeline = pipeline(Echo {
+        break_stage: Some(Stage::Decoder),
+        ..Echo::default()
+    });
+    let error = pipeline.run(&[item(1.0, 1)]).unwrap_err().to_string();
+    assert!(error.contains("broken"), "{error}");
+}

@@ -1,0 +1,16 @@
+//! What characters and generators share: the body that a model animates, the tasks that it is given, what it answers.
+//!
+//! A model of any family takes [`Task`]s and gives [`Output`]s. Everything is in the segment frame: the origin under the last
+//! context root, +Z along its heading.
+
+mod capability;
+mod dims;
+mod motion;
+mod rig;
+mod task;
+
+pub use capability::{Capabilities, Capability};
+pub use dims::{Dims, GLOBAL_ROOT, LOCAL_ROOT, POSE_FEATURES, SIX_D};
+pub use motion::{Motion, Output, Trace, all_finite};
+pub use rig::Rig;
+pub use task::{DescribeTask, GapPose, KeyTensors, KeyframeTask, PromptTask, RootGuide, Task};
