@@ -21,7 +21,7 @@ use describe::describe;
 use troupe_character::live::load::PlanLoad;
 use troupe_character::style::StyleTable;
 use troupe_engine::pack::Pack;
-use troupe_motion::model::Rig;
+use troupe_motion::model::{Output, Rig};
 
 /// Requests of up to this many characters are checked and finished on the task that received them; larger ones go to the
 /// pool for blocking work, so that they do not hold up other connections.
@@ -205,7 +205,10 @@ impl Service {
         })
         .await??;
 
-        let served = loaded.batcher.submit(items, order).await?;
+        let served = loaded
+            .batcher
+            .submit(items.into_iter().map(Into::into).collect(), order)
+            .await?;
 
         let mut timing = timing(&served);
         let copied = served.scatter;
@@ -234,7 +237,11 @@ impl Service {
 }
 
 fn finish_all(served: &Served, plans: &[Plan], rig: &Rig) -> Result<Vec<v1::CharacterResult>, ApiError> {
-    let pairs = served.motions.iter().zip(plans);
+    let motions = served.outputs.iter().filter_map(|output| match output {
+        Output::Motion(motion) => Some(motion),
+        Output::Text(_) => None,
+    });
+    let pairs = motions.zip(plans);
     pairs
         .map(|(motion, plan)| finish(motion, plan, rig).map_err(ApiError::from))
         .collect()

@@ -10,9 +10,10 @@ use metrics::{Counter, Gauge, Histogram, Key, Label, Level, Metadata, Recorder a
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusRecorder};
 
 use crate::batch::Class;
-use crate::batch::scheduler::CutReason;
+use crate::batch::scheduler::BatchReason;
+use troupe_engine::Decision;
+use troupe_engine::generator::StepReport;
 use troupe_engine::pack::Stage;
-use troupe_engine::{Decision, StageTimes};
 
 pub use sessions::{Eviction, SessionMetrics};
 
@@ -42,11 +43,10 @@ const FRAMES: &str = "troupe_frames_generated_total";
 const LANES: &str = "troupe_engine_lanes";
 const LANE_GAP: &str = "troupe_lane_gap_duration_seconds";
 const LOAD_SECONDS: &str = "troupe_model_load_seconds";
-const WARMUP_SECONDS: &str = "troupe_warmup_seconds";
 const ENGINE_INFO: &str = "troupe_engine_info";
 const ENGINE_DIFFERENCE: &str = "troupe_engine_difference";
 
-const DESCRIPTIONS: [(&str, &str); 19] = [
+const DESCRIPTIONS: [(&str, &str); 18] = [
     (REQUESTS, "Requests answered, by remote procedure and status code"),
     (REQUEST_DURATION, "From a request's arrival to its answer"),
     (
@@ -67,15 +67,15 @@ const DESCRIPTIONS: [(&str, &str); 19] = [
     (PADDING_RATIO, "Share of padding rows in a batch"),
     (
         DISPATCHES,
-        "Batches cut, by reason: the lane was idle, a backlog had formed, the batch was full, or the lane had waited \
-         for more work",
+        "Batches formed, by reason: the worker was idle, it took what had waited, or more waited than fits",
     ),
     (PENDING_REQUESTS, "Requests that wait for a batch"),
     (PENDING_CHARACTERS, "Characters that wait for a batch"),
     (
         REJECTIONS,
         "Requests turned away or dropped before they ran, by reason: the queue was full or too slow, the caller had \
-         gone, a newer plan of the character took the place, or it had waited until nobody wanted the answer",
+         gone, a newer plan of the character took the place, it had waited until nobody wanted the answer, or its reader \
+         was too slow",
     ),
     (LANES, "Lanes of the engine that serve"),
     (
@@ -83,8 +83,7 @@ const DESCRIPTIONS: [(&str, &str); 19] = [
         "From a batch's end to the start of the next on the same lane, where work waited",
     ),
     (FRAMES, "Frames generated"),
-    (LOAD_SECONDS, "Time to load a pack"),
-    (WARMUP_SECONDS, "Time to run a pack in every batch size once"),
+    (LOAD_SECONDS, "Time to load a pack, its first runs included"),
     (ENGINE_INFO, "1; the labels say what runs a pack's networks"),
     (
         ENGINE_DIFFERENCE,
@@ -123,7 +122,6 @@ impl Telemetry {
                 | PENDING_CHARACTERS
                 | LANES
                 | LOAD_SECONDS
-                | WARMUP_SECONDS
                 | ENGINE_INFO
                 | ENGINE_DIFFERENCE
                 | sessions::ACTIVE
@@ -189,16 +187,18 @@ impl Telemetry {
             lane_gap: histogram(LANE_GAP, None),
             lanes: gauge(LANES),
             assemble: histogram(ASSEMBLE_DURATION, None),
-            inference: Stage::ALL.map(|stage| histogram(INFERENCE_DURATION, Some(("stage", stage.name())))),
+            inference: Stage::ALL.map(|stage| {
+                let name = stage.name();
+                (name, histogram(INFERENCE_DURATION, Some(("stage", name))))
+            }),
             scatter: histogram(SCATTER_DURATION, None),
             batch_size: histogram(BATCH_SIZE, None),
             padding_ratio: histogram(PADDING_RATIO, None),
             pending_requests: gauge(PENDING_REQUESTS),
             pending_characters: gauge(PENDING_CHARACTERS),
             load_seconds: gauge(LOAD_SECONDS),
-            warmup_seconds: gauge(WARMUP_SECONDS),
             frames: self.counter(FRAMES, labels(None)),
-            dispatches: CutReason::ALL
+            dispatches: BatchReason::ALL
                 .map(|reason| self.counter(DISPATCHES, labels(Some(("reason", reason.label()))))),
             rejections: Rejection::ALL
                 .map(|reason| self.counter(REJECTIONS, labels(Some(("reason", reason.label()))))),
@@ -232,16 +232,19 @@ pub enum Rejection {
     Superseded,
     /// It had waited until nobody wanted the answer.
     Expired,
+    /// Its reader left too many parts of the answer waiting.
+    ReaderSlow,
 }
 
 impl Rejection {
     /// All of them, in the order of their numbers.
-    const ALL: [Self; 5] = [
+    const ALL: [Self; 6] = [
         Self::QueueFull,
         Self::QueueSlow,
         Self::ClientGone,
         Self::Superseded,
         Self::Expired,
+        Self::ReaderSlow,
     ];
 
     fn label(self) -> &'static str {
@@ -251,6 +254,7 @@ impl Rejection {
             Self::ClientGone => "client_gone",
             Self::Superseded => "superseded",
             Self::Expired => "expired",
+            Self::ReaderSlow => "reader_slow",
         }
     }
 }
@@ -262,16 +266,15 @@ pub struct PackMetrics {
     lane_gap: Histogram,
     lanes: Gauge,
     assemble: Histogram,
-    inference: [Histogram; 3],
+    inference: [(&'static str, Histogram); 3],
     scatter: Histogram,
     batch_size: Histogram,
     padding_ratio: Histogram,
     pending_requests: Gauge,
     pending_characters: Gauge,
     load_seconds: Gauge,
-    warmup_seconds: Gauge,
     frames: Counter,
-    dispatches: [Counter; CutReason::ALL.len()],
+    dispatches: [Counter; BatchReason::ALL.len()],
     rejections: [Counter; Rejection::ALL.len()],
     labels: Vec<Label>,
     telemetry: Telemetry,
@@ -300,22 +303,32 @@ impl PackMetrics {
     }
 
     /// A batch went to the engine.
-    pub fn dispatched(&self, reason: CutReason, characters: usize) {
+    pub fn dispatched(&self, reason: BatchReason, characters: usize) {
         self.dispatches[reason as usize].increment(1);
         self.batch_size.record(characters as f64);
     }
 
-    /// The engine finished a batch of `characters`.
-    pub fn ran(&self, times: &StageTimes, characters: usize) {
-        self.assemble.record(times.assemble);
-        self.scatter.record(times.scatter);
-        for (histogram, took) in self.inference.iter().zip([times.root, times.pose, times.decoder]) {
-            histogram.record(took);
+    /// A worker did a step.
+    pub fn ran(&self, step: &StepReport) {
+        self.assemble.record(step.assemble);
+        self.scatter.record(step.scatter);
+        for (name, took) in &step.networks {
+            self.network(name).record(*took);
         }
-        if times.bucket > 0 {
-            self.padding_ratio
-                .record((times.bucket - characters.min(times.bucket)) as f64 / times.bucket as f64);
+        if step.rows > 0 {
+            let padding = step.rows.saturating_sub(step.jobs);
+            self.padding_ratio.record(padding as f64 / step.rows as f64);
         }
+    }
+
+    /// The histogram of a network of any family.
+    fn network(&self, name: &'static str) -> Histogram {
+        if let Some((_, histogram)) = self.inference.iter().find(|(known, _)| *known == name) {
+            return histogram.clone();
+        }
+        let labels = self.labels.iter().cloned().chain([Label::new("stage", name)]);
+        let key = Key::from_parts(INFERENCE_DURATION, labels.collect::<Vec<_>>());
+        self.telemetry.recorder.register_histogram(&key, &METADATA)
     }
 
     /// A request's frames were made from what was copied out of the tensors.
@@ -334,10 +347,9 @@ impl PackMetrics {
         self.rejections[reason as usize].increment(1);
     }
 
-    /// The pack was loaded and warmed up.
-    pub fn started(&self, load: Duration, warmup: Duration) {
-        self.load_seconds.set(load.as_secs_f64());
-        self.warmup_seconds.set(warmup.as_secs_f64());
+    /// A worker's networks were loaded and warmed up.
+    pub fn loaded(&self, took: Duration) {
+        self.load_seconds.set(took.as_secs_f64());
     }
 
     /// The engine of the pack was chosen.
@@ -383,14 +395,14 @@ mod tests {
         let telemetry = Telemetry::new().unwrap();
         telemetry.answered("InBetween", "OK", Duration::from_millis(3));
         let pack = telemetry.pack("human", "1.0");
-        pack.dispatched(CutReason::Idle, 6);
-        let times = StageTimes {
-            pose: Duration::from_millis(7),
+        pack.dispatched(BatchReason::Idle, 6);
+        pack.ran(&StepReport {
+            jobs: 6,
+            rows: 8,
+            networks: vec![("pose", Duration::from_millis(7))],
             scatter: Duration::from_micros(300),
-            bucket: 8,
-            ..StageTimes::default()
-        };
-        pack.ran(&times, 6);
+            ..StepReport::default()
+        });
         pack.scattered(Duration::from_micros(100), 64);
         pack.rejected(Rejection::QueueFull);
         pack.queued(Class::Live, Duration::from_millis(3));

@@ -31,7 +31,6 @@ async fn slow_server() -> TestServer {
         config.lanes = LANES;
         config.max_batch = 4;
         config.max_queue_ms = MAX_QUEUE.as_millis() as u64;
-        config.max_standing_queue_ms = config.max_queue_ms;
     })
     .await;
     server.gate.set_row_time(ROW);

@@ -3,15 +3,21 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use troupe_motion::model::Rig;
+use troupe_motion::model::{Capabilities, Rig};
 
-use super::{Manifest, Pack};
+use super::{MOTIONBRICKS, Manifest, Pack};
 
 /// A pack of that rig. It has a manifest and no networks.
 pub fn pack_of(rig: Rig) -> Pack {
     let dims = rig.dims;
     let manifest = Manifest {
-        format: 1,
+        format: 2,
+        family: MOTIONBRICKS.to_owned(),
+        capabilities: Capabilities {
+            inbetween: true,
+            live: true,
+            ..Capabilities::default()
+        },
         name: rig.name.clone(),
         version: "1".into(),
         licence: String::new(),

@@ -190,6 +190,9 @@ pub enum ApiError {
         /// How long it waited.
         waited: Duration,
     },
+    /// The parts of an answer were not read in time.
+    #[error("the answer was given up: its parts were not read in time")]
+    ReaderSlow,
     /// The server is not ready yet, or no longer.
     #[error("the server is {0}")]
     Unavailable(&'static str),
@@ -216,6 +219,7 @@ impl From<SubmitError> for ApiError {
             },
             SubmitError::Superseded => Self::Superseded,
             SubmitError::DeadlinePassed { waited } => Self::WaitedTooLong { waited },
+            SubmitError::ReaderSlow => Self::ReaderSlow,
             SubmitError::Engine(EngineError::Stopped) => Self::Unavailable("broken: an engine has stopped"),
             SubmitError::Engine(error) => Self::Internal(error.to_string()),
         }

@@ -14,9 +14,9 @@ use std::time::{Duration, Instant};
 
 use tokio::net::TcpListener;
 use tonic::transport::Channel;
-use troupe_engine::pack::{Manifest, Pack, Stage};
+use troupe_engine::pack::{MOTIONBRICKS, Manifest, Pack, Stage};
 use troupe_engine::{DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
-use troupe_motion::model::Dims;
+use troupe_motion::model::{Capabilities, Dims};
 use troupe_motion::{ContactParams, Joint, Skeleton, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::motion_client::MotionClient;
@@ -181,7 +181,13 @@ pub fn pack(name: &str) -> Pack {
     let joints = vec![joint("Hips", None, 0.0), joint("Foot", Some(0), -0.8)];
     let skeleton = Skeleton::new(joints, Vec3::X, 0.0, Some(contacts)).unwrap();
     let manifest = Manifest {
-        format: 1,
+        format: 2,
+        family: MOTIONBRICKS.to_owned(),
+        capabilities: Capabilities {
+            inbetween: true,
+            live: true,
+            ..Capabilities::default()
+        },
         name: name.into(),
         version: "1.2.3".into(),
         licence: "CC0".into(),
@@ -244,17 +250,13 @@ impl TestServer {
             std::thread::sleep(load_time);
             let source = |name: &str| {
                 let gate = for_engine.clone();
-                PackSource {
-                    pack: pack(name),
-                    lanes,
-                    decision: None,
-                    stages: Box::new(move |pack| {
-                        Ok(Box::new(StraightLine {
-                            dims: pack.rig.dims,
-                            gate: gate.clone(),
-                        }))
-                    }),
-                }
+                let stages = move |pack: &Pack| {
+                    Ok(Box::new(StraightLine {
+                        dims: pack.rig.dims,
+                        gate: gate.clone(),
+                    }) as Box<dyn Stages>)
+                };
+                PackSource::of_stages(pack(name), lanes, Box::new(stages), None)
             };
             let mut packs = vec![source("toy"), source("other")];
             packs.extend(more(lanes));

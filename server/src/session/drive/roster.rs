@@ -206,7 +206,7 @@ impl Roster {
     fn read_load(&self) {
         let now = Instant::now();
         for pack in &self.packs {
-            if let Some(pressure) = pack.load.read(now, pack.batcher.gauge().lanes()) {
+            if let Some(pressure) = pack.load.read(now, pack.batcher.workers()) {
                 pack.sessions.pressed(pressure);
             }
         }
@@ -226,7 +226,7 @@ impl Roster {
 fn strain(pack: &LoadedPack, priority: f32) -> Strain {
     let (load, fps) = (&pack.load, pack.pack.rig.fps);
     Strain {
-        expected_frames: load.expected_frames(pack.batcher.gauge().lanes(), fps),
+        expected_frames: load.expected_frames(pack.batcher.workers(), fps),
         lead_frames: load.lead_frames(fps),
         stretch: budget::stretch(load.pressure(), priority),
     }
