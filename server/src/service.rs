@@ -1,6 +1,7 @@
 //! The service behind both fronts: finds the pack, checks the request, has it served, and makes the answer.
 
 mod describe;
+mod generate;
 mod scenes;
 mod sessions;
 
@@ -18,10 +19,11 @@ use crate::session::Sessions;
 use crate::telemetry::{PackMetrics, SessionMetrics, Telemetry};
 use crate::world::Store;
 use describe::describe;
+pub use generate::Generation;
 use troupe_character::live::load::PlanLoad;
 use troupe_character::style::StyleTable;
 use troupe_engine::pack::Pack;
-use troupe_motion::model::{Output, Rig};
+use troupe_motion::model::{Capability, Output, Rig};
 
 /// Requests of up to this many characters are checked and finished on the task that received them; larger ones go to the
 /// pool for blocking work, so that they do not hold up other connections.
@@ -48,6 +50,25 @@ pub struct LoadedPack {
     pub sessions: SessionMetrics,
     /// How busy it is with their plans.
     pub load: PlanLoad,
+}
+
+impl LoadedPack {
+    /// Checks that the pack can do what the request asks for; `field` names the pack in the request.
+    ///
+    /// # Errors
+    /// [`ApiError::CannotDo`].
+    pub fn require(&self, capability: Capability, field: &str) -> Result<(), ApiError> {
+        let capabilities = self.pack.manifest.capabilities;
+        match capabilities.has(capability) {
+            true => Ok(()),
+            false => Err(ApiError::CannotDo {
+                pack: self.pack.name().to_owned(),
+                wanted: capability,
+                field: field.to_owned(),
+                can: capabilities.list().collect(),
+            }),
+        }
+    }
 }
 
 /// All packs of a server.
@@ -192,6 +213,7 @@ impl Service {
     pub async fn in_between(&self, request: v1::InBetweenRequest) -> Result<v1::InBetweenResponse, ApiError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
+        loaded.require(Capability::Inbetween, "pack")?;
         let characters = request.characters.len();
         // One that is too large is told so, and not to come back.
         let most = self.limits.max_characters;

@@ -14,6 +14,7 @@ use troupe_character::object::DefinitionsError;
 use troupe_character::post::NonFinite;
 use troupe_character::scene::{SceneError, TableError};
 use troupe_engine::EngineError;
+use troupe_motion::model::Capability;
 
 pub(super) use form::CodeLabel;
 pub use form::{ErrorBody, ErrorDetail};
@@ -63,6 +64,21 @@ pub enum ApiError {
         field: String,
         /// The names that there are.
         loaded: Vec<String>,
+    },
+    /// A pack that cannot do what is asked of it.
+    #[error(
+        "the pack {pack} cannot do this: it has no capability {wanted}; it has: {}",
+        names_of(can)
+    )]
+    CannotDo {
+        /// The pack's name.
+        pack: String,
+        /// What it would need.
+        wanted: Capability,
+        /// The field of the request that named it.
+        field: String,
+        /// What it can do.
+        can: Vec<Capability>,
     },
     /// A session that ran out of its time to live.
     #[error("the session {id:?} has expired: nobody commanded, stepped or streamed it within its ttl_ms")]
@@ -224,6 +240,12 @@ impl From<SubmitError> for ApiError {
             SubmitError::Engine(error) => Self::Internal(error.to_string()),
         }
     }
+}
+
+/// Capabilities in words.
+pub(super) fn names_of(capabilities: &[Capability]) -> String {
+    let names: Vec<&str> = capabilities.iter().map(|able| able.name()).collect();
+    names.join(", ")
 }
 
 /// A time limit in words; one below a millisecond, or that is not known, has no number.

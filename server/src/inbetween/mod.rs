@@ -7,6 +7,7 @@
 
 mod context;
 mod finish;
+mod generate;
 mod hinges;
 mod keyframe;
 #[cfg(test)]
@@ -15,6 +16,7 @@ mod prepare;
 
 pub use context::{ContextFrame, check_context};
 pub use finish::finish;
+pub use generate::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, PartWriter, prepare_generate};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};
 
 /// Largest distance of any keyframe from the last context frame, in metres.

@@ -41,7 +41,13 @@ impl Setup {
         let metrics = telemetry.pack(pack.name(), "1");
         let dims = pack.rig.dims;
         let factory: GeneratorFactory = Arc::new(move |_| Ok(Box::new(Toy::new(dims, 1))));
-        let batcher = Batcher::start("test", config.batch_limits(8), Duration::ZERO, metrics.clone(), factory);
+        let batcher = Batcher::start(
+            "test",
+            config.batch_limits(8),
+            Duration::ZERO,
+            metrics.clone(),
+            factory,
+        );
         let loaded = LoadedPack {
             styles: StyleTable::load(&pack.rig, &pack.folder, None).unwrap(),
             sessions: telemetry.sessions(pack.name(), "1"),

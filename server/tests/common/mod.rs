@@ -26,7 +26,7 @@ use troupe_server::server::{PackSource, ServerHandle, serve_packs_at};
 use troupe_server::session::TimeSource;
 
 /// Folder of the test packs: their styles.
-const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/toy");
+pub const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/toy");
 
 /// Joints of the test pack.
 pub const JOINTS: usize = 2;

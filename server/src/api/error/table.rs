@@ -48,7 +48,7 @@ impl ApiError {
             Self::SessionExists { .. } => EXISTS,
             Self::SessionBusy { .. } | Self::StyleIsBuiltIn { .. } => NOT_NOW,
             Self::TooManySessions { .. } | Self::TooManyStreams { .. } => FULL,
-            Self::UnknownStyle { .. } => INVALID,
+            Self::UnknownStyle { .. } | Self::CannotDo { .. } => INVALID,
             Self::Scenes { error, .. } => match error {
                 TableError::Unknown { .. } => NOT_FOUND,
                 TableError::Exists(_) => EXISTS,
@@ -101,6 +101,7 @@ impl ApiError {
             Self::Malformed { .. } | Self::Truncated { .. } => "MALFORMED_REQUEST",
             Self::TooLarge { .. } => "REQUEST_TOO_LARGE",
             Self::UnknownPack { .. } => "UNKNOWN_PACK",
+            Self::CannotDo { .. } => "PACK_CANNOT",
             Self::SessionExpired { .. } => "SESSION_EXPIRED",
             Self::UnknownSession { .. } => "UNKNOWN_SESSION",
             Self::SessionExists { .. } => "SESSION_EXISTS",
@@ -165,7 +166,7 @@ impl ApiError {
             Self::Field(error) => Some(&error.field),
             Self::Malformed { field, .. } => field.as_deref(),
             Self::TooLarge { .. } | Self::Truncated { .. } => Some("body"),
-            Self::UnknownPack { field, .. } => Some(field),
+            Self::UnknownPack { field, .. } | Self::CannotDo { field, .. } => Some(field),
             Self::SessionExpired { field, .. }
             | Self::UnknownSession { field, .. }
             | Self::SessionExists { field, .. }
@@ -191,6 +192,7 @@ impl ApiError {
                 Some(format!("a whole message of at most {limit_bytes} bytes"))
             }
             Self::UnknownPack { loaded, .. } => Some(loaded.join(", ")),
+            Self::CannotDo { wanted, .. } => Some(format!("a pack with the capability {wanted}")),
             Self::TooManySessions { limit, .. } | Self::TooManyStreams { limit } => {
                 Some(format!("at most {limit}"))
             }
