@@ -114,7 +114,10 @@ async fn the_same_over_http_as_lines() {
     assert_eq!(answer.status(), 200);
     assert_eq!(answer.headers()["content-type"], "application/x-ndjson");
     let text = answer.text().await.unwrap();
-    let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let lines: Vec<serde_json::Value> = text
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
     assert_eq!(lines.len(), 2);
     assert_eq!(lines[1]["is_last"], true);
     let grpc = parts(&server, prompt("wave twice", 3)).await;
@@ -153,7 +156,13 @@ async fn in_between_and_sessions_do_not_know_the_family() {
         pack: WORDS.to_owned(),
         characters: vec![common::character(1.0), common::character(2.0)],
     };
-    let answer = server.grpc().await.in_between(request).await.unwrap().into_inner();
+    let answer = server
+        .grpc()
+        .await
+        .in_between(request)
+        .await
+        .unwrap()
+        .into_inner();
     assert_eq!(answer.characters.len(), 2);
     let frames = answer.characters[0].frames.as_ref().unwrap();
     assert!(frames.frame_count >= 12);
@@ -194,7 +203,10 @@ async fn a_pack_that_cannot_do_it_says_what_it_can() {
     );
     for (body, field) in [
         (serde_json::json!({"pack": WORDS}), "goal"),
-        (serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "  "}}}), "prompt.text"),
+        (
+            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "  "}}}),
+            "prompt.text",
+        ),
         (
             serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x".repeat(1001)}}}),
             "prompt.text",
@@ -207,8 +219,14 @@ async fn a_pack_that_cannot_do_it_says_what_it_can() {
             serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x"}}, "temperature": 3}),
             "temperature",
         ),
-        (serde_json::json!({"pack": WORDS, "goal": {"describe": {"frames": []}}}), "describe.frames"),
-        (serde_json::json!({"pack": "none", "goal": {"prompt": {"text": "x"}}}), "pack"),
+        (
+            serde_json::json!({"pack": WORDS, "goal": {"describe": {"frames": []}}}),
+            "describe.frames",
+        ),
+        (
+            serde_json::json!({"pack": "none", "goal": {"prompt": {"text": "x"}}}),
+            "pack",
+        ),
     ] {
         let error = json_error(&server, &body).await;
         assert_eq!(error["field"].as_str().unwrap_or_default(), field, "{error}");

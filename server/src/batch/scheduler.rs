@@ -348,6 +348,7 @@ impl Scheduler {
             None | Some(Worker::Lost) => return,
             _ => {}
         }
+        let room = room.min(self.limits.max_batch);
         let parts = self.take(now, self.share(worker, room), actions);
         self.workers[worker] = match parts.is_empty() && is_idle {
             true => Worker::Idle(room),
@@ -370,8 +371,8 @@ impl Scheduler {
     /// How many characters a worker with so much room takes of what is ready.
     fn share(&self, worker: usize, room: usize) -> usize {
         let cap = match self.limits.max_batch_time {
-            Duration::ZERO => self.limits.max_batch,
-            time => self.meter.within(time).max(MIN_BATCH).min(self.limits.max_batch),
+            Duration::ZERO => usize::MAX,
+            time => self.meter.within(time).max(MIN_BATCH),
         };
         let others = self.workers.iter().enumerate();
         let idle = others.filter(|&(other, state)| other != worker && state.room().is_some());
