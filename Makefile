@@ -108,7 +108,7 @@ load: runtime
 samples:
 	cargo run --package troupe-tests --example sample_motion -- models/human examples
 
-# The benchmarks, into docs/benchmarks.md: PARTS for some of them, ARGS=--quick for a short look, ARGS=--help for the list
+# The benchmarks, into bench/figures and docs/benchmarks.md: PARTS for some of them, ARGS=--quick for a short look, ARGS=--help for the list
 bench: bench-env
 	$(BENCH) $(ARGS) $(PARTS)
 
