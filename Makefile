@@ -72,7 +72,7 @@ live-eval: runtime real-clips
 	scripts/with-server.sh target/release/troupe eval live $(ARGS) \
 		$$([ ! -d $(REAL_CLIPS) ] || echo --data $(REAL_CLIPS) --list models/human/styles.toml)
 
-# The README's picture, of a clip of the test split, through a running server.
+# The picture of docs/requests.md, of a clip of the test split, through a running server.
 picture: real-clips
 	cargo run --release --package troupe-client -- draw --from 40 --to 85 \
 		--clip $(REAL_CLIPS)/dataset-2_walk-turn-left_active_007.bvh --out docs/images/inbetween.png
@@ -108,7 +108,7 @@ load: runtime
 samples:
 	cargo run --package troupe-tests --example sample_motion -- models/human examples
 
-# The benchmarks, into docs/benchmarks.md: PARTS for some of them, ARGS=--quick for a short look, ARGS=--help for the list
+# The benchmarks, into bench/figures and docs/benchmarks.md: PARTS for some of them, ARGS=--quick for a short look, ARGS=--help for the list
 bench: bench-env
 	$(BENCH) $(ARGS) $(PARTS)
 
