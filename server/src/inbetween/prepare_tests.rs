@@ -1,49 +1,15 @@
 use std::f32::consts::FRAC_PI_2;
 
-use troupe_motion::{ContactParams, Joint, Quat, Skeleton, Vec3};
+use troupe_motion::Quat;
 
 use super::*;
-use crate::pack::Manifest;
+use crate::pack::toy;
 
 const LIMITS: RequestLimits = RequestLimits { max_characters: 2 };
 
 /// Two joints: a pelvis whose left is its +X, and a foot below it.
 pub(crate) fn toy_pack() -> Pack {
-    let joint = |name: &str, parent, y| Joint {
-        name: name.into(),
-        parent,
-        offset_m: Vec3::new(0.0, y, 0.0),
-    };
-    let contacts = ContactParams {
-        joints: vec![1],
-        max_height_m: vec![0.1],
-        max_speed_mps: 0.3,
-        clearance_m: vec![0.05],
-    };
-    let joints = vec![joint("Hips", None, 0.0), joint("Foot", Some(0), -0.8)];
-    let skeleton = Skeleton::new(joints, Vec3::X, 0.0, Some(contacts)).unwrap();
-    let manifest = Manifest {
-        format: 1,
-        name: "toy".into(),
-        version: "1".into(),
-        licence: String::new(),
-        credits: Vec::new(),
-        fps: 30.0,
-        frames_per_token: 4,
-        min_tokens: 3,
-        max_tokens: 16,
-        heads: 2,
-        codes: 5,
-        context_frames: 4,
-        max_targets: 4,
-        parameters: 0,
-        content_hash: format!("sha256:{}", "0".repeat(64)),
-        skeleton,
-        robot: None,
-        training: toml::Table::new(),
-        evaluation: toml::Table::new(),
-    };
-    Pack::from_manifest(manifest, std::path::Path::new("toy")).unwrap()
+    toy::pack("toy", toy::skeleton(), std::path::Path::new("toy"))
 }
 
 fn position(x: f32, y: f32, z: f32) -> Option<v1::Vec3> {

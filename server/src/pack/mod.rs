@@ -4,6 +4,8 @@
 mod dims;
 mod error;
 mod manifest;
+#[cfg(any(test, feature = "testing"))]
+pub mod toy;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use troupe_motion::{ContactParams, Joint, Quat, Skeleton, Vec3};
 
 use super::{Gait, Style, StyleCache, StyleKey};
-use crate::pack::{Manifest, Pack};
+use crate::pack::{Pack, toy};
 
 /// A pelvis with a spine and two straight legs of 0.9 m; left is +X.
 pub(crate) fn walker() -> Arc<Skeleton> {
@@ -35,28 +35,7 @@ pub(crate) fn walker() -> Arc<Skeleton> {
 
 /// A pack of that skeleton, without files.
 pub(crate) fn walker_pack() -> Pack {
-    let manifest = Manifest {
-        format: 1,
-        name: "walkers".into(),
-        version: "1".into(),
-        licence: String::new(),
-        credits: Vec::new(),
-        fps: 30.0,
-        frames_per_token: 4,
-        min_tokens: 3,
-        max_tokens: 16,
-        heads: 2,
-        codes: 5,
-        context_frames: 4,
-        max_targets: 4,
-        parameters: 0,
-        content_hash: format!("sha256:{}", "0".repeat(64)),
-        skeleton: (*walker()).clone(),
-        robot: None,
-        training: toml::Table::new(),
-        evaluation: toml::Table::new(),
-    };
-    Pack::from_manifest(manifest, Path::new("walkers")).unwrap()
+    toy::pack("walkers", (*walker()).clone(), Path::new("walkers"))
 }
 
 /// What a test gait is like.

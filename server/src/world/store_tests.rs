@@ -4,7 +4,7 @@ use super::store::{Folders, LoadError, Store, StoreError};
 use crate::document::Format;
 use crate::object::testing::{CUP, definition};
 use crate::object::{Definition, DefinitionsError};
-use crate::pack::{Manifest, Pack};
+use crate::pack::{Pack, toy};
 use crate::scene::testing::place;
 use crate::scene::{Holder, NamedScene, Scene, State, TableError};
 use crate::style::testing::{TempFolder, walker_pack};
@@ -34,11 +34,7 @@ fn load(folder: &TempFolder) -> Result<Store, LoadError> {
 /// A pack of the same skeleton under another name.
 fn other_pack() -> Pack {
     let pack = walker_pack();
-    let manifest = Manifest {
-        name: "others".into(),
-        ..pack.manifest.clone()
-    };
-    Pack::from_manifest(manifest, &pack.folder).unwrap()
+    toy::pack("others", pack.manifest.skeleton, &pack.folder)
 }
 
 fn put_yard(store: &Store, text: &str) -> Result<String, String> {

@@ -13,7 +13,7 @@ use troupe_proto::v1;
 use troupe_server::engine::{
     DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput,
 };
-use troupe_server::pack::{Manifest, Pack};
+use troupe_server::pack::{Manifest, Pack, toy};
 use troupe_server::server::PackSource;
 
 use super::{Gate, StraightLine, TestServer};
@@ -38,9 +38,8 @@ struct Tables {
 pub fn pack(folder: &Path) -> Pack {
     let tables: Tables = toml::from_str(include_str!("../../../motion/src/robot/g1.toml")).unwrap();
     let manifest = Manifest {
-        skeleton: tables.skeleton,
         robot: Some(tables.robot),
-        ..super::pack(G1).manifest
+        ..toy::manifest(G1, tables.skeleton)
     };
     Pack::from_manifest(manifest, folder).unwrap()
 }

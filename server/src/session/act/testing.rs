@@ -9,7 +9,7 @@ use troupe_motion::ik::legs;
 use troupe_motion::{ContactParams, Joint, Quat, Skeleton, Vec3};
 
 use crate::object::{Definition, Definitions};
-use crate::pack::{Manifest, Pack};
+use crate::pack::{Pack, toy};
 use crate::scene::{Body, Collider, ColliderShape, Scene, Shape, Transform};
 
 use crate::style::{Gait, Style, StyleKey};
@@ -56,28 +56,8 @@ pub(crate) fn doll() -> Arc<Skeleton> {
 }
 
 pub(crate) fn doll_pack() -> Arc<Pack> {
-    let manifest = Manifest {
-        format: 1,
-        name: "dolls".into(),
-        version: "1".into(),
-        licence: String::new(),
-        credits: Vec::new(),
-        fps: 30.0,
-        frames_per_token: 4,
-        min_tokens: 3,
-        max_tokens: 16,
-        heads: 2,
-        codes: 5,
-        context_frames: 4,
-        max_targets: 4,
-        parameters: 0,
-        content_hash: format!("sha256:{}", "0".repeat(64)),
-        skeleton: (*doll()).clone(),
-        robot: None,
-        training: toml::Table::new(),
-        evaluation: toml::Table::new(),
-    };
-    Arc::new(Pack::from_manifest(manifest, Path::new("dolls")).unwrap())
+    let pack = toy::pack("dolls", (*doll()).clone(), Path::new("dolls"));
+    Arc::new(pack)
 }
 
 /// Stands with bent knees, walks at 1.2 m/s.
