@@ -58,7 +58,6 @@ impl Batching {
         match engine {
             EngineKind::Cpu => Self {
                 any_size: true,
-                usual_most: 16,
                 ..Self::UNKNOWN
             },
             EngineKind::OpenvinoBf16 if fixed_shapes => Self {
