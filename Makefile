@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
 # make test  lints and tests everything, Rust and Python
 .PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles eval live-eval object-eval film film-objects \
-	crowd load bench bench-serving bench-micro bench-instructions
+	image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
 REAL_CLIPS := target/data/bandai-namco
@@ -30,9 +30,13 @@ python-test: python-env
 	.venv/bin/python -m pytest --quiet bench/tests
 
 # The ONNX Runtime library, pinned by hash, at .runtime/libonnxruntime.so: with OpenVINO where the CPU computes in bf16, else
-# the plain one. TROUPE_RUNTIME=cpu or openvino decides otherwise.
+# the plain one. TROUPE_RUNTIME=cpu, openvino or gpu decides otherwise.
 runtime:
 	@scripts/get-runtime.sh
+
+# The server's image, built, run and checked without a container engine, as root: RUNTIME=cpu, openvino or gpu (docs/docker.md)
+image:
+	@scripts/image.sh
 
 # A virtual environment with PyTorch and the training package, at .venv.
 python-env:

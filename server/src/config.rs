@@ -11,7 +11,7 @@ use confique::Config as _;
 
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
-pub use cli::{Cli, Command, DoctorArgs};
+pub use cli::{Cli, Command, DoctorArgs, HealthArgs};
 
 /// The file that is read where `--config` names none; it need not exist.
 pub const DEFAULT_FILE: &str = "troupe.toml";
@@ -334,6 +334,14 @@ impl Config {
     /// # Errors
     /// [`ConfigError`], which names the option.
     pub fn load_for_doctor(args: &DoctorArgs) -> Result<Self, ConfigError> {
+        Self::from_layers(args.config.clone(), args.layer())
+    }
+
+    /// The configuration of the server that the health check asks.
+    ///
+    /// # Errors
+    /// [`ConfigError`], which names the option.
+    pub fn load_for_health(args: &HealthArgs) -> Result<Self, ConfigError> {
         Self::from_layers(args.config.clone(), args.layer())
     }
 

@@ -90,7 +90,7 @@ fn the_doctor_has_flags_of_its_own_and_the_server_keeps_its() {
         let args = ["troupe-server", "doctor"].iter().chain(args).copied();
         match Cli::try_parse_from(args).unwrap().command {
             Some(Command::Doctor(args)) => args,
-            None => panic!("this does not serve"),
+            _ => panic!("this does not serve"),
         }
     };
     let args = doctor(&[
@@ -113,6 +113,33 @@ fn the_doctor_has_flags_of_its_own_and_the_server_keeps_its() {
             .lanes()
             .threads,
         3
+    );
+}
+
+#[test]
+fn the_health_check_takes_a_url_or_the_servers_own_address() {
+    let parse = |args: &[&str]| {
+        let args = ["troupe-server", "health"].iter().chain(args).copied();
+        Cli::try_parse_from(args).map(|cli| match cli.command {
+            Some(Command::Health(args)) => args,
+            _ => panic!("this does not serve"),
+        })
+    };
+    let url = |text: &str| parse(&["--url", text]).map(|args| args.url.unwrap().to_string());
+    assert_eq!(url("http://h:1").unwrap(), "http://h:1/readyz");
+    assert_eq!(url("http://h:1/").unwrap(), "http://h:1/readyz");
+    assert_eq!(url("http://h:1/healthz").unwrap(), "http://h:1/healthz");
+    for wrong in ["127.0.0.1:8080", "/readyz", "https://h:1", "http://"] {
+        let error = url(wrong).unwrap_err().to_string();
+        assert!(error.contains("allowed: http://HOST:PORT"), "{error}");
+    }
+    let args = parse(&["--listen", "127.0.0.1:7"]).unwrap();
+    assert!(args.url.is_none());
+    assert_eq!(Config::load_for_health(&args).unwrap().listen.port(), 7);
+    let mut command = Cli::command();
+    insta::assert_snapshot!(
+        "health_help",
+        help(command.find_subcommand_mut("health").unwrap())
     );
 }
 

@@ -14,7 +14,7 @@
 //! are read from TOML or JSON by [`document`], whose errors name line and field. [`world`] has those of a server.
 //!
 //! [`service`] ties these together, [`server`] runs them on a port, [`telemetry`] counts, [`config`] configures, [`doctor`] says what
-//! a machine offers.
+//! a machine offers, [`health`] asks a running server whether it is ready.
 //!
 //! # Embedding
 //! ```no_run
@@ -35,6 +35,7 @@ pub mod api;
 pub mod batch;
 pub mod config;
 pub mod doctor;
+pub mod health;
 pub mod inbetween;
 pub mod server;
 pub mod service;

@@ -133,10 +133,13 @@ impl Telemetry {
         }
         let process = metrics_process::Collector::default();
         metrics::with_local_recorder(&recorder, || process.describe());
-        Ok(Self {
+        let telemetry = Self {
             recorder: Arc::new(recorder),
             process: Arc::new(process),
-        })
+        };
+        // The others are made with their packs; this one would be missing until the first stream.
+        telemetry.streams(0);
+        Ok(telemetry)
     }
 
     /// The registry in Prometheus' text format.
@@ -457,5 +460,6 @@ mod tests {
         let (one, two) = (Telemetry::new().unwrap(), Telemetry::new().unwrap());
         one.answered("GetPack", "OK", Duration::ZERO);
         assert!(one.render().contains("GetPack") && !two.render().contains("GetPack"));
+        assert!(two.render().contains("troupe_streams_active 0"));
     }
 }

@@ -9,7 +9,9 @@ use crossterm::event::{Event, EventStream};
 use futures_util::StreamExt as _;
 use glam::Vec2;
 use troupe_client::live::Tick;
-use troupe_client::{Act, Client, ClientError, Drive, DriveEvent, DriveOptions, FrameOptions, Pack, Recording, SessionError};
+use troupe_client::{
+    Act, Client, ClientError, Drive, DriveEvent, DriveOptions, FrameOptions, Pack, Recording, SessionError,
+};
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 use troupe_proto::v1::session_event::Kind;

@@ -6,8 +6,8 @@ use std::path::Path as FilePath;
 use glam::{Vec2, Vec3};
 use troupe_client::{Act, Locomotion};
 
-use super::script::{Moment, Path};
 use super::player::Player;
+use super::script::{Moment, Path};
 
 fn parse(text: &str) -> Path {
     Path::parse(text).unwrap_or_else(|why| panic!("{why}"))

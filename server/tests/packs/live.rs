@@ -12,7 +12,6 @@ use troupe_motion::metrics::foot_skate_m_per_frame;
 use troupe_motion::root::wrap_angle;
 use troupe_motion::{Skeleton, Vec3};
 
-
 /// 30 Hz frames of a scene, and its command changes: at 0.5 s and at 5 s.
 const FRAMES: u64 = 300;
 const START: u64 = 15;

@@ -243,6 +243,36 @@ fn it_says_where_it_listens_and_stops_on_sigterm() {
     assert!(rest[0].starts_with("  pack human "), "{rest:?}");
 }
 
+/// The exit code of the health check, and what it says.
+fn health(args: &[&str]) -> (Option<i32>, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    command.arg("health").args(args).current_dir(std::env::temp_dir());
+    let output = command.output().unwrap();
+    let text = [output.stdout, output.stderr].concat();
+    (output.status.code(), String::from_utf8(text).unwrap())
+}
+
+#[cfg(unix)]
+#[test]
+fn the_health_check_says_whether_a_server_is_ready() {
+    let (mut child, address, _lines) = serving(server(&[]).stderr(Stdio::null()));
+    let ready = format!("http://{address}/readyz: ok\n");
+    assert_eq!(health(&["--listen", &address]), (Some(0), ready.clone()));
+    let url = format!("http://{address}");
+    assert_eq!(health(&["--url", &url]), (Some(0), ready));
+    let (code, text) = health(&["--url", &format!("{url}/v1/packs/dragon")]);
+    assert_eq!(code, Some(1));
+    assert!(text.contains("status 404") && text.contains("dragon"), "{text}");
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(0));
+    let (code, text) = health(&["--url", &url]);
+    assert_eq!(code, Some(1));
+    assert!(
+        text.contains(&format!("http://{address}/readyz: no answer")),
+        "{text}"
+    );
+}
+
 #[cfg(unix)]
 #[test]
 fn a_second_sigterm_does_not_wait_for_requests() {
