@@ -193,10 +193,6 @@ impl Core {
         outbox: &mut Outbox,
     ) -> Orders {
         let mut finished = std::mem::take(&mut self.finished);
-        let done = |id: &JobId| Finished {
-            request: RequestId(id.request),
-            characters: 1,
-        };
         finished.extend(dropped.iter().map(done));
         let took = step.as_ref().map(|step| step.ended - step.started);
         let now = step.as_ref().map_or_else(Instant::now, |step| step.ended);
@@ -234,11 +230,16 @@ impl Core {
     /// A worker will step no more; `held` were with it.
     pub(super) fn lose(&mut self, now: Instant, worker: usize, held: &[JobId], outbox: &mut Outbox) {
         let ordered = std::mem::take(&mut self.orders[worker]);
-        let ordered = ordered.jobs.iter().map(|(id, _)| *id);
-        for id in held.iter().copied().chain(ordered) {
-            self.fail(now, RequestId(id.request), EngineError::Stopped.into(), outbox);
+        let ordered = ordered.jobs.iter().map(|(id, _)| id);
+        let finished: Vec<Finished> = held.iter().chain(ordered).map(done).collect();
+        for &Finished { request, .. } in &finished {
+            self.fail(now, request, EngineError::Stopped.into(), outbox);
         }
-        self.step(now, Event::WorkerLost { worker }, outbox);
+        let lost = Event::WorkerLost {
+            worker,
+            finished: &finished,
+        };
+        self.step(now, lost, outbox);
         if self.scheduler.workers() == 0 {
             let stranded: Vec<RequestId> = self.jobs.keys().copied().collect();
             for request in stranded {
@@ -402,6 +403,14 @@ impl Core {
         }
         orders.parts = batch.parts;
         orders.reason = Some(batch.reason);
+    }
+}
+
+/// A job is with its worker no more.
+fn done(id: &JobId) -> Finished {
+    Finished {
+        request: RequestId(id.request),
+        characters: 1,
     }
 }
 

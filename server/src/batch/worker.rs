@@ -138,6 +138,8 @@ impl Worker {
 impl Drop for Worker {
     fn drop(&mut self) {
         if std::thread::panicking() {
+            // What it has dropped is not reported yet.
+            self.held.append(&mut self.dropped);
             self.shared.worker_lost(self.number, &self.held);
         }
     }
