@@ -86,7 +86,10 @@ struct Job {
     outputs: Vec<Option<Output>>,
     /// Characters whose answer is not whole.
     open: usize,
+    /// Some of it went to a worker.
     has_started: bool,
+    /// Some of the answer is there.
+    has_output: bool,
     reply: Reply,
 }
 
@@ -148,6 +151,7 @@ impl Core {
             outputs: std::iter::repeat_with(|| None).take(characters).collect(),
             open: characters,
             has_started: false,
+            has_output: false,
             reply,
         };
         self.jobs.insert(request, job);
@@ -272,12 +276,10 @@ impl Core {
         };
         let begun = started.saturating_duration_since(job.arrived);
         let served = &mut job.served;
-        served.started = if job.has_started {
-            served.started.min(begun)
-        } else {
-            begun
+        served.started = match std::mem::replace(&mut job.has_output, true) {
+            true => served.started.min(begun),
+            false => begun,
         };
-        job.has_started = true;
         served.finished = ended.saturating_duration_since(job.arrived);
         served.assemble += report.assemble;
         served.inference += report.inference();
@@ -357,7 +359,7 @@ impl Core {
         let mut refused = None;
         for action in actions.drain(..) {
             match action {
-                Action::Start(batch) => self.hand_out(now, batch),
+                Action::Start(batch) => self.hand_out(batch),
                 Action::Wake { worker } => self.wake.push(worker),
                 Action::Refuse { request, refusal } => {
                     self.metrics.rejected(refusal.into());
@@ -384,7 +386,7 @@ impl Core {
     }
 
     /// Puts the orders of a worker together.
-    fn hand_out(&mut self, now: Instant, batch: Batch) {
+    fn hand_out(&mut self, batch: Batch) {
         let orders = &mut self.orders[batch.worker];
         for part in &batch.parts {
             let Some(job) = self.jobs.get_mut(&part.request) else {
@@ -392,7 +394,6 @@ impl Core {
             };
             if part.first == 0 {
                 job.served.queued = part.waited;
-                job.served.started = now.saturating_duration_since(job.arrived);
             }
             job.has_started = true;
             let ids = (part.first..part.first + part.characters).map(|character| JobId {
