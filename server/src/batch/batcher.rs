@@ -378,6 +378,8 @@ impl Shared {
         self.alive.store(left, Ordering::Relaxed);
         self.metrics.lanes(left);
         self.release(core, &mut outbox);
+        // It may have been the last with work, after the last batcher: those that are parked look whether they may end.
+        self.parkers.unpark_all();
         tracing::error!(worker, left, "a worker is lost");
     }
 
