@@ -391,5 +391,11 @@ impl Shared {
 }
 
 #[cfg(test)]
+#[path = "step_tests.rs"]
+mod step_tests;
+#[cfg(test)]
 #[path = "batcher_tests.rs"]
 mod tests;
+#[cfg(test)]
+#[path = "worker_tests.rs"]
+mod worker_tests;
