@@ -318,7 +318,7 @@ impl Shared {
     /// Shows what waits, lets go of the lock, wakes who is to be woken and sends what is to be sent.
     fn release(&self, mut core: MutexGuard<'_, Core>, outbox: &mut Outbox) {
         self.show(&core);
-        let wake = core.to_wake();
+        let wake = core.take_wake();
         drop(core);
         for worker in wake {
             self.parkers.unpark(worker);

@@ -16,23 +16,21 @@ use super::scheduler::{
 };
 use crate::telemetry::{PackMetrics, Rejection};
 
+/// Where an answer that is sent whole goes.
+type WholeReply = oneshot::Sender<Result<Served, SubmitError>>;
+
 /// Where a request's answer goes.
 #[derive(Debug)]
 pub(super) enum Reply {
     /// All of it, when it is there.
-    Whole(oneshot::Sender<Result<Served, SubmitError>>),
+    Whole(WholeReply),
     /// Part by part.
     Parts(mpsc::Sender<Result<Piece, SubmitError>>),
 }
 
 /// Answers that are to be sent when the lock is free again, for a send wakes somebody.
 #[derive(Debug, Default)]
-pub(super) struct Outbox(
-    Vec<(
-        oneshot::Sender<Result<Served, SubmitError>>,
-        Result<Served, SubmitError>,
-    )>,
-);
+pub(super) struct Outbox(Vec<(WholeReply, Result<Served, SubmitError>)>);
 
 impl Outbox {
     pub(super) fn is_empty(&self) -> bool {
@@ -221,8 +219,8 @@ impl Core {
         std::mem::take(&mut self.orders[worker])
     }
 
-    /// Workers that are to be woken.
-    pub(super) fn to_wake(&mut self) -> Vec<usize> {
+    /// Workers that are to be woken, which the caller now does.
+    pub(super) fn take_wake(&mut self) -> Vec<usize> {
         std::mem::take(&mut self.wake)
     }
 
