@@ -318,7 +318,7 @@ impl Shared {
     /// Shows what waits, lets go of the lock, wakes who is to be woken and sends what is to be sent.
     fn release(&self, mut core: MutexGuard<'_, Core>, outbox: &mut Outbox) {
         self.show(&core);
-        let wake = core.to_wake();
+        let wake = core.take_wake();
         drop(core);
         for worker in wake {
             self.parkers.unpark(worker);
@@ -378,6 +378,8 @@ impl Shared {
         self.alive.store(left, Ordering::Relaxed);
         self.metrics.lanes(left);
         self.release(core, &mut outbox);
+        // It may have been the last with work, after the last batcher: those that are parked look whether they may end.
+        self.parkers.unpark_all();
         tracing::error!(worker, left, "a worker is lost");
     }
 
@@ -389,5 +391,11 @@ impl Shared {
 }
 
 #[cfg(test)]
+#[path = "step_tests.rs"]
+mod step_tests;
+#[cfg(test)]
 #[path = "batcher_tests.rs"]
 mod tests;
+#[cfg(test)]
+#[path = "worker_tests.rs"]
+mod worker_tests;

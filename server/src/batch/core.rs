@@ -16,23 +16,21 @@ use super::scheduler::{
 };
 use crate::telemetry::{PackMetrics, Rejection};
 
+/// Where an answer that is sent whole goes.
+type WholeReply = oneshot::Sender<Result<Served, SubmitError>>;
+
 /// Where a request's answer goes.
 #[derive(Debug)]
 pub(super) enum Reply {
     /// All of it, when it is there.
-    Whole(oneshot::Sender<Result<Served, SubmitError>>),
+    Whole(WholeReply),
     /// Part by part.
     Parts(mpsc::Sender<Result<Piece, SubmitError>>),
 }
 
 /// Answers that are to be sent when the lock is free again, for a send wakes somebody.
 #[derive(Debug, Default)]
-pub(super) struct Outbox(
-    Vec<(
-        oneshot::Sender<Result<Served, SubmitError>>,
-        Result<Served, SubmitError>,
-    )>,
-);
+pub(super) struct Outbox(Vec<(WholeReply, Result<Served, SubmitError>)>);
 
 impl Outbox {
     pub(super) fn is_empty(&self) -> bool {
@@ -86,7 +84,10 @@ struct Job {
     outputs: Vec<Option<Output>>,
     /// Characters whose answer is not whole.
     open: usize,
+    /// Some of it went to a worker.
     has_started: bool,
+    /// Some of the answer is there.
+    has_output: bool,
     reply: Reply,
 }
 
@@ -148,6 +149,7 @@ impl Core {
             outputs: std::iter::repeat_with(|| None).take(characters).collect(),
             open: characters,
             has_started: false,
+            has_output: false,
             reply,
         };
         self.jobs.insert(request, job);
@@ -193,10 +195,6 @@ impl Core {
         outbox: &mut Outbox,
     ) -> Orders {
         let mut finished = std::mem::take(&mut self.finished);
-        let done = |id: &JobId| Finished {
-            request: RequestId(id.request),
-            characters: 1,
-        };
         finished.extend(dropped.iter().map(done));
         let took = step.as_ref().map(|step| step.ended - step.started);
         let now = step.as_ref().map_or_else(Instant::now, |step| step.ended);
@@ -221,8 +219,8 @@ impl Core {
         std::mem::take(&mut self.orders[worker])
     }
 
-    /// Workers that are to be woken.
-    pub(super) fn to_wake(&mut self) -> Vec<usize> {
+    /// Workers that are to be woken, which the caller now does.
+    pub(super) fn take_wake(&mut self) -> Vec<usize> {
         std::mem::take(&mut self.wake)
     }
 
@@ -234,11 +232,16 @@ impl Core {
     /// A worker will step no more; `held` were with it.
     pub(super) fn lose(&mut self, now: Instant, worker: usize, held: &[JobId], outbox: &mut Outbox) {
         let ordered = std::mem::take(&mut self.orders[worker]);
-        let ordered = ordered.jobs.iter().map(|(id, _)| *id);
-        for id in held.iter().copied().chain(ordered) {
-            self.fail(now, RequestId(id.request), EngineError::Stopped.into(), outbox);
+        let ordered = ordered.jobs.iter().map(|(id, _)| id);
+        let finished: Vec<Finished> = held.iter().chain(ordered).map(done).collect();
+        for &Finished { request, .. } in &finished {
+            self.fail(now, request, EngineError::Stopped.into(), outbox);
         }
-        self.step(now, Event::WorkerLost { worker }, outbox);
+        let lost = Event::WorkerLost {
+            worker,
+            finished: &finished,
+        };
+        self.step(now, lost, outbox);
         if self.scheduler.workers() == 0 {
             let stranded: Vec<RequestId> = self.jobs.keys().copied().collect();
             for request in stranded {
@@ -271,12 +274,10 @@ impl Core {
         };
         let begun = started.saturating_duration_since(job.arrived);
         let served = &mut job.served;
-        served.started = if job.has_started {
-            served.started.min(begun)
-        } else {
-            begun
+        served.started = match std::mem::replace(&mut job.has_output, true) {
+            true => served.started.min(begun),
+            false => begun,
         };
-        job.has_started = true;
         served.finished = ended.saturating_duration_since(job.arrived);
         served.assemble += report.assemble;
         served.inference += report.inference();
@@ -356,7 +357,7 @@ impl Core {
         let mut refused = None;
         for action in actions.drain(..) {
             match action {
-                Action::Start(batch) => self.hand_out(now, batch),
+                Action::Start(batch) => self.hand_out(batch),
                 Action::Wake { worker } => self.wake.push(worker),
                 Action::Refuse { request, refusal } => {
                     self.metrics.rejected(refusal.into());
@@ -383,7 +384,7 @@ impl Core {
     }
 
     /// Puts the orders of a worker together.
-    fn hand_out(&mut self, now: Instant, batch: Batch) {
+    fn hand_out(&mut self, batch: Batch) {
         let orders = &mut self.orders[batch.worker];
         for part in &batch.parts {
             let Some(job) = self.jobs.get_mut(&part.request) else {
@@ -391,7 +392,6 @@ impl Core {
             };
             if part.first == 0 {
                 job.served.queued = part.waited;
-                job.served.started = now.saturating_duration_since(job.arrived);
             }
             job.has_started = true;
             let ids = (part.first..part.first + part.characters).map(|character| JobId {
@@ -402,6 +402,14 @@ impl Core {
         }
         orders.parts = batch.parts;
         orders.reason = Some(batch.reason);
+    }
+}
+
+/// A job is with its worker no more.
+fn done(id: &JobId) -> Finished {
+    Finished {
+        request: RequestId(id.request),
+        characters: 1,
     }
 }
 

@@ -71,6 +71,8 @@ pub enum Event<'a> {
     WorkerLost {
         /// Its number.
         worker: usize,
+        /// What it had.
+        finished: &'a [Finished],
     },
 }
 
@@ -279,7 +281,7 @@ impl Scheduler {
             }
             Event::Tried { characters, took } => self.meter.stepped(took, characters),
             Event::Ready(ready) => self.ready(now, ready, actions),
-            Event::WorkerLost { worker } => self.lose(worker),
+            Event::WorkerLost { worker, finished } => self.lose(worker, finished),
         }
         self.wake(actions);
     }
@@ -318,7 +320,10 @@ impl Scheduler {
         })
     }
 
-    fn lose(&mut self, worker: usize) {
+    fn lose(&mut self, worker: usize, finished: &[Finished]) {
+        for done in finished {
+            self.queue.finish(done.request, done.characters);
+        }
         if let Some(known) = self
             .workers
             .get_mut(worker)

@@ -105,6 +105,16 @@ impl Setup {
         self.boundary(worker, usize::MAX, true, took, &finished)
     }
 
+    /// A worker is lost, with all that it held.
+    fn lose(&mut self, worker: usize) {
+        let finished = self.held.get_mut(worker).map(std::mem::take).unwrap_or_default();
+        let lost = Event::WorkerLost {
+            worker,
+            finished: &finished,
+        };
+        assert_eq!(self.step(lost), []);
+    }
+
     /// A worker is between two steps.
     fn boundary(
         &mut self,
@@ -425,13 +435,24 @@ fn reasons_say_why_a_batch_is_as_it_is() {
 #[test]
 fn a_lost_worker_takes_nothing_and_the_others_go_on() {
     let mut setup = Setup::idle(limits(2, 8));
-    setup.step(Event::WorkerLost { worker: 0 });
-    setup.step(Event::WorkerLost { worker: 0 });
+    setup.lose(0);
+    setup.lose(0);
     assert_eq!(setup.scheduler.workers(), 1);
     let call = setup.call(4);
     assert_eq!(setup.woken, [1]);
     assert_eq!(setup.ready(0), []);
     assert_eq!(setup.ready(1), [(call, 4)]);
     // A number that no worker has is no matter.
-    assert_eq!(setup.step(Event::WorkerLost { worker: 9 }), []);
+    setup.lose(9);
+}
+
+#[test]
+fn the_loss_of_a_worker_lets_the_next_plan_of_an_owner_in() {
+    let mut setup = Setup::idle(limits(2, 8));
+    let (running, _) = setup.plan(1, 100);
+    assert_eq!(setup.ready(0), [(running, 1)]);
+    let (next, _) = setup.plan(1, 200);
+    setup.lose(0);
+    assert_eq!(setup.woken, [0, 1]);
+    assert_eq!(setup.ready(1), [(next, 1)]);
 }

@@ -115,17 +115,15 @@ impl Worker {
             Err(error) => {
                 tracing::error!(%error, "a batch failed");
                 self.generator.clear();
-                let answered: Vec<JobId> = progress.iter().map(|(id, _)| *id).collect();
-                let open = self.held.iter().filter(|id| !answered.contains(id));
-                progress.extend(open.map(|&id| (id, Progress::Failed(error.clone()))));
+                // One with a part in this step is cleared too.
+                let open = self.held.iter().filter(|id| !is_over(&progress, id));
+                let failed = open.map(|&id| (id, Progress::Failed(error.clone())));
+                let failed: Vec<_> = failed.collect();
+                progress.extend(failed);
                 StepReport::default()
             }
         };
-        let is_over = |id: &JobId| {
-            let mut became = progress.iter().filter(|(other, _)| other == id);
-            became.any(|(_, became)| !matches!(became, Progress::Part(_)))
-        };
-        self.held.retain(|id| !is_over(id));
+        self.held.retain(|id| !is_over(&progress, id));
         Step {
             started,
             ended,
@@ -138,9 +136,17 @@ impl Worker {
 impl Drop for Worker {
     fn drop(&mut self) {
         if std::thread::panicking() {
+            // What it has dropped is not reported yet.
+            self.held.append(&mut self.dropped);
             self.shared.worker_lost(self.number, &self.held);
         }
     }
+}
+
+/// Whether a step has ended a job.
+fn is_over(progress: &[(JobId, Progress)], id: &JobId) -> bool {
+    let mut became = progress.iter().filter(|(other, _)| other == id);
+    became.any(|(_, became)| !matches!(became, Progress::Part(_)))
 }
 
 fn panic_message(payload: &(dyn Any + Send)) -> String {
