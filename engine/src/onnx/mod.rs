@@ -64,7 +64,6 @@ impl Batching {
                 any_size: true,
                 usual_most: 16,
                 call_rows: CALL_ROWS[CALL_ROWS.len() - 1],
-                ..Self::UNKNOWN
             },
             EngineKind::OpenvinoBf16 | EngineKind::Cuda | EngineKind::Tensorrt => Self::UNKNOWN,
         }

@@ -168,7 +168,7 @@ mod tests {
     #[cfg(feature = "evaluator")]
     #[test]
     fn the_tiny_evaluator_gives_what_its_script_says() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/cli/eval/evaluator/tiny.onnx");
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/eval/evaluator/tiny.onnx");
         let evaluator = Evaluator::find(Some(&folder), "").unwrap().ok().unwrap();
         // Means over the frames of root z, of the hand's z, and of twice the hips' first rotation entry.
         let mut far = pointing(14);

@@ -1,6 +1,6 @@
 """Writes tiny.onnx: what the tests take for an evaluator of a skeleton of two joints.
 
-    python client/src/cli/eval/evaluator/tiny.py
+    python cli/src/eval/evaluator/tiny.py
 
 Its latent holds three means over the frames: root z, the second joint's z, and twice the first joint's first rotation entry.
 As in the packs' files the weights are stored in 16 bits behind a Cast, and batch and frames are dynamic.
