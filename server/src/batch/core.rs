@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 use super::driver::{Served, SubmitError};
+use super::metrics::{PackMetrics, Rejection};
 use super::order::Order;
 use super::scheduler::{Action, Cut, CutReason, Event, Limits, Part, Refusal, RequestId, Scheduler};
-use crate::telemetry::{PackMetrics, Rejection};
 use troupe_engine::{EngineError, StageTimes};
 use troupe_motion::model::{KeyframeTask, Motion};
 

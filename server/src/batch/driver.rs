@@ -12,9 +12,9 @@ use super::bells::Bells;
 use super::core::{Batch, Core, Outbox, Pieces, Ran};
 use super::gauge::EngineGauge;
 use super::lane;
+use super::metrics::PackMetrics;
 use super::order::Order;
 use super::scheduler::{Limits, Part, RequestId};
-use crate::telemetry::PackMetrics;
 use troupe_engine::{EngineError, Pipeline, TrialRun};
 use troupe_motion::model::{KeyframeTask, Motion};
 

@@ -18,9 +18,11 @@ mod core;
 mod driver;
 mod gauge;
 mod lane;
+mod metrics;
 mod order;
 pub mod scheduler;
 
 pub use driver::{Answer, Batcher, EngineFactory, Served, SubmitError};
 pub use gauge::EngineGauge;
+pub use metrics::{PackMetrics, Rejection};
 pub use order::{Class, Order, OwnerId};
