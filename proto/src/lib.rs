@@ -1,5 +1,5 @@
-//! The public contract of Troupe, generated from `troupe/v1/*.proto`: the protobuf messages, the gRPC clients
-//! and servers, and the same messages as JSON (serde, `snake_case` names) with their `OpenAPI` schemas.
+//! The public contract of Troupe, generated from `troupe/v1/*.proto`: the protobuf messages, the same messages as JSON
+//! (serde, `snake_case` names) with their `OpenAPI` schemas, and, with the feature `grpc`, the gRPC clients and servers.
 //!
 //! A message missing a JSON field reads as protobuf does: the field takes its default. Requests refuse unknown
 //! fields, answers tolerate them.
@@ -13,8 +13,8 @@ mod stats;
 /// Version 1 of the API.
 #[allow(missing_docs, unused_qualifications, clippy::all)]
 pub mod v1 {
-    tonic::include_proto!("troupe.v1");
+    include!(concat!(env!("OUT_DIR"), "/troupe.v1.rs"));
 
     /// The compiled descriptors of this version, for gRPC reflection.
-    pub const FILE_DESCRIPTOR_SET: &[u8] = tonic::include_file_descriptor_set!("troupe.v1");
+    pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/troupe.v1.bin"));
 }

@@ -15,10 +15,10 @@ use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
 
 use crate::api;
 use crate::batch::scheduler::Limits;
-use crate::batch::{Batcher, GeneratorFactory};
+use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
 use crate::config::Config;
 use crate::service::{LoadedPack, PackTable, Service};
-use crate::session::{Sessions, TimeSource};
+use crate::session::{SessionMetrics, Sessions, TimeSource};
 use crate::telemetry::Telemetry;
 use crate::world::{LoadError, Store};
 use troupe_character::live::load::PlanLoad;
@@ -187,7 +187,7 @@ pub async fn serve_packs_at(
     let internal = |error: &dyn std::fmt::Display| StartError::Internal(error.to_string());
     let address = listener.local_addr().map_err(StartError::Listen)?;
     let telemetry = Telemetry::new().map_err(|error| internal(&error))?;
-    let sessions = Sessions::new(config.session_limits(), time, telemetry.clone());
+    let sessions = Sessions::new(config.session_limits(), time, &telemetry);
     let service = Arc::new(Service::new(
         config.request_limits(),
         config.request_timeout(),
@@ -280,8 +280,9 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         generator,
         decision,
     } = source;
-    let metrics = service.telemetry().pack(pack.name(), &pack.manifest.version);
-    let sessions = service.telemetry().sessions(pack.name(), &pack.manifest.version);
+    let (telemetry, version) = (service.telemetry(), &pack.manifest.version);
+    let metrics = PackMetrics::new(telemetry, pack.name(), version);
+    let sessions = SessionMetrics::new(telemetry, pack.name(), version);
     let pack = Arc::new(pack);
     let (for_styles, folder) = (pack.clone(), config.styles.clone());
     let styles =

@@ -13,10 +13,10 @@ use std::time::{Duration, Instant};
 use troupe_proto::v1;
 
 use crate::api::ApiError;
-use crate::batch::{Batcher, Order, Served};
+use crate::batch::{Batcher, Order, PackMetrics, Served};
 use crate::inbetween::{Plan, RequestLimits, finish, prepare};
-use crate::session::Sessions;
-use crate::telemetry::{PackMetrics, SessionMetrics, Telemetry};
+use crate::session::{SessionMetrics, Sessions};
+use crate::telemetry::Telemetry;
 use crate::world::Store;
 use describe::describe;
 pub use generate::Generation;

@@ -6,6 +6,7 @@
 mod error;
 mod grpc;
 mod http;
+mod metrics;
 mod openapi;
 mod shape;
 mod track;

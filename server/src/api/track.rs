@@ -12,15 +12,15 @@ use http_body_util::LengthLimitError;
 use tonic::Status;
 
 use super::error::{ApiError, CodeLabel};
+use super::metrics::RequestMetrics;
 use super::shape::{Shape, Shapes};
 use crate::config::Config;
 use crate::service::Service;
-use crate::telemetry::Telemetry;
 
 /// The state of the middleware.
 #[derive(Clone)]
 pub(super) struct Tracker {
-    telemetry: Telemetry,
+    metrics: RequestMetrics,
     timeout: Duration,
     max_message_bytes: usize,
     shapes: Shapes,
@@ -29,7 +29,7 @@ pub(super) struct Tracker {
 impl Tracker {
     pub(super) fn new(service: &Service, config: &Config) -> Self {
         Self {
-            telemetry: service.telemetry().clone(),
+            metrics: RequestMetrics::new(service.telemetry()),
             timeout: config.request_timeout(),
             max_message_bytes: config.max_message_bytes,
             shapes: Shapes::new(config),
@@ -39,7 +39,7 @@ impl Tracker {
 
 /// Notes an answer when it is dropped, so that a caller who goes away is noted too.
 struct Note<'a> {
-    telemetry: &'a Telemetry,
+    metrics: &'a RequestMetrics,
     rpc: &'static str,
     code: &'static str,
     arrived: Instant,
@@ -47,8 +47,7 @@ struct Note<'a> {
 
 impl Drop for Note<'_> {
     fn drop(&mut self) {
-        self.telemetry
-            .answered(self.rpc, self.code, self.arrived.elapsed());
+        self.metrics.answered(self.rpc, self.code, self.arrived.elapsed());
     }
 }
 
@@ -57,7 +56,7 @@ pub(super) async fn http(State(tracker): State<Arc<Tracker>>, request: Request, 
     let path = request.extensions().get::<MatchedPath>();
     let rpc = path.map_or("unknown", |path| http_rpc(request.method(), path.as_str()));
     let mut note = Note {
-        telemetry: &tracker.telemetry,
+        metrics: &tracker.metrics,
         rpc,
         code: "CANCELLED",
         arrived: Instant::now(),
@@ -162,7 +161,7 @@ pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, 
         .and_then(|value| grpc_timeout(value.to_str().ok()?));
     let limit = asked.map_or(tracker.timeout, |asked| asked.min(tracker.timeout));
     let mut note = Note {
-        telemetry: &tracker.telemetry,
+        metrics: &tracker.metrics,
         rpc,
         code: "CANCELLED",
         arrived: Instant::now(),

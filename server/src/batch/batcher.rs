@@ -12,11 +12,11 @@ use troupe_engine::{EngineError, TrialRun};
 use troupe_motion::model::{Motion, Output, Task};
 
 use super::core::{Core, Orders, Outbox, Reply, Step};
+use super::metrics::PackMetrics;
 use super::order::Order;
 use super::parker::Parkers;
 use super::scheduler::{Limits, RequestId};
 use super::worker;
-use crate::telemetry::PackMetrics;
 
 /// Parts that may wait for a reader; one that has more is too slow.
 const MAX_WAITING_PARTS: usize = 256;

@@ -10,11 +10,11 @@ use troupe_engine::generator::{JobId, Progress, StepReport};
 use troupe_motion::model::{Output, Task};
 
 use super::batcher::{Piece, Served, SubmitError};
+use super::metrics::{PackMetrics, Rejection};
 use super::order::Order;
 use super::scheduler::{
     Action, Batch, BatchReason, Event, Finished, Limits, Part, Ready, Refusal, RequestId, Scheduler,
 };
-use crate::telemetry::{PackMetrics, Rejection};
 
 /// Where an answer that is sent whole goes.
 type WholeReply = oneshot::Sender<Result<Served, SubmitError>>;

@@ -13,10 +13,12 @@
 
 mod batcher;
 mod core;
+mod metrics;
 mod order;
 mod parker;
 pub mod scheduler;
 mod worker;
 
 pub use batcher::{Answer, Batcher, GeneratorFactory, Parts, Piece, Served, SubmitError};
+pub use metrics::{PackMetrics, Rejection};
 pub use order::{Class, Order, OwnerId};

@@ -8,10 +8,10 @@ use troupe_proto::v1;
 
 use super::cell::SessionCell;
 use super::drive::{Place, Roster};
-use super::{Registry, TimeSource, commands, describe, options, peek, step, units};
+use super::{Registry, TimeSource, commands, describe, metrics, options, peek, step, units};
 use crate::api::ApiError;
 use crate::service::PackTable;
-use crate::telemetry::Telemetry;
+use crate::telemetry::{Gauge, Telemetry};
 use crate::world::{Standing, Store};
 use troupe_character::Path;
 use troupe_character::live::Refusal;
@@ -46,19 +46,19 @@ pub struct Sessions {
     registry: Arc<Registry>,
     limits: SessionLimits,
     time: TimeSource,
-    telemetry: Telemetry,
+    streams: Gauge,
     places: Arc<Semaphore>,
     draining: watch::Sender<bool>,
 }
 
 impl Sessions {
     /// A server's sessions: none yet.
-    pub fn new(limits: SessionLimits, time: TimeSource, telemetry: Telemetry) -> Self {
+    pub fn new(limits: SessionLimits, time: TimeSource, telemetry: &Telemetry) -> Self {
         Self {
             registry: Arc::new(Registry::new(limits.sessions)),
             limits,
             time,
-            telemetry,
+            streams: metrics::streams(telemetry),
             places: Arc::new(Semaphore::new(limits.streams)),
             draining: watch::Sender::new(false),
         }
@@ -103,7 +103,7 @@ impl Sessions {
     /// Notes how many streams are open, `leaving` of which are about to go.
     pub(super) fn streams_changed(&self, leaving: usize) {
         let free = self.places.available_permits() + leaving;
-        self.telemetry.streams(self.limits.streams.saturating_sub(free));
+        self.streams.set(self.limits.streams.saturating_sub(free) as f64);
     }
 
     pub(super) fn apply(&self, commands: &[v1::Command]) -> Vec<v1::CommandResult> {

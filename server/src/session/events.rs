@@ -7,7 +7,7 @@ use troupe_proto::v1;
 use troupe_proto::v1::session_event::Kind;
 
 use super::cell::Live;
-use crate::telemetry::SessionMetrics;
+use super::metrics::SessionMetrics;
 use crate::world::{position, quat};
 use troupe_character::live::{Activity, CharacterEvent, EventKind, HeldObject, KeyframeError};
 

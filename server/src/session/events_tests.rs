@@ -27,7 +27,7 @@ fn done(frame: u64) -> CharacterEvent {
 }
 
 fn metrics() -> SessionMetrics {
-    Telemetry::new().unwrap().sessions("human", "1")
+    SessionMetrics::new(&Telemetry::new().unwrap(), "human", "1")
 }
 
 #[test]

@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, Rw
 use std::time::Instant;
 
 use super::cell::{End, SessionCell};
+use super::metrics::Eviction;
 use super::options::MAX_ID_CHARS;
 use crate::api::ApiError;
-use crate::telemetry::Eviction;
 
 /// Most ids of expired sessions that are remembered: a few megabytes.
 const MAX_TOMBSTONES: usize = 65_536;

@@ -8,6 +8,7 @@ use troupe_motion::{GlobalRoot, Vec3};
 
 use super::super::TimeSource;
 use super::super::cell::{Held, Owner, Parts};
+use super::super::metrics::SessionMetrics;
 use super::*;
 use crate::batch::{Batcher, GeneratorFactory};
 use crate::config::Config;
@@ -50,7 +51,7 @@ impl Setup {
         );
         let loaded = LoadedPack {
             styles: StyleTable::load(&pack.rig, &pack.folder, None).unwrap(),
-            sessions: telemetry.sessions(pack.name(), "1"),
+            sessions: SessionMetrics::new(&telemetry, pack.name(), "1"),
             batcher: batcher.await.unwrap(),
             engine: "idle",
             pack: Arc::new(pack),

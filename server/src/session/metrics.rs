@@ -1,85 +1,73 @@
 //! Metrics of live characters.
 
-use metrics::{Counter, Gauge, Histogram, Key, Label, Recorder as _};
-
-use super::{METADATA, Telemetry};
+use crate::telemetry::{Counter, Gauge, Histogram, Labels, Metric, Telemetry};
 use troupe_character::live::{EventKind, FailReason, PlanCause, Stats};
 
-pub(super) const ACTIVE: &str = "troupe_sessions_active";
-pub(super) const STREAMS: &str = "troupe_streams_active";
-pub(super) const LEAD_TIME: &str = "troupe_lead_time_seconds";
-const EVICTIONS: &str = "troupe_session_evictions_total";
-const FRAMES_SENT: &str = "troupe_frames_sent_total";
-const DROPPED_FRAMES: &str = "troupe_stream_dropped_frames_total";
-const REPLANS: &str = "troupe_replans_total";
-const LATE_PLANS: &str = "troupe_late_plans_total";
-const FAILED_PLANS: &str = "troupe_failed_plans_total";
-const UNDERRUNS: &str = "troupe_underruns_total";
-const INTERACTIONS: &str = "troupe_interactions_total";
-const FAILED_INTERACTIONS: &str = "troupe_failed_interactions_total";
-const FALLS: &str = "troupe_falls_total";
-const DROPPED_EVENTS: &str = "troupe_dropped_events_total";
-const PRESSURE: &str = "troupe_crowd_pressure";
-pub(super) const PLAN_INTERVAL: &str = "troupe_plan_interval_frames";
-pub(super) const PLAN_LENGTH: &str = "troupe_plan_length_frames";
-
-/// Upper bounds of the buckets of intervals and lengths of plans, in frames.
-pub(super) const FRAME_BUCKETS: [f64; 14] = [
-    4.0, 9.0, 12.0, 16.0, 20.0, 24.0, 26.0, 30.0, 34.0, 40.0, 46.0, 50.0, 54.0, 64.0,
-];
+const ACTIVE: Metric = Metric::new("troupe_sessions_active", "Open sessions");
+const STREAMS: Metric = Metric::new("troupe_streams_active", "Open streams");
+const EVICTIONS: Metric = Metric::new(
+    "troupe_session_evictions_total",
+    "Sessions that ended, by reason: closed or expired",
+);
+const FRAMES_SENT: Metric = Metric::new(
+    "troupe_frames_sent_total",
+    "Frames of characters handed to callers",
+);
+const DROPPED_FRAMES: Metric = Metric::new(
+    "troupe_stream_dropped_frames_total",
+    "Frames of characters that a stream did not send, because its reader or the server was slow",
+);
+const REPLANS: Metric = Metric::new(
+    "troupe_replans_total",
+    "Plans asked for, by cause: the command changed, the buffer ran low, or the interval went by",
+);
+const LATE_PLANS: Metric = Metric::new(
+    "troupe_late_plans_total",
+    "Plans that came after the frame where they were to take over",
+);
+const FAILED_PLANS: Metric = Metric::new(
+    "troupe_failed_plans_total",
+    "Plans that failed, or found the queue full",
+);
+const UNDERRUNS: Metric = Metric::new(
+    "troupe_underruns_total",
+    "Times that a character had to slow down because its plan was late",
+);
+const INTERACTIONS: Metric = Metric::new(
+    "troupe_interactions_total",
+    "Interactions with objects, by what became of them: started, done, failed or interrupted",
+);
+const FAILED_INTERACTIONS: Metric = Metric::new(
+    "troupe_failed_interactions_total",
+    "Interactions that could not go on, by reason",
+);
+const FALLS: Metric = Metric::new(
+    "troupe_falls_total",
+    "Times that the ground ended under a character",
+);
+const DROPPED_EVENTS: Metric = Metric::new(
+    "troupe_dropped_events_total",
+    "Events of sessions that were dropped because nobody took them",
+);
+const PRESSURE: Metric = Metric::new(
+    "troupe_crowd_pressure",
+    "How much intervals and lengths of plans are stretched: 0 not at all, 1 to a plan a second, 2 as far as it goes",
+);
+const PLAN_INTERVAL: Metric = Metric::new(
+    "troupe_plan_interval_frames",
+    "Frames from where a plan takes over to where the next one does, by band of priority",
+);
+const PLAN_LENGTH: Metric = Metric::new(
+    "troupe_plan_length_frames",
+    "Frames of a plan, by band of priority",
+);
+const LEAD_TIME: Metric = Metric::new(
+    "troupe_lead_time_seconds",
+    "From a plan's arrival to the frame where it takes over, in the character's time",
+);
 
 /// Bands of priority as metric labels: below a third, below two, and above.
 const BANDS: [&str; 3] = ["low", "middle", "high"];
-
-pub(super) const DESCRIPTIONS: [(&str, &str); 17] = [
-    (ACTIVE, "Open sessions"),
-    (STREAMS, "Open streams"),
-    (EVICTIONS, "Sessions that ended, by reason: closed or expired"),
-    (FRAMES_SENT, "Frames of characters handed to callers"),
-    (
-        DROPPED_FRAMES,
-        "Frames of characters that a stream did not send, because its reader or the server was slow",
-    ),
-    (
-        REPLANS,
-        "Plans asked for, by cause: the command changed, the buffer ran low, or the interval went by",
-    ),
-    (
-        LATE_PLANS,
-        "Plans that came after the frame where they were to take over",
-    ),
-    (FAILED_PLANS, "Plans that failed, or found the queue full"),
-    (
-        UNDERRUNS,
-        "Times that a character had to slow down because its plan was late",
-    ),
-    (
-        INTERACTIONS,
-        "Interactions with objects, by what became of them: started, done, failed or interrupted",
-    ),
-    (
-        FAILED_INTERACTIONS,
-        "Interactions that could not go on, by reason",
-    ),
-    (FALLS, "Times that the ground ended under a character"),
-    (
-        DROPPED_EVENTS,
-        "Events of sessions that were dropped because nobody took them",
-    ),
-    (
-        PRESSURE,
-        "How much intervals and lengths of plans are stretched: 0 not at all, 1 to a plan a second, 2 as far as it goes",
-    ),
-    (
-        PLAN_INTERVAL,
-        "Frames from where a plan takes over to where the next one does, by band of priority",
-    ),
-    (PLAN_LENGTH, "Frames of a plan, by band of priority"),
-    (
-        LEAD_TIME,
-        "From a plan's arrival to the frame where it takes over, in the character's time",
-    ),
-];
 
 /// Why a session ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -118,6 +106,38 @@ struct Band {
 }
 
 impl SessionMetrics {
+    /// The metrics of the sessions of that pack.
+    pub fn new(telemetry: &Telemetry, model: &str, version: &str) -> Self {
+        let labels = Labels::of_pack(model, version);
+        let counter = |metric| telemetry.counter(metric, &labels);
+        let each = |metric, key, value| telemetry.counter(metric, &labels.with(key, value));
+        let histogram = |metric, band| telemetry.histogram(metric, &labels.with("priority", band));
+        Self {
+            active: telemetry.gauge(&ACTIVE, &labels),
+            closed: each(&EVICTIONS, "reason", "closed"),
+            expired: each(&EVICTIONS, "reason", "expired"),
+            frames_sent: counter(&FRAMES_SENT),
+            dropped_frames: counter(&DROPPED_FRAMES),
+            replans: ["command", "low_buffer", "interval", "object"]
+                .map(|cause| each(&REPLANS, "cause", cause)),
+            late_plans: counter(&LATE_PLANS),
+            failed_plans: counter(&FAILED_PLANS),
+            underruns: counter(&UNDERRUNS),
+            interactions: ["started", "done", "failed", "interrupted"]
+                .map(|outcome| each(&INTERACTIONS, "outcome", outcome)),
+            failed_interactions: FailReason::ALL
+                .map(|reason| each(&FAILED_INTERACTIONS, "reason", reason.word())),
+            falls: counter(&FALLS),
+            dropped_events: counter(&DROPPED_EVENTS),
+            lead_time: telemetry.histogram(&LEAD_TIME, &labels),
+            pressure: telemetry.gauge(&PRESSURE, &labels),
+            bands: BANDS.map(|band| Band {
+                interval: histogram(&PLAN_INTERVAL, band),
+                length: histogram(&PLAN_LENGTH, band),
+            }),
+        }
+    }
+
     /// Sessions have opened.
     pub fn opened(&self, sessions: usize) {
         self.active.increment(sessions as f64);
@@ -219,56 +239,9 @@ impl SessionMetrics {
     }
 }
 
-impl Telemetry {
-    /// The metrics of the sessions of one pack.
-    pub fn sessions(&self, model: &str, version: &str) -> SessionMetrics {
-        let labels = |extra: Option<(&'static str, &'static str)>| -> Vec<Label> {
-            let pack = [
-                Label::new("model", model.to_owned()),
-                Label::new("version", version.to_owned()),
-            ];
-            let extra = extra.map(|(key, value)| Label::new(key, value));
-            pack.into_iter().chain(extra).collect()
-        };
-        let counter = |name, extra| self.counter(name, labels(extra));
-        let active = Key::from_parts(ACTIVE, labels(None));
-        let lead_time = Key::from_parts(LEAD_TIME, labels(None));
-        let pressure = Key::from_parts(PRESSURE, labels(None));
-        let histogram = |name, band| {
-            let key = Key::from_parts(name, labels(Some(("priority", band))));
-            self.recorder.register_histogram(&key, &METADATA)
-        };
-        SessionMetrics {
-            active: self.recorder.register_gauge(&active, &METADATA),
-            closed: counter(EVICTIONS, Some(("reason", "closed"))),
-            expired: counter(EVICTIONS, Some(("reason", "expired"))),
-            frames_sent: counter(FRAMES_SENT, None),
-            dropped_frames: counter(DROPPED_FRAMES, None),
-            replans: ["command", "low_buffer", "interval", "object"]
-                .map(|cause| counter(REPLANS, Some(("cause", cause)))),
-            late_plans: counter(LATE_PLANS, None),
-            failed_plans: counter(FAILED_PLANS, None),
-            underruns: counter(UNDERRUNS, None),
-            interactions: ["started", "done", "failed", "interrupted"]
-                .map(|outcome| counter(INTERACTIONS, Some(("outcome", outcome)))),
-            failed_interactions: FailReason::ALL
-                .map(|reason| counter(FAILED_INTERACTIONS, Some(("reason", reason.word())))),
-            falls: counter(FALLS, None),
-            dropped_events: counter(DROPPED_EVENTS, None),
-            lead_time: self.recorder.register_histogram(&lead_time, &METADATA),
-            pressure: self.recorder.register_gauge(&pressure, &METADATA),
-            bands: BANDS.map(|band| Band {
-                interval: histogram(PLAN_INTERVAL, band),
-                length: histogram(PLAN_LENGTH, band),
-            }),
-        }
-    }
-
-    /// Notes how many streams are open.
-    pub fn streams(&self, open: usize) {
-        let key = Key::from_name(STREAMS);
-        self.recorder.register_gauge(&key, &METADATA).set(open as f64);
-    }
+/// How many streams are open.
+pub(super) fn streams(telemetry: &Telemetry) -> Gauge {
+    telemetry.gauge(&STREAMS, &Labels::default())
 }
 
 #[cfg(test)]
@@ -278,7 +251,7 @@ mod tests {
     #[test]
     fn metrics_of_sessions_carry_pack_reason_and_cause() {
         let telemetry = Telemetry::new().unwrap();
-        let sessions = telemetry.sessions("human", "1.0");
+        let sessions = SessionMetrics::new(&telemetry, "human", "1.0");
         sessions.opened(3);
         sessions.ended(Eviction::Expired);
         sessions.sent(200);
@@ -311,7 +284,7 @@ mod tests {
         sessions.happened(&EventKind::Done { instance });
         sessions.happened(&EventKind::Fell { height_m: None });
         sessions.event_dropped();
-        telemetry.streams(4);
+        streams(&telemetry).set(4.0);
         let text = telemetry.render();
         let failed = r#"troupe_interactions_total{model="human",version="1.0",outcome="failed"}"#;
         assert!(

@@ -1,0 +1,129 @@
+//! Answers whose parts may be errors, as messages.
+
+use troupe_proto::v1;
+use troupe_proto::v1::drive_response::Message;
+
+use super::ApiError;
+use crate::service::ServiceError;
+use crate::session::cell::End;
+use crate::session::drive::{Closing, Departure, Said};
+use crate::session::{CommandResult, SessionProblem, Stepped};
+use crate::world::ObjectsChanged;
+use troupe_character::live::CommandOutcome;
+
+/// An error as part of an answer that serves others.
+fn problem(error: impl Into<ServiceError>) -> v1::Problem {
+    ApiError::from(error.into()).problem()
+}
+
+/// What became of commands.
+pub(super) fn commands(results: Vec<CommandResult>) -> v1::CommandResponse {
+    v1::CommandResponse {
+        results: results.into_iter().map(command).collect(),
+    }
+}
+
+fn command(result: CommandResult) -> v1::CommandResult {
+    let (status, problem) = match result.outcome {
+        Ok(CommandOutcome::Accepted) => (v1::CommandStatus::Accepted, None),
+        Ok(CommandOutcome::Repeated) => (v1::CommandStatus::Repeated, None),
+        Ok(CommandOutcome::Late) => (v1::CommandStatus::Late, None),
+        Err(error) => (v1::CommandStatus::Refused, Some(problem(error))),
+    };
+    v1::CommandResult {
+        session_id: result.session_id,
+        sequence: result.sequence,
+        status: status.into(),
+        problem,
+    }
+}
+
+fn session_problem(found: SessionProblem) -> v1::SessionProblem {
+    v1::SessionProblem {
+        slot: found.slot,
+        session_id: found.session_id,
+        problem: Some(problem(found.error)),
+    }
+}
+
+/// The answer to a step.
+pub(super) fn step(stepped: Stepped) -> v1::StepResponse {
+    v1::StepResponse {
+        blocks: stepped.blocks,
+        command_results: stepped.commands.into_iter().map(command).collect(),
+        problems: stepped.problems.into_iter().map(session_problem).collect(),
+        events: stepped.events,
+        held: stepped.held,
+        total_us: stepped.total.as_micros() as u64,
+        waited_us: stepped.waited.as_micros() as u64,
+    }
+}
+
+/// What became of objects of a scene.
+pub(super) fn objects(changed: ObjectsChanged) -> v1::ObjectsResponse {
+    let each = changed.objects.into_iter().map(|object| v1::ObjectResult {
+        id: object.id,
+        problem: object.error.map(problem),
+    });
+    v1::ObjectsResponse {
+        results: each.collect(),
+        revision: changed.revision,
+    }
+}
+
+/// What a stream says.
+pub(super) fn drive(said: Said) -> Message {
+    match said {
+        Said::Attached(attached) => Message::Attached(v1::DriveAttached {
+            sessions: attached.sessions,
+            problems: attached.problems.into_iter().map(session_problem).collect(),
+        }),
+        Said::Left(left) => Message::Left(v1::DriveLeft {
+            sessions: left.into_iter().map(departure).collect(),
+        }),
+        Said::Commands(results) => Message::Commands(commands(results)),
+        Said::Events(sessions) => Message::Events(v1::DriveEvents { sessions }),
+        Said::Closing(closing) => Message::Closing(v1::DriveClosing {
+            reason: Some(reason(closing)),
+        }),
+    }
+}
+
+fn departure(left: Departure) -> v1::SessionProblem {
+    let word = match left.end {
+        None => "DETACHED",
+        Some(End::Closed) => "SESSION_CLOSED",
+        Some(End::Expired) => "SESSION_EXPIRED",
+    };
+    v1::SessionProblem {
+        slot: left.slot,
+        problem: Some(v1::Problem {
+            reason: word.to_owned(),
+            message: format!("the session {:?} has left the stream", left.session_id),
+            ..v1::Problem::default()
+        }),
+        session_id: left.session_id,
+    }
+}
+
+fn reason(closing: Closing) -> v1::Problem {
+    let because = |reason: &str, message: String| v1::Problem {
+        reason: reason.to_owned(),
+        message,
+        ..v1::Problem::default()
+    };
+    let invalid = |problem| v1::Problem {
+        reason: "INVALID_REQUEST".to_owned(),
+        ..problem
+    };
+    match closing {
+        Closing::ClientDone | Closing::Gone => because("CLIENT_DONE", "the client is done".to_owned()),
+        Closing::Draining => because("DRAINING", "the server is shutting down".to_owned()),
+        Closing::SlowReader(limit) => because(
+            "SLOW_READER",
+            format!("nothing was read for {} ms", limit.as_millis()),
+        ),
+        Closing::Unreadable(problem) => invalid(problem),
+        Closing::Invalid(error) => invalid(problem(error)),
+    }
+}

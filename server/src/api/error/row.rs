@@ -1,0 +1,137 @@
+//! A line of the table of errors.
+
+use std::time::Duration;
+
+use http::StatusCode;
+use tonic::Code;
+use troupe_character::FieldError;
+
+/// gRPC code, HTTP status, and the code's name in JSON and metrics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::api) struct Codes {
+    pub(in crate::api) grpc: Code,
+    pub(in crate::api) http: StatusCode,
+    pub(in crate::api) label: &'static str,
+}
+
+const fn codes(grpc: Code, http: StatusCode, label: &'static str) -> Codes {
+    Codes { grpc, http, label }
+}
+
+pub(super) const INVALID: Codes = codes(Code::InvalidArgument, StatusCode::BAD_REQUEST, "INVALID_ARGUMENT");
+pub(super) const NOT_FOUND: Codes = codes(Code::NotFound, StatusCode::NOT_FOUND, "NOT_FOUND");
+pub(super) const GONE: Codes = codes(Code::NotFound, StatusCode::GONE, "NOT_FOUND");
+pub(super) const EXISTS: Codes = codes(Code::AlreadyExists, StatusCode::CONFLICT, "ALREADY_EXISTS");
+/// It makes sense, but not as things are.
+pub(super) const NOT_NOW: Codes = codes(
+    Code::FailedPrecondition,
+    StatusCode::CONFLICT,
+    "FAILED_PRECONDITION",
+);
+pub(super) const FULL: Codes = codes(
+    Code::ResourceExhausted,
+    StatusCode::TOO_MANY_REQUESTS,
+    "RESOURCE_EXHAUSTED",
+);
+pub(super) const TOO_LARGE: Codes = codes(
+    Code::ResourceExhausted,
+    StatusCode::PAYLOAD_TOO_LARGE,
+    "RESOURCE_EXHAUSTED",
+);
+pub(super) const ABORTED: Codes = codes(Code::Aborted, StatusCode::CONFLICT, "ABORTED");
+pub(super) const TOO_LATE: Codes = codes(
+    Code::DeadlineExceeded,
+    StatusCode::GATEWAY_TIMEOUT,
+    "DEADLINE_EXCEEDED",
+);
+pub(super) const UNAVAILABLE: Codes = codes(
+    Code::Unavailable,
+    StatusCode::SERVICE_UNAVAILABLE,
+    "UNAVAILABLE",
+);
+pub(super) const INTERNAL: Codes = codes(Code::Internal, StatusCode::INTERNAL_SERVER_ERROR, "INTERNAL");
+pub(super) const NO_ROUTE: Codes = codes(Code::Unimplemented, StatusCode::NOT_FOUND, "NOT_FOUND");
+pub(super) const NO_METHOD: Codes = codes(
+    Code::Unimplemented,
+    StatusCode::METHOD_NOT_ALLOWED,
+    "METHOD_NOT_ALLOWED",
+);
+pub(super) const UNIMPLEMENTED: Codes = codes(
+    Code::Unimplemented,
+    StatusCode::NOT_IMPLEMENTED,
+    "UNIMPLEMENTED",
+);
+
+/// What an error is to a caller.
+#[derive(Debug)]
+pub(in crate::api) struct Row<'a> {
+    pub(in crate::api) codes: Codes,
+    /// A word for the kind of error, finer than its code: the reason in `google.rpc.ErrorInfo`.
+    pub(in crate::api) reason: &'static str,
+    /// The field that is wrong, where the error is about one.
+    pub(in crate::api) field: Option<&'a str>,
+    /// What would be allowed, where the error is about a value or a size.
+    pub(in crate::api) allowed: Option<String>,
+    /// What is wrong with the field; where it is left out, the error's text.
+    pub(in crate::api) description: Option<String>,
+    /// Line and column of what is wrong in a document, from 1.
+    pub(in crate::api) place: Option<(usize, usize)>,
+    /// When it is worth to try again.
+    pub(in crate::api) retry_after: Option<Duration>,
+}
+
+/// An error that has a line in the table.
+pub(super) trait Tabled {
+    /// Its line.
+    fn row(&self) -> Row<'_>;
+}
+
+impl Codes {
+    /// A line that has no more than these codes and a reason.
+    pub(super) fn because<'a>(self, reason: &'static str) -> Row<'a> {
+        Row {
+            codes: self,
+            reason,
+            field: None,
+            allowed: None,
+            description: None,
+            place: None,
+            retry_after: None,
+        }
+    }
+}
+
+impl<'a> Row<'a> {
+    pub(super) fn field(self, field: &'a str) -> Self {
+        Self {
+            field: Some(field),
+            ..self
+        }
+    }
+
+    pub(super) fn allowed(self, allowed: impl Into<String>) -> Self {
+        Self {
+            allowed: Some(allowed.into()),
+            ..self
+        }
+    }
+
+    pub(super) fn retry_after(self, after: Duration) -> Self {
+        Self {
+            retry_after: Some(after),
+            ..self
+        }
+    }
+}
+
+impl Tabled for FieldError {
+    fn row(&self) -> Row<'_> {
+        Row {
+            description: Some(format!("{}; allowed: {}", self.message, self.allowed)),
+            ..INVALID
+                .because("INVALID_FIELD")
+                .field(&self.field)
+                .allowed(self.allowed.as_str())
+        }
+    }
+}

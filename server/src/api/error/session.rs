@@ -1,0 +1,83 @@
+//! Errors of sessions, styles and what characters are asked to do.
+
+use std::time::Duration;
+
+use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
+use crate::packs::UnknownPack;
+use crate::session::SessionError;
+use troupe_character::live::{MAX_WAITING_COMMANDS, Refusal};
+
+/// When to try again where a place is free as soon as somebody leaves, which nobody foresees.
+const WHEN_SOMEBODY_LEAVES: Duration = Duration::from_secs(1);
+
+impl Tabled for SessionError {
+    fn row(&self) -> Row<'_> {
+        match self {
+            Self::Field(error) => error.row(),
+            Self::UnknownPack(error) => error.row(),
+            Self::World(error) => error.row(),
+            Self::Expired { field, .. } => GONE.because("SESSION_EXPIRED").field(field),
+            Self::Unknown { field, .. } => NOT_FOUND.because("UNKNOWN_SESSION").field(field),
+            Self::Exists { field, .. } => EXISTS
+                .because("SESSION_EXISTS")
+                .field(field)
+                .allowed("an id that is free, or none"),
+            Self::Busy { field, .. } => NOT_NOW.because("SESSION_BUSY").field(field),
+            Self::TooMany { limit, .. } => no_place("TOO_MANY_SESSIONS", *limit),
+            Self::TooManyStreams { limit } => no_place("TOO_MANY_STREAMS", *limit),
+            Self::ShuttingDown => UNAVAILABLE.because("NOT_READY"),
+            Self::Refused { refusal, field } => refusal.row().field(field),
+            Self::UnknownStyle {
+                field, there_are, ..
+            } => INVALID
+                .because("UNKNOWN_STYLE")
+                .field(field)
+                .allowed(there_are.join(", ")),
+            Self::StyleIsBuiltIn { field, .. } => NOT_NOW
+                .because("STYLE_IS_BUILT_IN")
+                .field(field)
+                .allowed("a name that none of the pack's own styles has"),
+            Self::StyleNotKept(_) => INTERNAL.because("INTERNAL"),
+            Self::Plan(error) => error.row(),
+            Self::Stopped(error) => error.row(),
+        }
+    }
+}
+
+/// As many as there may be are open.
+fn no_place(reason: &'static str, limit: usize) -> Row<'static> {
+    FULL.because(reason)
+        .allowed(format!("at most {limit}"))
+        .retry_after(WHEN_SOMEBODY_LEAVES)
+}
+
+impl Tabled for UnknownPack {
+    fn row(&self) -> Row<'_> {
+        NOT_FOUND
+            .because("UNKNOWN_PACK")
+            .field(&self.field)
+            .allowed(self.loaded.join(", "))
+    }
+}
+
+impl Tabled for Refusal {
+    fn row(&self) -> Row<'_> {
+        match self {
+            Self::NoScene => NOT_NOW.because("NO_SCENE"),
+            Self::UnknownObject { .. } => NOT_FOUND.because("UNKNOWN_OBJECT"),
+            Self::WrongPack { .. } => NOT_NOW.because("WRONG_PACK"),
+            Self::UnknownVariant { there_are, .. } => INVALID
+                .because("UNKNOWN_VARIANT")
+                .allowed(there_are.join(", ")),
+            Self::UnknownApproach { there_are, .. } => INVALID
+                .because("UNKNOWN_APPROACH")
+                .allowed(there_are.join(", ")),
+            Self::Taken { .. } => NOT_NOW.because("OBJECT_TAKEN"),
+            Self::Blocked { .. } => NOT_NOW.because("BLOCKED"),
+            Self::HandFull { .. } => NOT_NOW.because("HAND_FULL"),
+            Self::TooManyCommands => FULL
+                .because("TOO_MANY_COMMANDS")
+                .allowed(format!("at most {MAX_WAITING_COMMANDS} that wait")),
+        }
+    }
+}
