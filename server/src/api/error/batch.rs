@@ -24,7 +24,10 @@ pub(super) fn message(error: &SubmitError) -> String {
         SubmitError::QueueFull { .. } => format!("the server is busy: {error}"),
         SubmitError::Superseded => "a newer plan of the same character took the place of this one".to_owned(),
         SubmitError::DeadlinePassed { waited } => {
-            format!("the request was given up after {} ms in the queue", waited.as_millis())
+            format!(
+                "the request was given up after {} ms in the queue",
+                waited.as_millis()
+            )
         }
         SubmitError::Engine(EngineError::Stopped) => "the server is broken: an engine has stopped".to_owned(),
         SubmitError::Engine(error) => error.to_string(),
@@ -69,7 +72,13 @@ mod tests {
         let shown = |error: SubmitError| {
             let error = ApiError::from(error);
             let Row { codes, reason, .. } = error.row();
-            (error.to_string(), codes.grpc, codes.http.as_u16(), codes.label, reason)
+            (
+                error.to_string(),
+                codes.grpc,
+                codes.http.as_u16(),
+                codes.label,
+                reason,
+            )
         };
         assert_eq!(
             shown(SubmitError::Superseded),

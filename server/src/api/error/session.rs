@@ -27,9 +27,7 @@ impl Tabled for SessionError {
             Self::TooManyStreams { limit } => no_place("TOO_MANY_STREAMS", *limit),
             Self::ShuttingDown => UNAVAILABLE.because("NOT_READY"),
             Self::Refused { refusal, field } => refusal.row().field(field),
-            Self::UnknownStyle {
-                field, there_are, ..
-            } => INVALID
+            Self::UnknownStyle { field, there_are, .. } => INVALID
                 .because("UNKNOWN_STYLE")
                 .field(field)
                 .allowed(there_are.join(", ")),
@@ -66,12 +64,12 @@ impl Tabled for Refusal {
             Self::NoScene => NOT_NOW.because("NO_SCENE"),
             Self::UnknownObject { .. } => NOT_FOUND.because("UNKNOWN_OBJECT"),
             Self::WrongPack { .. } => NOT_NOW.because("WRONG_PACK"),
-            Self::UnknownVariant { there_are, .. } => INVALID
-                .because("UNKNOWN_VARIANT")
-                .allowed(there_are.join(", ")),
-            Self::UnknownApproach { there_are, .. } => INVALID
-                .because("UNKNOWN_APPROACH")
-                .allowed(there_are.join(", ")),
+            Self::UnknownVariant { there_are, .. } => {
+                INVALID.because("UNKNOWN_VARIANT").allowed(there_are.join(", "))
+            }
+            Self::UnknownApproach { there_are, .. } => {
+                INVALID.because("UNKNOWN_APPROACH").allowed(there_are.join(", "))
+            }
             Self::Taken { .. } => NOT_NOW.because("OBJECT_TAKEN"),
             Self::Blocked { .. } => NOT_NOW.because("BLOCKED"),
             Self::HandFull { .. } => NOT_NOW.because("HAND_FULL"),
