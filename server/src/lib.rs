@@ -1,20 +1,31 @@
 //! Troupe's motion server.
 //!
+//! # Layers
+//! A module knows those above it in this table, and none below it. `scripts/check-layers.sh` holds it to that.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`telemetry`] | the registry of metrics; each layer owns its handles |
+//! | [`batch`] | queues, scheduling, the threads that own engines |
+//! | [`packs`] | the packs that are loaded, each with its engine and styles |
+//! | [`wire`] | values of messages: checks, units, axes, keyframes |
+//! | [`world`] | scenes, objects and their definitions |
+//! | [`session`] | live characters: commands, steps, streams |
+//! | [`inbetween`] | single requests: from keyframes to tasks, from motion to frames |
+//! | [`service`] | every call, apart from how it travels |
+//! | [`api`] | gRPC, HTTP, WebSocket, and how errors look there |
+//! | [`config`], [`server`], [`doctor`] | options; what runs the rest on a port; what a machine offers |
+//!
+//! Each layer has an error of its own. They become answers in one place, [`api`].
+//!
 //! # The way of a request
-//! A request arrives over gRPC or HTTP ([`api`]), is checked and brought into each character's segment frame
-//! ([`inbetween`]), waits in a bounded queue until the engine is free and travels with whatever else waits ([`batch`]),
-//! passes root, pose and decoder ([`engine`]) of a model pack ([`pack`]), and comes back as frames ([`inbetween`]).
+//! A request arrives over gRPC or HTTP, is checked and brought into each character's segment frame ([`inbetween`]), waits in a
+//! bounded queue and travels with whatever else waits ([`batch`]), passes the networks of a pack (`troupe-engine`), and comes
+//! back as frames.
 //!
 //! # The way of a live character
-//! Commands change what a character wants ([`primitives`], [`style`]); whenever it needs a plan, its session has one made on
-//! the same way through the batcher, and cross-fades it into the frames that a step or a stream takes ([`session`]).
-//!
-//! # What characters live among
-//! A [`scene`] has ground, colliders and objects; an [`object`] definition says what characters can do with a thing. Both
-//! are read from TOML or JSON by [`document`], whose errors name line and field. [`world`] has those of a server.
-//!
-//! [`service`] ties these together, [`server`] runs them on a port, [`telemetry`] counts, [`config`] configures, [`doctor`] says what
-//! a machine offers, [`health`] asks a running server whether it is ready.
+//! Commands change what a character wants (`troupe-character`). Whenever it needs a plan, its session has one made on the same
+//! way through the batcher, and cross-fades it into the frames that a step or a stream takes ([`session`]).
 //!
 //! # Embedding
 //! ```no_run
@@ -37,8 +48,11 @@ pub mod config;
 pub mod doctor;
 pub mod health;
 pub mod inbetween;
+pub mod offload;
+pub mod packs;
 pub mod server;
 pub mod service;
 pub mod session;
 pub mod telemetry;
+pub mod wire;
 pub mod world;

@@ -17,11 +17,11 @@ use crate::api;
 use crate::batch::scheduler::Limits;
 use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
 use crate::config::Config;
-use crate::service::{LoadedPack, PackTable, Service};
-use crate::session::{SessionMetrics, Sessions, TimeSource};
+use crate::packs::{LoadedPack, PackTable};
+use crate::service::Service;
+use crate::session::{Sessions, TimeSource};
 use crate::telemetry::Telemetry;
 use crate::world::{LoadError, Store};
-use troupe_character::live::load::PlanLoad;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
@@ -196,7 +196,7 @@ pub async fn serve_packs_at(
     ));
     let health = HealthReporter::new();
     api::set_serving(&health, false).await;
-    let router = api::router(&service, &health, &config).map_err(|error| internal(&error))?;
+    let router = api::router(&service, &health, &config.api_limits()).map_err(|error| internal(&error))?;
 
     let (stop, stopping) = watch::channel(false);
     let connections = tokio::spawn(connections::accept(listener, router, config.clone(), stopping));
@@ -280,9 +280,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         generator,
         decision,
     } = source;
-    let (telemetry, version) = (service.telemetry(), &pack.manifest.version);
-    let metrics = PackMetrics::new(telemetry, pack.name(), version);
-    let sessions = SessionMetrics::new(telemetry, pack.name(), version);
+    let metrics = PackMetrics::new(service.telemetry(), pack.name(), &pack.manifest.version);
     let pack = Arc::new(pack);
     let (for_styles, folder) = (pack.clone(), config.styles.clone());
     let styles =
@@ -321,8 +319,6 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         engine: decision.map_or(CALLERS_ENGINE, |decision| decision.engine.name()),
         styles,
         metrics,
-        sessions,
-        load: PlanLoad::default(),
     })
 }
 

@@ -1,29 +1,30 @@
 //! The service behind both fronts: finds the pack, checks the request, has it served, and makes the answer.
 
 mod describe;
+mod error;
 mod generate;
 mod scenes;
 mod sessions;
 
-use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use troupe_proto::v1;
 
-use crate::api::ApiError;
-use crate::batch::{Batcher, Order, PackMetrics, Served};
+use crate::batch::{Order, Served, SubmitError};
 use crate::inbetween::{Plan, RequestLimits, finish, prepare};
-use crate::session::{SessionMetrics, Sessions};
+use crate::offload::offload;
+use crate::packs::{LoadedPack, PackTable};
+use crate::session::{LivePacks, SessionError, Sessions};
 use crate::telemetry::Telemetry;
 use crate::world::Store;
 use describe::describe;
-pub use generate::Generation;
-use troupe_character::live::load::PlanLoad;
-use troupe_character::style::StyleTable;
-use troupe_engine::pack::Pack;
+use troupe_engine::EngineError;
 use troupe_motion::model::{Capability, Output, Rig};
+
+pub use error::ServiceError;
+pub use generate::Generation;
 
 /// Requests of up to this many characters are checked and finished on the task that received them; larger ones go to the
 /// pool for blocking work, so that they do not hold up other connections.
@@ -33,84 +34,11 @@ const INLINE_CHARACTERS: usize = 4;
 /// order of their arrival; beside the plans of live characters their class's handicap comes on top.
 const REQUEST_TARGET: Duration = Duration::from_millis(100);
 
-/// A pack and the way to its engine.
-#[derive(Debug)]
-pub struct LoadedPack {
-    /// The pack.
-    pub pack: Arc<Pack>,
-    /// The way to its engine.
-    pub batcher: Batcher,
-    /// The engine's name.
-    pub engine: &'static str,
-    /// Its locomotion styles.
-    pub styles: StyleTable,
-    /// Its metrics.
-    pub metrics: PackMetrics,
-    /// The metrics of its sessions.
-    pub sessions: SessionMetrics,
-    /// How busy it is with their plans.
-    pub load: PlanLoad,
-}
-
-impl LoadedPack {
-    /// Checks that the pack can do what the request asks for; `field` names the pack in the request.
-    ///
-    /// # Errors
-    /// [`ApiError::CannotDo`].
-    pub fn require(&self, capability: Capability, field: &str) -> Result<(), ApiError> {
-        let capabilities = self.pack.manifest.capabilities;
-        match capabilities.has(capability) {
-            true => Ok(()),
-            false => Err(ApiError::CannotDo {
-                pack: self.pack.name().to_owned(),
-                wanted: capability,
-                field: field.to_owned(),
-                can: capabilities.list().collect(),
-            }),
-        }
-    }
-}
-
-/// All packs of a server.
-#[derive(Debug, Clone)]
-pub struct PackTable {
-    packs: BTreeMap<String, Arc<LoadedPack>>,
-    default: String,
-}
-
-impl PackTable {
-    /// A table whose default is `default`, one of the names of `packs`.
-    pub fn new(packs: Vec<LoadedPack>, default: String) -> Self {
-        let packs = packs
-            .into_iter()
-            .map(|loaded| (loaded.pack.name().to_owned(), Arc::new(loaded)))
-            .collect();
-        Self { packs, default }
-    }
-
-    /// The pack of that name, which the request gave in `field`; the default where it is empty.
-    ///
-    /// # Errors
-    /// [`ApiError::UnknownPack`].
-    pub fn find(&self, field: impl ToString, name: &str) -> Result<&Arc<LoadedPack>, ApiError> {
-        let wanted = if name.is_empty() { &self.default } else { name };
-        self.packs.get(wanted).ok_or_else(|| ApiError::UnknownPack {
-            name: wanted.chars().take(64).collect(),
-            field: field.to_string(),
-            loaded: self.packs.keys().cloned().collect(),
-        })
-    }
-
-    fn describe(&self, loaded: &LoadedPack) -> v1::Pack {
-        describe(&loaded.pack, loaded.pack.name() == self.default, loaded.engine)
-    }
-}
-
 /// The state that all requests share. It starts without packs and serves once [`Service::open`] has given it some.
 #[derive(Debug)]
 pub struct Service {
     /// Packs, and the scenes and definitions that go with them.
-    opened: OnceLock<(PackTable, Arc<Store>)>,
+    opened: OnceLock<(LivePacks, Arc<Store>)>,
     draining: AtomicBool,
     limits: RequestLimits,
     timeout: Duration,
@@ -133,6 +61,7 @@ impl Service {
 
     /// Starts to serve. Only the first call counts.
     pub fn open(&self, packs: PackTable, store: Store) {
+        let packs = LivePacks::new(packs, &self.telemetry);
         if self.opened.set((packs, Arc::new(store))).is_err() {
             tracing::warn!("the service is open already");
         }
@@ -152,65 +81,61 @@ impl Service {
     /// Whether the server should be sent requests.
     ///
     /// # Errors
-    /// [`ApiError::Unavailable`] while it starts or drains, or where an engine has stopped.
-    pub fn ready(&self) -> Result<(), ApiError> {
+    /// [`ServiceError`] while it starts or drains, or where an engine has stopped.
+    pub fn ready(&self) -> Result<(), ServiceError> {
         if self.draining.load(Ordering::Relaxed) {
-            return Err(ApiError::Unavailable("shutting down"));
+            return Err(SessionError::ShuttingDown.into());
         }
-        match self
-            .table()?
-            .packs
-            .values()
-            .all(|loaded| loaded.batcher.is_running())
-        {
+        match self.table()?.all().all(|loaded| loaded.batcher.is_running()) {
             true => Ok(()),
-            false => Err(ApiError::Unavailable("broken: an engine has stopped")),
+            false => Err(SubmitError::Engine(EngineError::Stopped).into()),
         }
     }
 
-    fn opened(&self) -> Result<&(PackTable, Arc<Store>), ApiError> {
-        self.opened
-            .get()
-            .ok_or(ApiError::Unavailable("starting: its packs are not loaded yet"))
+    fn opened(&self) -> Result<&(LivePacks, Arc<Store>), ServiceError> {
+        self.opened.get().ok_or(ServiceError::Starting)
     }
 
-    fn table(&self) -> Result<&PackTable, ApiError> {
-        self.opened().map(|(packs, _)| packs)
+    fn table(&self) -> Result<&PackTable, ServiceError> {
+        self.opened().map(|(packs, _)| packs.table())
     }
 
     /// The scenes and object definitions.
     ///
     /// # Errors
-    /// [`ApiError::Unavailable`] while the server starts.
-    pub fn store(&self) -> Result<&Arc<Store>, ApiError> {
+    /// [`ServiceError::Starting`] while the server starts.
+    pub fn store(&self) -> Result<&Arc<Store>, ServiceError> {
         self.opened().map(|(_, store)| store)
     }
 
     /// `troupe.v1.Motion/ListPacks`.
     ///
     /// # Errors
-    /// [`ApiError::Unavailable`] while the server starts.
-    pub fn list_packs(&self) -> Result<v1::ListPacksResponse, ApiError> {
+    /// [`ServiceError::Starting`] while the server starts.
+    pub fn list_packs(&self) -> Result<v1::ListPacksResponse, ServiceError> {
         let table = self.table()?;
         Ok(v1::ListPacksResponse {
-            packs: table.packs.values().map(|pack| table.describe(pack)).collect(),
+            packs: table.all().map(|pack| described(table, pack)).collect(),
         })
     }
 
     /// `troupe.v1.Motion/GetPack`.
     ///
     /// # Errors
-    /// [`ApiError::UnknownPack`], or [`ApiError::Unavailable`] while the server starts.
-    pub fn get_pack(&self, name: &str) -> Result<v1::Pack, ApiError> {
+    /// [`ServiceError::UnknownPack`], or [`ServiceError::Starting`] while the server starts.
+    pub fn get_pack(&self, name: &str) -> Result<v1::Pack, ServiceError> {
         let table = self.table()?;
-        Ok(table.describe(table.find("name", name)?))
+        Ok(described(table, table.find("name", name)?))
     }
 
     /// `troupe.v1.Motion/InBetween`.
     ///
     /// # Errors
-    /// [`ApiError`], for the whole request.
-    pub async fn in_between(&self, request: v1::InBetweenRequest) -> Result<v1::InBetweenResponse, ApiError> {
+    /// [`ServiceError`], for the whole request.
+    pub async fn in_between(
+        &self,
+        request: v1::InBetweenRequest,
+    ) -> Result<v1::InBetweenResponse, ServiceError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
         loaded.require(Capability::Inbetween, "pack")?;
@@ -258,14 +183,14 @@ impl Service {
     }
 }
 
-fn finish_all(served: &Served, plans: &[Plan], rig: &Rig) -> Result<Vec<v1::CharacterResult>, ApiError> {
-    let motions = served.outputs.iter().filter_map(|output| match output {
-        Output::Motion(motion) => Some(motion),
-        Output::Text(_) => None,
-    });
-    let pairs = motions.zip(plans);
+fn described(table: &PackTable, loaded: &LoadedPack) -> v1::Pack {
+    describe(&loaded.pack, table.is_default(loaded), loaded.engine)
+}
+
+fn finish_all(served: &Served, plans: &[Plan], rig: &Rig) -> Result<Vec<v1::CharacterResult>, ServiceError> {
+    let pairs = served.motions.iter().zip(plans);
     pairs
-        .map(|(motion, plan)| finish(motion, plan, rig).map_err(ApiError::from))
+        .map(|(motion, plan)| finish(motion, plan, rig).map_err(ServiceError::from))
         .collect()
 }
 
@@ -277,18 +202,4 @@ fn timing(served: &Served) -> v1::Timing {
         batch_size: served.batch_size as u32,
         ..v1::Timing::default()
     }
-}
-
-/// Runs CPU work for a request: here where it is for at most `inline` characters, on the blocking pool where it is more.
-pub(crate) async fn offload<T: Send + 'static>(
-    characters: usize,
-    inline: usize,
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Result<T, ApiError> {
-    if characters <= inline {
-        return Ok(work());
-    }
-    tokio::task::spawn_blocking(work)
-        .await
-        .map_err(|_| ApiError::Internal("a worker stopped before it was done".to_owned()))
 }

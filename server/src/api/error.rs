@@ -1,37 +1,40 @@
 //! Every error of the API, and the one place that says how it looks: gRPC code and details, HTTP status and body,
 //! metric label.
+//!
+//! The layers below have errors of their own. Each has its lines of the table ([`row`]) in a file of its domain:
+//! [`batch`], [`world`], [`session`]; those of the edge itself are here. [`form`] makes answers of them.
 
+mod batch;
 mod form;
-mod table;
+mod row;
+mod session;
+mod world;
 
 use std::time::Duration;
 
-use crate::batch::SubmitError;
+use crate::service::ServiceError;
+use crate::session::SessionError;
+use crate::world::WorldError;
+use row::{
+    INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE, UNIMPLEMENTED,
+};
 use troupe_character::FieldError;
-use troupe_character::document::DocumentError;
-use troupe_character::live::Refusal;
-use troupe_character::object::DefinitionsError;
-use troupe_character::post::NonFinite;
-use troupe_character::scene::{SceneError, TableError};
-use troupe_engine::EngineError;
-use troupe_motion::model::Capability;
 
 pub(super) use form::CodeLabel;
 pub use form::{ErrorBody, ErrorDetail};
 
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
 const DOMAIN: &str = "troupe.v1";
-/// Most characters of a message that may echo the request.
-pub(super) const MAX_MESSAGE: usize = 512;
-/// Most characters of a field's path that may echo the request.
-pub(super) const MAX_PATH: usize = 256;
 
 /// An error that a caller sees.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum ApiError {
-    /// A value that the server does not accept.
-    #[error("{0}")]
+    /// A request that could be read, but was not served.
+    #[error("{}", message(.0))]
+    Service(Box<ServiceError>),
+    /// A value that the edge itself does not accept.
+    #[error(transparent)]
     Field(#[from] FieldError),
     /// A body that is not a request: truncated, no protobuf, no JSON, or with a field of the wrong form.
     #[error("the request cannot be read: {message}")]
@@ -55,197 +58,93 @@ pub enum ApiError {
         /// The limit.
         limit_bytes: usize,
     },
-    /// A pack that is not loaded.
-    #[error("there is no pack {name:?}; loaded: {}", loaded.join(", "))]
-    UnknownPack {
-        /// The name that was asked for.
-        name: String,
-        /// The field of the request that named it.
-        field: String,
-        /// The names that there are.
-        loaded: Vec<String>,
-    },
-    /// A pack that cannot do what is asked of it.
-    #[error(
-        "the pack {pack} cannot do this: it has no capability {wanted}; it has: {}",
-        names_of(can)
-    )]
-    CannotDo {
-        /// The pack's name.
-        pack: String,
-        /// What it would need.
-        wanted: Capability,
-        /// The field of the request that named it.
-        field: String,
-        /// What it can do.
-        can: Vec<Capability>,
-    },
-    /// A session that ran out of its time to live.
-    #[error("the session {id:?} has expired: nobody commanded, stepped or streamed it within its ttl_ms")]
-    SessionExpired {
-        /// Its id.
-        id: String,
-        /// The field of the request that named it.
-        field: String,
-    },
-    /// A session that is not open.
-    #[error("there is no session {id:?}")]
-    UnknownSession {
-        /// Its id.
-        id: String,
-        /// The field of the request that named it.
-        field: String,
-    },
-    /// A session of that id is open already.
-    #[error("there is a session {id:?} already")]
-    SessionExists {
-        /// Its id.
-        id: String,
-        /// The field of the request that named it.
-        field: String,
-    },
-    /// Somebody else advances the session.
-    #[error("the session {id:?} is in the hands of {owner}")]
-    SessionBusy {
-        /// Its id.
-        id: String,
-        /// The field of the request that named it.
-        field: String,
-        /// Who advances it.
-        owner: &'static str,
-    },
-    /// No room for another session, on the server or on a stream.
-    #[error("{open} sessions are open{place}; allowed: at most {limit}")]
-    TooManySessions {
-        /// How many there are.
-        open: usize,
-        /// How many there may be.
-        limit: usize,
-        /// Where: nothing for the server, or ` on this stream`.
-        place: &'static str,
-    },
-    /// No room for another stream.
-    #[error("{limit} streams are open, and there is no room for more")]
-    TooManyStreams {
-        /// How many there may be.
-        limit: usize,
-    },
-    /// A style that the pack does not have.
-    #[error("{field}: there is no style {name:?}; allowed: {}", there_are.join(", "))]
-    UnknownStyle {
-        /// The name that was asked for.
-        name: String,
-        /// The field of the request that named it.
-        field: String,
-        /// The names that there are.
-        there_are: Vec<String>,
-    },
-    /// A style that came with its pack cannot be replaced.
-    #[error("{field}: the style {name:?} is one of the pack's own")]
-    StyleIsBuiltIn {
-        /// Its name.
-        name: String,
-        /// The field of the request that named it.
-        field: String,
-    },
-    /// A scene or an object definition that is written wrongly.
-    #[error("{0}")]
-    Document(Box<DocumentError>),
-    /// A scene that is not there, cannot be there, or cannot go.
-    #[error("{error}")]
-    Scenes {
-        /// Why.
-        error: TableError,
-        /// The field of the request that named it.
-        field: String,
-    },
-    /// An object of a scene that is not there, or cannot be changed so.
-    #[error("{error}")]
-    Objects {
-        /// Why.
-        error: SceneError,
-        /// The field of the request that named it.
-        field: String,
-    },
-    /// An object definition that is not there, cannot be there, or cannot go.
-    #[error("{error}")]
-    Definitions {
-        /// Why.
-        error: DefinitionsError,
-        /// The field of the request that named it.
-        field: String,
-    },
-    /// What a character is asked to do and could not.
-    #[error("{refusal}")]
-    Refused {
-        /// Why.
-        refusal: Refusal,
-        /// The field of the request that asked for it.
-        field: String,
-    },
     /// No such route or method.
     #[error("there is no {0}")]
     UnknownRoute(String),
     /// A route that exists, under another HTTP method.
     #[error("this path does not answer {0}")]
     WrongMethod(String),
-    /// The queue has no room.
-    #[error("the server is busy: {pending_characters} characters are waiting")]
-    QueueFull {
-        /// Characters already waiting.
-        pending_characters: usize,
-        /// When it is worth to try again.
-        retry_after: Duration,
-    },
-    /// A newer plan of the same character took the place of this one.
-    #[error("a newer plan of the same character took the place of this one")]
-    Superseded,
-    /// The request waited for so long that nobody wants its answer any more.
-    #[error("the request was given up after {} ms in the queue", waited.as_millis())]
-    WaitedTooLong {
-        /// How long it waited.
-        waited: Duration,
-    },
-    /// The parts of an answer were not read in time.
-    #[error("the answer was given up: its parts were not read in time")]
-    ReaderSlow,
-    /// The server is not ready yet, or no longer.
-    #[error("the server is {0}")]
-    Unavailable(&'static str),
     /// The time for the request ran out.
     #[error("the request was not served {}", in_time(.0))]
     DeadlineExceeded(Duration),
     /// A feature of gRPC that the server does not speak, such as a compression.
     #[error("{0}")]
     Unimplemented(String),
-    /// The server's own fault.
+    /// The edge's own fault.
     #[error("{0}")]
     Internal(String),
 }
 
-impl From<SubmitError> for ApiError {
-    fn from(error: SubmitError) -> Self {
-        match error {
-            SubmitError::QueueFull {
-                pending_characters,
-                retry_after,
-            } => Self::QueueFull {
-                pending_characters,
-                retry_after,
+impl ApiError {
+    /// What it is to a caller.
+    pub(super) fn row(&self) -> Row<'_> {
+        match self {
+            Self::Service(error) => error.row(),
+            Self::Field(error) => error.row(),
+            Self::Malformed { message, field } => Row {
+                field: field.as_deref(),
+                description: Some(message.clone()),
+                ..INVALID.because("MALFORMED_REQUEST")
             },
-            SubmitError::Superseded => Self::Superseded,
-            SubmitError::DeadlinePassed { waited } => Self::WaitedTooLong { waited },
-            SubmitError::ReaderSlow => Self::ReaderSlow,
-            SubmitError::Engine(EngineError::Stopped) => Self::Unavailable("broken: an engine has stopped"),
-            SubmitError::Engine(error) => Self::Internal(error.to_string()),
+            Self::Truncated { limit_bytes, .. } => INVALID
+                .because("MALFORMED_REQUEST")
+                .field("body")
+                .allowed(format!("a whole message of at most {limit_bytes} bytes")),
+            Self::TooLarge { limit_bytes } => TOO_LARGE
+                .because("REQUEST_TOO_LARGE")
+                .field("body")
+                .allowed(format!("at most {limit_bytes} bytes")),
+            Self::UnknownRoute(_) => NO_ROUTE.because("UNKNOWN_ROUTE"),
+            Self::WrongMethod(_) => NO_METHOD.because("WRONG_METHOD"),
+            Self::DeadlineExceeded(_) => TOO_LATE.because("DEADLINE_EXCEEDED"),
+            Self::Unimplemented(_) => UNIMPLEMENTED.because("UNIMPLEMENTED"),
+            Self::Internal(_) => INTERNAL.because("INTERNAL"),
         }
     }
 }
 
-/// Capabilities in words.
-pub(super) fn names_of(capabilities: &[Capability]) -> String {
-    let names: Vec<&str> = capabilities.iter().map(|able| able.name()).collect();
-    names.join(", ")
+impl Tabled for ServiceError {
+    fn row(&self) -> Row<'_> {
+        match self {
+            Self::Starting => UNAVAILABLE.because("NOT_READY"),
+            Self::Field(error) => error.row(),
+            Self::UnknownPack(error) => error.row(),
+            Self::CannotDo(error) => error.row(),
+            Self::World(error) => error.row(),
+            Self::Session(error) => error.row(),
+            Self::Batch(error) => error.row(),
+            Self::Frames(error) => error.row(),
+            Self::Stopped(error) => error.row(),
+        }
+    }
+}
+
+/// What a caller is told: what the error says, but for those of the batcher.
+fn message(error: &ServiceError) -> String {
+    match error {
+        ServiceError::Batch(error) | ServiceError::Session(SessionError::Plan(error)) => {
+            batch::message(error)
+        }
+        error => error.to_string(),
+    }
+}
+
+impl From<ServiceError> for ApiError {
+    fn from(error: ServiceError) -> Self {
+        Self::Service(Box::new(error))
+    }
+}
+
+impl From<SessionError> for ApiError {
+    fn from(error: SessionError) -> Self {
+        ServiceError::from(error).into()
+    }
+}
+
+impl From<WorldError> for ApiError {
+    fn from(error: WorldError) -> Self {
+        ServiceError::from(error).into()
+    }
 }
 
 /// A time limit in words; one below a millisecond, or that is not known, has no number.
@@ -256,106 +155,15 @@ fn in_time(limit: &Duration) -> String {
     }
 }
 
-/// What an error echoes of a request: at most `limit` characters of it, and an ellipsis where there is more.
-pub(super) fn cut(text: &str, limit: usize) -> String {
-    match text.char_indices().nth(limit) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.to_owned(),
-    }
-}
-
-impl From<DocumentError> for ApiError {
-    /// What is echoed of the document is cut.
-    fn from(error: DocumentError) -> Self {
-        Self::Document(Box::new(DocumentError {
-            field: cut(&error.field, MAX_PATH),
-            message: cut(&error.message, MAX_MESSAGE),
-            ..error
-        }))
-    }
-}
-
-impl From<NonFinite> for ApiError {
-    fn from(error: NonFinite) -> Self {
-        Self::Internal(error.to_string())
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use axum::response::IntoResponse as _;
-    use http::StatusCode;
-    use tonic::Code;
-
     use super::*;
+    use crate::batch::SubmitError;
 
-    #[test]
-    fn what_is_echoed_is_cut_between_characters() {
-        assert_eq!(cut("naïve", 3), "naï…");
-        assert_eq!(cut("naïve", 5), "naïve");
-        assert_eq!(cut("", 0), "");
-    }
-
-    #[test]
-    fn documents_name_their_place_and_echo_little() {
-        let error = ApiError::from(DocumentError {
-            source: troupe_character::document::Source::Text("scene"),
-            place: Some((7, 3)),
-            field: "x".repeat(1000),
-            message: "y".repeat(1000),
-            allowed: "0 to 1".to_owned(),
-        });
-        let detail = error.body().error;
-        assert_eq!((detail.line, detail.column), (Some(7), Some(3)));
-        assert_eq!(
-            (detail.code.as_str(), detail.reason.as_str()),
-            ("INVALID_ARGUMENT", "INVALID_DOCUMENT")
-        );
-        assert!(
-            detail.message.starts_with("scene: line 7, column 3: xxx"),
-            "{}",
-            detail.message
-        );
-        assert!(detail.message.len() < 1000 && detail.field.unwrap().chars().count() == MAX_PATH + 1);
-        assert_eq!(detail.allowed.as_deref(), Some("0 to 1"));
-    }
-
-    #[test]
-    fn an_engine_that_has_stopped_is_unavailable_and_one_that_failed_an_internal_error() {
-        let stopped = ApiError::from(SubmitError::Engine(EngineError::Stopped));
-        assert_eq!(stopped.status().code(), Code::Unavailable);
-        assert_eq!(stopped.into_response().status(), StatusCode::SERVICE_UNAVAILABLE);
-        let failed = ApiError::from(SubmitError::Engine(EngineError::Panicked("oh".into())));
-        assert_eq!(failed.status().code(), Code::Internal);
-    }
-
-    #[test]
-    fn what_the_queue_drops_says_why() {
-        let shown = |error: SubmitError| {
-            let error = ApiError::from(error);
-            let (code, status, label) = error.codes();
-            (code, status.as_u16(), label, error.reason())
-        };
-        assert_eq!(
-            shown(SubmitError::Superseded),
-            (Code::Aborted, 409, "ABORTED", "SUPERSEDED")
-        );
-        let late = SubmitError::DeadlinePassed {
-            waited: Duration::from_millis(1500),
-        };
-        assert_eq!(
-            ApiError::from(late.clone()).to_string(),
-            "the request was given up after 1500 ms in the queue"
-        );
-        assert_eq!(
-            shown(late),
-            (
-                Code::DeadlineExceeded,
-                504,
-                "DEADLINE_EXCEEDED",
-                "DEADLINE_EXCEEDED"
-            )
-        );
+    impl From<SubmitError> for ApiError {
+        fn from(error: SubmitError) -> Self {
+            ServiceError::from(error).into()
+        }
     }
 
     #[test]

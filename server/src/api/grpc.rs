@@ -24,8 +24,7 @@ use troupe_proto::v1::sessions_server::SessionsServer;
 use self::scenes::ScenesApi;
 use self::sessions::SessionsApi;
 use super::track::{self, Tracker};
-use super::{ApiError, MAX_STREAM_MESSAGE_BYTES};
-use crate::config::Config;
+use super::{ApiError, ApiLimits, MAX_STREAM_MESSAGE_BYTES};
 use crate::service::Service;
 
 /// Tells health checks whether the services, and the server as a whole, serve.
@@ -46,10 +45,10 @@ pub async fn set_serving(health: &HealthReporter, serving: bool) {
 }
 
 /// An answer as gRPC gives it.
-fn answer<T>(result: Result<T, ApiError>) -> Result<Response<T>, Status> {
+fn answer<T>(result: Result<T, impl Into<ApiError>>) -> Result<Response<T>, Status> {
     match result {
         Ok(answer) => Ok(Response::new(answer)),
-        Err(error) => Err(error.status()),
+        Err(error) => Err(error.into().status()),
     }
 }
 
@@ -99,12 +98,12 @@ impl Motion for MotionApi {
 pub(super) fn router(
     service: &Arc<Service>,
     health: &HealthReporter,
-    config: &Config,
+    limits: &ApiLimits,
 ) -> Result<Router, Error> {
-    let tracker = Arc::new(Tracker::new(service, config));
+    let tracker = Arc::new(Tracker::new(service, limits));
     // Answers are as large as the request asked for; the limit on requests bounds them.
     let motion = MotionServer::new(MotionApi(service.clone()))
-        .max_decoding_message_size(config.max_message_bytes)
+        .max_decoding_message_size(limits.message_bytes)
         .max_encoding_message_size(usize::MAX);
     let sessions = |limit_bytes: usize| {
         let api = SessionsApi {
@@ -118,13 +117,13 @@ pub(super) fn router(
     let router = mount(Router::new(), motion);
     // A stream's messages are decoded one by one, without a look at their shape, so they are kept short.
     let drive = format!("/{}/Drive", SessionsServer::<SessionsApi>::NAME);
-    let stream_limit = config.max_message_bytes.min(MAX_STREAM_MESSAGE_BYTES);
+    let stream_limit = limits.message_bytes.min(MAX_STREAM_MESSAGE_BYTES);
     let router = router.route_service(&drive, sessions(stream_limit));
     let scenes = ScenesServer::new(ScenesApi(service.clone()))
-        .max_decoding_message_size(config.max_message_bytes)
+        .max_decoding_message_size(limits.message_bytes)
         .max_encoding_message_size(usize::MAX);
     let router = mount(router, scenes);
-    let router = mount(router, sessions(config.max_message_bytes))
+    let router = mount(router, sessions(limits.message_bytes))
         .layer(middleware::from_fn_with_state(tracker, track::grpc));
     let router = mount(
         router,

@@ -19,20 +19,21 @@ use troupe_proto::v1;
 use utoipa_swagger_ui::SwaggerUi;
 
 use self::json::{BodyLimits, JsonBody};
-use super::error::{ApiError, ErrorBody, MAX_MESSAGE, cut};
+use super::ApiLimits;
+use super::error::{ApiError, ErrorBody};
 use super::shape::Shapes;
 use super::track::{self, Tracker};
 use super::ws;
-use crate::config::Config;
 use crate::service::Service;
+use crate::wire::{MAX_MESSAGE, cut};
 use troupe_character::FieldError;
 
 /// The HTTP routes.
-pub(super) fn router(service: &Arc<Service>, config: &Config) -> Router {
-    let tracker = Arc::new(Tracker::new(service, config));
-    let limits = BodyLimits {
-        bytes: config.max_message_bytes,
-        shapes: Arc::new(Shapes::new(config)),
+pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
+    let tracker = Arc::new(Tracker::new(service, limits));
+    let body = BodyLimits {
+        bytes: limits.message_bytes,
+        shapes: Arc::new(Shapes::new(limits)),
     };
     let style = get(sessions::get_style).put(sessions::put_style);
     let scene = get(scenes::get).put(scenes::put).delete(scenes::delete);
@@ -62,8 +63,8 @@ pub(super) fn router(service: &Arc<Service>, config: &Config) -> Router {
         .route("/v1/detect", post(scenes::detect))
         .method_not_allowed_fallback(wrong_method)
         .layer(middleware::from_fn_with_state(tracker, track::http))
-        .layer(DefaultBodyLimit::max(config.max_message_bytes))
-        .layer(axum::Extension(limits))
+        .layer(DefaultBodyLimit::max(limits.message_bytes))
+        .layer(axum::Extension(body))
         .with_state(service.clone());
     let operations = Router::new()
         .route("/healthz", get(healthz))
@@ -102,7 +103,7 @@ pub(super) async fn in_between(
     State(service): State<Arc<Service>>,
     JsonBody(request): JsonBody<v1::InBetweenRequest>,
 ) -> Result<Json<v1::InBetweenResponse>, ApiError> {
-    service.in_between(request).await.map(Json)
+    Ok(Json(service.in_between(request).await?))
 }
 
 /// List the model packs that this server has loaded
@@ -118,7 +119,7 @@ pub(super) async fn in_between(
 pub(super) async fn list_packs(
     State(service): State<Arc<Service>>,
 ) -> Result<Json<v1::ListPacksResponse>, ApiError> {
-    service.list_packs().map(Json)
+    Ok(Json(service.list_packs()?))
 }
 
 /// Describe one pack: skeleton, limits, licence, training and evaluation figures
@@ -138,7 +139,7 @@ pub(super) async fn get_pack(
     State(service): State<Arc<Service>>,
     name: Result<Path<String>, PathRejection>,
 ) -> Result<Json<v1::Pack>, ApiError> {
-    service.get_pack(&named("name", name)?).map(Json)
+    Ok(Json(service.get_pack(&named("name", name)?)?))
 }
 
 type Named<T> = Result<Path<T>, PathRejection>;
@@ -182,7 +183,8 @@ pub(super) async fn healthz() -> &'static str {
     )
 )]
 pub(super) async fn readyz(State(service): State<Arc<Service>>) -> Result<&'static str, ApiError> {
-    service.ready().map(|()| "ready\n")
+    service.ready()?;
+    Ok("ready\n")
 }
 
 /// Metrics in Prometheus' text format

@@ -3,6 +3,7 @@
 //! [`ApiError`] is the only place that knows how an error looks to a caller. Both fronts hand requests to
 //! [`Service`], under one time limit and one set of metrics.
 
+mod answers;
 mod error;
 mod grpc;
 mod http;
@@ -13,11 +14,11 @@ mod track;
 mod ws;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Router;
 use tonic_health::server::HealthReporter;
 
-use crate::config::Config;
 use crate::service::Service;
 
 pub use error::{ApiError, ErrorBody, ErrorDetail};
@@ -27,6 +28,19 @@ pub use openapi::document;
 /// Most bytes of one message on a stream.
 const MAX_STREAM_MESSAGE_BYTES: usize = 2 << 20;
 
+/// Limits of requests, whatever they ask for.
+#[derive(Debug, Clone, Copy)]
+pub struct ApiLimits {
+    /// How long a caller waits for an answer.
+    pub timeout: Duration,
+    /// Most bytes of a request.
+    pub message_bytes: usize,
+    /// Most characters of an InBetween request.
+    pub characters: usize,
+    /// Most sessions of a request.
+    pub sessions: usize,
+}
+
 /// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it.
 ///
 /// # Errors
@@ -34,10 +48,10 @@ const MAX_STREAM_MESSAGE_BYTES: usize = 2 << 20;
 pub fn router(
     service: &Arc<Service>,
     health: &HealthReporter,
-    config: &Config,
+    limits: &ApiLimits,
 ) -> Result<Router, tonic_reflection::server::Error> {
-    let grpc = grpc::router(service, health, config)?;
+    let grpc = grpc::router(service, health, limits)?;
     Ok(grpc
-        .merge(http::router(service, config))
+        .merge(http::router(service, limits))
         .fallback(http::unknown_route))
 }

@@ -6,8 +6,7 @@ use std::collections::HashMap;
 use bytes::Bytes;
 use prost::encoding::{DecodeContext, WireType, decode_key, decode_varint, skip_field};
 
-use super::ApiError;
-use crate::config::Config;
+use super::{ApiError, ApiLimits};
 use crate::session::MAX_COMMANDS;
 use troupe_character::FieldError;
 
@@ -60,10 +59,10 @@ pub(super) struct Shape {
 pub(super) struct Shapes(HashMap<&'static str, Shape>);
 
 impl Shapes {
-    pub(super) fn new(config: &Config) -> Self {
+    pub(super) fn new(limits: &ApiLimits) -> Self {
         let rule = |steps, what, most| Rule { steps, what, most };
-        let characters = config.max_characters_per_request;
-        let sessions = config.max_sessions_per_request;
+        let characters = limits.characters;
+        let sessions = limits.sessions;
         let commands = |steps| rule(steps, "commands", MAX_COMMANDS);
         let shape = |rules: &[Rule], json_parts| Shape {
             rules: rules.to_vec(),
@@ -272,7 +271,7 @@ impl<'a> Iterator for Parts<'a> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
+    use std::time::Duration;
 
     use prost::Message;
     use troupe_proto::v1;
@@ -285,10 +284,13 @@ mod tests {
     }
 
     fn shape(rpc: &str) -> Shape {
-        let mut config = Config::local(Path::new("models")).unwrap();
-        config.max_characters_per_request = 3;
-        config.max_sessions_per_request = 3;
-        Shapes::new(&config).of(rpc).unwrap().clone()
+        let limits = ApiLimits {
+            timeout: Duration::ZERO,
+            message_bytes: 0,
+            characters: 3,
+            sessions: 3,
+        };
+        Shapes::new(&limits).of(rpc).unwrap().clone()
     }
 
     /// The field that a request is refused for, and what is allowed.

@@ -11,10 +11,10 @@ use http::Method;
 use http_body_util::LengthLimitError;
 use tonic::Status;
 
+use super::ApiLimits;
 use super::error::{ApiError, CodeLabel};
 use super::metrics::RequestMetrics;
 use super::shape::{Shape, Shapes};
-use crate::config::Config;
 use crate::service::Service;
 
 /// The state of the middleware.
@@ -27,12 +27,12 @@ pub(super) struct Tracker {
 }
 
 impl Tracker {
-    pub(super) fn new(service: &Service, config: &Config) -> Self {
+    pub(super) fn new(service: &Service, limits: &ApiLimits) -> Self {
         Self {
             metrics: RequestMetrics::new(service.telemetry()),
-            timeout: config.request_timeout(),
-            max_message_bytes: config.max_message_bytes,
-            shapes: Shapes::new(config),
+            timeout: limits.timeout,
+            max_message_bytes: limits.message_bytes,
+            shapes: Shapes::new(limits),
         }
     }
 }

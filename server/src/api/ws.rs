@@ -18,10 +18,12 @@ use troupe_proto::v1;
 use troupe_proto::v1::drive_response::Message as Say;
 
 use super::MAX_STREAM_MESSAGE_BYTES;
-use super::error::{ApiError, ErrorBody, MAX_MESSAGE, cut};
+use super::answers;
+use super::error::{ApiError, ErrorBody};
 use super::http::json::{self, BodyLimits};
 use crate::service::Service;
 use crate::session::drive::{Outlet, Place, outbox};
+use crate::wire::{MAX_MESSAGE, cut};
 
 /// How long a client may take to read what is left once its stream has ended.
 const FAREWELL: Duration = Duration::from_secs(2);
@@ -95,8 +97,9 @@ async fn serve(socket: WebSocket, place: Place, limits: BodyLimits) {
     let mut inbound = source
         .take_while(|message| std::future::ready(!matches!(message, Ok(Message::Close(_)))))
         .filter_map(|message| std::future::ready(read(message, &form, &limits)))
+        .map(|said| said.map_err(|error| error.problem()))
         .boxed();
-    let (outbox, outlet) = outbox();
+    let (outbox, outlet) = outbox(answers::drive);
     {
         let conversation = place.run(&mut inbound, outbox);
         let writing = write(outlet, &mut sink, &form);

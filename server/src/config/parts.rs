@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::Config;
+use crate::api::ApiLimits;
 use crate::batch::scheduler::Limits;
 use crate::inbetween::RequestLimits;
 use crate::session::SessionLimits;
@@ -51,7 +52,17 @@ impl Config {
         Duration::from_millis(longest_wait_ms * 2).max(MIN_AGEING)
     }
 
-    /// The limits of one request.
+    /// The limits of all requests.
+    pub fn api_limits(&self) -> ApiLimits {
+        ApiLimits {
+            timeout: self.request_timeout(),
+            message_bytes: self.max_message_bytes,
+            characters: self.max_characters_per_request,
+            sessions: self.max_sessions_per_request,
+        }
+    }
+
+    /// The limits of an InBetween request.
     pub fn request_limits(&self) -> RequestLimits {
         RequestLimits {
             max_characters: self.max_characters_per_request,

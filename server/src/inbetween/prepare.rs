@@ -6,8 +6,9 @@ use troupe_motion::SegmentFrame;
 use troupe_motion::model::{Dims, KeyframeTask, Rig};
 use troupe_proto::v1;
 
-use super::keyframe::{self, Role};
-use super::{MAX_ID_BYTES, MAX_POSE_STEPS, MAX_TEMPERATURE};
+use super::{MAX_ID_BYTES, MAX_POSE_STEPS};
+use crate::wire::MAX_TEMPERATURE;
+use crate::wire::keyframe::{self, Role};
 
 /// Limits of a request that the server sets, beside those of the pack.
 #[derive(Debug, Clone, Copy)]

@@ -4,8 +4,7 @@ use std::time::Instant;
 
 use troupe_proto::v1;
 
-use super::{REQUEST_TARGET, Service};
-use crate::api::ApiError;
+use super::{REQUEST_TARGET, Service, ServiceError};
 use crate::batch::{Order, Parts};
 use crate::inbetween::{PartWriter, prepare_generate};
 
@@ -21,8 +20,8 @@ impl Generation {
     /// The next part; none after the last.
     ///
     /// # Errors
-    /// [`ApiError`], after which nothing comes.
-    pub async fn next(&mut self) -> Option<Result<v1::GenerateResponse, ApiError>> {
+    /// [`ServiceError`], after which nothing comes.
+    pub async fn next(&mut self) -> Option<Result<v1::GenerateResponse, ServiceError>> {
         let piece = match self.parts.next().await? {
             Ok(piece) => piece,
             Err(error) => return Some(Err(error.into())),
@@ -30,7 +29,7 @@ impl Generation {
         Some(
             self.writer
                 .write(piece.output, piece.is_last)
-                .map_err(ApiError::from),
+                .map_err(ServiceError::from),
         )
     }
 }
@@ -39,8 +38,8 @@ impl Service {
     /// `troupe.v1.Motion/Generate`. Has a place in the queue when it returns.
     ///
     /// # Errors
-    /// [`ApiError`] for a value that is not accepted, a pack that cannot do it, and where there is no place.
-    pub fn generate(&self, request: &v1::GenerateRequest) -> Result<Generation, ApiError> {
+    /// [`ServiceError`] for a value that is not accepted, a pack that cannot do it, and where there is no place.
+    pub fn generate(&self, request: &v1::GenerateRequest) -> Result<Generation, ServiceError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
         let rig = loaded.pack.rig.clone();

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use troupe_proto::v1;
 
-use super::{Service, offload};
-use crate::api::ApiError;
-use crate::world::Store;
+use super::{Service, ServiceError};
+use crate::offload::offload;
+use crate::world::{ObjectsChanged, Store, WorldError};
 
 /// Objects of one call up to which it is served on the task that received it.
 const INLINE_OBJECTS: usize = 64;
@@ -15,8 +15,8 @@ impl Service {
     /// Does what may write a file or take its time, on the pool for such work.
     async fn blocking<T: Send + 'static>(
         &self,
-        work: impl FnOnce(&Store) -> Result<T, ApiError> + Send + 'static,
-    ) -> Result<T, ApiError> {
+        work: impl FnOnce(&Store) -> Result<T, WorldError> + Send + 'static,
+    ) -> Result<T, ServiceError> {
         self.work_on(usize::MAX, work).await
     }
 
@@ -24,25 +24,25 @@ impl Service {
     async fn work_on<T: Send + 'static>(
         &self,
         objects: usize,
-        work: impl FnOnce(&Store) -> Result<T, ApiError> + Send + 'static,
-    ) -> Result<T, ApiError> {
+        work: impl FnOnce(&Store) -> Result<T, WorldError> + Send + 'static,
+    ) -> Result<T, ServiceError> {
         let store = Arc::clone(self.store()?);
-        offload(objects, INLINE_OBJECTS, move || work(&store)).await?
+        Ok(offload(objects, INLINE_OBJECTS, move || work(&store)).await??)
     }
 
     /// `troupe.v1.Scenes/PutScene`.
     ///
     /// # Errors
-    /// [`ApiError`] for the first value that is not accepted, or where the scene cannot be kept.
-    pub async fn put_scene(&self, request: v1::PutSceneRequest) -> Result<v1::SceneSummary, ApiError> {
+    /// [`ServiceError`] for the first value that is not accepted, or where the scene cannot be kept.
+    pub async fn put_scene(&self, request: v1::PutSceneRequest) -> Result<v1::SceneSummary, ServiceError> {
         self.blocking(move |store| store.put(&request)).await
     }
 
     /// `troupe.v1.Scenes/GetScene`.
     ///
     /// # Errors
-    /// [`ApiError`] where there is no such scene.
-    pub async fn get_scene(&self, request: v1::GetSceneRequest) -> Result<v1::Scene, ApiError> {
+    /// [`ServiceError`] where there is no such scene.
+    pub async fn get_scene(&self, request: v1::GetSceneRequest) -> Result<v1::Scene, ServiceError> {
         // It may have a million heights.
         self.blocking(move |store| store.get(&request)).await
     }
@@ -50,27 +50,27 @@ impl Service {
     /// `troupe.v1.Scenes/ListScenes`.
     ///
     /// # Errors
-    /// [`ApiError::Unavailable`] while the server starts.
-    pub fn list_scenes(&self) -> Result<v1::ListScenesResponse, ApiError> {
+    /// [`ServiceError::Starting`] while the server starts.
+    pub fn list_scenes(&self) -> Result<v1::ListScenesResponse, ServiceError> {
         self.store().map(|store| store.list())
     }
 
     /// `troupe.v1.Scenes/DeleteScene`.
     ///
     /// # Errors
-    /// [`ApiError`] where there is no such scene, or where sessions are in it.
+    /// [`ServiceError`] where there is no such scene, or where sessions are in it.
     pub async fn delete_scene(
         &self,
         request: v1::DeleteSceneRequest,
-    ) -> Result<v1::DeleteSceneResponse, ApiError> {
+    ) -> Result<v1::DeleteSceneResponse, ServiceError> {
         self.blocking(move |store| store.delete(&request)).await
     }
 
     /// `troupe.v1.Scenes/AddObjects`.
     ///
     /// # Errors
-    /// [`ApiError`] for the request as a whole.
-    pub async fn add_objects(&self, request: v1::AddObjectsRequest) -> Result<v1::ObjectsResponse, ApiError> {
+    /// [`ServiceError`] for the request as a whole.
+    pub async fn add_objects(&self, request: v1::AddObjectsRequest) -> Result<ObjectsChanged, ServiceError> {
         // It waits for definitions that are being uploaded.
         self.blocking(move |store| store.add_objects(&request)).await
     }
@@ -78,11 +78,11 @@ impl Service {
     /// `troupe.v1.Scenes/MoveObjects`.
     ///
     /// # Errors
-    /// [`ApiError`] for the request as a whole.
+    /// [`ServiceError`] for the request as a whole.
     pub async fn move_objects(
         &self,
         request: v1::MoveObjectsRequest,
-    ) -> Result<v1::ObjectsResponse, ApiError> {
+    ) -> Result<ObjectsChanged, ServiceError> {
         self.work_on(request.moves.len(), move |store| store.move_objects(&request))
             .await
     }
@@ -90,11 +90,11 @@ impl Service {
     /// `troupe.v1.Scenes/RemoveObjects`.
     ///
     /// # Errors
-    /// [`ApiError`] for the request as a whole.
+    /// [`ServiceError`] for the request as a whole.
     pub async fn remove_objects(
         &self,
         request: v1::RemoveObjectsRequest,
-    ) -> Result<v1::ObjectsResponse, ApiError> {
+    ) -> Result<ObjectsChanged, ServiceError> {
         self.work_on(request.ids.len(), move |store| store.remove_objects(&request))
             .await
     }
@@ -102,11 +102,11 @@ impl Service {
     /// `troupe.v1.Scenes/PutObjectDefinition`.
     ///
     /// # Errors
-    /// [`ApiError`] for the first thing that is wrong with the document, or where it cannot be kept.
+    /// [`ServiceError`] for the first thing that is wrong with the document, or where it cannot be kept.
     pub async fn put_object_definition(
         &self,
         request: v1::PutObjectDefinitionRequest,
-    ) -> Result<v1::PutObjectDefinitionResponse, ApiError> {
+    ) -> Result<v1::PutObjectDefinitionResponse, ServiceError> {
         let pack = self.table()?.find("pack", &request.pack)?.pack.rig.clone();
         self.blocking(move |store| store.put_object(&request, &pack))
             .await
@@ -115,19 +115,19 @@ impl Service {
     /// `troupe.v1.Scenes/GetObjectDefinition`.
     ///
     /// # Errors
-    /// [`ApiError`] where there is no such definition.
+    /// [`ServiceError`] where there is no such definition.
     pub async fn get_object_definition(
         &self,
         request: v1::GetObjectDefinitionRequest,
-    ) -> Result<v1::GetObjectDefinitionResponse, ApiError> {
+    ) -> Result<v1::GetObjectDefinitionResponse, ServiceError> {
         self.blocking(move |store| store.get_object(&request)).await
     }
 
     /// `troupe.v1.Scenes/ListObjectDefinitions`.
     ///
     /// # Errors
-    /// [`ApiError::Unavailable`] while the server starts.
-    pub async fn list_object_definitions(&self) -> Result<v1::ListObjectDefinitionsResponse, ApiError> {
+    /// [`ServiceError::Starting`] while the server starts.
+    pub async fn list_object_definitions(&self) -> Result<v1::ListObjectDefinitionsResponse, ServiceError> {
         // It counts the objects of all scenes.
         self.blocking(|store| Ok(store.list_objects())).await
     }
@@ -135,20 +135,24 @@ impl Service {
     /// `troupe.v1.Scenes/DeleteObjectDefinition`.
     ///
     /// # Errors
-    /// [`ApiError`] where there is no such definition, or where scenes have objects of it.
+    /// [`ServiceError`] where there is no such definition, or where scenes have objects of it.
     pub async fn delete_object_definition(
         &self,
         request: v1::DeleteObjectDefinitionRequest,
-    ) -> Result<v1::DeleteObjectDefinitionResponse, ApiError> {
+    ) -> Result<v1::DeleteObjectDefinitionResponse, ServiceError> {
         self.blocking(move |store| store.delete_object(&request)).await
     }
 
     /// `troupe.v1.Scenes/Detect`.
     ///
     /// # Errors
-    /// [`ApiError`] for a value that is not accepted, and for a session or scene that is not there.
-    pub fn detect(&self, request: &v1::DetectRequest) -> Result<v1::DetectResponse, ApiError> {
-        let standing = |id: &str| self.sessions.standing(id, "session_id");
+    /// [`ServiceError`] for a value that is not accepted, and for a session or scene that is not there.
+    pub fn detect(&self, request: &v1::DetectRequest) -> Result<v1::DetectResponse, ServiceError> {
+        let standing = |id: &str| {
+            self.sessions
+                .standing(id, "session_id")
+                .map_err(ServiceError::from)
+        };
         self.store()?.detect(request, standing)
     }
 }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use troupe_proto::v1;
 
-use super::Service;
-use crate::api::ApiError;
+use super::{Service, ServiceError};
+use crate::offload::WorkerStopped;
 use crate::session::{Sessions, styles};
 
 impl Service {
@@ -17,40 +17,45 @@ impl Service {
     /// `troupe.v1.Sessions/CreateSessions`.
     ///
     /// # Errors
-    /// [`ApiError`]; no session is open then.
+    /// [`ServiceError`]; no session is open then.
     pub async fn create_sessions(
         &self,
         request: v1::CreateSessionsRequest,
-    ) -> Result<v1::CreateSessionsResponse, ApiError> {
+    ) -> Result<v1::CreateSessionsResponse, ServiceError> {
         let (packs, store) = self.opened()?;
-        self.sessions.create(packs, store, request).await
+        Ok(self.sessions.create(packs, store, request).await?)
     }
 
     /// `troupe.v1.Sessions/ListStyles`.
     ///
     /// # Errors
-    /// [`ApiError::UnknownPack`], or [`ApiError::Unavailable`] while the server starts.
-    pub fn list_styles(&self, request: &v1::ListStylesRequest) -> Result<v1::ListStylesResponse, ApiError> {
+    /// [`ServiceError::UnknownPack`], or [`ServiceError::Starting`] while the server starts.
+    pub fn list_styles(
+        &self,
+        request: &v1::ListStylesRequest,
+    ) -> Result<v1::ListStylesResponse, ServiceError> {
         Ok(styles::list(self.table()?.find("pack", &request.pack)?))
     }
 
     /// `troupe.v1.Sessions/GetStyle`.
     ///
     /// # Errors
-    /// [`ApiError::UnknownPack`], [`ApiError::UnknownStyle`], or [`ApiError::Unavailable`] while the server starts.
-    pub fn get_style(&self, request: &v1::GetStyleRequest) -> Result<v1::Style, ApiError> {
-        styles::get(self.table()?.find("pack", &request.pack)?, &request.style)
+    /// [`ServiceError::UnknownPack`], [`SessionError::UnknownStyle`], or [`ServiceError::Starting`] while the server starts.
+    pub fn get_style(&self, request: &v1::GetStyleRequest) -> Result<v1::Style, ServiceError> {
+        Ok(styles::get(
+            self.table()?.find("pack", &request.pack)?,
+            &request.style,
+        )?)
     }
 
     /// `troupe.v1.Sessions/PutStyle`.
     ///
     /// # Errors
-    /// [`ApiError`] for the first value that is not accepted, or where the style cannot be kept.
-    pub async fn put_style(&self, request: v1::PutStyleRequest) -> Result<v1::Style, ApiError> {
+    /// [`ServiceError`] for the first value that is not accepted, or where the style cannot be kept.
+    pub async fn put_style(&self, request: v1::PutStyleRequest) -> Result<v1::Style, ServiceError> {
         let pack = self.table()?.find("pack", &request.pack)?.clone();
         // It may write a file.
         let put = tokio::task::spawn_blocking(move || styles::put(&pack, request.style.as_ref()));
-        put.await
-            .map_err(|_| ApiError::Internal("a worker stopped before it was done".to_owned()))?
+        Ok(put.await.map_err(|_| WorkerStopped)??)
     }
 }

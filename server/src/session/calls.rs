@@ -8,10 +8,11 @@ use troupe_proto::v1;
 
 use super::cell::SessionCell;
 use super::drive::{Place, Roster};
-use super::{Registry, TimeSource, commands, describe, metrics, options, peek, step, units};
-use crate::api::ApiError;
-use crate::service::PackTable;
+use super::{CommandResult, LivePacks, Registry, SessionError, Stepped, TimeSource};
+use super::{commands, describe, metrics, options, peek, step};
+use crate::offload::offload;
 use crate::telemetry::{Gauge, Telemetry};
+use crate::wire::units;
 use crate::world::{Standing, Store};
 use troupe_character::Path;
 use troupe_character::live::Refusal;
@@ -106,21 +107,21 @@ impl Sessions {
         self.streams.set(self.limits.streams.saturating_sub(free) as f64);
     }
 
-    pub(super) fn apply(&self, commands: &[v1::Command]) -> Vec<v1::CommandResult> {
+    pub(super) fn apply(&self, commands: &[v1::Command]) -> Vec<CommandResult> {
         commands::apply(&self.registry, &self.time, commands)
     }
 
     /// A place for a stream.
     ///
     /// # Errors
-    /// [`ApiError::TooManyStreams`], or [`ApiError::Unavailable`] while the server shuts down.
-    pub fn open_stream(self: &Arc<Self>) -> Result<Place, ApiError> {
+    /// [`SessionError::TooManyStreams`], or [`SessionError::ShuttingDown`] while the server shuts down.
+    pub fn open_stream(self: &Arc<Self>) -> Result<Place, SessionError> {
         if *self.draining.borrow() {
-            return Err(ApiError::Unavailable("shutting down"));
+            return Err(SessionError::ShuttingDown);
         }
         match self.places.clone().try_acquire_owned() {
             Ok(permit) => Ok(Place::new(permit, self.clone())),
-            Err(_) => Err(ApiError::TooManyStreams {
+            Err(_) => Err(SessionError::TooManyStreams {
                 limit: self.limits.streams,
             }),
         }
@@ -129,27 +130,27 @@ impl Sessions {
     /// `troupe.v1.Sessions/CreateSessions`.
     ///
     /// # Errors
-    /// [`ApiError`]; no session is open then.
+    /// [`SessionError`]; no session is open then.
     pub async fn create(
         self: &Arc<Self>,
-        packs: &PackTable,
+        packs: &LivePacks,
         store: &Arc<Store>,
         request: v1::CreateSessionsRequest,
-    ) -> Result<v1::CreateSessionsResponse, ApiError> {
+    ) -> Result<v1::CreateSessionsResponse, SessionError> {
         let count = request.sessions.len();
         units::length(&Path::root().field("sessions"), count, 1, self.limits.per_request)?;
         self.registry.room_for(count, self.time.now())?;
         let (this, packs, store) = (self.clone(), packs.clone(), store.clone());
         let work = move || this.create_now(&packs, &store, &request);
-        crate::service::offload(count, INLINE_SESSIONS, work).await?
+        offload(count, INLINE_SESSIONS, work).await?
     }
 
     fn create_now(
         &self,
-        packs: &PackTable,
+        packs: &LivePacks,
         store: &Store,
         request: &v1::CreateSessionsRequest,
-    ) -> Result<v1::CreateSessionsResponse, ApiError> {
+    ) -> Result<v1::CreateSessionsResponse, SessionError> {
         let root = Path::root();
         let mut cells = Vec::with_capacity(request.sessions.len());
         for (index, wanted) in request.sessions.iter().enumerate() {
@@ -173,8 +174,8 @@ impl Sessions {
     /// `troupe.v1.Sessions/GetSession`.
     ///
     /// # Errors
-    /// [`ApiError`] where the session is not open.
-    pub fn get(&self, id: &str) -> Result<v1::Session, ApiError> {
+    /// [`SessionError`] where the session is not open.
+    pub fn get(&self, id: &str) -> Result<v1::Session, SessionError> {
         let now = self.time.now();
         let cell = self.registry.get(id, now, &|| "id".to_owned())?;
         Ok(describe::session(&cell, now))
@@ -183,8 +184,8 @@ impl Sessions {
     /// `troupe.v1.Sessions/ListSessions`.
     ///
     /// # Errors
-    /// [`ApiError::Field`] for a page size out of range.
-    pub fn list(&self, request: &v1::ListSessionsRequest) -> Result<v1::ListSessionsResponse, ApiError> {
+    /// [`SessionError::Field`] for a page size out of range.
+    pub fn list(&self, request: &v1::ListSessionsRequest) -> Result<v1::ListSessionsResponse, SessionError> {
         let root = Path::root();
         let (most, usual) = PAGE;
         let size = if request.page_size == 0 {
@@ -210,8 +211,11 @@ impl Sessions {
     /// `troupe.v1.Sessions/CloseSessions`.
     ///
     /// # Errors
-    /// [`ApiError::Field`] for a list that is empty or too long.
-    pub fn close(&self, request: &v1::CloseSessionsRequest) -> Result<v1::CloseSessionsResponse, ApiError> {
+    /// [`SessionError::Field`] for a list that is empty or too long.
+    pub fn close(
+        &self,
+        request: &v1::CloseSessionsRequest,
+    ) -> Result<v1::CloseSessionsResponse, SessionError> {
         let root = Path::root();
         units::length(&root.field("ids"), request.ids.len(), 1, MAX_CLOSED)?;
         let now = self.time.now();
@@ -228,47 +232,41 @@ impl Sessions {
     /// `troupe.v1.Sessions/Command`.
     ///
     /// # Errors
-    /// [`ApiError::Field`] for a list that is empty or too long; what is wrong with one command is in its result.
-    pub fn command(&self, request: &v1::CommandRequest) -> Result<v1::CommandResponse, ApiError> {
+    /// [`SessionError::Field`] for a list that is empty or too long; what is wrong with one command is in its result.
+    pub fn command(&self, request: &v1::CommandRequest) -> Result<Vec<CommandResult>, SessionError> {
         let root = Path::root();
         let count = request.commands.len();
         units::length(&root.field("commands"), count, 1, commands::MAX_COMMANDS)?;
-        Ok(v1::CommandResponse {
-            results: self.apply(&request.commands),
-        })
+        Ok(self.apply(&request.commands))
     }
 
     /// `troupe.v1.Sessions/Step`.
     ///
     /// # Errors
-    /// [`ApiError`] for a request that makes no sense, or where no session could be served.
-    pub async fn step(&self, request: &v1::StepRequest) -> Result<v1::StepResponse, ApiError> {
+    /// [`SessionError`] for a request that makes no sense, or where no session could be served.
+    pub async fn step(&self, request: &v1::StepRequest) -> Result<Stepped, SessionError> {
         let arrived = std::time::Instant::now();
         let plan = step::check(request, &self.limits)?;
-        let command_results = self.apply(&request.commands);
+        let commands = self.apply(&request.commands);
         let stepped = step::step(&self.registry, &self.time, &request.session_ids, plan).await;
-        if let (true, Some((_, error))) = (stepped.blocks.is_empty(), stepped.problems.first()) {
-            return Err(error.clone());
+        if let (true, Some(problem)) = (stepped.blocks.is_empty(), stepped.problems.first()) {
+            return Err(problem.error.clone());
         }
-        Ok(v1::StepResponse {
-            blocks: stepped.blocks,
-            command_results,
-            problems: step::problems(&request.session_ids, &stepped.problems),
-            events: stepped.events,
-            held: stepped.held,
-            total_us: arrived.elapsed().as_micros() as u64,
-            waited_us: stepped.waited.as_micros() as u64,
+        Ok(Stepped {
+            commands,
+            total: arrived.elapsed(),
+            ..stepped
         })
     }
 
     /// Where the character of a session in a scene is. The request gave its id in `field`.
     ///
     /// # Errors
-    /// [`ApiError`] where the session is not open, or in no scene.
-    pub fn standing(&self, id: &str, field: &str) -> Result<Standing, ApiError> {
+    /// [`SessionError`] where the session is not open, or in no scene.
+    pub fn standing(&self, id: &str, field: &str) -> Result<Standing, SessionError> {
         let cell = self.registry.get(id, self.time.now(), &|| field.to_owned())?;
         let live = cell.live();
-        let resident = live.resident().ok_or_else(|| ApiError::Refused {
+        let resident = live.resident().ok_or_else(|| SessionError::Refused {
             refusal: Refusal::NoScene,
             field: field.to_owned(),
         })?;
@@ -277,15 +275,15 @@ impl Sessions {
             cell: resident.cell().clone(),
             root: live.character.view().root,
             convention: cell.convention(),
-            pack: cell.pack().pack.name().to_owned(),
+            pack: cell.pack().rig().name().to_owned(),
         })
     }
 
     /// `troupe.v1.Sessions/Peek`.
     ///
     /// # Errors
-    /// [`ApiError`] where the session is not open, or for a count out of range.
-    pub fn peek(&self, request: &v1::PeekRequest) -> Result<v1::PeekResponse, ApiError> {
+    /// [`SessionError`] where the session is not open, or for a count out of range.
+    pub fn peek(&self, request: &v1::PeekRequest) -> Result<v1::PeekResponse, SessionError> {
         let root = Path::root();
         let most = peek::MAX_PEEK_FRAMES;
         let frames = if request.frames == 0 { most } else { request.frames };

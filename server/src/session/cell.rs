@@ -8,11 +8,8 @@ use tokio::sync::Notify;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
-use super::EventQueue;
-use super::time::TimeSource;
-use crate::api::ApiError;
+use super::{EventQueue, LivePack, SessionError, TimeSource};
 use crate::batch::{OwnerId, SubmitError};
-use crate::service::LoadedPack;
 use troupe_character::live::{Character, PlanRequest, Stats};
 use troupe_character::scene::Resident;
 use troupe_character::style::Style;
@@ -89,7 +86,7 @@ pub struct Live {
 pub struct SessionCell {
     id: Arc<str>,
     owner_id: OwnerId,
-    pack: Arc<LoadedPack>,
+    pack: Arc<LivePack>,
     convention: Convention,
     seed: u64,
     /// Name of its scene.
@@ -111,7 +108,7 @@ pub struct Parts {
     /// Its id.
     pub id: Arc<str>,
     /// Its pack.
-    pub pack: Arc<LoadedPack>,
+    pub pack: Arc<LivePack>,
     /// Its convention.
     pub convention: Convention,
     /// Its seed.
@@ -176,7 +173,7 @@ impl SessionCell {
     }
 
     /// Its pack.
-    pub fn pack(&self) -> &Arc<LoadedPack> {
+    pub fn pack(&self) -> &Arc<LivePack> {
         &self.pack
     }
 
@@ -285,8 +282,8 @@ impl SessionCell {
     /// Takes the session's clock for `owner`, until the guard is dropped.
     ///
     /// # Errors
-    /// [`ApiError::SessionBusy`], or what [`SessionCell::gone`] says. `field` named the session.
-    pub fn take(self: &Arc<Self>, owner: Owner, field: &dyn Fn() -> String) -> Result<Held, ApiError> {
+    /// [`SessionError::Busy`], or what [`SessionCell::gone`] says. `field` named the session.
+    pub fn take(self: &Arc<Self>, owner: Owner, field: &dyn Fn() -> String) -> Result<Held, SessionError> {
         let (free, wanted) = (Owner::Free as u8, owner as u8);
         loop {
             let taken = self
@@ -304,7 +301,7 @@ impl SessionCell {
                 // Somebody looks whether it expires; that takes a moment.
                 Err(EXPIRING) => std::hint::spin_loop(),
                 Err(other) => {
-                    return Err(ApiError::SessionBusy {
+                    return Err(SessionError::Busy {
                         id: self.id.to_string(),
                         field: field(),
                         owner: match Owner::of(other) {
@@ -318,13 +315,13 @@ impl SessionCell {
     }
 
     /// Why the session cannot be served any more, where it has ended.
-    pub fn gone(&self, field: &dyn Fn() -> String) -> Option<ApiError> {
+    pub fn gone(&self, field: &dyn Fn() -> String) -> Option<SessionError> {
         match self.end()? {
-            End::Expired => Some(ApiError::SessionExpired {
+            End::Expired => Some(SessionError::Expired {
                 id: self.id.to_string(),
                 field: field(),
             }),
-            End::Closed => Some(ApiError::UnknownSession {
+            End::Closed => Some(SessionError::Unknown {
                 id: self.id.to_string(),
                 field: field(),
             }),
@@ -348,17 +345,17 @@ impl SessionCell {
             let Live {
                 character, events, ..
             } = live;
-            events.collect(|fresh| character.take_events(fresh), &self.pack.sessions);
+            events.collect(|fresh| character.take_events(fresh), &self.pack.metrics);
         }
         let stats = live.character.stats();
         if stats != live.counted {
-            self.pack.sessions.progressed(&live.counted, &stats);
+            self.pack.metrics.progressed(&live.counted, &stats);
             live.counted = stats;
         }
         let request = live.character.take_request()?;
-        self.pack.sessions.asked(request.cause);
+        self.pack.metrics.asked(request.cause);
         self.pack
-            .sessions
+            .metrics
             .paced(live.priority, request.spacing_frames, request.item.frames);
         Some(request)
     }

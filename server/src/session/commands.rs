@@ -6,12 +6,10 @@ use troupe_motion::Vec3;
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent as Asked;
 
-use super::Registry;
 use super::cell::{Live, SessionCell};
 use super::options::unknown_style;
-use super::units;
-use crate::api::ApiError;
-use crate::session::TimeSource;
+use super::{Registry, SessionError, TimeSource};
+use crate::wire::units;
 use troupe_character::document::MAX_NAME_CHARS;
 use troupe_character::limits::MAX_HEIGHT_M;
 use troupe_character::live::{CommandOutcome, Intent, Refusal};
@@ -27,12 +25,19 @@ const MAX_FRAMES_AHEAD: u64 = 100_000;
 /// Largest velocity along an axis, m/s.
 const MAX_VELOCITY_MPS: f32 = 1000.0;
 
+/// What became of a command.
+#[derive(Debug)]
+pub struct CommandResult {
+    /// Its session's id, or the start of what the command gave as one.
+    pub session_id: String,
+    /// Its number.
+    pub sequence: u64,
+    /// What became of it.
+    pub outcome: Result<CommandOutcome, SessionError>,
+}
+
 /// Gives commands to their sessions and says what became of each, in order.
-pub(super) fn apply(
-    registry: &Registry,
-    time: &TimeSource,
-    commands: &[v1::Command],
-) -> Vec<v1::CommandResult> {
+pub(super) fn apply(registry: &Registry, time: &TimeSource, commands: &[v1::Command]) -> Vec<CommandResult> {
     let root = Path::root();
     let now = time.now();
     let each = commands.iter().enumerate().map(|(index, command)| {
@@ -46,26 +51,19 @@ pub(super) fn apply(
     each.collect()
 }
 
-fn result(command: &v1::Command, outcome: Result<CommandOutcome, ApiError>) -> v1::CommandResult {
-    let (status, problem) = match outcome {
-        Ok(CommandOutcome::Accepted) => (v1::CommandStatus::Accepted, None),
-        Ok(CommandOutcome::Repeated) => (v1::CommandStatus::Repeated, None),
-        Ok(CommandOutcome::Late) => (v1::CommandStatus::Late, None),
-        Err(error) => (v1::CommandStatus::Refused, Some(error.problem())),
-    };
-    v1::CommandResult {
+fn result(command: &v1::Command, outcome: Result<CommandOutcome, SessionError>) -> CommandResult {
+    CommandResult {
         session_id: command
             .session_id
             .chars()
             .take(super::options::MAX_ID_CHARS)
             .collect(),
         sequence: command.sequence,
-        status: status.into(),
-        problem,
+        outcome,
     }
 }
 
-fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<CommandOutcome, ApiError> {
+fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<CommandOutcome, SessionError> {
     if command.sequence == 0 {
         return Err(path.field("sequence").error("is 0", "1 or more").into());
     }
@@ -110,7 +108,7 @@ fn intent(
     command: &v1::Command,
     cell: &SessionCell,
     live: &Live,
-) -> Result<Option<Intent>, ApiError> {
+) -> Result<Option<Intent>, SessionError> {
     Ok(match &command.intent {
         Some(Asked::Locomote(asked)) => {
             let locomotion = locomotion(&path.field("locomote"), asked, cell, live)?;
@@ -148,7 +146,7 @@ fn interact(path: &Path<'_>, asked: &v1::Interact) -> Result<Intent, FieldError>
 }
 
 /// The error of a command that the character could not carry out.
-fn refused(path: &Path<'_>, refusal: Refusal) -> ApiError {
+fn refused(path: &Path<'_>, refusal: Refusal) -> SessionError {
     let interact = path.field("interact");
     let field = match &refusal {
         Refusal::TooManyCommands => path.field("intent"),
@@ -156,7 +154,7 @@ fn refused(path: &Path<'_>, refusal: Refusal) -> ApiError {
         Refusal::UnknownApproach { .. } => interact.field("approach"),
         _ => interact.field("instance"),
     };
-    ApiError::Refused {
+    SessionError::Refused {
         field: field.to_string(),
         refusal,
     }
@@ -179,15 +177,16 @@ fn locomotion(
     locomote: &v1::Locomote,
     cell: &SessionCell,
     live: &Live,
-) -> Result<LocomotionCommand, ApiError> {
+) -> Result<LocomotionCommand, SessionError> {
     let convention = cell.convention();
     let style = match locomote.style.as_str() {
         "" => live.style.clone(),
         name => cell
             .pack()
+            .loaded
             .styles
             .get(name)
-            .ok_or_else(|| unknown_style(&path.field("style"), name, cell.pack()))?,
+            .ok_or_else(|| unknown_style(&path.field("style"), name, &cell.pack().loaded))?,
     };
     let facing = |value| units::heading(&path.field("facing"), value, convention);
     let height = |value| height(&path.field("height"), value, convention.units_per_metre());

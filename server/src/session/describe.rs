@@ -8,7 +8,8 @@ use troupe_motion::root::wrap_angle;
 use troupe_proto::v1;
 
 use super::cell::{Live, SessionCell};
-use super::{events, units};
+use super::events;
+use crate::wire::units;
 use troupe_character::live::{Stats, View};
 
 /// The session as it stands at `now`.
@@ -29,7 +30,7 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
     let convention = cell.convention();
     v1::Session {
         id: cell.id().to_string(),
-        pack: cell.pack().pack.name().to_owned(),
+        pack: cell.pack().rig().name().to_owned(),
         style: live.style.name.clone(),
         seed: cell.seed(),
         convention: units::convention_name(convention).into(),

@@ -8,7 +8,7 @@ use troupe_proto::v1::session_event::Kind;
 
 use super::cell::Live;
 use super::metrics::SessionMetrics;
-use crate::world::{position, quat};
+use crate::wire::units::{position, quat};
 use troupe_character::live::{Activity, CharacterEvent, EventKind, HeldObject, KeyframeError};
 
 /// Most events of a session that wait; of more, the oldest are dropped.

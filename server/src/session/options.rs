@@ -5,17 +5,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use troupe_motion::conventions::Convention;
-use troupe_motion::rotation::{from_wxyz, to_wxyz};
 use troupe_motion::{GlobalRoot, Vec3};
 use troupe_proto::v1;
 
-use super::SessionLimits;
 use super::cell::Parts;
-use super::units;
-use crate::api::ApiError;
-use crate::inbetween::{ContextFrame, MAX_DISTANCE_M, MAX_TEMPERATURE, check_context};
-use crate::service::{LoadedPack, PackTable};
-use crate::world::Store;
+use super::{LivePacks, SessionError, SessionLimits};
+use crate::packs::LoadedPack;
+use crate::wire::{ContextFrame, MAX_DISTANCE_M, MAX_TEMPERATURE, check_context, to_native, units};
+use crate::world::{Store, WorldError};
 use troupe_character::live::{Character, CharacterOptions, Start, World};
 use troupe_character::primitives::LocomotionCommand;
 use troupe_character::scene::{Holder, Resident};
@@ -40,16 +37,17 @@ const MAX_ROOT_RATIO: f32 = 1.2;
 pub(super) fn parts(
     path: &Path<'_>,
     options: &v1::SessionOptions,
-    packs: &PackTable,
+    packs: &LivePacks,
     store: &Store,
     limits: &SessionLimits,
-) -> Result<Parts, ApiError> {
+) -> Result<Parts, SessionError> {
     let id = id(&path.field("id"), &options.id)?;
     let pack = packs.find(path.field("pack"), &options.pack)?.clone();
-    pack.require(Capability::Live, &path.field("pack").to_string())?;
-    let style = style(&path.field("style"), &options.style, &pack)?;
+    pack.loaded
+        .require(Capability::Live, &path.field("pack").to_string())?;
+    let style = style(&path.field("style"), &options.style, &pack.loaded)?;
     let convention = units::convention(&path.field("convention"), options.convention)?;
-    let start = start(path, options, convention, &pack.pack.rig)?;
+    let start = start(path, options, convention, pack.rig())?;
     let ttl = ttl(path, options, limits)?;
     let priority = options.priority.unwrap_or(DEFAULT_PRIORITY);
     let priority = units::priority(&path.field("priority"), priority)?;
@@ -72,7 +70,7 @@ pub(super) fn parts(
         convention,
         seed: options.seed,
         ttl,
-        character: Character::in_world(pack.pack.rig.clone(), character, start, command, world),
+        character: Character::in_world(pack.rig().clone(), character, start, command, world),
         style,
         priority,
         pack,
@@ -81,15 +79,16 @@ pub(super) fn parts(
 }
 
 /// A place in the scene of that name; none where it is empty.
-fn resident(path: &Path<'_>, name: &str, store: &Store) -> Result<Option<Resident>, ApiError> {
+fn resident(path: &Path<'_>, name: &str, store: &Store) -> Result<Option<Resident>, SessionError> {
     if name.is_empty() {
         return Ok(None);
     }
     let entered = store.scenes().enter(name);
-    entered.map(Some).map_err(|error| ApiError::Scenes {
+    let entered = entered.map(Some).map_err(|error| WorldError::Scene {
         error,
         field: path.to_string(),
-    })
+    });
+    Ok(entered?)
 }
 
 fn character_options(path: &Path<'_>, options: &v1::SessionOptions) -> Result<CharacterOptions, FieldError> {
@@ -154,7 +153,7 @@ fn new_id() -> Arc<str> {
 }
 
 /// The style of that name; the pack's default where it is empty.
-fn style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> Result<Arc<Style>, ApiError> {
+fn style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> Result<Arc<Style>, SessionError> {
     let found = match name {
         "" => pack.styles.default_style(),
         name => pack.styles.get(name),
@@ -166,8 +165,8 @@ fn style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> Result<Arc<Style>, A
 const MAX_LISTED_STYLES: usize = 32;
 
 /// The error of a style that is not there.
-pub(super) fn unknown_style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> ApiError {
-    ApiError::UnknownStyle {
+pub(super) fn unknown_style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> SessionError {
+    SessionError::UnknownStyle {
         name: name.chars().take(MAX_ID_CHARS).collect(),
         field: path.to_string(),
         there_are: pack
@@ -205,7 +204,7 @@ fn start(
     let native: Vec<v1::Keyframe> = options
         .context
         .iter()
-        .map(|key| native_keyframe(key, convention))
+        .map(|key| to_native(key, convention))
         .collect();
     let mut frames = check_context(path, "context", &native, pack).map_err(|error| match convention {
         Convention::Native => error,
@@ -229,28 +228,4 @@ fn start(
             .flat_map(|frame| frame.rotations.drain(..))
             .collect(),
     })
-}
-
-/// A context keyframe in the native convention. Values are not checked yet.
-fn native_keyframe(key: &v1::Keyframe, convention: Convention) -> v1::Keyframe {
-    if convention == Convention::Native {
-        return key.clone();
-    }
-    let mut native = key.clone();
-    if let Some(root) = &mut native.root {
-        root.heading = root.heading.map(|heading| convention.heading_to_native(heading));
-        root.position = root.position.map(|p| {
-            let Vec3 { x, y, z } = convention.position_to_native(Vec3::new(p.x, p.y, p.z));
-            v1::Vec3 { x, y, z }
-        });
-    }
-    if let Some(pose) = &mut native.pose {
-        pose.root_height = pose
-            .root_height
-            .map(|height| height / convention.units_per_metre());
-        for rotation in pose.rotations.as_chunks_mut::<4>().0 {
-            *rotation = to_wxyz(convention.rotation_to_native(from_wxyz(*rotation)));
-        }
-    }
-    native
 }

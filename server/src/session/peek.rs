@@ -9,8 +9,9 @@ use troupe_proto::v1;
 use troupe_proto::v1::command::Intent as Asked;
 
 use super::cell::SessionCell;
+use super::describe;
 use super::encode::{BlockWriter, Form};
-use super::{describe, units};
+use crate::wire::units;
 use troupe_character::live::{CONTEXT_FRAMES, FrameOut, Intent, Peek, PlanCause, PlanRecord, WaitingCommand};
 use troupe_character::primitives::{LocomotionCommand, TargetKey};
 use troupe_motion::model::Rig;
@@ -27,7 +28,7 @@ pub(super) fn peek(cell: &SessionCell, frames: usize, now: Instant) -> v1::PeekR
             live.character.peek(frames),
         )
     };
-    let (convention, pack) = (cell.convention(), &cell.pack().pack.rig);
+    let (convention, pack) = (cell.convention(), cell.pack().rig());
     v1::PeekResponse {
         session: Some(session),
         future: Some(future(&peek, pack, convention)),

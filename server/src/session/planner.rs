@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::cell::SessionCell;
 use crate::batch::{Order, SubmitError};
-use crate::service::LoadedPack;
+use crate::packs::LoadedPack;
 use troupe_character::live::{
     Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, Meets, PlanFailed, PlanRequest, finish_live,
 };
@@ -37,7 +37,11 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     // It enters the queue now, in the order of the calls, and not when its task first runs.
     let spare = (patience == Patience::Waits).then(|| request.item.clone());
     let order = Order::live(cell.owner_id(), deadline(&cell, &request));
-    let place = cell.pack().batcher.enqueue(vec![request.item.into()], order);
+    let place = cell
+        .pack()
+        .loaded
+        .batcher
+        .enqueue(vec![request.item.into()], order);
     let (shape, meets) = (request.shape, request.meets);
     tokio::spawn(async move {
         let mut result = match place {
@@ -49,7 +53,12 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
                 break;
             }
             tokio::time::sleep((*retry_after).max(MIN_RETRY)).await;
-            result = cell.pack().batcher.submit(vec![item.clone().into()], order).await;
+            result = cell
+                .pack()
+                .loaded
+                .batcher
+                .submit(vec![item.clone().into()], order)
+                .await;
         }
         if let Ok(served) = &result {
             cell.pack().load.measured(asked.elapsed(), served.work);
@@ -59,7 +68,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
                 let motion = served.into_motions().next();
                 motion.ok_or(EngineError::Stopped.into())
             })
-            .and_then(|raw| finish(&raw, &shape, meets.as_deref(), cell.pack()));
+            .and_then(|raw| finish(&raw, &shape, meets.as_deref(), &cell.pack().loaded));
         awaited.arrived(plan);
     });
 }
@@ -108,7 +117,7 @@ impl Drop for Awaited {
 /// The moment from which on a plan that is asked for now is missed.
 fn deadline(cell: &SessionCell, request: &PlanRequest) -> Instant {
     let frames = request.due_in_frames as f32;
-    Instant::now() + Duration::from_secs_f32(frames / cell.pack().pack.rig.fps)
+    Instant::now() + Duration::from_secs_f32(frames / cell.pack().rig().fps)
 }
 
 fn finish(
@@ -141,7 +150,7 @@ fn finish(
 
 /// Tells the character, and wakes the one who waits for it.
 fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitError>) {
-    let fps = cell.pack().pack.rig.fps;
+    let fps = cell.pack().rig().fps;
     let mut live = cell.live();
     let plan = match plan {
         Ok(plan) => {
@@ -160,7 +169,7 @@ fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitEr
         }
     };
     if let Arrival::InTime { lead_frames } = live.character.plan_arrived(number, plan) {
-        cell.pack().sessions.came(f64::from(lead_frames / fps));
+        cell.pack().metrics.came(f64::from(lead_frames / fps));
     }
     drop(live);
     cell.wake();

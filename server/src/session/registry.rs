@@ -5,10 +5,10 @@ use std::ops::Bound;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::Instant;
 
+use super::SessionError;
 use super::cell::{End, SessionCell};
 use super::metrics::Eviction;
 use super::options::MAX_ID_CHARS;
-use crate::api::ApiError;
 
 /// Most ids of expired sessions that are remembered: a few megabytes.
 const MAX_TOMBSTONES: usize = 65_536;
@@ -55,8 +55,8 @@ impl Registry {
     /// room.
     ///
     /// # Errors
-    /// [`ApiError::TooManySessions`].
-    pub fn room_for(&self, more: usize, now: Instant) -> Result<(), ApiError> {
+    /// [`SessionError::TooMany`].
+    pub fn room_for(&self, more: usize, now: Instant) -> Result<(), SessionError> {
         if self.check_room(self.len(), more).is_ok() {
             return Ok(());
         }
@@ -64,10 +64,10 @@ impl Registry {
         self.check_room(self.len(), more)
     }
 
-    fn check_room(&self, open: usize, more: usize) -> Result<(), ApiError> {
+    fn check_room(&self, open: usize, more: usize) -> Result<(), SessionError> {
         match open + more <= self.limit {
             true => Ok(()),
-            false => Err(ApiError::TooManySessions {
+            false => Err(SessionError::TooMany {
                 open,
                 limit: self.limit,
                 place: "",
@@ -79,20 +79,20 @@ impl Registry {
     /// free.
     ///
     /// # Errors
-    /// [`ApiError::SessionExists`] or [`ApiError::TooManySessions`].
+    /// [`SessionError::Exists`] or [`SessionError::TooMany`].
     pub fn insert(
         &self,
         cells: &[Arc<SessionCell>],
         now: Instant,
         field: impl Fn(usize) -> String,
-    ) -> Result<(), ApiError> {
+    ) -> Result<(), SessionError> {
         self.expire_named(cells, now);
         let mut open = self.write();
         self.check_room(open.len(), cells.len())?;
         let mut new = HashSet::with_capacity(cells.len());
         for (index, cell) in cells.iter().enumerate() {
             if open.contains_key(cell.id()) || !new.insert(cell.id()) {
-                return Err(ApiError::SessionExists {
+                return Err(SessionError::Exists {
                     id: cell.id().to_string(),
                     field: field(index),
                 });
@@ -102,7 +102,7 @@ impl Registry {
         for cell in cells {
             open.insert(cell.id().clone(), cell.clone());
             expired.forget(cell.id());
-            cell.pack().sessions.opened(1);
+            cell.pack().metrics.opened(1);
         }
         Ok(())
     }
@@ -130,13 +130,13 @@ impl Registry {
     /// The session of that id, which the request gave in `field`.
     ///
     /// # Errors
-    /// [`ApiError::SessionExpired`] where its time is up at `now`, or was lately; [`ApiError::UnknownSession`].
+    /// [`SessionError::Expired`] where its time is up at `now`, or was lately; [`SessionError::Unknown`].
     pub fn get(
         &self,
         id: &str,
         now: Instant,
         field: &dyn Fn() -> String,
-    ) -> Result<Arc<SessionCell>, ApiError> {
+    ) -> Result<Arc<SessionCell>, SessionError> {
         let found = self.read().get(id).cloned();
         match found {
             Some(cell) => {
@@ -145,11 +145,11 @@ impl Registry {
                 }
                 cell.gone(field).map_or(Ok(cell), Err)
             }
-            None if self.tombstones().knows(id) => Err(ApiError::SessionExpired {
+            None if self.tombstones().knows(id) => Err(SessionError::Expired {
                 id: id.to_owned(),
                 field: field(),
             }),
-            None => Err(ApiError::UnknownSession {
+            None => Err(SessionError::Unknown {
                 id: id.chars().take(MAX_ID_CHARS).collect(),
                 field: field(),
             }),
@@ -180,7 +180,7 @@ impl Registry {
         let closed = cell.finish(End::Closed);
         if closed {
             let removed = self.write().remove(cell.id());
-            cell.pack().sessions.ended(Eviction::Closed);
+            cell.pack().metrics.ended(Eviction::Closed);
             // A character is freed outside the lock.
             drop(removed);
         }
@@ -211,7 +211,7 @@ impl Registry {
         // In this order, so that nobody finds it neither open nor expired.
         self.tombstones().add(cell.id().clone());
         let removed = self.write().remove(cell.id());
-        cell.pack().sessions.ended(Eviction::Expired);
+        cell.pack().metrics.ended(Eviction::Expired);
         drop(removed);
     }
 }

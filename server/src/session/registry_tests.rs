@@ -6,15 +6,13 @@ use proptest::prelude::*;
 use troupe_motion::conventions::Convention;
 use troupe_motion::{GlobalRoot, Vec3};
 
-use super::super::TimeSource;
 use super::super::cell::{Held, Owner, Parts};
-use super::super::metrics::SessionMetrics;
+use super::super::{LivePack, TimeSource};
 use super::*;
 use crate::batch::{Batcher, GeneratorFactory};
 use crate::config::Config;
-use crate::service::LoadedPack;
+use crate::packs::LoadedPack;
 use crate::telemetry::Telemetry;
-use troupe_character::live::load::PlanLoad;
 use troupe_character::live::{Character, CharacterOptions, Start, World};
 use troupe_character::primitives::LocomotionCommand;
 use troupe_character::scene::testing::{boxed, place};
@@ -26,10 +24,22 @@ use troupe_engine::toy::Toy;
 
 const TTL: Duration = Duration::from_secs(10);
 
+/// A word for the kind of error.
+fn kind(error: &SessionError) -> &'static str {
+    match error {
+        SessionError::Expired { .. } => "SESSION_EXPIRED",
+        SessionError::Unknown { .. } => "UNKNOWN_SESSION",
+        SessionError::Exists { .. } => "SESSION_EXISTS",
+        SessionError::Busy { .. } => "SESSION_BUSY",
+        SessionError::TooMany { .. } => "TOO_MANY_SESSIONS",
+        other => panic!("{other}"),
+    }
+}
+
 /// A registry with a clock that is moved by hand.
 pub(in super::super) struct Setup {
     registry: Registry,
-    pack: Arc<LoadedPack>,
+    pack: Arc<LivePack>,
     start: Instant,
     passed_ms: Arc<AtomicU64>,
     telemetry: Telemetry,
@@ -51,16 +61,14 @@ impl Setup {
         );
         let loaded = LoadedPack {
             styles: StyleTable::load(&pack.rig, &pack.folder, None).unwrap(),
-            sessions: SessionMetrics::new(&telemetry, pack.name(), "1"),
             batcher: batcher.await.unwrap(),
             engine: "idle",
             pack: Arc::new(pack),
-            load: PlanLoad::default(),
             metrics,
         };
         Self {
             registry: Registry::new(limit),
-            pack: Arc::new(loaded),
+            pack: Arc::new(LivePack::new(Arc::new(loaded), &telemetry)),
             start: Instant::now(),
             passed_ms: Arc::default(),
             telemetry,
@@ -111,7 +119,7 @@ impl Setup {
             convention: Convention::Native,
             seed: 0,
             ttl: TTL,
-            character: Character::in_world(self.pack.pack.rig.clone(), options, start, command, world),
+            character: Character::in_world(self.pack.rig().clone(), options, start, command, world),
             style,
             priority: 0.5,
             resident,
@@ -119,19 +127,19 @@ impl Setup {
         Arc::new(SessionCell::new(parts, time))
     }
 
-    fn open(&self, id: &str) -> Result<(), ApiError> {
+    fn open(&self, id: &str) -> Result<(), SessionError> {
         self.registry
             .insert(&[self.cell(id)], self.now(), |_| "id".to_owned())
     }
 
     fn get(&self, id: &str) -> Result<Arc<SessionCell>, &'static str> {
         let got = self.registry.get(id, self.now(), &|| "id".to_owned());
-        got.map_err(|error| error.reason())
+        got.map_err(|error| kind(&error))
     }
 
     fn take(&self, id: &str, owner: Owner) -> Result<Held, &'static str> {
         let taken = self.get(id)?.take(owner, &|| "id".to_owned());
-        taken.map_err(|error| error.reason())
+        taken.map_err(|error| kind(&error))
     }
 }
 
@@ -160,10 +168,7 @@ async fn who_holds_a_session_that_is_closed_hears_of_it() {
     assert!(setup.registry.close("a", setup.now()));
     held.cell().changed().await;
     assert_eq!(held.cell().end(), Some(End::Closed));
-    assert_eq!(
-        held.cell().gone(&String::new).unwrap().reason(),
-        "UNKNOWN_SESSION"
-    );
+    assert_eq!(kind(&held.cell().gone(&String::new).unwrap()), "UNKNOWN_SESSION");
     assert!(!setup.registry.close("a", setup.now()));
     assert_eq!(setup.get("a").unwrap_err(), "UNKNOWN_SESSION");
 }
@@ -176,16 +181,16 @@ async fn an_expired_session_is_in_nobodys_way_before_the_sweep() {
     setup.pass(TTL / 2);
     setup.get("b").unwrap().touch();
     setup.pass(TTL / 2);
-    assert_eq!(setup.open("b").unwrap_err().reason(), "TOO_MANY_SESSIONS");
+    assert_eq!(kind(&setup.open("b").unwrap_err()), "TOO_MANY_SESSIONS");
     setup.registry.room_for(1, setup.now()).unwrap();
     assert_eq!(setup.get("a").unwrap_err(), "SESSION_EXPIRED");
-    assert_eq!(setup.open("b").unwrap_err().reason(), "SESSION_EXISTS");
+    assert_eq!(kind(&setup.open("b").unwrap_err()), "SESSION_EXISTS");
     setup.pass(TTL / 2);
     // Its time is up and no sweep has come round.
     setup.open("b").unwrap();
     assert_eq!((setup.registry.len(), setup.get("b").is_ok()), (1, true));
     assert_eq!(
-        setup.registry.room_for(2, setup.now()).unwrap_err().reason(),
+        kind(&setup.registry.room_for(2, setup.now()).unwrap_err()),
         "TOO_MANY_SESSIONS"
     );
 }
@@ -264,7 +269,7 @@ proptest! {
             match deed {
                 Deed::Open(id) => {
                     let id = id.to_string();
-                    let reason = setup.open(&id).map_err(|error| error.reason());
+                    let reason = setup.open(&id).map_err(|error| kind(&error));
                     let wanted = if model.open.len() == 3 {
                         Err("TOO_MANY_SESSIONS")
                     } else if model.open.contains_key(&id) {

@@ -15,10 +15,10 @@ use troupe_proto::v1;
 use super::cell::{Held, Owner};
 use super::encode::{BlockWriter, Form};
 use super::planner::{self, Patience};
-use super::{Registry, SessionLimits, TimeSource, events, units};
-use crate::api::ApiError;
+use super::{CommandResult, LivePack, SessionError, SessionProblem};
+use super::{Registry, SessionLimits, TimeSource, events};
 use crate::batch::SubmitError;
-use crate::service::LoadedPack;
+use crate::wire::units;
 use troupe_character::live::{Advance, Clock, FrameOut, SUB_FRAMES, Strain};
 use troupe_character::{FieldError, Path};
 use troupe_engine::EngineError;
@@ -105,18 +105,26 @@ struct Walker {
     begun: bool,
     /// Frames written so far.
     done: usize,
-    trouble: Option<ApiError>,
+    trouble: Option<SessionError>,
 }
 
 /// Frames and what else a step gives.
 #[derive(Debug, Default)]
-pub(super) struct Stepped {
-    pub(super) blocks: Vec<v1::FrameBlock>,
-    /// By place in the request, sorted.
-    pub(super) problems: Vec<(usize, ApiError)>,
-    pub(super) waited: Duration,
-    pub(super) events: Vec<v1::SessionEvents>,
-    pub(super) held: Vec<v1::HeldObject>,
+pub struct Stepped {
+    /// Frames, a block for each pack.
+    pub blocks: Vec<v1::FrameBlock>,
+    /// What became of the commands.
+    pub commands: Vec<CommandResult>,
+    /// Sessions that could not be served, by place in the request.
+    pub problems: Vec<SessionProblem>,
+    /// What happened to characters.
+    pub events: Vec<v1::SessionEvents>,
+    /// What is in their hands.
+    pub held: Vec<v1::HeldObject>,
+    /// Time that went by while plans were made.
+    pub waited: Duration,
+    /// Time of the whole step.
+    pub total: Duration,
 }
 
 /// Advances the sessions. Those that cannot be served are among the problems.
@@ -125,7 +133,7 @@ pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String],
     let (mut walkers, blocks) = gather((registry, time), ids, plan.form, &mut stepped.problems);
     let mut writers: Vec<BlockWriter> = blocks
         .iter()
-        .map(|(pack, count)| BlockWriter::new(&pack.pack.rig, plan.form, *count, plan.frames))
+        .map(|(pack, count)| BlockWriter::new(pack.rig(), plan.form, *count, plan.frames))
         .collect();
     for walker in &walkers {
         writers[walker.block].name(walker.slot as u32);
@@ -173,21 +181,21 @@ fn gather(
     (registry, time): (&Registry, &TimeSource),
     ids: &[String],
     form: Form,
-    problems: &mut Vec<(usize, ApiError)>,
-) -> (Vec<Walker>, Vec<(Arc<LoadedPack>, usize)>) {
+    problems: &mut Vec<SessionProblem>,
+) -> (Vec<Walker>, Vec<(Arc<LivePack>, usize)>) {
     let now = time.now();
-    let mut blocks: Vec<(Arc<LoadedPack>, usize)> = Vec::new();
+    let mut blocks: Vec<(Arc<LivePack>, usize)> = Vec::new();
     let mut walkers = Vec::with_capacity(ids.len());
     for (slot, id) in ids.iter().enumerate() {
         let field = || format!("session_ids[{slot}]");
         let taken = registry.get(id, now, &field).and_then(|cell| {
-            form.check(&Path::root(), &cell.pack().pack.rig)?;
+            form.check(&Path::root(), cell.pack().rig())?;
             cell.take(Owner::Step, &field)
         });
         let held = match taken {
             Ok(held) => held,
             Err(error) => {
-                problems.push((slot, error));
+                problems.push(SessionProblem::new(slot, id, error));
                 continue;
             }
         };
@@ -282,7 +290,7 @@ impl Walker {
                     (self.place, self.done),
                     out,
                     cell.convention(),
-                    &cell.pack().pack.rig.skeleton,
+                    &cell.pack().rig().skeleton,
                 );
                 self.done += 1;
                 *written += 1;
@@ -297,7 +305,7 @@ impl Walker {
 }
 
 /// Why it is no use to wait for another plan, where it is none.
-fn trouble(failures: Option<&(u32, SubmitError)>) -> Option<ApiError> {
+fn trouble(failures: Option<&(u32, SubmitError)>) -> Option<SessionError> {
     let (count, error) = failures?;
     let stopped = matches!(error, SubmitError::Engine(EngineError::Stopped));
     (stopped || *count >= MAX_FAILURES).then(|| error.clone().into())
@@ -306,7 +314,7 @@ fn trouble(failures: Option<&(u32, SubmitError)>) -> Option<ApiError> {
 fn finish(
     walkers: Vec<Walker>,
     writers: Vec<BlockWriter>,
-    blocks: &[(Arc<LoadedPack>, usize)],
+    blocks: &[(Arc<LivePack>, usize)],
     frames: usize,
     stepped: &mut Stepped,
 ) {
@@ -315,16 +323,17 @@ fn finish(
         match walker.trouble {
             Some(error) => {
                 good[walker.block][walker.place] = false;
-                stepped.problems.push((walker.slot, error));
+                let problem = SessionProblem::new(walker.slot, walker.held.cell().id(), error);
+                stepped.problems.push(problem);
             }
             None => report(&walker, stepped),
         }
     }
-    stepped.problems.sort_by_key(|(slot, _)| *slot);
+    stepped.problems.sort_by_key(|problem| problem.slot);
     for ((writer, good), (pack, _)) in writers.into_iter().zip(good).zip(blocks) {
         let block = writer.finish(|place| good[place]);
         if !block.slots.is_empty() {
-            pack.sessions.sent(block.slots.len() * frames);
+            pack.metrics.sent(block.slots.len() * frames);
             stepped.blocks.push(block);
         }
     }
@@ -344,26 +353,20 @@ fn report(walker: &Walker, stepped: &mut Stepped) {
     stepped.held.extend(events::held(&live, slot, convention));
 }
 
-/// Problems as messages.
-pub(super) fn problems(ids: &[String], problems: &[(usize, ApiError)]) -> Vec<v1::SessionProblem> {
-    let each = problems.iter().map(|(slot, error)| v1::SessionProblem {
-        slot: *slot as u32,
-        session_id: ids[*slot].chars().take(super::options::MAX_ID_CHARS).collect(),
-        problem: Some(error.problem()),
-    });
-    each.collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_frames_of_a_step_are_bounded_in_all() {
-        let mut limits = crate::config::Config::local(std::path::Path::new("models"))
-            .unwrap()
-            .session_limits();
-        limits.per_request = 10_000;
+        let limits = SessionLimits {
+            sessions: 10_000,
+            per_request: 10_000,
+            per_stream: 1,
+            streams: 1,
+            ttl_ms: 1000,
+            stall_timeout: Duration::ZERO,
+        };
         let of = |sessions: usize, frames| {
             let request = v1::StepRequest {
                 session_ids: (0..sessions).map(|i| i.to_string()).collect(),

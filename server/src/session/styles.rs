@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use troupe_proto::v1;
 
+use super::SessionError;
 use super::options::unknown_style;
-use crate::api::ApiError;
-use crate::service::LoadedPack;
+use crate::packs::LoadedPack;
 use troupe_character::Path;
 use troupe_character::style::{MAX_ADDED_STYLES, PutError, Style};
 
@@ -27,8 +27,8 @@ pub(crate) fn list(pack: &LoadedPack) -> v1::ListStylesResponse {
 /// `troupe.v1.Sessions/GetStyle`.
 ///
 /// # Errors
-/// [`ApiError::UnknownStyle`].
-pub(crate) fn get(pack: &LoadedPack, name: &str) -> Result<v1::Style, ApiError> {
+/// [`SessionError::UnknownStyle`].
+pub(crate) fn get(pack: &LoadedPack, name: &str) -> Result<v1::Style, SessionError> {
     match pack.styles.get(name) {
         Some(style) => Ok(style.to_proto()),
         None => Err(unknown_style(&Path::root().field("style"), name, pack)),
@@ -38,8 +38,8 @@ pub(crate) fn get(pack: &LoadedPack, name: &str) -> Result<v1::Style, ApiError> 
 /// `troupe.v1.Sessions/PutStyle`. Blocks where added styles are kept in a folder.
 ///
 /// # Errors
-/// [`ApiError`] for the first value that is not accepted, or where the style cannot be kept.
-pub(crate) fn put(pack: &Arc<LoadedPack>, style: Option<&v1::Style>) -> Result<v1::Style, ApiError> {
+/// [`SessionError`] for the first value that is not accepted, or where the style cannot be kept.
+pub(crate) fn put(pack: &Arc<LoadedPack>, style: Option<&v1::Style>) -> Result<v1::Style, SessionError> {
     let root = Path::root();
     let path = root.field("style");
     let Some(style) = style else {
@@ -49,7 +49,7 @@ pub(crate) fn put(pack: &Arc<LoadedPack>, style: Option<&v1::Style>) -> Result<v
     let name = path.field("name");
     match pack.styles.put(style) {
         Ok(style) => Ok(style.to_proto()),
-        Err(PutError::BuiltIn(style)) => Err(ApiError::StyleIsBuiltIn {
+        Err(PutError::BuiltIn(style)) => Err(SessionError::StyleIsBuiltIn {
             name: style,
             field: name.to_string(),
         }),
@@ -61,7 +61,7 @@ pub(crate) fn put(pack: &Arc<LoadedPack>, style: Option<&v1::Style>) -> Result<v
             .into()),
         Err(error) => {
             tracing::error!(%error, "a style was not kept");
-            Err(ApiError::Internal(error.to_string()))
+            Err(SessionError::StyleNotKept(error.to_string()))
         }
     }
 }

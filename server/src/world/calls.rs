@@ -5,45 +5,39 @@ use std::sync::Arc;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
+use super::WorldError;
 use super::{Store, StoreError, definition, message};
-use crate::api::ApiError;
-use crate::session::units;
+use crate::wire::units;
 use troupe_character::Path;
 use troupe_character::document::{Format, read};
 use troupe_character::object::Listed;
-use troupe_character::scene::{MAX_INSTANCES, NamedScene, Scene, SceneCell, SceneDoc, SceneError};
+use troupe_character::scene::{
+    MAX_ID_BYTES, MAX_INSTANCES, NamedScene, Scene, SceneCell, SceneDoc, SceneError,
+};
 use troupe_motion::model::Rig;
 
-impl From<StoreError> for ApiError {
-    fn from(error: StoreError) -> Self {
-        let field = || "name".to_owned();
-        match error {
-            StoreError::Scenes(error) => Self::Scenes {
-                error,
-                field: field(),
-            },
-            StoreError::Definitions(error) => Self::Definitions {
-                error,
-                field: field(),
-            },
-            StoreError::TooLong { .. } => {
-                let path = Path::root();
-                path.field("scene")
-                    .error(error.to_string(), "a smaller scene")
-                    .into()
-            }
-            StoreError::Keep { .. } => {
-                tracing::error!(%error, "a file was not written");
-                Self::Internal(error.to_string())
-            }
-        }
-    }
+/// What became of objects of a scene that were to be changed.
+#[derive(Debug)]
+pub struct ObjectsChanged {
+    /// Of each, in the request's order.
+    pub objects: Vec<ObjectOutcome>,
+    /// The scene's revision after it.
+    pub revision: u64,
+}
+
+/// What became of one object.
+#[derive(Debug)]
+pub struct ObjectOutcome {
+    /// Its id, or the start of what the request gave as one.
+    pub id: String,
+    /// Why it was not changed.
+    pub error: Option<WorldError>,
 }
 
 impl Store {
     /// The scene of this name, which the request gave at `path`.
-    pub(super) fn scene(&self, name: &str, path: &Path<'_>) -> Result<Arc<SceneCell>, ApiError> {
-        self.scenes().get(name).map_err(|error| ApiError::Scenes {
+    pub(super) fn scene(&self, name: &str, path: &Path<'_>) -> Result<Arc<SceneCell>, WorldError> {
+        self.scenes().get(name).map_err(|error| WorldError::Scene {
             error,
             field: path.to_string(),
         })
@@ -52,8 +46,8 @@ impl Store {
     /// `troupe.v1.Scenes/PutScene`.
     ///
     /// # Errors
-    /// [`ApiError`] for the first value that is not accepted, or where the scene cannot be kept; then nothing has changed.
-    pub fn put(&self, request: &v1::PutSceneRequest) -> Result<v1::SceneSummary, ApiError> {
+    /// [`WorldError`] for the first value that is not accepted, or where the scene cannot be kept; then nothing has changed.
+    pub fn put(&self, request: &v1::PutSceneRequest) -> Result<v1::SceneSummary, WorldError> {
         let root = Path::root();
         let name = match (&request.scene, &request.document) {
             (Some(scene), None) => self.put_scene(None, |definitions| {
@@ -78,21 +72,21 @@ impl Store {
         Ok(message::summary(&name, &cell))
     }
 
-    fn put_text(&self, text: &str, format: Format, wanted: &str) -> Result<String, ApiError> {
+    fn put_text(&self, text: &str, format: Format, wanted: &str) -> Result<String, WorldError> {
         self.put_scene(Some((text, format)), |definitions| {
             let scene = read(text, format, |doc: SceneDoc| {
                 definition::check_name(&doc.name, wanted)?;
                 NamedScene::from_doc(doc, definitions)
             });
-            Ok::<_, ApiError>(scene?)
+            Ok::<_, WorldError>(scene?)
         })
     }
 
     /// `troupe.v1.Scenes/GetScene`.
     ///
     /// # Errors
-    /// [`ApiError`] where there is no such scene, or convention.
-    pub fn get(&self, request: &v1::GetSceneRequest) -> Result<v1::Scene, ApiError> {
+    /// [`WorldError`] where there is no such scene, or convention.
+    pub fn get(&self, request: &v1::GetSceneRequest) -> Result<v1::Scene, WorldError> {
         let root = Path::root();
         let convention = units::convention(&root.field("convention"), request.convention)?;
         let cell = self.scene(&request.name, &root.field("name"))?;
@@ -116,8 +110,8 @@ impl Store {
     /// `troupe.v1.Scenes/DeleteScene`.
     ///
     /// # Errors
-    /// [`ApiError`] where there is no such scene, or where sessions are in it.
-    pub fn delete(&self, request: &v1::DeleteSceneRequest) -> Result<v1::DeleteSceneResponse, ApiError> {
+    /// [`WorldError`] where there is no such scene, or where sessions are in it.
+    pub fn delete(&self, request: &v1::DeleteSceneRequest) -> Result<v1::DeleteSceneResponse, WorldError> {
         self.delete_scene(&request.name)?;
         Ok(v1::DeleteSceneResponse {})
     }
@@ -125,8 +119,8 @@ impl Store {
     /// `troupe.v1.Scenes/AddObjects`.
     ///
     /// # Errors
-    /// [`ApiError`] for the request as a whole; what is wrong with one object is in its result.
-    pub fn add_objects(&self, request: &v1::AddObjectsRequest) -> Result<v1::ObjectsResponse, ApiError> {
+    /// [`WorldError`] for the request as a whole; what is wrong with one object is in its result.
+    pub fn add_objects(&self, request: &v1::AddObjectsRequest) -> Result<ObjectsChanged, WorldError> {
         let root = Path::root();
         let (cell, convention) = self.place_of(&root, &request.scene, request.convention)?;
         units::length(&root.field("objects"), request.objects.len(), 1, MAX_INSTANCES)?;
@@ -146,8 +140,8 @@ impl Store {
     /// `troupe.v1.Scenes/MoveObjects`.
     ///
     /// # Errors
-    /// [`ApiError`] for the request as a whole; what is wrong with one move is in its result.
-    pub fn move_objects(&self, request: &v1::MoveObjectsRequest) -> Result<v1::ObjectsResponse, ApiError> {
+    /// [`WorldError`] for the request as a whole; what is wrong with one move is in its result.
+    pub fn move_objects(&self, request: &v1::MoveObjectsRequest) -> Result<ObjectsChanged, WorldError> {
         let root = Path::root();
         let (cell, convention) = self.place_of(&root, &request.scene, request.convention)?;
         units::length(&root.field("moves"), request.moves.len(), 1, MAX_INSTANCES)?;
@@ -162,11 +156,8 @@ impl Store {
     /// `troupe.v1.Scenes/RemoveObjects`.
     ///
     /// # Errors
-    /// [`ApiError`] for the request as a whole; what is wrong with one id is in its result.
-    pub fn remove_objects(
-        &self,
-        request: &v1::RemoveObjectsRequest,
-    ) -> Result<v1::ObjectsResponse, ApiError> {
+    /// [`WorldError`] for the request as a whole; what is wrong with one id is in its result.
+    pub fn remove_objects(&self, request: &v1::RemoveObjectsRequest) -> Result<ObjectsChanged, WorldError> {
         let root = Path::root();
         let cell = self.scene(&request.scene, &root.field("scene"))?;
         units::length(&root.field("ids"), request.ids.len(), 1, MAX_INSTANCES)?;
@@ -187,7 +178,7 @@ impl Store {
         root: &Path<'_>,
         scene: &str,
         convention: i32,
-    ) -> Result<(Arc<SceneCell>, Convention), ApiError> {
+    ) -> Result<(Arc<SceneCell>, Convention), WorldError> {
         let convention = units::convention(&root.field("convention"), convention)?;
         Ok((self.scene(scene, &root.field("scene"))?, convention))
     }
@@ -195,12 +186,12 @@ impl Store {
     /// `troupe.v1.Scenes/PutObjectDefinition`, for `pack`.
     ///
     /// # Errors
-    /// [`ApiError`] for the first thing that is wrong with the document, or where it cannot be kept; then nothing has changed.
+    /// [`WorldError`] for the first thing that is wrong with the document, or where it cannot be kept; then nothing has changed.
     pub fn put_object(
         &self,
         request: &v1::PutObjectDefinitionRequest,
         pack: &Rig,
-    ) -> Result<v1::PutObjectDefinitionResponse, ApiError> {
+    ) -> Result<v1::PutObjectDefinitionResponse, WorldError> {
         let path = Path::root();
         let (text, format) = definition::document(&path.field("document"), request.document.as_ref())?;
         let read = definition::read_definition(text, format, &request.name, pack)?;
@@ -227,11 +218,11 @@ impl Store {
     /// `troupe.v1.Scenes/GetObjectDefinition`.
     ///
     /// # Errors
-    /// [`ApiError`] where there is no such definition, or format.
+    /// [`WorldError`] where there is no such definition, or format.
     pub fn get_object(
         &self,
         request: &v1::GetObjectDefinitionRequest,
-    ) -> Result<v1::GetObjectDefinitionResponse, ApiError> {
+    ) -> Result<v1::GetObjectDefinitionResponse, WorldError> {
         let path = Path::root();
         let format = definition::format(&path.field("format"), request.format)?;
         let Listed { definition, revision } =
@@ -258,11 +249,11 @@ impl Store {
     /// `troupe.v1.Scenes/DeleteObjectDefinition`.
     ///
     /// # Errors
-    /// [`ApiError`] where there is no such definition, or where scenes have objects of it.
+    /// [`WorldError`] where there is no such definition, or where scenes have objects of it.
     pub fn delete_object(
         &self,
         request: &v1::DeleteObjectDefinitionRequest,
-    ) -> Result<v1::DeleteObjectDefinitionResponse, ApiError> {
+    ) -> Result<v1::DeleteObjectDefinitionResponse, WorldError> {
         self.delete_definition(&request.name)?;
         Ok(v1::DeleteObjectDefinitionResponse {})
     }
@@ -279,7 +270,7 @@ fn move_object(
     one: &v1::ObjectMove,
     convention: Convention,
     scene: &mut Scene,
-) -> Result<(), ApiError> {
+) -> Result<(), WorldError> {
     let id = path.field("id");
     message::check_id(&id, &one.id)?;
     let unknown = || SceneError::Unknown {
@@ -295,8 +286,8 @@ fn move_object(
     scene.move_to(&one.id, then).map_err(|error| at(&id, error))
 }
 
-fn at(path: &Path<'_>, error: SceneError) -> ApiError {
-    ApiError::Objects {
+fn at(path: &Path<'_>, error: SceneError) -> WorldError {
+    WorldError::Object {
         error,
         field: path.to_string(),
     }
@@ -307,22 +298,18 @@ fn change_each<T>(
     cell: &SceneCell,
     list: &[T],
     id: impl Fn(&T) -> &String,
-    change: impl Fn(usize, &T, &mut Scene) -> Result<(), ApiError>,
-) -> v1::ObjectsResponse {
+    change: impl Fn(usize, &T, &mut Scene) -> Result<(), WorldError>,
+) -> ObjectsChanged {
     let done: Result<_, std::convert::Infallible> = cell.update(|scene| {
-        let each = list.iter().enumerate().map(|(index, one)| v1::ObjectResult {
-            id: id(one)
-                .chars()
-                .take(troupe_character::scene::MAX_ID_BYTES)
-                .collect(),
-            problem: change(index, one, scene).err().map(|error| error.problem()),
+        let each = list.iter().enumerate().map(|(index, one)| ObjectOutcome {
+            id: id(one).chars().take(MAX_ID_BYTES).collect(),
+            error: change(index, one, scene).err(),
         });
-        let results = each.collect();
-        Ok(v1::ObjectsResponse {
-            results,
+        Ok(ObjectsChanged {
+            objects: each.collect(),
             revision: scene.revision(),
         })
     });
-    let Ok(response) = done;
-    response
+    let Ok(changed) = done;
+    changed
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use troupe_proto::v1;
 
-use crate::api::ApiError;
+use super::WorldError;
 use troupe_character::document::{DocumentError, Format, read};
 use troupe_character::object::{Definition, Listed, ObjectDoc};
 use troupe_character::scene::SceneTable;
@@ -88,7 +88,7 @@ pub(super) fn variants(definition: &Definition) -> Vec<v1::ObjectVariant> {
 }
 
 /// All of a definition, as text.
-pub(super) fn write_document(definition: &Definition, format: Format) -> Result<v1::Document, ApiError> {
+pub(super) fn write_document(definition: &Definition, format: Format) -> Result<v1::Document, WorldError> {
     let (text, format) = match format {
         Format::Toml => (
             definition.doc.to_toml().map_err(|error| error.to_string()),
@@ -101,7 +101,7 @@ pub(super) fn write_document(definition: &Definition, format: Format) -> Result<
     };
     Ok(v1::Document {
         format: format.into(),
-        text: text.map_err(ApiError::Internal)?,
+        text: text.map_err(WorldError::Internal)?,
     })
 }
 

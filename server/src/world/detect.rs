@@ -7,10 +7,10 @@ use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Vec3};
 use troupe_proto::v1;
 
+use super::WorldError;
 use super::message::write_object;
 use super::{Store, definition, shape};
-use crate::api::ApiError;
-use crate::session::units;
+use crate::wire::units;
 use troupe_character::object::DefinitionList;
 use troupe_character::scene::{self, BoxTrace, MAX_COORDINATE_M, SceneCell, State, Transform};
 use troupe_character::{FieldError, Path};
@@ -50,30 +50,28 @@ impl Store {
     /// `troupe.v1.Scenes/Detect`. `standing` says where the character of a session is.
     ///
     /// # Errors
-    /// [`ApiError`] for a value that is not accepted, and for a session or scene that is not there.
-    pub fn detect(
+    /// [`WorldError`] for a value that is not accepted, and for a session or scene that is not there.
+    pub fn detect<E: From<WorldError>>(
         &self,
         request: &v1::DetectRequest,
-        standing: impl FnOnce(&str) -> Result<Standing, ApiError>,
-    ) -> Result<v1::DetectResponse, ApiError> {
+        standing: impl FnOnce(&str) -> Result<Standing, E>,
+    ) -> Result<v1::DetectResponse, E> {
         let root = Path::root();
         let question = match (&request.r#box, request.session_id.as_str()) {
             (None, "") => {
-                return Err(root
-                    .field("session_id")
-                    .error("is empty", "a session, or a box")
-                    .into());
+                let error = root.field("session_id").error("is empty", "a session, or a box");
+                Err(error.into())
             }
-            (None, id) => of_session(&root, request, standing(id)?)?,
-            (Some(given), "") => self.of_box(&root, request, given)?,
+            (None, id) => of_session(&root, request, standing(id)?).map_err(WorldError::from),
+            (Some(given), "") => self.of_box(&root, request, given),
             (Some(_), _) => {
                 let error = root
                     .field("box")
                     .error("is given beside session_id", "one of the two");
-                return Err(error.into());
+                Err(error.into())
             }
         };
-        Ok(question.answer(&self.definitions().snapshot()))
+        Ok(question?.answer(&self.definitions().snapshot()))
     }
 
     fn of_box(
@@ -81,7 +79,7 @@ impl Store {
         root: &Path<'_>,
         request: &v1::DetectRequest,
         given: &v1::DetectBox,
-    ) -> Result<Question, ApiError> {
+    ) -> Result<Question, WorldError> {
         let convention = units::convention(&root.field("convention"), request.convention)?;
         let path = root.field("box");
         if given.scene.is_empty() {

@@ -2,12 +2,12 @@
 
 use troupe_motion::Quat;
 use troupe_motion::conventions::Convention;
-use troupe_motion::rotation::{to_wxyz, yaw};
+use troupe_motion::rotation::yaw;
 use troupe_proto::v1;
 
+use super::WorldError;
 use super::shape;
-use crate::api::ApiError;
-use crate::session::units;
+use crate::wire::units::{self, position, quat};
 use troupe_character::document::check;
 use troupe_character::limits::UNIT_TOLERANCE;
 use troupe_character::scene::{
@@ -16,20 +16,12 @@ use troupe_character::scene::{
 };
 use troupe_character::{FieldError, Path};
 
-pub(crate) use crate::session::units::position;
-
-/// A native rotation in a convention.
-pub(crate) fn quat(rotation: Quat, convention: Convention) -> v1::Quat {
-    let [w, x, y, z] = to_wxyz(convention.rotation_from_native(rotation));
-    v1::Quat { w, x, y, z }
-}
-
 /// Checks a whole scene and makes it.
 pub(super) fn read_scene(
     path: &Path<'_>,
     scene: &v1::Scene,
     bodies: &impl Bodies,
-) -> Result<NamedScene, ApiError> {
+) -> Result<NamedScene, WorldError> {
     check::name(&path.field("name"), &scene.name)?;
     let convention = units::convention(&path.field("convention"), scene.convention)?;
     let unit = convention.units_per_metre();
@@ -112,7 +104,7 @@ pub(super) fn add_object(
     convention: Convention,
     bodies: &impl Bodies,
     scene: &mut Scene,
-) -> Result<(), ApiError> {
+) -> Result<(), WorldError> {
     let id = path.field("id");
     check_id(&id, &object.id)?;
     let definition = path.field("definition");
@@ -126,7 +118,7 @@ pub(super) fn add_object(
     )?;
     scene
         .add(&object.id, &object.definition, body, transform)
-        .map_err(|error| ApiError::Objects {
+        .map_err(|error| WorldError::Object {
             error,
             field: id.to_string(),
         })

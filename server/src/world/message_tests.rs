@@ -101,7 +101,7 @@ fn yard() -> v1::Scene {
     }
 }
 
-fn read(scene: &v1::Scene) -> Result<Scene, ApiError> {
+fn read(scene: &v1::Scene) -> Result<Scene, WorldError> {
     read_scene(&Path::root().field("scene"), scene, &Cups).map(|named| named.scene)
 }
 
@@ -196,8 +196,11 @@ fn errors_name_the_field_and_its_range_in_the_requests_unit() {
     let wrong = |change: Change| {
         let mut scene = yard();
         change(&mut scene);
-        let error = read(&scene).unwrap_err().body().error;
-        (error.field.unwrap_or_default(), error.allowed.unwrap_or_default())
+        match read(&scene).unwrap_err() {
+            WorldError::Field(error) => (error.field, error.allowed),
+            WorldError::Object { field, .. } => (field, String::new()),
+            other => panic!("{other}"),
+        }
     };
     let cases: Vec<(Change, &str, &str)> = vec![
         (|s| s.name = "a b".into(), "scene.name", "1 to 64 letters"),

@@ -1,7 +1,7 @@
 //! What the characters of a server live among: its scenes and the definitions of their objects.
 //!
 //! A [`Store`] has them all, reads them from folders as the server starts, and keeps what is uploaded there. The rest is how
-//! they travel: messages to scenes and back ([`message`], [`shape`]), definitions as messages ([`definition`]), and what a
+//! they look as messages: messages to scenes and back ([`message`], [`shape`]), definitions as messages ([`definition`]), and what a
 //! box reaches ([`detect`]). [`calls`] are the calls of `troupe.v1.Scenes`.
 //!
 //! Scenes are native; the convention of a request is dealt with here, at the edge.
@@ -9,6 +9,7 @@
 mod calls;
 mod definition;
 mod detect;
+mod error;
 mod message;
 mod shape;
 mod store;
@@ -16,6 +17,7 @@ mod store;
 #[cfg(test)]
 mod store_tests;
 
+pub use calls::{ObjectOutcome, ObjectsChanged};
 pub use detect::Standing;
-pub(crate) use message::{position, quat};
+pub use error::WorldError;
 pub use store::{Folders, LoadError, Store, StoreError};

@@ -4,8 +4,7 @@ use troupe_motion::Vec3;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
-use super::message::position;
-use crate::session::units;
+use crate::wire::units::{self, position};
 use troupe_character::scene::{
     CONVEX_POINTS, ColliderShape, HALF_EXTENT_M, HEIGHTFIELD_SIDE, Heightfield, MAX_SHAPE_COORDINATE_M, Shape,
 };

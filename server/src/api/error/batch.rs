@@ -12,6 +12,7 @@ impl Tabled for SubmitError {
             Self::QueueFull { retry_after, .. } => FULL.because("QUEUE_FULL").retry_after(*retry_after),
             Self::Superseded => ABORTED.because("SUPERSEDED"),
             Self::DeadlinePassed { .. } => TOO_LATE.because("DEADLINE_EXCEEDED"),
+            Self::ReaderSlow => FULL.because("READER_SLOW"),
             Self::Engine(EngineError::Stopped) => UNAVAILABLE.because("NOT_READY"),
             Self::Engine(_) => INTERNAL.because("INTERNAL"),
         }
@@ -24,8 +25,12 @@ pub(super) fn message(error: &SubmitError) -> String {
         SubmitError::QueueFull { .. } => format!("the server is busy: {error}"),
         SubmitError::Superseded => "a newer plan of the same character took the place of this one".to_owned(),
         SubmitError::DeadlinePassed { waited } => {
-            format!("the request was given up after {} ms in the queue", waited.as_millis())
+            format!(
+                "the request was given up after {} ms in the queue",
+                waited.as_millis()
+            )
         }
+        SubmitError::ReaderSlow => "the answer was given up: its parts were not read in time".to_owned(),
         SubmitError::Engine(EngineError::Stopped) => "the server is broken: an engine has stopped".to_owned(),
         SubmitError::Engine(error) => error.to_string(),
     }
@@ -69,7 +74,13 @@ mod tests {
         let shown = |error: SubmitError| {
             let error = ApiError::from(error);
             let Row { codes, reason, .. } = error.row();
-            (error.to_string(), codes.grpc, codes.http.as_u16(), codes.label, reason)
+            (
+                error.to_string(),
+                codes.grpc,
+                codes.http.as_u16(),
+                codes.label,
+                reason,
+            )
         };
         assert_eq!(
             shown(SubmitError::Superseded),

@@ -11,53 +11,85 @@ use tonic_types::{ErrorDetails, StatusExt as _};
 use troupe_proto::v1;
 use utoipa::ToSchema;
 
-use super::{ApiError, DOMAIN, MAX_MESSAGE, cut};
+use super::row::Row;
+use super::{ApiError, DOMAIN};
+use crate::wire::{MAX_MESSAGE, cut};
 
 impl ApiError {
+    /// The code's name, for metrics.
+    pub(in crate::api) fn label(&self) -> &'static str {
+        self.row().codes.label
+    }
+
     /// The error as JSON.
     pub fn body(&self) -> ErrorBody {
+        let Row {
+            codes,
+            reason,
+            field,
+            allowed,
+            place,
+            retry_after,
+            ..
+        } = self.row();
         ErrorBody {
             error: ErrorDetail {
-                code: self.label().to_owned(),
-                reason: self.reason().to_owned(),
+                code: codes.label.to_owned(),
+                reason: reason.to_owned(),
                 message: self.to_string(),
-                field: self.field().map(str::to_owned),
-                allowed: self.allowed(),
-                line: self.place().map(|(line, _)| line as u32),
-                column: self.place().map(|(_, column)| column as u32),
-                retry_after_ms: self.retry_after().map(|after| after.as_millis() as u64),
+                field: field.map(str::to_owned),
+                allowed,
+                line: place.map(|(line, _)| line as u32),
+                column: place.map(|(_, column)| column as u32),
+                retry_after_ms: retry_after.map(|after| after.as_millis() as u64),
             },
         }
     }
 
     /// The error as part of an answer that serves others.
-    pub fn problem(&self) -> v1::Problem {
+    pub(in crate::api) fn problem(&self) -> v1::Problem {
+        let Row {
+            reason,
+            field,
+            allowed,
+            ..
+        } = self.row();
         v1::Problem {
-            reason: self.reason().to_owned(),
+            reason: reason.to_owned(),
             message: self.to_string(),
-            field: self.field().unwrap_or_default().to_owned(),
-            allowed: self.allowed().unwrap_or_default(),
+            field: field.unwrap_or_default().to_owned(),
+            allowed: allowed.unwrap_or_default(),
         }
     }
 
     /// The error as a gRPC status with `google.rpc` details.
     pub fn status(&self) -> Status {
+        let Row {
+            codes,
+            reason,
+            field,
+            allowed,
+            description,
+            place,
+            retry_after,
+        } = self.row();
         let mut details = ErrorDetails::new();
         let mut metadata = std::collections::HashMap::new();
-        metadata.extend(self.field().map(|field| ("field".to_owned(), field.to_owned())));
-        metadata.extend(self.allowed().map(|allowed| ("allowed".to_owned(), allowed)));
-        if let Some((line, column)) = self.place() {
+        metadata.extend(field.map(|field| ("field".to_owned(), field.to_owned())));
+        metadata.extend(allowed.map(|allowed| ("allowed".to_owned(), allowed)));
+        if let Some((line, column)) = place {
             metadata.insert("line".to_owned(), line.to_string());
             metadata.insert("column".to_owned(), column.to_string());
         }
-        details.set_error_info(self.reason(), DOMAIN, metadata);
-        if let (Code::InvalidArgument, Some(field)) = (self.codes().0, self.field()) {
-            details.add_bad_request_violation(field, self.description());
+        details.set_error_info(reason, DOMAIN, metadata);
+        if let (Code::InvalidArgument, Some(field)) = (codes.grpc, field) {
+            let description = description.unwrap_or_else(|| self.to_string());
+            details.add_bad_request_violation(field, description);
         }
-        if let Some(after) = self.retry_after() {
-            details.set_retry_info(Some(after));
+        if retry_after.is_some() {
+            details.set_retry_info(retry_after);
         }
-        let mut status = Status::with_error_details(self.codes().0, self.to_string(), details);
+        let mut status = Status::with_error_details(codes.grpc, self.to_string(), details);
         status.set_source(std::sync::Arc::new(self.clone()));
         status
     }
@@ -89,15 +121,18 @@ pub(in crate::api) struct CodeLabel(pub(in crate::api) &'static str);
 
 impl IntoResponse for ApiError {
     fn into_response(self) -> Response {
-        let mut response = (self.codes().1, Json(self.body())).into_response();
-        if let Some(after) = self.retry_after() {
+        let Row {
+            codes, retry_after, ..
+        } = self.row();
+        let mut response = (codes.http, Json(self.body())).into_response();
+        if let Some(after) = retry_after {
             // The header knows whole seconds only; the body has the milliseconds.
             let seconds = after.as_millis().div_ceil(1000).max(1) as u64;
             response
                 .headers_mut()
                 .insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
-        response.extensions_mut().insert(CodeLabel(self.label()));
+        response.extensions_mut().insert(CodeLabel(codes.label));
         response
     }
 }

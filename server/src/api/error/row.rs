@@ -44,11 +44,8 @@ pub(super) const TOO_LATE: Codes = codes(
     StatusCode::GATEWAY_TIMEOUT,
     "DEADLINE_EXCEEDED",
 );
-pub(super) const UNAVAILABLE: Codes = codes(
-    Code::Unavailable,
-    StatusCode::SERVICE_UNAVAILABLE,
-    "UNAVAILABLE",
-);
+pub(super) const UNAVAILABLE: Codes =
+    codes(Code::Unavailable, StatusCode::SERVICE_UNAVAILABLE, "UNAVAILABLE");
 pub(super) const INTERNAL: Codes = codes(Code::Internal, StatusCode::INTERNAL_SERVER_ERROR, "INTERNAL");
 pub(super) const NO_ROUTE: Codes = codes(Code::Unimplemented, StatusCode::NOT_FOUND, "NOT_FOUND");
 pub(super) const NO_METHOD: Codes = codes(
@@ -56,11 +53,8 @@ pub(super) const NO_METHOD: Codes = codes(
     StatusCode::METHOD_NOT_ALLOWED,
     "METHOD_NOT_ALLOWED",
 );
-pub(super) const UNIMPLEMENTED: Codes = codes(
-    Code::Unimplemented,
-    StatusCode::NOT_IMPLEMENTED,
-    "UNIMPLEMENTED",
-);
+pub(super) const UNIMPLEMENTED: Codes =
+    codes(Code::Unimplemented, StatusCode::NOT_IMPLEMENTED, "UNIMPLEMENTED");
 
 /// What an error is to a caller.
 #[derive(Debug)]

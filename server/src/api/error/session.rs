@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
-use crate::packs::UnknownPack;
+use crate::packs::{CannotDo, UnknownPack};
 use crate::session::SessionError;
 use troupe_character::live::{MAX_WAITING_COMMANDS, Refusal};
 
@@ -15,6 +15,7 @@ impl Tabled for SessionError {
         match self {
             Self::Field(error) => error.row(),
             Self::UnknownPack(error) => error.row(),
+            Self::CannotDo(error) => error.row(),
             Self::World(error) => error.row(),
             Self::Expired { field, .. } => GONE.because("SESSION_EXPIRED").field(field),
             Self::Unknown { field, .. } => NOT_FOUND.because("UNKNOWN_SESSION").field(field),
@@ -27,9 +28,7 @@ impl Tabled for SessionError {
             Self::TooManyStreams { limit } => no_place("TOO_MANY_STREAMS", *limit),
             Self::ShuttingDown => UNAVAILABLE.because("NOT_READY"),
             Self::Refused { refusal, field } => refusal.row().field(field),
-            Self::UnknownStyle {
-                field, there_are, ..
-            } => INVALID
+            Self::UnknownStyle { field, there_are, .. } => INVALID
                 .because("UNKNOWN_STYLE")
                 .field(field)
                 .allowed(there_are.join(", ")),
@@ -60,18 +59,27 @@ impl Tabled for UnknownPack {
     }
 }
 
+impl Tabled for CannotDo {
+    fn row(&self) -> Row<'_> {
+        INVALID
+            .because("PACK_CANNOT")
+            .field(&self.field)
+            .allowed(format!("a pack with the capability {}", self.wanted))
+    }
+}
+
 impl Tabled for Refusal {
     fn row(&self) -> Row<'_> {
         match self {
             Self::NoScene => NOT_NOW.because("NO_SCENE"),
             Self::UnknownObject { .. } => NOT_FOUND.because("UNKNOWN_OBJECT"),
             Self::WrongPack { .. } => NOT_NOW.because("WRONG_PACK"),
-            Self::UnknownVariant { there_are, .. } => INVALID
-                .because("UNKNOWN_VARIANT")
-                .allowed(there_are.join(", ")),
-            Self::UnknownApproach { there_are, .. } => INVALID
-                .because("UNKNOWN_APPROACH")
-                .allowed(there_are.join(", ")),
+            Self::UnknownVariant { there_are, .. } => {
+                INVALID.because("UNKNOWN_VARIANT").allowed(there_are.join(", "))
+            }
+            Self::UnknownApproach { there_are, .. } => {
+                INVALID.because("UNKNOWN_APPROACH").allowed(there_are.join(", "))
+            }
             Self::Taken { .. } => NOT_NOW.because("OBJECT_TAKEN"),
             Self::Blocked { .. } => NOT_NOW.because("BLOCKED"),
             Self::HandFull { .. } => NOT_NOW.because("HAND_FULL"),

@@ -39,7 +39,9 @@ impl Tabled for TableError {
         match self {
             Self::Unknown { known, .. } => NOT_FOUND.because("UNKNOWN_SCENE").allowed(names(known)),
             Self::Exists(_) => EXISTS.because("SCENE_EXISTS"),
-            Self::InUse { .. } => NOT_NOW.because("SCENE_IN_USE").allowed("a scene without sessions"),
+            Self::InUse { .. } => NOT_NOW
+                .because("SCENE_IN_USE")
+                .allowed("a scene without sessions"),
             Self::Full => FULL
                 .because("TOO_MANY_SCENES")
                 .allowed(format!("at most {MAX_SCENES}")),

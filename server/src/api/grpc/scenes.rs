@@ -7,6 +7,7 @@ use troupe_proto::v1;
 use troupe_proto::v1::scenes_server::Scenes;
 
 use super::answer;
+use crate::api::answers;
 use crate::service::Service;
 
 /// The Scenes service.
@@ -43,21 +44,36 @@ impl Scenes for ScenesApi {
         &self,
         request: Request<v1::AddObjectsRequest>,
     ) -> Result<Response<v1::ObjectsResponse>, Status> {
-        answer(self.0.add_objects(request.into_inner()).await)
+        answer(
+            self.0
+                .add_objects(request.into_inner())
+                .await
+                .map(answers::objects),
+        )
     }
 
     async fn move_objects(
         &self,
         request: Request<v1::MoveObjectsRequest>,
     ) -> Result<Response<v1::ObjectsResponse>, Status> {
-        answer(self.0.move_objects(request.into_inner()).await)
+        answer(
+            self.0
+                .move_objects(request.into_inner())
+                .await
+                .map(answers::objects),
+        )
     }
 
     async fn remove_objects(
         &self,
         request: Request<v1::RemoveObjectsRequest>,
     ) -> Result<Response<v1::ObjectsResponse>, Status> {
-        answer(self.0.remove_objects(request.into_inner()).await)
+        answer(
+            self.0
+                .remove_objects(request.into_inner())
+                .await
+                .map(answers::objects),
+        )
     }
 
     async fn put_object_definition(

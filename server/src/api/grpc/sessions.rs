@@ -9,7 +9,7 @@ use troupe_proto::v1;
 use troupe_proto::v1::sessions_server::Sessions;
 
 use super::answer;
-use crate::api::ApiError;
+use crate::api::{ApiError, answers};
 use crate::service::Service;
 use crate::session::drive::{Outlet, outbox};
 
@@ -54,11 +54,22 @@ impl Sessions for SessionsApi {
         &self,
         request: Request<v1::CommandRequest>,
     ) -> Result<Response<v1::CommandResponse>, Status> {
-        answer(self.service.sessions().command(request.get_ref()))
+        answer(
+            self.service
+                .sessions()
+                .command(request.get_ref())
+                .map(answers::commands),
+        )
     }
 
     async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::StepResponse>, Status> {
-        answer(self.service.sessions().step(request.get_ref()).await)
+        answer(
+            self.service
+                .sessions()
+                .step(request.get_ref())
+                .await
+                .map(answers::step),
+        )
     }
 
     type DriveStream = Pin<Box<dyn Stream<Item = Result<v1::DriveResponse, Status>> + Send>>;
@@ -69,13 +80,13 @@ impl Sessions for SessionsApi {
     ) -> Result<Response<Self::DriveStream>, Status> {
         let place = match self.service.sessions().open_stream() {
             Ok(place) => place,
-            Err(error) => return Err(error.status()),
+            Err(error) => return Err(ApiError::from(error).status()),
         };
         let limit = self.stream_message_bytes;
         let mut inbound = request
             .into_inner()
-            .map(move |said| said.map_err(|status| ApiError::of_status(&status, limit)));
-        let (outbox, outlet) = outbox();
+            .map(move |said| said.map_err(|status| ApiError::of_status(&status, limit).problem()));
+        let (outbox, outlet) = outbox(answers::drive);
         // It ends by itself: with the server, or with the client, whose going drops the outlet.
         tokio::spawn(async move { place.run(&mut inbound, outbox).await });
         let outbound = futures_util::stream::unfold(outlet, |mut outlet: Outlet| async {

@@ -9,8 +9,9 @@ use http::StatusCode;
 use serde::de::DeserializeOwned;
 use troupe_proto::v1;
 
-use crate::api::error::{ApiError, MAX_MESSAGE, MAX_PATH, cut};
+use crate::api::error::ApiError;
 use crate::api::shape::Shapes;
+use crate::wire::{MAX_MESSAGE, MAX_PATH, cut};
 use troupe_character::document::plain;
 
 /// Limits of a body. `DefaultBodyLimit` enforces the bytes; here they are named in errors.

@@ -9,8 +9,10 @@ use troupe_proto::v1;
 
 use super::json::JsonBody;
 use super::{Asked, Named, asked, named};
-use crate::api::error::{ApiError, ErrorBody, cut};
+use crate::api::answers;
+use crate::api::error::{ApiError, ErrorBody};
 use crate::service::Service;
+use crate::wire::cut;
 use troupe_character::FieldError;
 
 type Server = State<Arc<Service>>;
@@ -45,7 +47,7 @@ fn agreed(field: &str, body: &str, path: Named<String>) -> Result<String, ApiErr
     )
 )]
 pub(in crate::api) async fn list(State(service): Server) -> Result<Json<v1::ListScenesResponse>, ApiError> {
-    service.list_scenes().map(Json)
+    Ok(Json(service.list_scenes()?))
 }
 
 /// Create a scene, or replace one as a whole
@@ -75,7 +77,7 @@ pub(in crate::api) async fn put(
         same_name("scene.name", &scene.name, &request.name)?;
         scene.name.clone_from(&request.name);
     }
-    service.put_scene(request).await.map(Json)
+    Ok(Json(service.put_scene(request).await?))
 }
 
 /// How the scene is to be given.
@@ -118,7 +120,7 @@ pub(in crate::api) async fn get(
         convention,
         without_colliders,
     };
-    service.get_scene(request).await.map(Json)
+    Ok(Json(service.get_scene(request).await?))
 }
 
 /// Delete a scene in which there are no sessions
@@ -141,7 +143,7 @@ pub(in crate::api) async fn delete(
     let request = v1::DeleteSceneRequest {
         name: named("name", name)?,
     };
-    service.delete_scene(request).await.map(Json)
+    Ok(Json(service.delete_scene(request).await?))
 }
 
 /// Put objects into a scene
@@ -168,7 +170,7 @@ pub(in crate::api) async fn add(
     JsonBody(mut request): JsonBody<v1::AddObjectsRequest>,
 ) -> Result<Json<v1::ObjectsResponse>, ApiError> {
     request.scene = agreed("scene", &request.scene, name)?;
-    service.add_objects(request).await.map(Json)
+    Ok(Json(answers::objects(service.add_objects(request).await?)))
 }
 
 /// Move objects of a scene
@@ -195,7 +197,7 @@ pub(in crate::api) async fn move_objects(
     JsonBody(mut request): JsonBody<v1::MoveObjectsRequest>,
 ) -> Result<Json<v1::ObjectsResponse>, ApiError> {
     request.scene = agreed("scene", &request.scene, name)?;
-    service.move_objects(request).await.map(Json)
+    Ok(Json(answers::objects(service.move_objects(request).await?)))
 }
 
 /// Take objects out of a scene, whoever has them
@@ -222,7 +224,7 @@ pub(in crate::api) async fn remove(
     JsonBody(mut request): JsonBody<v1::RemoveObjectsRequest>,
 ) -> Result<Json<v1::ObjectsResponse>, ApiError> {
     request.scene = agreed("scene", &request.scene, name)?;
-    service.remove_objects(request).await.map(Json)
+    Ok(Json(answers::objects(service.remove_objects(request).await?)))
 }
 
 /// What a character, or any box, reaches
@@ -244,7 +246,7 @@ pub(in crate::api) async fn detect(
     State(service): Server,
     JsonBody(request): JsonBody<v1::DetectRequest>,
 ) -> Result<Json<v1::DetectResponse>, ApiError> {
-    service.detect(&request).map(Json)
+    Ok(Json(service.detect(&request)?))
 }
 
 /// List object definitions
@@ -260,7 +262,7 @@ pub(in crate::api) async fn detect(
 pub(in crate::api) async fn list_objects(
     State(service): Server,
 ) -> Result<Json<v1::ListObjectDefinitionsResponse>, ApiError> {
-    service.list_object_definitions().await.map(Json)
+    Ok(Json(service.list_object_definitions().await?))
 }
 
 /// Add an object definition, or replace one
@@ -287,7 +289,7 @@ pub(in crate::api) async fn put_object(
     JsonBody(mut request): JsonBody<v1::PutObjectDefinitionRequest>,
 ) -> Result<Json<v1::PutObjectDefinitionResponse>, ApiError> {
     request.name = agreed("name", &request.name, name)?;
-    service.put_object_definition(request).await.map(Json)
+    Ok(Json(service.put_object_definition(request).await?))
 }
 
 /// How the definition is to be written.
@@ -323,7 +325,7 @@ pub(in crate::api) async fn get_object(
         name: named("name", name)?,
         format: asked(form)?.format,
     };
-    service.get_object_definition(request).await.map(Json)
+    Ok(Json(service.get_object_definition(request).await?))
 }
 
 /// Delete an object definition of which no scene has an object
@@ -346,5 +348,5 @@ pub(in crate::api) async fn delete_object(
     let request = v1::DeleteObjectDefinitionRequest {
         name: named("name", name)?,
     };
-    service.delete_object_definition(request).await.map(Json)
+    Ok(Json(service.delete_object_definition(request).await?))
 }

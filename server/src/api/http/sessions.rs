@@ -9,8 +9,10 @@ use troupe_proto::v1;
 
 use super::json::JsonBody;
 use super::{Asked, Named, asked, named};
-use crate::api::error::{ApiError, ErrorBody, cut};
+use crate::api::answers;
+use crate::api::error::{ApiError, ErrorBody};
 use crate::service::Service;
+use crate::wire::cut;
 use troupe_character::FieldError;
 
 type Server = State<Arc<Service>>;
@@ -35,7 +37,7 @@ pub(in crate::api) async fn create(
     State(service): Server,
     JsonBody(request): JsonBody<v1::CreateSessionsRequest>,
 ) -> Result<Json<v1::CreateSessionsResponse>, ApiError> {
-    service.create_sessions(request).await.map(Json)
+    Ok(Json(service.create_sessions(request).await?))
 }
 
 /// Which page of the list.
@@ -72,7 +74,7 @@ pub(in crate::api) async fn list(
         page_size,
         page_token,
     };
-    service.sessions().list(&request).map(Json)
+    Ok(Json(service.sessions().list(&request)?))
 }
 
 /// Describe a session
@@ -91,7 +93,7 @@ pub(in crate::api) async fn get(
     State(service): Server,
     id: Named<String>,
 ) -> Result<Json<v1::Session>, ApiError> {
-    service.sessions().get(&named("id", id)?).map(Json)
+    Ok(Json(service.sessions().get(&named("id", id)?)?))
 }
 
 /// Close a session; that it is gone already is no error
@@ -109,7 +111,7 @@ pub(in crate::api) async fn close(
     let request = v1::CloseSessionsRequest {
         ids: vec![named("id", id)?],
     };
-    service.sessions().close(&request).map(Json)
+    Ok(Json(service.sessions().close(&request)?))
 }
 
 /// How much of the future.
@@ -143,7 +145,7 @@ pub(in crate::api) async fn peek(
         session_id: named("id", id)?,
         frames: asked(future)?.frames,
     };
-    service.sessions().peek(&request).map(Json)
+    Ok(Json(service.sessions().peek(&request)?))
 }
 
 /// Give commands to sessions
@@ -164,7 +166,7 @@ pub(in crate::api) async fn command(
     State(service): Server,
     JsonBody(request): JsonBody<v1::CommandRequest>,
 ) -> Result<Json<v1::CommandResponse>, ApiError> {
-    service.sessions().command(&request).map(Json)
+    Ok(Json(answers::commands(service.sessions().command(&request)?)))
 }
 
 /// Give commands and take the next frames
@@ -191,7 +193,7 @@ pub(in crate::api) async fn step(
     State(service): Server,
     JsonBody(request): JsonBody<v1::StepRequest>,
 ) -> Result<Json<v1::StepResponse>, ApiError> {
-    service.sessions().step(&request).await.map(Json)
+    Ok(Json(answers::step(service.sessions().step(&request).await?)))
 }
 
 /// List the locomotion styles of a pack, without their keyframes
@@ -213,7 +215,7 @@ pub(in crate::api) async fn list_styles(
     let request = v1::ListStylesRequest {
         pack: named("name", name)?,
     };
-    service.list_styles(&request).map(Json)
+    Ok(Json(service.list_styles(&request)?))
 }
 
 /// One style with its keyframes
@@ -237,7 +239,7 @@ pub(in crate::api) async fn get_style(
     names: Named<(String, String)>,
 ) -> Result<Json<v1::Style>, ApiError> {
     let (pack, style) = named("style", names)?;
-    service.get_style(&v1::GetStyleRequest { pack, style }).map(Json)
+    Ok(Json(service.get_style(&v1::GetStyleRequest { pack, style })?))
 }
 
 /// Add a style to a pack, or replace one that was added
@@ -283,5 +285,5 @@ pub(in crate::api) async fn put_style(
         pack,
         style: Some(v1::Style { name, ..style }),
     };
-    service.put_style(request).await.map(Json)
+    Ok(Json(service.put_style(request).await?))
 }

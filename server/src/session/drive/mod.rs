@@ -5,6 +5,7 @@
 
 mod outbox;
 mod roster;
+mod said;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,62 +15,19 @@ use tokio::sync::{OwnedSemaphorePermit, watch};
 use tokio::time::{Interval, MissedTickBehavior};
 use troupe_proto::v1;
 use troupe_proto::v1::drive_request::Message as Ask;
-use troupe_proto::v1::drive_response::Message as Say;
 
 use super::encode::Form;
-use super::{Sessions, commands, step, units};
-use crate::api::ApiError;
+use super::{Sessions, commands, step};
+use crate::wire::units;
+use troupe_character::live::CommandOutcome;
 use troupe_character::{FieldError, Path};
 
 pub use outbox::{Outbox, Outlet, outbox};
 pub(super) use roster::Roster;
+pub use said::{Attached, Closing, Departure, Said};
 
 /// Longest time that characters catch up on after ticks that the server missed.
 const MAX_CATCH_UP: Duration = Duration::from_secs(1);
-
-/// Why a stream ends.
-#[derive(Debug)]
-enum Closing {
-    /// The client says that it is done.
-    ClientDone,
-    /// The server shuts down.
-    Draining,
-    /// Nobody reads.
-    SlowReader(Duration),
-    /// The client said something that makes no sense.
-    Invalid(ApiError),
-    /// The client has gone: nobody is left to tell.
-    Gone,
-}
-
-impl From<FieldError> for Closing {
-    fn from(error: FieldError) -> Self {
-        Self::Invalid(error.into())
-    }
-}
-
-impl Closing {
-    fn message(&self) -> v1::DriveClosing {
-        let problem = |reason: &str, message: String| v1::Problem {
-            reason: reason.to_owned(),
-            message,
-            ..v1::Problem::default()
-        };
-        let reason = match self {
-            Self::ClientDone | Self::Gone => problem("CLIENT_DONE", "the client is done".to_owned()),
-            Self::Draining => problem("DRAINING", "the server is shutting down".to_owned()),
-            Self::SlowReader(limit) => problem(
-                "SLOW_READER",
-                format!("nothing was read for {} ms", limit.as_millis()),
-            ),
-            Self::Invalid(error) => v1::Problem {
-                reason: "INVALID_REQUEST".to_owned(),
-                ..error.problem()
-            },
-        };
-        v1::DriveClosing { reason: Some(reason) }
-    }
-}
 
 /// A place among the server's streams; dropping it makes room for another.
 #[derive(Debug)]
@@ -91,7 +49,7 @@ impl Place {
     /// is done.
     pub async fn run<I>(&self, inbound: &mut I, outbox: Outbox)
     where
-        I: Stream<Item = Result<v1::DriveRequest, ApiError>> + Unpin,
+        I: Stream<Item = Result<v1::DriveRequest, v1::Problem>> + Unpin,
     {
         let mut draining = self.sessions.draining();
         let closing = match self.opened(inbound, &outbox, &mut draining).await {
@@ -99,7 +57,7 @@ impl Place {
             Err(closing) => closing,
         };
         tracing::debug!(?closing, "a stream ends");
-        outbox.close(closing.message());
+        outbox.close(closing);
     }
 
     /// Waits for the first message, which must open the stream.
@@ -110,7 +68,7 @@ impl Place {
         draining: &mut watch::Receiver<bool>,
     ) -> Result<Driving, Closing>
     where
-        I: Stream<Item = Result<v1::DriveRequest, ApiError>> + Unpin,
+        I: Stream<Item = Result<v1::DriveRequest, v1::Problem>> + Unpin,
     {
         let limit = self.sessions.limits().stall_timeout;
         let first = tokio::select! {
@@ -125,7 +83,7 @@ impl Place {
                 message: Some(Ask::Open(open)),
             }))) => Ok(Driving::new(&self.sessions, &open)?),
             Ok(Some(Ok(_))) => Err(path.field("message").error("is not open", wanted).into()),
-            Ok(Some(Err(error))) => Err(Closing::Invalid(error)),
+            Ok(Some(Err(problem))) => Err(Closing::Unreadable(problem)),
             Ok(None) => Err(Closing::ClientDone),
             Err(_) => {
                 let message = format!("did not come within {} ms", limit.as_millis());
@@ -183,7 +141,7 @@ impl Driving {
         draining: &mut watch::Receiver<bool>,
     ) -> Closing
     where
-        I: Stream<Item = Result<v1::DriveRequest, ApiError>> + Unpin,
+        I: Stream<Item = Result<v1::DriveRequest, v1::Problem>> + Unpin,
     {
         loop {
             tokio::select! {
@@ -201,7 +159,7 @@ impl Driving {
                 asked = inbound.next(), if outbox.has_room() => {
                     let answered = match asked {
                         None => return Closing::ClientDone,
-                        Some(asked) => asked.map_err(Closing::Invalid).and_then(|asked| self.hear(asked)),
+                        Some(asked) => asked.map_err(Closing::Unreadable).and_then(|asked| self.hear(asked)),
                     };
                     match answered {
                         Ok(Some(answer)) => outbox.say(answer),
@@ -214,14 +172,14 @@ impl Driving {
     }
 
     /// What a client's message leads to.
-    fn hear(&mut self, asked: v1::DriveRequest) -> Result<Option<Say>, Closing> {
+    fn hear(&mut self, asked: v1::DriveRequest) -> Result<Option<Said>, Closing> {
         let root = Path::root();
         let most = self.sessions.limits().per_stream;
         match asked.message {
             Some(Ask::Attach(v1::DriveAttach { session_ids })) => {
                 let path = root.field("attach");
                 units::length(&path.field("session_ids"), session_ids.len(), 1, most)?;
-                Ok(Some(Say::Attached(self.roster.attach(&session_ids, self.form))))
+                Ok(Some(Said::Attached(self.roster.attach(&session_ids, self.form))))
             }
             Some(Ask::Detach(v1::DriveDetach { session_ids })) => {
                 let path = root.field("detach");
@@ -233,8 +191,8 @@ impl Driving {
                 let commands = &path.field("commands");
                 units::length(commands, request.commands.len(), 1, commands::MAX_COMMANDS)?;
                 let mut results = self.sessions.apply(&request.commands);
-                results.retain(|result| result.status() != v1::CommandStatus::Accepted);
-                Ok((!results.is_empty()).then_some(Say::Commands(v1::CommandResponse { results })))
+                results.retain(|result| !matches!(result.outcome, Ok(CommandOutcome::Accepted)));
+                Ok((!results.is_empty()).then_some(Said::Commands(results)))
             }
             Some(Ask::Open(_)) => Err(root
                 .field("message")
@@ -255,7 +213,7 @@ impl Driving {
         if tick.missed > 0 {
             self.dropped_ticks += tick.missed;
             for (pack, count) in self.roster.counts() {
-                pack.sessions.dropped(count as u64 * tick.missed);
+                pack.metrics.dropped(count as u64 * tick.missed);
             }
         }
         if self.roster.is_empty() {
@@ -268,7 +226,7 @@ impl Driving {
             .roster
             .tick(self.sub_frames * ticks, self.form, happened.as_mut());
         if let Some(sessions) = happened.filter(|happened| !happened.is_empty()) {
-            outbox.say(Say::Events(v1::DriveEvents { sessions }));
+            outbox.say(Said::Events(sessions));
         }
         frames.frames.tick = tick.number;
         frames.frames.dropped_ticks = self.dropped_ticks;
@@ -278,8 +236,8 @@ impl Driving {
     }
 }
 
-fn left(sessions: Vec<v1::SessionProblem>) -> Option<Say> {
-    (!sessions.is_empty()).then_some(Say::Left(v1::DriveLeft { sessions }))
+fn left(sessions: Vec<Departure>) -> Option<Said> {
+    (!sessions.is_empty()).then_some(Said::Left(sessions))
 }
 
 /// A tick of a stream.

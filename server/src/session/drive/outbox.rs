@@ -9,7 +9,8 @@ use tokio::sync::Notify;
 use troupe_proto::v1;
 use troupe_proto::v1::drive_response::Message;
 
-use crate::service::LoadedPack;
+use super::said::{Closing, Said};
+use crate::session::LivePack;
 
 /// Control messages that may wait. With as many waiting, the stream takes no more of its client's messages.
 const MAX_CONTROL: usize = 64;
@@ -22,14 +23,14 @@ pub struct Tick {
     /// The message.
     pub frames: v1::DriveFrames,
     /// Frames in it, by pack.
-    pub counts: Vec<(Arc<LoadedPack>, usize)>,
+    pub counts: Vec<(Arc<LivePack>, usize)>,
 }
 
 impl Tick {
     /// Notes that the tick was not sent.
     fn dropped(&self) {
         for (pack, count) in &self.counts {
-            pack.sessions.dropped(*count as u64);
+            pack.metrics.dropped(*count as u64);
         }
     }
 }
@@ -40,7 +41,7 @@ struct State {
     control_bytes: usize,
     tick: Option<Tick>,
     /// Goes out last.
-    closing: Option<v1::DriveClosing>,
+    closing: Option<Message>,
     finished: bool,
     reader_gone: bool,
     /// Since when something waits that the reader could have taken.
@@ -84,28 +85,36 @@ impl Shared {
 
 /// The stream's end. Dropping it ends the reader's messages.
 #[derive(Debug)]
-pub struct Outbox(Arc<Shared>);
+pub struct Outbox {
+    shared: Arc<Shared>,
+    write: fn(Said) -> Message,
+}
 
 /// The reader's end. Dropping it tells the stream that nobody reads any more.
 #[derive(Debug)]
 pub struct Outlet(Arc<Shared>);
 
-/// Both ends of an empty outbox.
-pub fn outbox() -> (Outbox, Outlet) {
+/// Both ends of an empty outbox. `write` makes messages of what the stream says.
+pub fn outbox(write: fn(Said) -> Message) -> (Outbox, Outlet) {
     let shared = Arc::new(Shared::default());
-    (Outbox(shared.clone()), Outlet(shared))
+    let outbox = Outbox {
+        shared: shared.clone(),
+        write,
+    };
+    (outbox, Outlet(shared))
 }
 
 impl Outbox {
     /// Whether there is room for control messages that answer the client.
     pub fn has_room(&self) -> bool {
-        let state = self.0.state();
+        let state = self.shared.state();
         state.control.len() < MAX_CONTROL && state.control_bytes < MAX_CONTROL_BYTES
     }
 
     /// Sends a control message.
-    pub fn say(&self, message: Message) {
-        self.0.put(|state| {
+    pub fn say(&self, said: Said) {
+        let message = (self.write)(said);
+        self.shared.put(|state| {
             state.control_bytes += message.encoded_len();
             state.control.push_back(message);
         });
@@ -113,7 +122,7 @@ impl Outbox {
 
     /// Sends a tick's frames. Answers whether they replaced a tick that was not taken.
     pub fn send(&self, tick: Tick) -> bool {
-        let replaced = self.0.put(|state| state.tick.replace(tick));
+        let replaced = self.shared.put(|state| state.tick.replace(tick));
         if let Some(tick) = &replaced {
             tick.dropped();
         }
@@ -122,15 +131,15 @@ impl Outbox {
 
     /// How long the reader has left something lying at `now`.
     pub fn stalled(&self, now: Instant) -> Duration {
-        let since = self.0.state().waits_since;
+        let since = self.shared.state().waits_since;
         since.map_or(Duration::ZERO, |since| now.saturating_duration_since(since))
     }
 
     /// Waits until nobody reads any more.
     pub async fn reader_gone(&self) {
         loop {
-            let gone = self.0.gone.notified();
-            if self.0.state().reader_gone {
+            let gone = self.shared.gone.notified();
+            if self.shared.state().reader_gone {
                 return;
             }
             gone.await;
@@ -138,14 +147,15 @@ impl Outbox {
     }
 
     /// Ends the messages with `closing`, after what waits.
-    pub fn close(self, closing: v1::DriveClosing) {
-        self.0.put(|state| state.closing = Some(closing));
+    pub fn close(self, closing: Closing) {
+        let message = (self.write)(Said::Closing(closing));
+        self.shared.put(|state| state.closing = Some(message));
     }
 }
 
 impl Drop for Outbox {
     fn drop(&mut self) {
-        self.0.put(|state| state.finished = true);
+        self.shared.put(|state| state.finished = true);
     }
 }
 
@@ -175,11 +185,11 @@ impl Outlet {
         }
         if let Some(Tick { frames, counts }) = state.tick.take() {
             for (pack, count) in counts {
-                pack.sessions.sent(count);
+                pack.metrics.sent(count);
             }
             return Some(Message::Frames(frames));
         }
-        state.closing.take().map(Message::Closing)
+        state.closing.take()
     }
 }
 
@@ -204,8 +214,18 @@ mod tests {
         }
     }
 
-    fn left() -> Message {
-        Message::Left(v1::DriveLeft::default())
+    fn left() -> Said {
+        Said::Left(Vec::new())
+    }
+
+    /// Messages as large as they are, and otherwise empty.
+    fn write(said: Said) -> Message {
+        match said {
+            Said::Left(_) => Message::Left(v1::DriveLeft::default()),
+            Said::Closing(_) => Message::Closing(v1::DriveClosing::default()),
+            Said::Events(sessions) => Message::Events(v1::DriveEvents { sessions }),
+            other => panic!("{other:?}"),
+        }
     }
 
     fn name(message: Option<v1::DriveResponse>) -> String {
@@ -220,12 +240,12 @@ mod tests {
 
     #[tokio::test]
     async fn the_latest_tick_wins_and_control_messages_all_arrive() {
-        let (outbox, mut outlet) = outbox();
+        let (outbox, mut outlet) = outbox(write);
         assert!(!outbox.send(tick(0)));
         outbox.say(left());
         assert!(outbox.send(tick(1)) && outbox.send(tick(2)));
         outbox.say(left());
-        outbox.close(v1::DriveClosing::default());
+        outbox.close(Closing::ClientDone);
         let mut said = Vec::new();
         for _ in 0..6 {
             said.push(name(outlet.next().await));
@@ -235,7 +255,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_reader_that_waits_is_woken() {
-        let (outbox, mut outlet) = outbox();
+        let (outbox, mut outlet) = outbox(write);
         let reading = tokio::spawn(async move { name(outlet.next().await) });
         tokio::task::yield_now().await;
         outbox.send(tick(7));
@@ -245,7 +265,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_reader_that_takes_nothing_stalls() {
-        let (outbox, mut outlet) = outbox();
+        let (outbox, mut outlet) = outbox(write);
         let later = Instant::now() + Duration::from_secs(60);
         assert_eq!(outbox.stalled(later), Duration::ZERO);
         outbox.send(tick(0));
@@ -257,21 +277,22 @@ mod tests {
 
     #[test]
     fn the_queue_has_an_end() {
-        let (outbox, _outlet) = outbox();
+        let (outbox, _outlet) = outbox(write);
         for _ in 0..MAX_CONTROL {
             assert!(outbox.has_room());
             outbox.say(left());
         }
         assert!(!outbox.has_room());
     }
+
     #[tokio::test]
     async fn large_messages_fill_it_sooner() {
-        let (outbox, mut outlet) = outbox();
-        let results = vec![v1::CommandResult {
+        let (outbox, mut outlet) = outbox(write);
+        let events = vec![v1::SessionEvents {
             session_id: "x".repeat(MAX_CONTROL_BYTES),
-            ..v1::CommandResult::default()
+            ..v1::SessionEvents::default()
         }];
-        outbox.say(Message::Commands(v1::CommandResponse { results }));
+        outbox.say(Said::Events(events));
         assert!(!outbox.has_room());
         outlet.next().await;
         assert!(outbox.has_room());

@@ -7,12 +7,13 @@ use std::time::Instant;
 use troupe_proto::v1;
 
 use super::outbox::Tick;
-use crate::api::ApiError;
-use crate::service::LoadedPack;
+use super::said::{Attached, Departure};
+use crate::session::LivePack;
 use crate::session::cell::{End, Held, Owner, SessionCell};
 use crate::session::encode::{BlockWriter, Form};
 use crate::session::planner::{self, Patience};
 use crate::session::{Registry, TimeSource, events};
+use crate::session::{SessionError, SessionProblem};
 use troupe_character::Path;
 use troupe_character::live::budget;
 use troupe_character::live::{Clock, FrameOut, Strain};
@@ -37,7 +38,7 @@ pub struct Roster {
     next_slot: u32,
     /// By slot.
     members: Vec<Member>,
-    packs: Vec<Arc<LoadedPack>>,
+    packs: Vec<Arc<LivePack>>,
     out: FrameOut,
 }
 
@@ -62,35 +63,31 @@ impl Roster {
     }
 
     /// Takes sessions onto the stream, those that can be and whose frames can be written in `form`.
-    pub fn attach(&mut self, ids: &[String], form: Form) -> v1::DriveAttached {
-        let mut attached = v1::DriveAttached::default();
+    pub fn attach(&mut self, ids: &[String], form: Form) -> Attached {
+        let mut attached = Attached::default();
         for (index, id) in ids.iter().enumerate() {
             match self.attach_one(index, id, form) {
                 Ok(slot) => attached.sessions.push(v1::Attached {
                     session_id: id.clone(),
                     slot,
                 }),
-                Err(error) => attached.problems.push(v1::SessionProblem {
-                    slot: index as u32,
-                    session_id: id.chars().take(crate::session::MAX_ID_CHARS).collect(),
-                    problem: Some(error.problem()),
-                }),
+                Err(error) => attached.problems.push(SessionProblem::new(index, id, error)),
             }
         }
         attached
     }
 
-    fn attach_one(&mut self, index: usize, id: &str, form: Form) -> Result<u32, ApiError> {
+    fn attach_one(&mut self, index: usize, id: &str, form: Form) -> Result<u32, SessionError> {
         let field = || format!("attach.session_ids[{index}]");
         if self.members.len() >= self.limit {
-            return Err(ApiError::TooManySessions {
+            return Err(SessionError::TooMany {
                 open: self.members.len(),
                 limit: self.limit,
                 place: " on this stream",
             });
         }
         let cell = self.registry.get(id, self.time.now(), &field)?;
-        form.check(&Path::root().field("open"), &cell.pack().pack.rig)?;
+        form.check(&Path::root().field("open"), cell.pack().rig())?;
         let held = cell.take(Owner::Drive, &field)?;
         let known = self.packs.iter().position(|pack| Arc::ptr_eq(pack, cell.pack()));
         let pack = known.unwrap_or_else(|| {
@@ -105,37 +102,28 @@ impl Roster {
     }
 
     /// Takes sessions off the stream; those that are not on it are no error.
-    pub fn detach(&mut self, ids: &[String]) -> Vec<v1::SessionProblem> {
+    pub fn detach(&mut self, ids: &[String]) -> Vec<Departure> {
         let ids: HashSet<&str> = ids.iter().map(String::as_str).collect();
-        let detached = |cell: &SessionCell| ids.contains(&**cell.id()).then_some("DETACHED");
-        self.remove(detached)
+        self.remove(|cell| ids.contains(&**cell.id()).then_some(None))
     }
 
     /// Takes off those that have ended.
-    pub fn ended(&mut self) -> Vec<v1::SessionProblem> {
-        self.remove(|cell| {
-            cell.end().map(|end| match end {
-                End::Closed => "SESSION_CLOSED",
-                End::Expired => "SESSION_EXPIRED",
-            })
-        })
+    pub fn ended(&mut self) -> Vec<Departure> {
+        self.remove(|cell| cell.end().map(Some))
     }
 
-    fn remove(&mut self, reason: impl Fn(&SessionCell) -> Option<&'static str>) -> Vec<v1::SessionProblem> {
+    /// Takes off those for which `leaves` gives how they ended, where they did.
+    fn remove(&mut self, leaves: impl Fn(&SessionCell) -> Option<Option<End>>) -> Vec<Departure> {
         let mut left = Vec::new();
         self.members.retain(|member| {
             let cell = member.held.cell();
-            let Some(reason) = reason(cell) else {
+            let Some(end) = leaves(cell) else {
                 return true;
             };
-            left.push(v1::SessionProblem {
+            left.push(Departure {
                 slot: member.slot,
                 session_id: cell.id().to_string(),
-                problem: Some(v1::Problem {
-                    reason: reason.to_owned(),
-                    message: format!("the session {:?} has left the stream", cell.id()),
-                    ..v1::Problem::default()
-                }),
+                end,
             });
             false
         });
@@ -153,7 +141,7 @@ impl Roster {
         let counts = self.counts();
         let mut writers: Vec<(BlockWriter, usize)> = counts
             .iter()
-            .map(|(pack, count)| (BlockWriter::new(&pack.pack.rig, form, *count, 1), 0))
+            .map(|(pack, count)| (BlockWriter::new(pack.rig(), form, *count, 1), 0))
             .collect();
         let mut underruns = 0;
         let mut in_hands = Vec::new();
@@ -186,7 +174,7 @@ impl Roster {
                 (*place, 0),
                 &self.out,
                 cell.convention(),
-                &cell.pack().pack.rig.skeleton,
+                &cell.pack().rig().skeleton,
             );
             *place += 1;
         }
@@ -206,14 +194,14 @@ impl Roster {
     fn read_load(&self) {
         let now = Instant::now();
         for pack in &self.packs {
-            if let Some(pressure) = pack.load.read(now, pack.batcher.workers()) {
-                pack.sessions.pressed(pressure);
+            if let Some(pressure) = pack.load.read(now, pack.loaded.batcher.workers()) {
+                pack.metrics.pressed(pressure);
             }
         }
     }
 
     /// Sessions on the stream, for each pack that was ever on it.
-    pub fn counts(&self) -> Vec<(Arc<LoadedPack>, usize)> {
+    pub fn counts(&self) -> Vec<(Arc<LivePack>, usize)> {
         let mut counts: Vec<_> = self.packs.iter().map(|pack| (pack.clone(), 0)).collect();
         for member in &self.members {
             counts[member.pack].1 += 1;
@@ -223,10 +211,10 @@ impl Roster {
 }
 
 /// How it is with the networks for a character of this priority.
-fn strain(pack: &LoadedPack, priority: f32) -> Strain {
-    let (load, fps) = (&pack.load, pack.pack.rig.fps);
+fn strain(pack: &LivePack, priority: f32) -> Strain {
+    let (load, fps) = (&pack.load, pack.rig().fps);
     Strain {
-        expected_frames: load.expected_frames(pack.batcher.workers(), fps),
+        expected_frames: load.expected_frames(pack.loaded.batcher.workers(), fps),
         lead_frames: load.lead_frames(fps),
         stretch: budget::stretch(load.pressure(), priority),
     }

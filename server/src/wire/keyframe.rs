@@ -17,7 +17,7 @@ const MIN_GROUND_LEFT: f32 = 0.1;
 
 /// Whether a keyframe must be complete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Role {
+pub(crate) enum Role {
     /// Root position and pose are required.
     Context,
     /// Any subset, but something.
@@ -25,7 +25,7 @@ pub(super) enum Role {
 }
 
 /// Checks the values of one keyframe. Distances from the context are checked once that is known: [`check_reach`].
-pub(super) fn check(
+pub(crate) fn check(
     path: &Path<'_>,
     key: &v1::Keyframe,
     role: Role,
@@ -293,7 +293,7 @@ fn finite(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
 }
 
 /// Checks that a keyframe is within reach of `anchor`, the last context frame's root position.
-pub(super) fn check_reach(path: &Path<'_>, key: &Checked, anchor: Vec3) -> Result<(), FieldError> {
+pub(crate) fn check_reach(path: &Path<'_>, key: &Checked, anchor: Vec3) -> Result<(), FieldError> {
     if let Some(root) = key.root {
         let distance = root.position.distance(anchor);
         // An overflow to infinity, or NaN, is outside too.

@@ -1,7 +1,8 @@
-//! Checks of single values, and the session's convention at the edge.
+//! Single values, in a convention.
 
-use troupe_motion::Vec3;
 use troupe_motion::conventions::Convention;
+use troupe_motion::rotation::to_wxyz;
+use troupe_motion::{Quat, Vec3};
 use troupe_proto::v1;
 
 use troupe_character::{FieldError, Path};
@@ -86,6 +87,12 @@ pub fn up_axis(convention: Convention) -> &'static str {
 pub fn position(value: Vec3, convention: Convention) -> v1::Vec3 {
     let Vec3 { x, y, z } = convention.position_from_native(value);
     v1::Vec3 { x, y, z }
+}
+
+/// A native rotation in the session's convention.
+pub fn quat(rotation: Quat, convention: Convention) -> v1::Quat {
+    let [w, x, y, z] = to_wxyz(convention.rotation_from_native(rotation));
+    v1::Quat { w, x, y, z }
 }
 
 /// A list's length, from `low` to `high`.

@@ -1,7 +1,9 @@
 //! Context keyframes on their own: where a live character begins.
 
 use troupe_character::{FieldError, Path};
+use troupe_motion::conventions::Convention;
 use troupe_motion::model::Rig;
+use troupe_motion::rotation::{from_wxyz, to_wxyz};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 use troupe_proto::v1;
 
@@ -59,4 +61,28 @@ pub fn check_context(
         }
     });
     frames.collect()
+}
+
+/// A keyframe in the native convention. Values are not checked yet.
+pub fn to_native(key: &v1::Keyframe, convention: Convention) -> v1::Keyframe {
+    if convention == Convention::Native {
+        return key.clone();
+    }
+    let mut native = key.clone();
+    if let Some(root) = &mut native.root {
+        root.heading = root.heading.map(|heading| convention.heading_to_native(heading));
+        root.position = root.position.map(|p| {
+            let Vec3 { x, y, z } = convention.position_to_native(Vec3::new(p.x, p.y, p.z));
+            v1::Vec3 { x, y, z }
+        });
+    }
+    if let Some(pose) = &mut native.pose {
+        pose.root_height = pose
+            .root_height
+            .map(|height| height / convention.units_per_metre());
+        for rotation in pose.rotations.as_chunks_mut::<4>().0 {
+            *rotation = to_wxyz(convention.rotation_to_native(from_wxyz(*rotation)));
+        }
+    }
+    native
 }
