@@ -24,8 +24,7 @@ lint: python-env
 
 # Real clips are used where they are at hand; the tests make their own motion besides.
 rust-test: runtime real-clips
-	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; \
-		scripts/rust-test.sh --workspace --features troupe-cli/evaluator --locked
+	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; cargo test --workspace --features troupe-cli/evaluator --locked
 
 python-test: python-env
 	cd training && ../.venv/bin/python -m pytest --quiet

@@ -188,7 +188,11 @@ fn described(table: &PackTable, loaded: &LoadedPack) -> v1::Pack {
 }
 
 fn finish_all(served: &Served, plans: &[Plan], rig: &Rig) -> Result<Vec<v1::CharacterResult>, ServiceError> {
-    let pairs = served.motions.iter().zip(plans);
+    let motions = served.outputs.iter().filter_map(|output| match output {
+        Output::Motion(motion) => Some(motion),
+        Output::Text(_) => None,
+    });
+    let pairs = motions.zip(plans);
     pairs
         .map(|(motion, plan)| finish(motion, plan, rig).map_err(ServiceError::from))
         .collect()

@@ -94,7 +94,10 @@ fn the_descriptor_set_describes_the_service() {
         let service = services.into_iter().find(|s| s.name() == service).unwrap();
         service.method.iter().map(|m| m.name().to_owned()).collect()
     };
-    assert_eq!(methods("Motion"), ["InBetween", "ListPacks", "GetPack"]);
+    assert_eq!(
+        methods("Motion"),
+        ["InBetween", "Generate", "ListPacks", "GetPack"]
+    );
     assert_eq!(
         methods("Sessions"),
         [

@@ -74,10 +74,10 @@ impl Motion for MotionApi {
         request: Request<v1::GenerateRequest>,
     ) -> Result<Response<Self::GenerateStream>, Status> {
         let generation = self.0.generate(request.get_ref());
-        let generation = generation.map_err(|error| error.status())?;
+        let generation = generation.map_err(|error| ApiError::from(error).status())?;
         let parts = futures_util::stream::unfold(generation, |mut generation| async {
             let part = generation.next().await?;
-            Some((part.map_err(|error| error.status()), generation))
+            Some((part.map_err(|error| ApiError::from(error).status()), generation))
         });
         Ok(Response::new(Box::pin(parts)))
     }

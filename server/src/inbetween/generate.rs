@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::wire::keyframe::Role;
 use troupe_character::keyframe::KeyWriter;
 use troupe_character::post::{
     NonFinite, check_finite, onto_hinges, parent_relative, roots, to_world_rotations,
@@ -14,7 +15,6 @@ use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 use troupe_proto::v1::generate_response::Part;
 
-use super::keyframe::Role;
 use super::prepare::{check_keyframes, check_temperature};
 
 /// Most characters of a prompt.

@@ -12,7 +12,7 @@ use troupe_proto::v1;
 
 use super::json::JsonBody;
 use crate::api::error::{ApiError, ErrorBody};
-use crate::service::Service;
+use crate::service::{Service, ServiceError};
 
 /// What the answer is: one JSON value a line.
 const LINES: &str = "application/x-ndjson";
@@ -43,7 +43,7 @@ pub(crate) async fn generate(
     // What fails before the first part is an answer with a status of its own.
     let first = match generation.next().await {
         Some(Ok(part)) => Some(part),
-        Some(Err(error)) => return Err(error),
+        Some(Err(error)) => return Err(error.into()),
         None => None,
     };
     let rest = futures_util::stream::unfold((first, generation), |(first, mut generation)| async {
@@ -56,10 +56,10 @@ pub(crate) async fn generate(
     Ok(([(header::CONTENT_TYPE, LINES)], Body::from_stream(rest)).into_response())
 }
 
-fn line(part: Result<v1::GenerateResponse, ApiError>) -> Bytes {
+fn line(part: Result<v1::GenerateResponse, ServiceError>) -> Bytes {
     let written = match part {
         Ok(part) => serde_json::to_vec(&part),
-        Err(error) => serde_json::to_vec(&error.body()),
+        Err(error) => serde_json::to_vec(&ApiError::from(error).body()),
     };
     // Numbers that are not finite were refused before, and nothing else fails.
     let mut line = written.unwrap_or_default();
