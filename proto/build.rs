@@ -14,7 +14,10 @@ const FILES: [&str; 4] = [
 
 /// Messages that a client sends. An unknown JSON field there is a mistake worth reporting; in answers it must be
 /// tolerated, so that an older client can read a newer server.
-const REQUEST_MESSAGES: [&str; 56] = [
+const REQUEST_MESSAGES: [&str; 59] = [
+    "GenerateRequest",
+    "Prompt",
+    "Describe",
     "Vec3",
     "Quat",
     "Root",
@@ -74,7 +77,8 @@ const REQUEST_MESSAGES: [&str; 56] = [
 ];
 
 /// Optional fields, left out of the JSON where they are absent.
-const OPTIONAL_FIELDS: [&str; 75] = [
+const OPTIONAL_FIELDS: [&str; 76] = [
+    "Prompt.frame_count",
     "Root.position",
     "Root.heading",
     "RootVelocity.height",
@@ -192,7 +196,9 @@ const BYTES_FIELDS: [&str; 3] = [
 ];
 
 /// Messages with a `oneof`, and its name among the schemas: in JSON it is an object with one member, named for the choice.
-const ONE_OFS: [(&str, &str); 4] = [
+const ONE_OFS: [(&str, &str); 6] = [
+    ("GenerateRequest.goal", "GenerateRequestGoal"),
+    ("GenerateResponse.part", "GenerateResponsePart"),
     ("Command.intent", "CommandIntent"),
     ("SessionEvent.kind", "SessionEventKind"),
     ("DriveRequest.message", "DriveRequestMessage"),

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Puts ONNX Runtime at .runtime/libonnxruntime.so, out of the wheel pinned in onnxruntime-KIND.txt. KIND is openvino on
-# CPUs that compute in bf16, where OpenVINO is nearly twice as fast, and cpu elsewhere; TROUPE_RUNTIME=cpu|openvino decides otherwise.
+# CPUs that compute in bf16, where OpenVINO is nearly twice as fast, and cpu elsewhere; TROUPE_RUNTIME=cpu|openvino|gpu decides
+# otherwise. gpu has ONNX Runtime's providers for CUDA and TensorRT; CUDA itself must come from the system.
 # The wheel is only a container here: nothing of Python's is used at run time.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -17,8 +18,8 @@ case "$kind-$system" in
 *-Linux-x86_64) platform=manylinux_2_28_x86_64 ;;
 cpu-Linux-aarch64) platform=manylinux_2_28_aarch64 ;;
 cpu-Darwin-arm64) platform=macosx_14_0_arm64 ;;
-openvino-*)
-    echo "The wheel with OpenVINO is for Linux x86-64 only; this is $system. TROUPE_RUNTIME=cpu works." >&2
+openvino-* | gpu-*)
+    echo "The wheel for TROUPE_RUNTIME=$kind is for Linux x86-64 only; this is $system. TROUPE_RUNTIME=cpu works." >&2
     exit 1
     ;;
 *)
@@ -28,7 +29,7 @@ openvino-*)
     ;;
 esac
 pin=scripts/onnxruntime-$kind.txt
-[ -f "$pin" ] || { echo "TROUPE_RUNTIME is $kind; allowed: cpu, openvino" >&2; exit 1; }
+[ -f "$pin" ] || { echo "TROUPE_RUNTIME is $kind; allowed: cpu, openvino, gpu" >&2; exit 1; }
 
 # One folder for each wheel; the link names the one in use. ONNX Runtime looks for its providers beside its own file,
 # under the names that they have in the wheel.
@@ -72,5 +73,7 @@ find "$work/wheel/onnxruntime/capi" -maxdepth 1 \( -name 'lib*.so*' -o -name 'li
     ! -name 'libopenvino_c.*' ! -name 'libopenvino_*_gpu_plugin.so' ! -name 'libopenvino_*_npu_plugin.so' \
     ! -name 'libopenvino_auto_plugin.so' ! -name 'libopenvino_hetero_plugin.so' \
     -exec mv {} ".runtime/$folder/" \;
+# Who hands the libraries on, in an image say, hands on their licences too.
+cp "$work/wheel/onnxruntime/LICENSE" "$work/wheel/onnxruntime/ThirdPartyNotices.txt" ".runtime/$folder/"
 touch ".runtime/$folder/.complete"
 use

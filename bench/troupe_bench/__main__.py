@@ -1,11 +1,10 @@
 """Runs the benchmarks, part by part: what is there already is kept, so that a run that was stopped goes on."""
 
 import argparse
-import shutil
 import sys
 from pathlib import Path
 
-from troupe_bench import crowd, instructions, machine, parts, programs, serving
+from troupe_bench import crowd, machine, parts, programs, serving
 from troupe_bench.programs import Failed, say
 from troupe_bench.report import write_report
 from troupe_bench.settings import Settings
@@ -25,12 +24,11 @@ PARTS = {
     "paper": "packs of the paper's size",
     "idle": "CPU and memory of an idle server",
     "micro": "criterion benches",
-    "instructions": "instruction counts, with valgrind",
-    "report": "write docs/benchmarks.md",
+    "report": "write bench/figures/MACHINE.json and docs/benchmarks.md",
 }
 
 
-WITHOUT_PACK = ("paper", "micro", "instructions")
+WITHOUT_PACK = ("paper", "micro")
 """Parts that do not measure the pack."""
 
 
@@ -48,8 +46,10 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--targets", default=",".join(serving.TARGETS), help="of the serving part")
     parser.add_argument("--pack", type=Path, help="folder of the pack")
     parser.add_argument("--train-python", type=Path, help="Python with PyTorch, for packs of the paper's size")
+    parser.add_argument(
+        "--machine", default="", help="file name of this machine's figures; from its processor if left out"
+    )
     parser.add_argument("--out", type=Path, help="page to write")
-    parser.add_argument("--only-measured", action="store_true", help="leave out of the page what was not measured")
     parser.add_argument("--time", action="store_true", help="only say how long the serving part takes")
     args = parser.parse_args(arguments)
     unknown = [part for part in args.parts if part not in PARTS]
@@ -93,13 +93,11 @@ def run_part(part: str, settings: Settings, args: argparse.Namespace) -> None:
         getattr(crowd, part)(settings)
     elif part in ("ceiling", "operators", "paper", "idle", "micro"):
         getattr(parts, part)(settings)
-    elif part == "instructions":
-        instructions.count(settings)
     elif part == "report":
         out = args.out or (
             settings.results / "benchmarks.md" if settings.quick else machine.ROOT / "docs/benchmarks.md"
         )
-        write_report(settings, out, args.only_measured)
+        write_report(settings, out, args.machine)
         say(f"written: {out}")
 
 
@@ -128,9 +126,6 @@ def main(arguments: list[str] | None = None) -> int:
         say(f"== {part}: {PARTS[part]}")
         if part not in ("build", "verify", "report"):
             begin(part, settings, args.fresh)
-        if part == "instructions" and not shutil.which("valgrind"):
-            say("valgrind is not here: left out")
-            continue
         try:
             run_part(part, settings, args)
         except Failed as error:

@@ -9,8 +9,6 @@ from pathlib import Path
 from troupe_bench import programs
 from troupe_bench.machine import ROOT
 from troupe_bench.programs import HOME, Failed, say
-from troupe_bench.settings import Settings
-from troupe_bench.store import Store
 
 RUNNER_VERSION = "0.20.0"
 RUNNER = HOME / "tools" / "bin" / "gungraun-runner"
@@ -46,14 +44,6 @@ def read_summary(path: Path) -> tuple[str, int]:
             instructions = profile["data"]["total"]["metrics"]["Ir"]["values"]["new"]
             return f"{summary['function_name']} {summary['id']}", int(instructions)
     raise Failed(f"{path} has no counts of callgrind")
-
-
-def count(settings: Settings) -> None:
-    """Counts, for the report."""
-    store = Store(settings.results, "instructions")
-    store.clear()
-    for name, instructions in measure().items():
-        store.add({"bench": name}, {"instructions": instructions})
 
 
 def compare(now: dict[str, int], baseline: dict[str, int], tolerance: float) -> list[str]:

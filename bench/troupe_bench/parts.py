@@ -146,7 +146,7 @@ def _idle_sessions(url: str, settings: Settings):
 
 
 def micro(settings: Settings) -> None:
-    """Criterion benches of the pure parts, and instruction counts of the hot loop where valgrind is there."""
+    """Criterion benches of the pure parts."""
     store = Store(settings.results, "micro")
     store.clear()
     options = ["--warm-up-time", "0.3", "--measurement-time", "0.5"] if settings.quick else []

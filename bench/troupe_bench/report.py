@@ -1,193 +1,195 @@
-"""Writes docs/benchmarks.md from the results."""
+"""Writes docs/benchmarks.md from the figures of all machines."""
 
-from datetime import UTC, datetime
+import json
 from pathlib import Path
+from typing import Any
 
-from troupe_bench.report_tables import (
-    ENGINES,
-    NAMES,
-    ceiling_table,
-    idle_table,
-    instruction_table,
-    live_table,
-    micro_table,
-    mixed_table,
-    operators_table,
-    overload_table,
-    paper_table,
-    serving_table,
-    shares_table,
-    summary_table,
-    tried_table,
-)
+from troupe_bench import report_tables as tables
+from troupe_bench.figures import FOLDER, digest, keep, machines, name_of
+from troupe_bench.machine import ROOT
 from troupe_bench.settings import Settings
-from troupe_bench.store import Store
-
-LONGEST_PAUSE_S = 20 * 60
-"""Results of one part that are further apart than this were not measured in turns: the machine may be another by then."""
 
 INTRO = """# Benchmarks
 
-Written by `make bench`. Medians where a table names its repeats; of ratios, the median of those of each turn, with the least and the most.
-"Bar" is what we set out to reach. [How it is measured](../bench/README.md). Engines of CPUs alone: CUDA and TensorRT are not measured.
-"""
+Written by `make bench` from [bench/figures](../bench/figures), one file for each machine. [How it is measured](../bench/README.md).
+
+- Cells are medians. Brackets hold the least and the most.
+- A ratio is the median of the ratios of single turns.
+- *Bar* is the goal that we set.
+- *f32* is ONNX Runtime's CPU engine. *bf16* is OpenVINO.
+- No GPU was measured."""
 
 SECTIONS = (
     (
-        "Serving, side by side",
+        "How many frames a second?",
         "serving",
-        """The same pack, the same requests of 64 frames, the same ONNX Runtime library for every row of an engine; the targets take
-turns. Closed loop: a client asks again as soon as it has its answer; clients and server share the machine. The raw loop
-calls the three networks with no server around them, with the C library's allocator or with the server's (jemalloc, for the
-memory of ONNX Runtime and OpenVINO too): the most that a server with that allocator can give. FastAPI and LitServe run with the
-fastest settings of those [tried](#settings-tried), read and write raw arrays, and leave out what the server does beside
-the networks (checks, segment frames, quaternions, pins to keyframes, feet).""",
-        serving_table,
-    ),
-    ("What it comes to", "serving", "", summary_table),
-    (
-        "Where the time of a request goes",
-        "serving",
-        "Means over a request, from the client's clock and the server's metrics. A stage's time is that of its whole batch.",
-        shares_table,
+        """Segments of 64 frames. All targets load the same pack and the same ONNX Runtime library, and take turns.
+Each client sends its next request when it has its answer. Clients and server share the machine.
+
+The raw loop calls the three networks with no server around them. It is the most that a server can reach with the same
+allocator, the C library's or jemalloc. LitServe and FastAPI run with the fastest [settings](#which-settings-of-the-python-servers-were-tried)
+that were tried. They read and write raw arrays. They do not check requests, convert frames, pin keyframes or hold feet.""",
+        tables.throughput,
     ),
     (
-        "Segments of all lengths",
+        "How long does a request take?",
+        "serving",
+        "The same runs: p50 / p99 in ms. Rows of the raw loop are single calls of the networks.",
+        tables.latency,
+    ),
+    (
+        "How does that compare with the raw loop, LitServe and FastAPI?",
+        "serving",
+        "",
+        tables.ratios,
+    ),
+    (
+        "Where does the time of a request go?",
+        "serving",
+        "Mean ms a request, by the client's clock and the server's metrics. A stage's time is that of its whole batch.",
+        tables.split,
+    ),
+    (
+        "And with segments of different lengths?",
         "mixed",
-        "12 to 64 frames at 32 clients. LitServe groups the rows of a batch by length, or pads all of them to the longest.",
-        mixed_table,
+        "12 to 64 frames, 32 clients: frames/s (p50 / p99 in ms).",
+        tables.mixed,
     ),
     (
-        "Live characters",
+        "Do live characters keep up?",
         "live",
-        """On one Drive stream at 30 Hz for five minutes, each with a new command every 2.5 s. A tick is late by what is over the
-earliest one's time. One row a run.""",
-        live_table,
+        """One Drive stream at 30 Hz for five minutes. Each character gets a new command every 2.5 s. The lateness of a tick counts
+from the earliest tick.""",
+        tables.live,
     ),
     (
-        "Overload",
+        "What happens in an overload?",
         "overload",
-        """Single requests of 64 frames for two minutes at five times what the server can do (Poisson arrivals, an open loop), beside 50
-live characters; before it at 90 % of capacity, after it at half.""",
-        overload_table,
+        """Single requests of 64 frames at five times the capacity, for two minutes (Poisson arrivals, open loop). 50 live characters
+run beside them. Before it the load is 90 % of the capacity, after it 50 %.""",
+        tables.overload,
     ),
     (
-        "Why not more: the ceiling",
+        "What is the ceiling?",
         "ceiling",
-        """Two operations for each multiplication in matrix products and convolutions of a 64-frame segment, and the machine's best at
-large matrix products through the same engine (of three shapes the best, as measured). The last column is what the networks would give if all of
-their time went into products of that speed.""",
-        ceiling_table,
+        """Operations of a segment of 64 frames: two for each multiplication in matrix products and convolutions. The peak is the
+machine's best at large matrix products through the same engine, over three shapes. The last column is the speed if all the
+networks' time went into products at that peak.""",
+        tables.ceiling,
     ),
     (
-        "Where the networks' time goes",
+        "Where does the networks' time go?",
         "operators",
-        """One thread, 16 segments of 64 frames, by kind of operator, from the engines' own counters: matrix products and convolutions, norms
-and softmaxes, what moves numbers about (reordering, slicing, gathering, padding), and what works element by element. The last column is
-what the products reach; the table above has what all cores reach in large ones.""",
-        operators_table,
+        """One thread, 16 segments of 64 frames, from the engines' own counters. *Moves* are reordering, slicing, gathering and padding.
+The last column is the rate that the products reach; the ceiling above is for all cores and large products.""",
+        tables.operators,
     ),
     (
-        "The paper's size",
+        "How fast are networks of the paper's size?",
         "paper",
-        """Packs with random weights (`troupe-train random-pack`), 64 frames a segment, the raw loop. The paper reports 15,000 frames/s
-and 2 ms on an RTX 5090. `paper` has the parameter counts of the paper's section 7.4, `paper-wide` the widths of its text, which
-make it larger. Alone: one lane with all cores, one segment a call.""",
-        paper_table,
+        """The raw loop on packs with random weights (`troupe-train random-pack`), 64 frames a segment. `paper` has the parameter counts
+of the paper's section 7.4. `paper-wide` has the widths of its text, which make it larger. *Alone* is one worker with all
+cores and one segment a call. The paper reports 15,000 frames/s and 2 ms on an RTX 5090.""",
+        tables.paper,
     ),
-    ("An idle server", "idle", "", idle_table),
+    ("What does an idle server take?", "idle", "", tables.idle),
     (
-        "Parts",
+        "What do the server's own parts take?",
         "micro",
-        "Criterion, one core. The live plan and the request are the whole of what the server does beside queue and networks.",
-        micro_table,
-    ),
-    (
-        "Instructions of the hot loop",
-        "instructions",
-        """Counted under valgrind: the same on every run and on a busy machine, so small changes show. `make bench-instructions` compares
-with the table that is checked in.""",
-        instruction_table,
-    ),
-    (
-        "Settings tried",
-        "tune",
-        "32 clients, a few seconds each; the fastest of each server and engine is the one measured above.",
-        tried_table,
+        "Criterion, one core. `finish` and `prepare` are all that the server does besides queue and networks.",
+        tables.micro,
     ),
 )
 
+TUNED = (
+    "Which settings of the Python servers were tried?",
+    "tune",
+    "Frames/s with 32 clients over a few seconds. The fastest of each server, engine and machine was measured above.",
+    tables.tune,
+)
 
-def machine_lines(machine: dict) -> str:
-    """What the figures were measured on, in a sentence or two."""
-    changed = " with local changes" if machine.get("changed") else ""
-    return (
-        f"Measured on {machine['cores']:g} cores of {machine['cpu']} ({', '.join(machine['flags']) or 'no vector extensions'}),\n"
-        f"{machine['memory_gib']:g} GiB, {machine['system']}, {machine['rustc']}, Python {machine['python']}; commit "
-        f"{machine['commit']}{changed}. Pack {machine.get('pack', 'not noted')}."
-    )
+INSTRUCTIONS = """## How many instructions does the hot loop take?
 
-
-def measured_apart(store: Store) -> str:
-    """What of a part was measured when, where that was not in one go."""
-    sittings = store.sittings(LONGEST_PAUSE_S)
-    if len(sittings) < 2:
-        return ""
-    told = "; ".join(f"{_rows(runs)} {_span(runs)}" for runs in sittings)
-    return f"Not measured in one go, so the machine may have changed between: {told} (UTC)."
+Counted under valgrind, so the same on every run and on a busy machine. The table is
+[bench/instructions.json](../bench/instructions.json); `make bench-instructions` compares with it."""
 
 
-def measured_at(store: Store, machine: dict | None) -> str:
-    """The commits whose code a part was measured with, where that is not the one of the page."""
-    commits = list(dict.fromkeys(run["commit"] for run in store.data["runs"] if run.get("commit")))
-    if not commits or commits == [(machine or {}).get("commit")]:
-        return ""
-    return f"Measured with the code of {', '.join(commits)}."
+def machine_table(found: list[dict[str, Any]]) -> list[str]:
+    """What was measured on what, with which code and pack."""
+    rows = []
+    for machine in found:
+        facts, main = machine["machine"], main_part(machine)
+        rustc = " ".join(facts.get("rustc", "rustc –").split()[:2])
+        rows.append(
+            [
+                machine["title"],
+                f"{facts.get('cores', 0):g} cores of {facts.get('cpu', 'an unknown processor')}",
+                ", ".join(facts.get("flags", [])) or "–",
+                f"{facts.get('memory_gib', 0):g} GiB",
+                f"{facts.get('system', '–')}, {rustc}, Python {facts.get('python', '–')}",
+                main.get("code") or "–",
+                main.get("pack") or "–",
+                main.get("measured", "–"),
+            ]
+        )
+    return tables.table(["machine", "processor", "extensions", "memory", "software", "commit", "pack", "date"], rows, 8)
 
 
-def _rows(runs: list[dict]) -> str:
-    """The names of what runs measured, or how many there are where they have none."""
-    names = []
-    for key in (run["key"] for run in runs):
-        name = NAMES.get(key.get("target", "")) or key.get("preset") or ENGINES.get(key.get("engine", ""))
-        names.append(name.strip("*") if name else "")
-    return ", ".join(dict.fromkeys(names)) if all(names) else f"{len(runs)} run{'s' * (len(runs) > 1)}"
+def main_part(machine: dict[str, Any]) -> dict[str, Any]:
+    """The part whose commit and pack the table of machines shows."""
+    parts = machine["parts"]
+    return parts.get("serving") or next(iter(parts.values()), {})
 
 
-def _span(runs: list[dict]) -> str:
-    """When the first and the last of runs had their results, of runs by time."""
-    first, last = (datetime.fromtimestamp(run["at"], UTC) for run in (runs[0], runs[-1]))
-    end = f"{last:%H:%M}" if last.date() == first.date() else f"{last:%Y-%m-%d %H:%M}"
-    return f"{first:%Y-%m-%d %H:%M} to {end}"
-
-
-def write_report(settings: Settings, out: Path, only_measured: bool = False) -> None:
-    """Writes the page; a part that was not measured says which command measures it, or is named in one line."""
-    parts = [INTRO]
-    machine = Store(settings.results, "machine").data.get("machine")
-    if machine:
-        parts.append(machine_lines(machine))
-    if settings.quick:
-        parts.append("**A quick look: one short run each. Not the real figures.**")
-    told, missing = set(), []
-    for title, part, text, table in SECTIONS:
-        store = Store(settings.results, part)
-        lines = table(store) if store.data["runs"] else []
-        if only_measured and not lines:
-            missing.append(title)
+def notes(found: list[dict[str, Any]], part: str) -> list[str]:
+    """What a reader has to know about a part of single machines."""
+    lines = []
+    for machine in found:
+        figures, main = machine["parts"].get(part), main_part(machine)
+        if not figures:
             continue
-        parts.append(f"## {title}")
-        if lines:
-            notes = (
-                []
-                if part in told
-                else [measured_apart(store), store.data.get("remark", ""), measured_at(store, machine)]
-            )
-            parts += [text, *notes, "\n".join(lines)]
+        told = list(figures.get("notes", []))
+        differs = [name for name in ("code", "pack") if figures.get(name) and figures[name] != main.get(name)]
+        if differs:
+            told.append(f"measured with {' and '.join(figures[name] for name in differs)} on {figures['measured']}")
+        lines += [f"- {machine['title']}: {note}." for note in told]
+    return lines
+
+
+def page(found: list[dict[str, Any]], quick: bool = False) -> str:
+    """The text of the page. A part that no machine has names the command that measures it."""
+    blocks = [INTRO, "\n".join(machine_table(found))]
+    blocks += [f"{machine['title']}: {machine['remark']}" for machine in found if machine.get("remark")]
+    if quick:
+        blocks.append("**A quick look: one short run each. Not the real figures.**")
+    told = set()
+    for title, part, text, table in (*SECTIONS, TUNED):
+        if part == "tune":
+            blocks += [INSTRUCTIONS, "\n".join(instruction_table())]
+        lines = table(found)
+        body = [text, "\n".join(lines)] if lines else [f"Not measured yet: `make bench PARTS={part}`."]
+        if lines and part not in told:
+            body.append("\n".join(notes(found, part)))
             told.add(part)
-        else:
-            parts.append(f"Not measured yet: `make bench PARTS={part}`.")
-    if missing:
-        parts.append(f"Not measured on this machine: {'; '.join(missing)}.")
+        blocks += [f"## {title}", *body]
+    return "\n\n".join(block.strip("\n") for block in blocks if block) + "\n"
+
+
+def instruction_table() -> list[str]:
+    """The counts that are checked in."""
+    counts = json.loads((ROOT / "bench" / "instructions.json").read_text())
+    return tables.table(["bench", "instructions"], [[f"`{name}`", tables.number(n)] for name, n in counts.items()])
+
+
+def write_report(settings: Settings, out: Path, name: str = "", folder: Path = FOLDER) -> None:
+    """Keeps the figures of this machine and writes the page of all. A quick look has a page of its own."""
+    figures = digest(settings)
+    name = name or name_of(figures["machine"].get("cpu", ""))
+    if settings.quick:
+        found = [{"title": name} | figures]
+    else:
+        if figures["parts"]:
+            keep(figures, name, folder)
+        found = machines(folder)
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text("\n\n".join(part.strip("\n") for part in parts if part) + "\n")
+    out.write_text(page(found, settings.quick))

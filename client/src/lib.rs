@@ -45,9 +45,6 @@ mod problem;
 mod scenes;
 mod styles;
 
-#[cfg(feature = "cli")]
-pub mod cli;
-
 pub use connection::{Client, ConnectOptions, InBetweenAnswers};
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};

@@ -19,8 +19,7 @@ pub struct Pack {
 
 impl Pack {
     /// A pack whose skeleton is known already; that of the message is not looked at.
-    #[cfg(feature = "cli")]
-    pub(crate) fn with_skeleton(message: v1::Pack, skeleton: Skeleton) -> Self {
+    pub fn with_skeleton(message: v1::Pack, skeleton: Skeleton) -> Self {
         Self {
             message: Arc::new(message),
             skeleton: Arc::new(skeleton),

@@ -6,7 +6,9 @@
 pub mod accuracy;
 mod choice;
 mod fill;
+pub mod generator;
 pub mod machine;
+mod motionbricks;
 pub mod onnx;
 pub mod pack;
 mod pipeline;
@@ -16,13 +18,14 @@ mod select;
 mod sizes;
 mod specs;
 mod tensors;
-
-use std::ops::Range;
+#[cfg(any(test, feature = "testing"))]
+pub mod toy;
 
 use crate::pack::Stage;
 
 pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Lanes};
-pub use pipeline::{MadeRow, Pipeline, RowAnswer, StageTimes, TrialRun, length_of, lengths};
+pub use motionbricks::MotionBricks;
+pub use pipeline::{Pipeline, RowAnswer, StageTimes, TrialRun, length_of, lengths};
 pub use raw::{RawLoop, straight_walk};
 pub use select::{Check, Decision, Selector};
 pub use sizes::BatchSizes;
@@ -72,23 +75,6 @@ pub trait Stages: Send {
         input: &TokenInput,
         output: &mut DecoderOutput,
     ) -> Result<(), EngineError>;
-
-    /// [`Stages::decoder`] that tells `made` which rows are there, as soon as they are: an engine that runs a batch in several
-    /// calls tells of each. All rows are told of once, in their order; the last call's may be more than `rows`.
-    ///
-    /// # Errors
-    /// [`EngineError`] where the engine fails; what was not told of fails with it.
-    fn decoder_by_calls(
-        &mut self,
-        rows: usize,
-        input: &TokenInput,
-        output: &mut DecoderOutput,
-        made: &mut dyn FnMut(Range<usize>, &DecoderOutput),
-    ) -> Result<(), EngineError> {
-        self.decoder(rows, input, output)?;
-        made(0..rows, output);
-        Ok(())
-    }
 }
 
 /// Why inference failed.
@@ -138,6 +124,9 @@ pub enum EngineError {
         /// What is wrong with its output.
         problem: String,
     },
+    /// A task of a kind that the pack has no networks for.
+    #[error("the pack has no networks for such a task")]
+    WrongTask,
     /// A run that panicked: a defect of the engine. It takes the next batch all the same.
     #[error("the engine panicked: {0}")]
     Panicked(String),

@@ -58,8 +58,6 @@ pub struct StageTimes {
     pub scatter: Duration,
     /// Rows of the batch in the root stage, padding included.
     pub bucket: usize,
-    /// Most rows of one length behind it.
-    pub alike: usize,
 }
 
 impl StageTimes {
@@ -80,17 +78,6 @@ pub struct TrialRun {
 
 /// What a batch has for one character.
 pub type RowAnswer = Result<Motion, EngineError>;
-/// The answer of one row of a batch.
-#[derive(Debug)]
-pub struct MadeRow {
-    /// Its place in the batch.
-    pub row: usize,
-    /// What there is for it.
-    pub answer: RowAnswer,
-    /// Its share of the batch's time. Rows of a batch share the root stage, those of one length the pose stage, those of one call
-    /// the decoder; together they come to all of it, but for calls of padding alone.
-    pub work: Duration,
-}
 
 /// The stages of one pack and the buffers between them.
 pub struct Pipeline {
@@ -184,22 +171,6 @@ impl Pipeline {
     /// # Errors
     /// [`EngineError`] where a stage fails. The whole batch fails with it.
     pub fn run(&mut self, items: &[KeyframeTask]) -> Result<(Vec<RowAnswer>, StageTimes), EngineError> {
-        let mut rows = Vec::with_capacity(items.len());
-        let times = self.run_by_calls(items, &mut |_, some| rows.extend(some))?;
-        rows.sort_by_key(|made| made.row);
-        Ok((rows.into_iter().map(|made| made.answer).collect(), times))
-    }
-
-    /// [`Pipeline::run`] that gives each character's answer, by its place in `items`, as soon as it is there, with the times of
-    /// the batch until then.
-    ///
-    /// # Errors
-    /// [`EngineError`] where a stage fails. What was not answered fails with it.
-    pub fn run_by_calls(
-        &mut self,
-        items: &[KeyframeTask],
-        made: &mut dyn FnMut(&StageTimes, Vec<MadeRow>),
-    ) -> Result<StageTimes, EngineError> {
         let bucket = self.sizes.for_rows(items.len());
         let mut times = StageTimes {
             bucket,
@@ -210,8 +181,7 @@ impl Pipeline {
             self.stages.root(bucket, &self.root_input, &mut self.root_output)
         })?;
 
-        let work = (times.assemble + times.root) / items.len().max(1) as u32;
-        let mut failed = Vec::new();
+        let mut answers: Vec<Option<RowAnswer>> = std::iter::repeat_with(|| None).take(items.len()).collect();
         let mut members = Vec::with_capacity(items.len());
         for (row, item) in items.iter().enumerate() {
             match self.root_answer(row, item) {
@@ -221,75 +191,42 @@ impl Pipeline {
                     tokens,
                     length: length_of(&self.lengths, tokens),
                 }),
-                Err(error) => failed.push(MadeRow {
-                    row,
-                    answer: Err(error),
-                    work,
-                }),
+                Err(error) => answers[row] = Some(Err(error)),
             }
-        }
-        if !failed.is_empty() {
-            made(&times, failed);
         }
         members.sort_by_key(|member| (member.length, Reverse(member.passes())));
         for group in members.chunk_by(|a, b| a.length == b.length) {
-            self.run_group(group, work, &mut times, made)?;
+            self.run_group(group, &mut answers, &mut times)?;
         }
-        Ok(times)
+        // Every row is a member of a group, or failed.
+        let answers = answers
+            .into_iter()
+            .map(|answer| answer.unwrap_or(Err(EngineError::Stopped)));
+        Ok((answers.collect(), times))
     }
 
-    /// Runs the stages behind the root for rows of one length, ordered by falling number of passes. Each has taken `work` so far.
+    /// Runs the stages behind the root for rows of one length, ordered by falling number of passes.
     fn run_group(
         &mut self,
         group: &[Member<'_>],
-        work: Duration,
+        answers: &mut [Option<RowAnswer>],
         times: &mut StageTimes,
-        made: &mut dyn FnMut(&StageTimes, Vec<MadeRow>),
     ) -> Result<(), EngineError> {
         let bucket = self.sizes.for_rows(group.len());
-        let before = times.assemble + times.pose;
-        times.alike = times.alike.max(group.len());
         timed(&mut times.assemble, || self.fill_tokens(group, bucket));
-        let mut chosen = self.choose_tokens(group, times)?;
-        let work = work + (times.assemble + times.pose - before) / group.len() as u32;
-        let (dims, root, tokens) = (&self.dims, &self.root_output, &self.token_input);
-        let (mut begun, mut done) = (Instant::now(), 0);
-        self.stages
-            .decoder_by_calls(bucket, tokens, &mut self.decoder_output, &mut |call, decoder| {
-                let decoder_time = begun.elapsed();
-                times.decoder += decoder_time;
-                let rows = done..call.end.min(group.len());
-                if call.start != done || rows.is_empty() {
-                    // All of it is padding. (Or told out of order: what is missing then is an error below.)
-                    begun = Instant::now();
-                    return;
-                }
-                done = rows.end;
-                let mut scatter = Duration::ZERO;
-                let mut answers: Vec<MadeRow> = timed(&mut scatter, || {
-                    let members = rows
-                        .clone()
-                        .zip(&group[rows.clone()])
-                        .zip(chosen.drain(..rows.len()));
-                    let answer =
-                        |((row, member), chosen): ((usize, &Member<'_>), Result<(), EngineError>)| MadeRow {
-                            row: member.row,
-                            answer: chosen.map(|()| copy_out(dims, (root, tokens, decoder), row, member)),
-                            work,
-                        };
-                    members.map(answer).collect()
-                });
-                times.scatter += scatter;
-                for made in &mut answers {
-                    made.work += (decoder_time + scatter) / rows.len() as u32;
-                }
-                made(times, answers);
-                begun = Instant::now();
-            })?;
-        match done == group.len() {
-            true => Ok(()),
-            false => Err(output(Stage::Decoder, "fewer rows than its batch has")),
-        }
+        let chosen = self.choose_tokens(group, times)?;
+        timed(&mut times.decoder, || {
+            self.stages
+                .decoder(bucket, &self.token_input, &mut self.decoder_output)
+        })?;
+        timed(&mut times.scatter, || {
+            let tensors = (&self.root_output, &self.token_input, &self.decoder_output);
+            for (row, (member, chosen)) in group.iter().zip(chosen).enumerate() {
+                let answer = chosen.map(|()| copy_out(&self.dims, tensors, row, member));
+                answers[member.row] = Some(answer);
+            }
+        });
+        Ok(())
     }
 
     fn set_length(&mut self, length: usize) {

@@ -2,9 +2,10 @@
 //!
 //! # The way of a run
 //! The command line ([`cli`]) makes a [`plan::Plan`]: what is asked ([`workloads`]) and when ([`arrivals`]). [`run`] carries it
-//! out, in this process or in several, and hands every answer to a recorder ([`measure`]), which also watches the server's
-//! `/metrics`. What comes out is a [`report::Report`]: JSON with a version, a table, and a page with plots. [`search`] looks
-//! for the most that a server can do within a bound, and [`overload`] for how it takes more than that.
+//! out, in this process or in several. Single requests are sent by [`loops`], and every answer goes to a recorder
+//! ([`measure`]), which also watches the server's `/metrics`. A run comes to its [`figures`]. [`search`] looks for the most
+//! that a server can do within a bound, and [`overload`] for how it takes more than that. What comes out of all is a
+//! [`report::Report`]: JSON with a version, a table, and a page with plots.
 //!
 //! # What a latency is
 //! In an **open loop** arrivals come when they are due, however late the server is, and latency counts from the moment when a
@@ -15,6 +16,8 @@
 pub mod arrivals;
 pub mod cli;
 pub mod failure;
+pub mod figures;
+pub mod loops;
 pub mod measure;
 pub mod overload;
 pub mod plan;

@@ -6,11 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::arrivals::{Process, Stage, Stages};
 use crate::failure::Failure;
+use crate::figures::{Run, StageResult};
 use crate::measure::FineBin;
 use crate::plan::{Live, Load, Plan, Workload};
-use crate::report::{Run, StageResult};
-use crate::run::once;
-use crate::run::progress::Progress;
+use crate::run::{Progress, once};
 
 /// Length of the time bins by which recovery is told, seconds.
 pub const BIN_S: f64 = 0.1;

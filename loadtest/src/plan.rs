@@ -234,3 +234,44 @@ impl LatencyOf {
         }
     }
 }
+
+/// The part of a load that one of several processes makes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Share {
+    /// Which process this is, from 0.
+    pub nth: u32,
+    /// How many there are.
+    pub of: u32,
+}
+
+impl Share {
+    /// All of it.
+    pub const WHOLE: Self = Self { nth: 0, of: 1 };
+
+    /// This process' part of so many: parts differ by at most one and add up.
+    pub fn part(self, whole: u32) -> u32 {
+        whole / self.of + u32::from(self.nth < whole % self.of)
+    }
+
+    /// How many the processes before this one have of so many.
+    pub fn before(self, whole: u32) -> u32 {
+        (0..self.nth).map(|nth| Self { nth, ..self }.part(whole)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_add_up() {
+        for whole in [0, 1, 7, 100] {
+            let shares = (0..3).map(|nth| Share { nth, of: 3 });
+            let parts = shares.clone().map(|s| s.part(whole)).collect::<Vec<_>>();
+            assert_eq!(parts.iter().sum::<u32>(), whole);
+            assert!(parts.iter().max().unwrap() - parts.iter().min().unwrap() <= 1);
+            let before = shares.map(|s| s.before(whole)).collect::<Vec<_>>();
+            assert_eq!(before, [0, parts[0], parts[0] + parts[1]]);
+        }
+    }
+}

@@ -1,9 +1,16 @@
-//! Sums of what sessions have done.
+//! Sums over what sessions have done.
 
 use std::iter::Sum;
 use std::ops::AddAssign;
 
 use crate::v1::SessionStats;
+
+impl SessionStats {
+    /// Plans that took over, whatever called for them.
+    pub fn plans(&self) -> u64 {
+        self.plans_for_command + self.plans_for_low_buffer + self.plans_for_interval + self.plans_for_object
+    }
+}
 
 impl AddAssign<&SessionStats> for SessionStats {
     fn add_assign(&mut self, other: &SessionStats) {
@@ -65,5 +72,6 @@ mod tests {
             plans_for_object: 16,
         };
         assert_eq!([stats, stats].iter().sum::<SessionStats>(), twice);
+        assert_eq!(stats.plans(), 1 + 2 + 3 + 8);
     }
 }

@@ -11,7 +11,7 @@ use confique::Config as _;
 
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
-pub use cli::{Cli, Command, DoctorArgs};
+pub use cli::{Cli, Command, DoctorArgs, HealthArgs};
 
 /// The file that is read where `--config` names none; it need not exist.
 pub const DEFAULT_FILE: &str = "troupe.toml";
@@ -112,46 +112,19 @@ pub struct Config {
     /// once, in milliseconds. 0: no such limit.
     #[config(
         env = "TROUPE_MAX_QUEUE_MS",
-        default = 1000,
+        default = 250,
         layer_attr(arg(long, value_name = "MS"))
     )]
     pub max_queue_ms: u64,
 
-    /// The same in an overload, where a long queue serves nobody sooner: it is that once a third of max_queue_ms more came than
-    /// was served while calls waited without a break, and falls from the one to the other until then. It rises again within a few
-    /// seconds without a queue. In milliseconds; 0: no difference is made.
+    /// A batch takes only what the engine can do in this time, by measure, so that no plan of a live character waits long for
+    /// its turn, in milliseconds. 0: no such limit.
     #[config(
-        env = "TROUPE_MAX_STANDING_QUEUE_MS",
-        default = 25,
-        layer_attr(arg(long, value_name = "MS"))
-    )]
-    pub max_standing_queue_ms: u64,
-
-    /// How long an idle part of the engine waits for preferred_batch characters, in microseconds. 0: a lone caller waits for
-    /// nobody. More makes larger batches, and every caller slower where there are few.
-    #[config(
-        env = "TROUPE_BATCH_DELAY_US",
-        default = 0,
-        layer_attr(arg(long, value_name = "US"))
-    )]
-    pub batch_delay_us: u64,
-
-    /// How many characters are worth batch_delay_us, up to max_batch. 0: none, so nothing waits.
-    #[config(
-        env = "TROUPE_PREFERRED_BATCH",
-        default = 0,
-        layer_attr(arg(long, value_name = "COUNT"))
-    )]
-    pub preferred_batch: usize,
-
-    /// While there are live characters, a batch takes only what the engine can do in this time, by measure, so that no
-    /// character's plan waits long for its turn; in milliseconds. 0: no such limit.
-    #[config(
-        env = "TROUPE_LIVE_BATCH_MS",
+        env = "TROUPE_MAX_BATCH_MS",
         default = 66,
         layer_attr(arg(long, value_name = "MS"))
     )]
-    pub live_batch_ms: u64,
+    pub max_batch_ms: u64,
 
     /// How long an idle part of the engine stays awake for the next request after its last one, in microseconds: a lone
     /// caller's requests then find core and network warm, for at most that much more CPU time a batch. Any thread that wants
@@ -361,6 +334,14 @@ impl Config {
     /// # Errors
     /// [`ConfigError`], which names the option.
     pub fn load_for_doctor(args: &DoctorArgs) -> Result<Self, ConfigError> {
+        Self::from_layers(args.config.clone(), args.layer())
+    }
+
+    /// The configuration of the server that the health check asks.
+    ///
+    /// # Errors
+    /// [`ConfigError`], which names the option.
+    pub fn load_for_health(args: &HealthArgs) -> Result<Self, ConfigError> {
         Self::from_layers(args.config.clone(), args.layer())
     }
 

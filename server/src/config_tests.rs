@@ -90,7 +90,7 @@ fn the_doctor_has_flags_of_its_own_and_the_server_keeps_its() {
         let args = ["troupe-server", "doctor"].iter().chain(args).copied();
         match Cli::try_parse_from(args).unwrap().command {
             Some(Command::Doctor(args)) => args,
-            None => panic!("this does not serve"),
+            _ => panic!("this does not serve"),
         }
     };
     let args = doctor(&[
@@ -117,23 +117,46 @@ fn the_doctor_has_flags_of_its_own_and_the_server_keeps_its() {
 }
 
 #[test]
+fn the_health_check_takes_a_url_or_the_servers_own_address() {
+    let parse = |args: &[&str]| {
+        let args = ["troupe-server", "health"].iter().chain(args).copied();
+        Cli::try_parse_from(args).map(|cli| match cli.command {
+            Some(Command::Health(args)) => args,
+            _ => panic!("this does not serve"),
+        })
+    };
+    let url = |text: &str| parse(&["--url", text]).map(|args| args.url.unwrap().to_string());
+    assert_eq!(url("http://h:1").unwrap(), "http://h:1/readyz");
+    assert_eq!(url("http://h:1/").unwrap(), "http://h:1/readyz");
+    assert_eq!(url("http://h:1/healthz").unwrap(), "http://h:1/healthz");
+    for wrong in ["127.0.0.1:8080", "/readyz", "https://h:1", "http://"] {
+        let error = url(wrong).unwrap_err().to_string();
+        assert!(error.contains("allowed: http://HOST:PORT"), "{error}");
+    }
+    let args = parse(&["--listen", "127.0.0.1:7"]).unwrap();
+    assert!(args.url.is_none());
+    assert_eq!(Config::load_for_health(&args).unwrap().listen.port(), 7);
+    let mut command = Cli::command();
+    insta::assert_snapshot!(
+        "health_help",
+        help(command.find_subcommand_mut("health").unwrap())
+    );
+}
+
+#[test]
 fn calls_stay_behind_live_plans_for_longer_than_they_should_ever_wait() {
     let limits = |args: &[&str]| load(args).unwrap().batch_limits(8);
     let usual = limits(&[]);
     assert_eq!(
         (usual.max_wait, usual.ageing),
-        (Duration::from_secs(1), Duration::from_secs(2))
+        (Duration::from_millis(250), Duration::from_secs(2))
     );
-    assert_eq!(
-        (usual.batch_delay, usual.preferred_batch, usual.max_live),
-        (Duration::ZERO, 0, 16_384)
-    );
+    assert_eq!(usual.max_live, 16_384);
     assert_eq!(limits(&["--max-queue-ms", "50"]).ageing, Duration::from_secs(2));
     assert_eq!(
         limits(&["--max-queue-ms", "5000"]).ageing,
         Duration::from_secs(10)
     );
-    assert_eq!(usual.max_standing_wait, Duration::from_millis(25));
     // Without that limit, half of the time after which a call is given up.
     let unlimited = limits(&["--max-queue-ms", "0", "--request-timeout-ms", "20000"]);
     assert_eq!(
@@ -191,16 +214,8 @@ fn mistakes_name_the_option() {
         "max_queue_ms is 3600001; allowed: 0 to 3600000"
     );
     assert_eq!(
-        error(&["--batch-delay-us", "1000001"]),
-        "batch_delay_us is 1000001; allowed: 0 to 1000000"
-    );
-    assert_eq!(
-        error(&["--preferred-batch", "9", "--max-batch", "8"]),
-        "preferred_batch is 9; allowed: 0 to 8"
-    );
-    assert_eq!(
-        error(&["--live-batch-ms", "60001"]),
-        "live_batch_ms is 60001; allowed: 0 to 60000"
+        error(&["--max-batch-ms", "60001"]),
+        "max_batch_ms is 60001; allowed: 0 to 60000"
     );
     assert_eq!(
         error(&["--lane-spin-us", "10001"]),

@@ -8,8 +8,9 @@ use anyhow::Context as _;
 use clap::Parser as _;
 use tokio::net::TcpListener;
 use tracing_subscriber::EnvFilter;
-use troupe_server::config::{Cli, Command, Config, DoctorArgs, LogFormat};
+use troupe_server::config::{Cli, Command, Config, DoctorArgs, HealthArgs, LogFormat};
 use troupe_server::doctor::Report;
+use troupe_server::health;
 use troupe_server::server::{ServerHandle, serve};
 
 /// The process's allocator, the C libraries' too: in one run of a network, ONNX Runtime and OpenVINO take and give back memory
@@ -28,6 +29,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let result = match &cli.command {
         Some(Command::Doctor(args)) => doctor(args),
+        Some(Command::Health(args)) => check_health(args),
         None if cli.print_config => say(&Config::template()).map(|()| ExitCode::SUCCESS),
         None => run(cli),
     };
@@ -61,6 +63,22 @@ fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
         true => ExitCode::SUCCESS,
         false => ExitCode::FAILURE,
     })
+}
+
+/// Fails where the server does not answer, or says that it is not ready.
+fn check_health(args: &HealthArgs) -> anyhow::Result<ExitCode> {
+    let url = match &args.url {
+        Some(url) => url.clone(),
+        None => health::ready_url(Config::load_for_health(args)?.listen)?,
+    };
+    tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("cannot start the asynchronous runtime")?
+        .block_on(health::check(&url, args.timeout()))
+        .with_context(|| url.to_string())?;
+    say(&format!("{url}: ok\n"))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn run(cli: Cli) -> anyhow::Result<ExitCode> {
@@ -161,7 +179,7 @@ fn greeting(server: &ServerHandle) -> String {
     // In a checkout the client is to be built, and there is a clip to try it with.
     let (troupe, clip) = if std::path::Path::new("examples/walk.bvh").exists() {
         (
-            "cargo run --release -p troupe-client --",
+            "cargo run --release -p troupe-cli --",
             "--clip examples/walk.bvh --from 30 --to 65 --out filled.glb",
         )
     } else {

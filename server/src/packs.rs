@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::batch::{Batcher, PackMetrics};
 use troupe_character::style::StyleTable;
 use troupe_engine::pack::Pack;
+use troupe_motion::model::Capability;
 
 /// Most characters of a pack's name that an error echoes.
 const MAX_ECHO: usize = 64;
@@ -35,6 +36,47 @@ pub struct UnknownPack {
     pub field: String,
     /// The names that there are.
     pub loaded: Vec<String>,
+}
+
+/// A pack that cannot do what is asked of it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the pack {pack} cannot do this: it has no capability {wanted}; it has: {}",
+    names(can)
+)]
+pub struct CannotDo {
+    /// The pack's name.
+    pub pack: String,
+    /// What it would need.
+    pub wanted: Capability,
+    /// The field of the request that named it.
+    pub field: String,
+    /// What it can do.
+    pub can: Vec<Capability>,
+}
+
+fn names(capabilities: &[Capability]) -> String {
+    let names: Vec<&str> = capabilities.iter().map(|able| able.name()).collect();
+    names.join(", ")
+}
+
+impl LoadedPack {
+    /// Checks that the pack can do what the request asks for; `field` names the pack in the request.
+    ///
+    /// # Errors
+    /// [`CannotDo`].
+    pub fn require(&self, capability: Capability, field: impl ToString) -> Result<(), CannotDo> {
+        let capabilities = self.pack.manifest.capabilities;
+        match capabilities.has(capability) {
+            true => Ok(()),
+            false => Err(CannotDo {
+                pack: self.pack.name().to_owned(),
+                wanted: capability,
+                field: field.to_string(),
+                can: capabilities.list().collect(),
+            }),
+        }
+    }
 }
 
 /// All packs of a server.

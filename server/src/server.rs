@@ -15,7 +15,7 @@ use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
 
 use crate::api;
 use crate::batch::scheduler::Limits;
-use crate::batch::{Batcher, EngineFactory, PackMetrics};
+use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
 use crate::config::Config;
 use crate::packs::{LoadedPack, PackTable};
 use crate::service::Service;
@@ -23,9 +23,10 @@ use crate::session::{Sessions, TimeSource};
 use crate::telemetry::Telemetry;
 use crate::world::{LoadError, Store};
 use troupe_character::style::{StyleError, StyleTable};
+use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
 use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
-use troupe_engine::{Decision, EngineError, Pipeline, Stages};
+use troupe_engine::{Decision, EngineError, MotionBricks, Pipeline, Stages};
 
 /// The pack that is the default where nothing else is said.
 const USUAL_DEFAULT: &str = "human";
@@ -38,19 +39,38 @@ const FAREWELL: Duration = Duration::from_millis(500);
 /// How often sessions are looked through for those whose time is up. Expiry itself does not wait for that.
 const SWEEP_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Makes the stages of a pack for one lane, on the thread that will own them.
+/// Makes the stages of a pack for one worker, on the thread that will own them.
 pub type StagesFactory = Box<dyn Fn(&Pack) -> Result<Box<dyn Stages>, EngineError> + Send + Sync>;
+/// Makes the generator of a pack for one worker, whose batches have up to so many jobs, on the thread that will own it.
+pub type MakeGenerator = Box<dyn Fn(&Pack, usize) -> Result<Box<dyn Generator>, EngineError> + Send + Sync>;
 
 /// A pack and what runs it.
 pub struct PackSource {
     /// The pack.
     pub pack: Pack,
-    /// Lanes of its engine: threads with stages of their own, at least one.
+    /// Its workers: threads with a generator each, at least one.
     pub lanes: usize,
-    /// Makes a lane's stages.
-    pub stages: StagesFactory,
-    /// What these stages are, and why; nothing where they are the caller's own.
+    /// Makes a worker's generator.
+    pub generator: MakeGenerator,
+    /// The engine that runs MotionBricks' stages, and why; nothing where the caller brings its own.
     pub decision: Option<Decision>,
+}
+
+impl PackSource {
+    /// A MotionBricks pack whose stages `stages` makes.
+    pub fn of_stages(pack: Pack, lanes: usize, stages: StagesFactory, decision: Option<Decision>) -> Self {
+        let generator = move |pack: &Pack, max_batch| {
+            let mut pipeline = Pipeline::new(pack.rig.dims, stages(pack)?, max_batch);
+            pipeline.warm_up()?;
+            Ok(Box::new(MotionBricks::new(pipeline, max_batch)) as Box<dyn Generator>)
+        };
+        Self {
+            pack,
+            lanes,
+            generator: Box::new(generator),
+            decision,
+        }
+    }
 }
 
 /// Why a server did not start.
@@ -120,12 +140,14 @@ pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
             error,
         })?;
         let (selector, engine) = (selector.clone(), decision.engine);
-        sources.push(PackSource {
+        let stages = move |pack: &Pack| Ok(Box::new(selector.load(pack, engine)?) as Box<dyn Stages>);
+        let lanes = decision.lanes.count;
+        sources.push(PackSource::of_stages(
             pack,
-            lanes: decision.lanes.count,
-            stages: Box::new(move |pack| Ok(Box::new(selector.load(pack, engine)?))),
-            decision: Some(decision),
-        });
+            lanes,
+            Box::new(stages),
+            Some(decision),
+        ));
     }
     Ok(sources)
 }
@@ -255,7 +277,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     let PackSource {
         pack,
         lanes,
-        stages,
+        generator,
         decision,
     } = source;
     let metrics = PackMetrics::new(service.telemetry(), pack.name(), &pack.manifest.version);
@@ -270,23 +292,19 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         .map_or(Batching::UNKNOWN, |decision| decision.batching);
     let max_batch = config.max_batch_of(batching);
     let (for_engine, engine_metrics) = (pack.clone(), metrics.clone());
-    let factory: EngineFactory = Arc::new(move |lane| {
+    let factory: GeneratorFactory = Arc::new(move |worker| {
         let loading = Instant::now();
-        let mut pipeline = Pipeline::new(for_engine.rig.dims, stages(&for_engine)?, max_batch);
-        let warming = Instant::now();
-        pipeline.warm_up()?;
-        let (load, warmup) = (warming - loading, warming.elapsed());
-        engine_metrics.started(load, warmup);
-        tracing::info!(pack = for_engine.name(), lane, ?load, ?warmup, "pack ready");
-        Ok(pipeline)
+        let generator = generator(&for_engine, max_batch)?;
+        let load = loading.elapsed();
+        engine_metrics.loaded(load);
+        tracing::info!(pack = for_engine.name(), worker, ?load, "pack ready");
+        Ok(generator)
     });
     let limits = Limits {
-        lanes,
-        padded: !batching.any_size,
-        call_rows: batching.call_rows,
+        workers: lanes,
         ..config.batch_limits(max_batch)
     };
-    let batcher = Batcher::start(pack.name(), limits, metrics.clone(), factory)
+    let batcher = Batcher::start(pack.name(), limits, config.lane_spin(), metrics.clone(), factory)
         .await
         .map_err(|error| StartError::Engine {
             pack: pack.name().to_owned(),

@@ -2,6 +2,7 @@
 
 mod describe;
 mod error;
+mod generate;
 mod scenes;
 mod sessions;
 
@@ -20,9 +21,10 @@ use crate::telemetry::Telemetry;
 use crate::world::Store;
 use describe::describe;
 use troupe_engine::EngineError;
-use troupe_motion::model::Rig;
+use troupe_motion::model::{Capability, Output, Rig};
 
 pub use error::ServiceError;
+pub use generate::Generation;
 
 /// Requests of up to this many characters are checked and finished on the task that received them; larger ones go to the
 /// pool for blocking work, so that they do not hold up other connections.
@@ -136,6 +138,7 @@ impl Service {
     ) -> Result<v1::InBetweenResponse, ServiceError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
+        loaded.require(Capability::Inbetween, "pack")?;
         let characters = request.characters.len();
         // One that is too large is told so, and not to come back.
         let most = self.limits.max_characters;
@@ -149,7 +152,10 @@ impl Service {
         })
         .await??;
 
-        let served = loaded.batcher.submit(items, order).await?;
+        let served = loaded
+            .batcher
+            .submit(items.into_iter().map(Into::into).collect(), order)
+            .await?;
 
         let mut timing = timing(&served);
         let copied = served.scatter;
@@ -182,7 +188,11 @@ fn described(table: &PackTable, loaded: &LoadedPack) -> v1::Pack {
 }
 
 fn finish_all(served: &Served, plans: &[Plan], rig: &Rig) -> Result<Vec<v1::CharacterResult>, ServiceError> {
-    let pairs = served.motions.iter().zip(plans);
+    let motions = served.outputs.iter().filter_map(|output| match output {
+        Output::Motion(motion) => Some(motion),
+        Output::Text(_) => None,
+    });
+    let pairs = motions.zip(plans);
     pairs
         .map(|(motion, plan)| finish(motion, plan, rig).map_err(ServiceError::from))
         .collect()

@@ -9,6 +9,7 @@ use troupe_motion::skeleton::Skeleton;
 
 use super::frames::Frame;
 use super::options::Rate;
+use super::session::Session;
 use crate::pack::Pack;
 
 /// Frames of one character, as they come, to be written as a BVH or glb file.
@@ -49,7 +50,7 @@ impl Recording {
     }
 
     /// An empty recording of what a session gives.
-    pub fn of(session: &super::Session) -> Self {
+    pub fn of(session: &Session) -> Self {
         Self::new(session.pack(), session.convention(), session.frame_options().rate)
     }
 

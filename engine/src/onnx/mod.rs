@@ -62,8 +62,8 @@ impl Batching {
             },
             EngineKind::OpenvinoBf16 if fixed_shapes => Self {
                 any_size: true,
+                usual_most: 16,
                 call_rows: CALL_ROWS[CALL_ROWS.len() - 1],
-                ..Self::UNKNOWN
             },
             EngineKind::OpenvinoBf16 | EngineKind::Cuda | EngineKind::Tensorrt => Self::UNKNOWN,
         }
@@ -231,25 +231,13 @@ impl Stages for OnnxStages {
         input: &TokenInput,
         output: &mut DecoderOutput,
     ) -> Result<(), EngineError> {
-        self.decoder_by_calls(rows, input, output, &mut |_, _| ())
-    }
-
-    fn decoder_by_calls(
-        &mut self,
-        rows: usize,
-        input: &TokenInput,
-        output: &mut DecoderOutput,
-        made: &mut dyn FnMut(Range<usize>, &DecoderOutput),
-    ) -> Result<(), EngineError> {
         let inputs = |call| token_inputs(&self.dims, input, &call);
         self.decoder
             .run(Stage::Decoder, rows, input.length(), inputs, |call, outputs| {
-                let from = Outputs::new(Stage::Decoder, outputs, call.clone(), rows);
+                let from = Outputs::new(Stage::Decoder, outputs, call, rows);
                 from.copy("rotations", &mut output.rotations)?;
                 from.copy("refined_root", &mut output.global_root)?;
-                from.copy("contacts", &mut output.contacts)?;
-                made(call, output);
-                Ok(())
+                from.copy("contacts", &mut output.contacts)
             })
     }
 }

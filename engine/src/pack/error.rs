@@ -33,11 +33,11 @@ pub enum PackProblem {
     #[error("pack.toml: {0}")]
     Parse(#[from] toml::de::Error),
     /// A manifest of a format that this server does not know.
-    #[error("pack.toml: format {found} is not supported (this server reads format {supported})")]
+    #[error("pack.toml: format {found} is not supported (this server reads formats 1 to {supported})")]
     Format {
         /// The manifest's format.
         found: u32,
-        /// The supported format.
+        /// The newest supported format.
         supported: u32,
     },
     /// A field out of its range.
@@ -60,6 +60,14 @@ pub enum PackProblem {
         expected: String,
         /// The files' hash.
         found: String,
+    },
+    /// A model family that this server does not host.
+    #[error("pack.toml: family is {found:?}; allowed: {}", known.join(", "))]
+    Family {
+        /// The manifest's family.
+        found: String,
+        /// The families that this server hosts.
+        known: Vec<&'static str>,
     },
     /// A second pack of the same name.
     #[error("the name {0:?} is taken by another pack")]

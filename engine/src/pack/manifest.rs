@@ -2,13 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Skeleton;
-use troupe_motion::model::Dims;
+use troupe_motion::model::{Capabilities, Capability, Dims};
 use troupe_motion::robot::RobotDoc;
 
 use super::PackProblem;
 
-/// The manifest format that this server reads.
-const FORMAT: u32 = 1;
+/// The newest manifest format; format 1 loads as well.
+const FORMAT: u32 = 2;
+/// The family that every manifest of format 1 is of.
+pub const MOTIONBRICKS: &str = "motionbricks";
 /// Frames a second of every pack: a session's timeline, its commands' frames and the rates of 30, 50 and 60 Hz rest on it.
 const FPS: f32 = 30.0;
 
@@ -17,6 +19,12 @@ const FPS: f32 = 30.0;
 pub struct Manifest {
     /// Version of the manifest's own format.
     pub format: u32,
+    /// The model family, which says what runs the pack. Format 1 has none: it is MotionBricks.
+    #[serde(default = "motionbricks")]
+    pub family: String,
+    /// What the pack can do. Format 1 does not say: it fills gaps and drives live characters.
+    #[serde(default = "format_1_capabilities")]
+    pub capabilities: Capabilities,
     /// The name that requests give: lower-case letters, digits, `-` and `_`.
     pub name: String,
     /// The pack's version.
@@ -34,9 +42,11 @@ pub struct Manifest {
     pub min_tokens: usize,
     /// Most tokens of a segment.
     pub max_tokens: usize,
-    /// Codebooks of a token.
+    /// Codebooks of a token; 0 for a family without tokens.
+    #[serde(default)]
     pub heads: usize,
-    /// Codes of a codebook.
+    /// Codes of a codebook; 0 for a family without tokens.
+    #[serde(default)]
     pub codes: usize,
     /// Context keyframes of a request.
     pub context_frames: usize,
@@ -69,15 +79,31 @@ impl Manifest {
         struct Version {
             format: u32,
         }
+        #[derive(Deserialize)]
+        #[expect(dead_code, reason = "only that they are there")]
+        struct Told {
+            family: String,
+            capabilities: Capabilities,
+        }
         // The format comes first: fields of another format would only give confusing errors.
         let Version { format: found } = toml::from_str(text)?;
-        if found != FORMAT {
+        if !(1..=FORMAT).contains(&found) {
             return Err(PackProblem::Format {
                 found,
                 supported: FORMAT,
             });
         }
-        Ok(toml::from_str(text)?)
+        let manifest: Self = toml::from_str(text)?;
+        if found == 1 {
+            return Ok(Self {
+                family: motionbricks(),
+                capabilities: format_1_capabilities(),
+                ..manifest
+            });
+        }
+        // Format 2 has no defaults for what it is about.
+        let Told { .. } = toml::from_str(text)?;
+        Ok(manifest)
     }
 
     /// Checks all values and gives the sizes that follow from them.
@@ -97,8 +123,6 @@ impl Manifest {
             ("frames_per_token", self.frames_per_token, 1, 64),
             ("min_tokens", self.min_tokens, 1, 1024),
             ("max_tokens", self.max_tokens, self.min_tokens, 1024),
-            ("heads", self.heads, 1, 64),
-            ("codes", self.codes, 2, 65_536),
             ("context_frames", self.context_frames, 1, 64),
             ("max_targets", self.max_targets, 1, 64),
         ];
@@ -106,6 +130,17 @@ impl Manifest {
             if !(low..=high).contains(&value) {
                 return Err(field(name, value, format!("{low} to {high}")));
             }
+        }
+        if self.family == MOTIONBRICKS {
+            for (name, value, low, high) in [("heads", self.heads, 1, 64), ("codes", self.codes, 2, 65_536)] {
+                if !(low..=high).contains(&value) {
+                    return Err(field(name, value, format!("{low} to {high}")));
+                }
+            }
+        }
+        if self.capabilities.list().next().is_none() {
+            let all = Capability::ALL.map(Capability::name).join(", ");
+            return Err(field("capabilities", "none", format!("at least one of {all}")));
         }
         let hash = self.content_hash.strip_prefix("sha256:").unwrap_or_default();
         if hash.len() != 64 || !hash.bytes().all(|byte| byte.is_ascii_hexdigit()) {
@@ -145,6 +180,18 @@ impl Manifest {
     /// The free tables as JSON text: `{"training": {..}, "evaluation": {..}}`.
     pub fn figures_json(&self) -> String {
         serde_json::json!({ "training": self.training, "evaluation": self.evaluation }).to_string()
+    }
+}
+
+fn motionbricks() -> String {
+    MOTIONBRICKS.to_owned()
+}
+
+fn format_1_capabilities() -> Capabilities {
+    Capabilities {
+        inbetween: true,
+        live: true,
+        ..Capabilities::default()
     }
 }
 

@@ -13,7 +13,7 @@ use sha2::{Digest as _, Sha256};
 use troupe_motion::model::Rig;
 
 pub use error::{PackError, PackProblem};
-pub use manifest::Manifest;
+pub use manifest::{MOTIONBRICKS, Manifest};
 
 /// Name of the manifest inside a pack folder.
 pub const MANIFEST_FILE: &str = "pack.toml";
@@ -77,7 +77,7 @@ impl Pack {
 
     fn try_load(folder: &Path) -> Result<Self, PackProblem> {
         let pack = Self::from_manifest(Manifest::parse(&read_text(&folder.join(MANIFEST_FILE))?)?, folder)?;
-        let found = content_hash(folder)?;
+        let found = content_hash(folder, pack.files())?;
         let expected = &pack.manifest.content_hash;
         if !expected.eq_ignore_ascii_case(&found) {
             return Err(PackProblem::ContentHash {
@@ -105,6 +105,14 @@ impl Pack {
             rig: Arc::new(rig),
             folder: folder.to_owned(),
         })
+    }
+
+    /// The files of its networks, in the order in which the content hash reads them. A family that names none has none.
+    pub fn files(&self) -> &'static [&'static str] {
+        match self.manifest.family.as_str() {
+            MOTIONBRICKS => &["root.onnx", "pose.onnx", "decoder.onnx"],
+            _ => &[],
+        }
     }
 
     /// The pack's name.
@@ -151,14 +159,14 @@ pub fn find_packs(root: &Path) -> Result<Vec<PathBuf>, PackError> {
     }
 }
 
-/// `sha256:<hex>` over the bytes of the stages' files, in the order of [`Stage::ALL`].
+/// `sha256:<hex>` over the bytes of these files of the folder, one after another.
 ///
 /// # Errors
 /// [`PackProblem::Read`] where a file is missing or unreadable.
-pub fn content_hash(folder: &Path) -> Result<String, PackProblem> {
+pub fn content_hash(folder: &Path, files: &[&str]) -> Result<String, PackProblem> {
     let mut hasher = Sha256::new();
-    for stage in Stage::ALL {
-        let path = folder.join(stage.file_name());
+    for file in files {
+        let path = folder.join(file);
         let mut file = std::fs::File::open(&path).map_err(|cause| PackProblem::Read {
             path: path.clone(),
             cause,

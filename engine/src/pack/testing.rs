@@ -3,19 +3,25 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use troupe_motion::model::Rig;
+use troupe_motion::model::{Capabilities, Rig};
 
-use super::{Manifest, Pack};
+use super::{MOTIONBRICKS, Manifest, Pack};
 
 /// A pack of that rig. It has a manifest and no networks.
 pub fn pack_of(rig: Rig) -> Pack {
     let dims = rig.dims;
     let manifest = Manifest {
-        format: 1,
+        format: 2,
+        family: MOTIONBRICKS.to_owned(),
+        capabilities: Capabilities {
+            inbetween: true,
+            live: true,
+            ..Capabilities::default()
+        },
         name: rig.name.clone(),
-        version: "1".into(),
-        licence: String::new(),
-        credits: Vec::new(),
+        version: "1.2.3".into(),
+        licence: "CC0".into(),
+        credits: vec!["Nobody".into()],
         fps: rig.fps,
         frames_per_token: dims.frames_per_token,
         min_tokens: dims.min_tokens,
@@ -24,7 +30,7 @@ pub fn pack_of(rig: Rig) -> Pack {
         codes: dims.codes,
         context_frames: dims.context_frames,
         max_targets: dims.max_targets,
-        parameters: 0,
+        parameters: 7,
         content_hash: format!("sha256:{}", "0".repeat(64)),
         skeleton: (*rig.skeleton).clone(),
         robot: None,

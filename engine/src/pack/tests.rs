@@ -132,7 +132,7 @@ fn every_mistake_is_named() {
             "max_tokens is 2; allowed: 3 to 1024",
         ),
         ("heads = 4", "heads = 0", "heads is 0; allowed: 1 to 64"),
-        ("heads = 4", "", "missing field `heads`"),
+        ("heads = 4", "", "heads is 0; allowed: 1 to 64"),
         ("max_targets = 4", "max_targets = 62", "at least 66 frames"),
         ("joints = [\"Foot\"]", "joints = [\"Paw\"]", "Paw"),
         ("sha256:", "md5:", "allowed: sha256: and 64"),
@@ -184,4 +184,36 @@ fn a_folder_without_packs_says_so() {
         find_packs(&folder.0.join("absent")).unwrap_err().problem,
         PackProblem::Read { .. }
     ));
+}
+
+#[test]
+fn format_2_says_its_family_and_what_it_can_do() {
+    let first = Manifest::parse(MANIFEST).unwrap();
+    assert_eq!(first.family, MOTIONBRICKS);
+    let named = |manifest: &Manifest| -> Vec<_> {
+        let all = manifest.capabilities.list();
+        all.map(|able| able.name()).collect()
+    };
+    assert_eq!(named(&first), ["inbetween", "live"]);
+
+    let whole = MANIFEST.replace("HASH", &"0".repeat(64));
+    let second = |more: &str| whole.replace("format = 1", "format = 2") + more;
+    let told = second("[capabilities]\ntext = true\n").replacen("heads = 4\ncodes = 256\n", "", 1);
+    let told = told.replace("name = \"toy\"", "name = \"toy\"\nfamily = \"words\"");
+    let manifest = Manifest::parse(&told).unwrap();
+    assert_eq!(
+        (manifest.family.as_str(), named(&manifest)),
+        ("words", vec!["text"])
+    );
+    assert!(manifest.check().is_ok(), "heads and codes are MotionBricks'");
+
+    for (more, said) in [
+        ("", "missing field `family`"),
+        ("[capabilities]\nflying = true\n", "unknown field `flying`"),
+    ] {
+        let text = second(more);
+        let error = Manifest::parse(&text).and_then(|manifest| manifest.check().map(|_| ()));
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
 }

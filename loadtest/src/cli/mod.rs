@@ -10,10 +10,10 @@ use std::time::SystemTime;
 use clap::Parser as _;
 
 use crate::failure::{BOUND_MISSED, Failure};
+use crate::figures::Bounds;
 use crate::plan::Plan;
 use crate::report::{Report, compare, html, table};
-use crate::run::processes::{WORKER, work};
-use crate::run::progress::Progress;
+use crate::run::{Progress, WORKER, work};
 use crate::{overload, run, search};
 use args::{Arguments, Command, Output};
 
@@ -61,7 +61,7 @@ async fn command(arguments: Arguments) -> Result<ExitCode, Failure> {
             let none = found.found.is_none();
             let mut report = Report::new(args.output.label.clone(), began, plan, runs);
             report.search = Some(found);
-            let code = finish(report, &args.output, &crate::report::Bounds::default())?;
+            let code = finish(report, &args.output, &Bounds::default())?;
             Ok(if none { ExitCode::from(BOUND_MISSED) } else { code })
         }
         Command::Overload(args) => {
@@ -72,7 +72,7 @@ async fn command(arguments: Arguments) -> Result<ExitCode, Failure> {
             let mut report = Report::new(args.output.label.clone(), began, plan, vec![run]);
             report.bounds = args.bounds(&found);
             report.overload = Some(found);
-            finish(report, &args.output, &crate::report::Bounds::default())
+            finish(report, &args.output, &Bounds::default())
         }
         Command::Compare(args) => {
             let reports = args.reports.iter().map(|path| labelled(path));
@@ -114,7 +114,7 @@ fn labelled(path: &Path) -> Result<Report, Failure> {
 }
 
 /// Writes what was asked for, and says whether all bounds were kept.
-fn finish(mut report: Report, output: &Output, bounds: &crate::report::Bounds) -> Result<ExitCode, Failure> {
+fn finish(mut report: Report, output: &Output, bounds: &Bounds) -> Result<ExitCode, Failure> {
     report.bounds.extend(bounds.check(&report.runs, &report.median));
     if let Some(path) = &output.json {
         report.write(path)?;

@@ -7,9 +7,9 @@ use super::args::{
 };
 use crate::arrivals::{Process, Stages};
 use crate::failure::Failure;
+use crate::figures::{BoundResult, Bounds};
 use crate::overload::{Overload, OverloadReport};
 use crate::plan::{Live, Load, Plan, Protocol, Requests, Stepping, Workload};
-use crate::report::{BoundResult, Bounds};
 use crate::search::{Aim, Goal, SearchLimits};
 
 /// A burst where nothing else is said.

@@ -2,7 +2,8 @@
 
 use comfy_table::{CellAlignment, Table, presets};
 
-use super::{Figures, Report};
+use super::Report;
+use crate::figures::Figures;
 
 /// A figure to compare, where a run has it.
 type Figure = (&'static str, fn(&Figures) -> Option<f64>);

@@ -4,10 +4,11 @@ use std::path::Path;
 
 use askama::Template;
 
+use super::Report;
 use super::plots::{self, PlotError};
 use super::table::{self, Row};
-use super::{Report, Run, Split};
 use crate::failure::Failure;
+use crate::figures::{Run, Split};
 
 /// A plot and what it shows.
 struct Plot {

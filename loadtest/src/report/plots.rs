@@ -5,7 +5,7 @@ use plotters::coord::Shift;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
 
-use super::{Run, SecondRow, ServerRow};
+use crate::figures::{Run, SecondRow, ServerRow};
 
 const SIZE: (u32, u32) = (760, 280);
 const BLUE: RGBColor = RGBColor(0x2b, 0x6c, 0xb0);

@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 
 use comfy_table::{CellAlignment, Table, presets};
 
-use super::{Figures, LiveFigures, Percentiles, Report, ServerFigures, StageResult};
+use super::Report;
+use crate::figures::{Figures, LiveFigures, Percentiles, ServerFigures, StageResult};
 use crate::overload::OverloadReport;
 use crate::plan::Workload;
 use crate::search::{Aim, SearchReport};

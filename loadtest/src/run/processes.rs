@@ -14,12 +14,12 @@ use tokio::process::{Child, ChildStdin, ChildStdout, Command};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
+use super::process::{clock, finish, own_use};
 use super::progress::Progress;
-use super::{clock, finish, own_use};
 use crate::failure::Failure;
 use crate::measure::{Harvest, Pulse, Recorder};
-use crate::plan::Plan;
-use crate::workloads::{Share, prepare};
+use crate::plan::{Plan, Share};
+use crate::workloads::prepare;
 
 /// The argument that makes this program a worker.
 pub const WORKER: &str = "worker";

@@ -15,14 +15,13 @@ use v1::drive_request::Message as Ask;
 use v1::drive_response::Message as Told;
 use v1::sessions_client::SessionsClient;
 
-use super::Share;
 use super::connect::MOST_ANSWER_BYTES;
 use super::frames::{Block, BlockError};
 use super::groups::Groups;
 use super::wander::Walker;
 use crate::failure::Failure;
 use crate::measure::{Answer, Call, Outcome, Recorder};
-use crate::plan::{Live, Plan};
+use crate::plan::{Live, Plan, Share};
 
 /// Messages to the server that may wait; while there is no room for more, nobody decides anything.
 const QUEUE: usize = 16;

@@ -2,13 +2,12 @@
 
 use tonic::transport::Channel;
 
-use super::Share;
 use super::connect::channels;
 use super::sessions::{Opened, open_walkers};
 use super::wander::Walker;
 use crate::failure::Failure;
 use crate::measure::Recorder;
-use crate::plan::{Live, Plan};
+use crate::plan::{Live, Plan, Share};
 
 /// A share of a plan's characters, in groups of nearly equal size.
 #[derive(Debug)]

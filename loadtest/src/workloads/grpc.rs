@@ -11,8 +11,9 @@ use super::answer::{Form, check, read, wrong};
 use super::codec::Raw;
 use super::connect::{MOST_ANSWER_BYTES, channels};
 use super::requests::{Item, RequestSet};
-use super::{Outcome, Target};
 use crate::failure::Failure;
+use crate::loops::Target;
+use crate::measure::Outcome;
 use crate::plan::Plan;
 
 /// The procedure.

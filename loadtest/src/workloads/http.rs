@@ -14,9 +14,9 @@ use tokio::net::TcpStream;
 use super::answer::{Form, check, read, wrong};
 use super::connect::MOST_ANSWER_BYTES;
 use super::requests::{Item, RequestSet};
-use super::{Outcome, Target};
 use crate::failure::Failure;
-use crate::measure::Answer;
+use crate::loops::Target;
+use crate::measure::{Answer, Outcome};
 use crate::plan::Plan;
 
 /// Longest wait for a connection.

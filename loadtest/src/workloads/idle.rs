@@ -2,11 +2,10 @@
 
 use std::sync::Arc;
 
-use super::Share;
 use super::sessions::{Opened, open_idle};
 use crate::failure::Failure;
 use crate::measure::Recorder;
-use crate::plan::Plan;
+use crate::plan::{Plan, Share};
 
 /// A share of the sessions, open.
 #[derive(Debug)]

@@ -14,53 +14,15 @@ mod sessions;
 mod step;
 mod wander;
 
-use std::future::Future;
 use std::sync::Arc;
 
 use crate::arrivals::{Schedule, Stages};
 use crate::failure::Failure;
-use crate::measure::{Outcome, Recorder};
-use crate::plan::{Load, Plan, Protocol, Workload};
-use crate::run::closed::{Clients, closed};
-use crate::run::open::open_on_a_thread;
+use crate::loops::{Clients, Target, closed, open_on_a_thread};
+use crate::measure::Recorder;
+use crate::plan::{Load, Plan, Protocol, Share, Workload};
 
 pub use requests::{Item, RequestSet};
-
-/// Something that answers single requests.
-pub trait Target: Send + Sync + 'static {
-    /// Sends one request and waits for its answer. `lane` tells callers apart that each use one connection, `number` chooses
-    /// the request.
-    fn call(&self, lane: u64, number: u64) -> impl Future<Output = Outcome> + Send;
-
-    /// Answers so far that were decoded and checked whole, and right.
-    fn verified(&self) -> u64 {
-        0
-    }
-}
-
-/// The part of a load that one of several processes makes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Share {
-    /// Which process this is, from 0.
-    pub nth: u32,
-    /// How many there are.
-    pub of: u32,
-}
-
-impl Share {
-    /// All of it.
-    pub const WHOLE: Self = Self { nth: 0, of: 1 };
-
-    /// This process' part of so many: parts differ by at most one and add up.
-    pub fn part(self, whole: u32) -> u32 {
-        whole / self.of + u32::from(self.nth < whole % self.of)
-    }
-
-    /// How many the processes before this one have of so many.
-    pub fn before(self, whole: u32) -> u32 {
-        (0..self.nth).map(|nth| Self { nth, ..self }.part(whole)).sum()
-    }
-}
 
 /// A workload that is ready to begin: connected, requests encoded, sessions open.
 #[derive(Debug)]
@@ -156,21 +118,4 @@ async fn calls<T: Target>(
 /// The stages with the warm-up in front.
 fn warmed(stages: &Stages, plan: &Plan) -> Stages {
     stages.clone().after_hold(plan.warmup_s)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parts_add_up() {
-        for whole in [0, 1, 7, 100] {
-            let shares = (0..3).map(|nth| Share { nth, of: 3 });
-            let parts = shares.clone().map(|s| s.part(whole)).collect::<Vec<_>>();
-            assert_eq!(parts.iter().sum::<u32>(), whole);
-            assert!(parts.iter().max().unwrap() - parts.iter().min().unwrap() <= 1);
-            let before = shares.map(|s| s.before(whole)).collect::<Vec<_>>();
-            assert_eq!(before, [0, parts[0], parts[0] + parts[1]]);
-        }
-    }
 }

@@ -7,11 +7,10 @@ use tokio::task::JoinSet;
 use troupe_client::{Client, ConnectOptions, Pack, Session, SessionOptions};
 use troupe_proto::v1;
 
-use super::Share;
 use super::wander::{Walker, styles};
 use crate::failure::Failure;
 use crate::measure::{Clock, PlanStats, Recorder};
-use crate::plan::{Live, Plan};
+use crate::plan::{Live, Plan, Share};
 
 /// How long a session outlives a load tester that went away.
 const TTL_MARGIN: Duration = Duration::from_secs(60);

@@ -9,7 +9,6 @@ use tonic::transport::Channel;
 use troupe_proto::v1;
 use v1::sessions_client::SessionsClient;
 
-use super::Share;
 use super::connect::MOST_ANSWER_BYTES;
 use super::frames::Block;
 use super::groups::Groups;
@@ -17,7 +16,7 @@ use super::grpc::from_status;
 use super::wander::Walker;
 use crate::failure::Failure;
 use crate::measure::{Answer, Call, Outcome, Recorder};
-use crate::plan::{Plan, Stepping};
+use crate::plan::{Plan, Share, Stepping};
 
 /// Pause after a step that failed.
 const BACK_OFF: Duration = Duration::from_millis(10);

@@ -21,6 +21,13 @@ impl Motion {
         self.root.len() / GLOBAL_ROOT
     }
 
+    /// Adds the frames that follow. What there is of a trace stays.
+    pub fn append(&mut self, mut more: Self) {
+        self.root.append(&mut more.root);
+        self.rotations.append(&mut more.rotations);
+        self.contacts.append(&mut more.contacts);
+    }
+
     /// Whether all its numbers are finite.
     pub fn is_finite(&self) -> bool {
         let own = [&self.root, &self.rotations, &self.contacts];

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use troupe_server::batch::scheduler::{Action, Cut, Event, Limits, RequestId, Scheduler};
+use troupe_server::batch::scheduler::{Action, Event, Limits, Ready, RequestId, Scheduler};
 use troupe_server::batch::{Order, OwnerId};
 
 /// Most characters in one batch.
@@ -10,7 +10,7 @@ const BATCH: usize = 64;
 /// One in so many is an InBetween call, the others are plans of sessions.
 const REQUEST_EVERY: u64 = 5;
 
-/// A scheduler of one lane with a queue that is kept at its length.
+/// A scheduler of one worker with a queue that is kept at its length.
 pub struct Waiting {
     scheduler: Scheduler,
     actions: Vec<Action>,
@@ -22,12 +22,12 @@ impl Waiting {
     /// `characters` wait, each a request of its own, with deadlines out of order.
     pub fn of(characters: usize) -> Self {
         let limits = Limits {
-            lanes: 1,
+            workers: 1,
             max_batch: BATCH,
             max_queued: usize::MAX / 4,
             max_live: usize::MAX / 4,
             max_wait: Duration::ZERO,
-            live_slice: Duration::ZERO,
+            max_batch_time: Duration::ZERO,
             ..Limits::default()
         };
         let mut waiting = Self {
@@ -59,21 +59,27 @@ impl Waiting {
         self.scheduler.step(self.now, event, &mut self.actions);
     }
 
-    /// One turn of a busy server: the lane is free, a batch is cut, and as many characters arrive as left.
+    /// One turn of a busy server: the worker is ready and takes a batch, and as many characters arrive as left.
     pub fn turn(&mut self) -> usize {
         self.actions.clear();
         self.now += Duration::from_millis(10);
+        let ready = Ready {
+            worker: 0,
+            room: BATCH,
+            is_idle: true,
+            took: Some(Duration::from_millis(10)),
+            finished: &[],
+        };
         self.scheduler
-            .step(self.now, Event::LaneFree { lane: 0 }, &mut self.actions);
-        self.scheduler.step(self.now, Event::Settled, &mut self.actions);
-        let cut = self.actions.iter().find_map(|action| match action {
-            Action::Cut(cut) => Some(Cut::characters(cut)),
+            .step(self.now, Event::Ready(ready), &mut self.actions);
+        let taken = self.actions.iter().find_map(|action| match action {
+            Action::Start(batch) => Some(batch.parts.iter().map(|part| part.characters).sum()),
             _ => None,
         });
-        let cut = cut.expect("a free lane takes what waits");
-        for _ in 0..cut {
+        let taken: usize = taken.expect("a worker takes what waits");
+        for _ in 0..taken {
             self.arrive();
         }
-        cut
+        taken
     }
 }

@@ -4,10 +4,12 @@ mod scenes;
 mod sessions;
 
 use std::convert::Infallible;
+use std::pin::Pin;
 use std::sync::Arc;
 
 use axum::body::Body;
 use axum::{Router, middleware};
+use futures_util::Stream;
 use tonic::server::NamedService;
 use tonic::{Request, Response, Status};
 use tonic_health::ServingStatus;
@@ -50,6 +52,9 @@ fn answer<T>(result: Result<T, impl Into<ApiError>>) -> Result<Response<T>, Stat
     }
 }
 
+/// The parts of a generated answer.
+type GenerateStream = Pin<Box<dyn Stream<Item = Result<v1::GenerateResponse, Status>> + Send>>;
+
 /// The Motion service over gRPC.
 struct MotionApi(Arc<Service>);
 
@@ -60,6 +65,21 @@ impl Motion for MotionApi {
         request: Request<v1::InBetweenRequest>,
     ) -> Result<Response<v1::InBetweenResponse>, Status> {
         answer(self.0.in_between(request.into_inner()).await)
+    }
+
+    type GenerateStream = GenerateStream;
+
+    async fn generate(
+        &self,
+        request: Request<v1::GenerateRequest>,
+    ) -> Result<Response<Self::GenerateStream>, Status> {
+        let generation = self.0.generate(request.get_ref());
+        let generation = generation.map_err(|error| ApiError::from(error).status())?;
+        let parts = futures_util::stream::unfold(generation, |mut generation| async {
+            let part = generation.next().await?;
+            Some((part.map_err(|error| ApiError::from(error).status()), generation))
+        });
+        Ok(Response::new(Box::pin(parts)))
     }
 
     async fn list_packs(

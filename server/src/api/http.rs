@@ -1,5 +1,6 @@
 //! HTTP: the same messages as JSON, and what operators need.
 
+pub(super) mod generate;
 pub(super) mod json;
 pub(super) mod scenes;
 pub(super) mod sessions;
@@ -41,6 +42,7 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
         .delete(scenes::delete_object);
     let api = Router::new()
         .route("/v1/inbetween", post(in_between))
+        .route("/v1/generate", post(generate::generate))
         .route("/v1/packs", get(list_packs))
         .route("/v1/packs/{name}", get(get_pack))
         .route("/v1/packs/{name}/styles", get(sessions::list_styles))

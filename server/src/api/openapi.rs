@@ -15,6 +15,7 @@ use super::{http, ws};
     ),
     paths(
         http::in_between,
+        http::generate::generate,
         http::list_packs,
         http::get_pack,
         http::sessions::create,

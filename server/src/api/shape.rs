@@ -12,6 +12,10 @@ use troupe_character::FieldError;
 
 /// Most keyframes of a character or session that are decoded; the pack's own, smaller limit is checked later.
 const MAX_KEYFRAMES: usize = 256;
+/// Most keyframes of a motion to describe that are decoded; the smaller limit is checked later.
+const MAX_DESCRIBED: usize = 2048;
+/// Most objects and arrays of a keyframe in JSON.
+const MAX_KEYFRAME_JSON_PARTS: usize = 16;
 /// Most gaits of a style, and keyframes of a gait, that are decoded; the smaller limits are checked later.
 const MAX_STYLE_PARTS: usize = 256;
 /// Most ids to close that are decoded.
@@ -75,6 +79,16 @@ impl Shapes {
                         rule(&[(2, "characters[]"), (3, "targets")], "keyframes", MAX_KEYFRAMES),
                     ],
                     MAX_JSON_PARTS.saturating_mul(characters),
+                ),
+            ),
+            (
+                "Generate",
+                shape(
+                    &[
+                        rule(&[(4, "past")], "keyframes", MAX_KEYFRAMES),
+                        rule(&[(3, "describe"), (1, "frames")], "keyframes", MAX_DESCRIBED),
+                    ],
+                    MAX_JSON_PARTS + MAX_DESCRIBED * MAX_KEYFRAME_JSON_PARTS,
                 ),
             ),
             (

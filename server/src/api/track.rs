@@ -73,6 +73,7 @@ pub(super) async fn http(State(tracker): State<Arc<Tracker>>, request: Request, 
 fn http_rpc(method: &Method, path: &str) -> &'static str {
     match (path, method) {
         ("/v1/inbetween", _) => "InBetween",
+        ("/v1/generate", _) => "Generate",
         ("/v1/packs", _) => "ListPacks",
         ("/v1/packs/{name}", _) => "GetPack",
         ("/v1/sessions", &Method::POST) => "CreateSessions",
@@ -103,8 +104,9 @@ fn http_rpc(method: &Method, path: &str) -> &'static str {
 }
 
 /// The methods of the gRPC services, as metrics name them.
-const GRPC_METHODS: [&str; 26] = [
+const GRPC_METHODS: [&str; 27] = [
     "InBetween",
+    "Generate",
     "ListPacks",
     "GetPack",
     "CreateSessions",

@@ -1,35 +1,36 @@
-//! What callers and lanes share: the scheduler, and the work behind its requests. Everything here is done under the
-//! lock, and nothing here takes long: what can wait (answers, log lines) goes into the [`Outbox`].
+//! What callers and workers share: the scheduler, and the work behind its requests. Everything here is done under the lock,
+//! and nothing here takes long: what can wait (answers, log lines) goes into the [`Outbox`].
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
-use tokio::sync::oneshot;
+use tokio::sync::{mpsc, oneshot};
+use troupe_engine::EngineError;
+use troupe_engine::generator::{JobId, Progress, StepReport};
+use troupe_motion::model::{Output, Task};
 
-use super::driver::{Served, SubmitError};
+use super::batcher::{Piece, Served, SubmitError};
 use super::metrics::{PackMetrics, Rejection};
 use super::order::Order;
-use super::scheduler::{Action, Cut, CutReason, Event, Limits, Part, Refusal, RequestId, Scheduler};
-use troupe_engine::{EngineError, StageTimes};
-use troupe_motion::model::{KeyframeTask, Motion};
+use super::scheduler::{
+    Action, Batch, BatchReason, Event, Finished, Limits, Part, Ready, Refusal, RequestId, Scheduler,
+};
+
+/// Where an answer that is sent whole goes.
+type WholeReply = oneshot::Sender<Result<Served, SubmitError>>;
 
 /// Where a request's answer goes.
-pub(super) type Reply = oneshot::Sender<Result<Served, SubmitError>>;
-/// What a batch has for the requests that it carried.
-pub(super) type Pieces = Vec<(Part, Result<Made, EngineError>)>;
-
-/// What a batch made for a request.
-#[derive(Debug, Default)]
-pub(super) struct Made {
-    /// Of characters in a row.
-    pub(super) motions: Vec<Motion>,
-    /// Their share of the lane's time.
-    pub(super) work: Duration,
+#[derive(Debug)]
+pub(super) enum Reply {
+    /// All of it, when it is there.
+    Whole(WholeReply),
+    /// Part by part.
+    Parts(mpsc::Sender<Result<Piece, SubmitError>>),
 }
 
 /// Answers that are to be sent when the lock is free again, for a send wakes somebody.
 #[derive(Debug, Default)]
-pub(super) struct Outbox(Vec<(Reply, Result<Served, SubmitError>)>);
+pub(super) struct Outbox(Vec<(WholeReply, Result<Served, SubmitError>)>);
 
 impl Outbox {
     pub(super) fn is_empty(&self) -> bool {
@@ -44,34 +45,49 @@ impl Outbox {
     }
 }
 
-/// A batch on its way to its lane.
-#[derive(Debug)]
-pub(super) struct Batch {
-    pub(super) items: Vec<KeyframeTask>,
+/// What a worker is to do before its next step.
+#[derive(Debug, Default)]
+pub(super) struct Orders {
+    /// New jobs.
+    pub(super) jobs: Vec<(JobId, Task)>,
+    /// What they are parts of.
     pub(super) parts: Vec<Part>,
-    pub(super) reason: CutReason,
+    /// Why it got them, where it did.
+    pub(super) reason: Option<BatchReason>,
+    /// Requests whose jobs nobody wants any more.
+    pub(super) cancelled: Vec<RequestId>,
 }
 
-/// When a batch ran, and where its time went: all of it, or what there was until some of its answers were there.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Ran {
+impl Orders {
+    pub(super) fn is_empty(&self) -> bool {
+        self.jobs.is_empty() && self.cancelled.is_empty()
+    }
+}
+
+/// A step that a worker has done.
+#[derive(Debug)]
+pub(super) struct Step {
     pub(super) started: Instant,
     pub(super) ended: Instant,
-    pub(super) times: StageTimes,
-    /// Characters of the whole batch.
-    pub(super) size: usize,
+    pub(super) report: StepReport,
+    pub(super) progress: Vec<(JobId, Progress)>,
 }
 
 /// A request that has not been answered.
 #[derive(Debug)]
 struct Job {
-    /// What is not yet cut; taken from the front, in step with the scheduler's parts.
-    items: std::vec::IntoIter<KeyframeTask>,
-    characters: usize,
+    /// What waits; taken from the front, in step with the scheduler's parts.
+    tasks: std::vec::IntoIter<Task>,
     arrived: Instant,
     served: Served,
-    /// What lanes have made of it, by the first character; lanes may finish in any order.
-    pieces: Vec<(usize, Vec<Motion>)>,
+    /// What there is of each character's answer.
+    outputs: Vec<Option<Output>>,
+    /// Characters whose answer is not whole.
+    open: usize,
+    /// Some of it went to a worker.
+    has_started: bool,
+    /// Some of the answer is there.
+    has_output: bool,
     reply: Reply,
 }
 
@@ -81,29 +97,28 @@ pub(super) struct Core {
     scheduler: Scheduler,
     jobs: HashMap<RequestId, Job>,
     next_id: u64,
-    /// The batch that each lane is to take.
-    slots: Vec<Option<Batch>>,
-    /// When free lanes cease to wait for more work, where they do.
-    pub(super) wake_at: Option<Instant>,
-    /// A lane was woken and has not looked yet.
-    pub(super) woken: bool,
+    /// What each worker is to do.
+    orders: Vec<Orders>,
+    /// Workers that are to be woken.
+    wake: Vec<usize>,
     /// Nobody can ask for anything any more.
     pub(super) closed: bool,
     actions: Vec<Action>,
+    finished: Vec<Finished>,
     metrics: PackMetrics,
 }
 
 impl Core {
     pub(super) fn new(limits: Limits, metrics: PackMetrics) -> Self {
         Self {
-            slots: (0..limits.lanes).map(|_| None).collect(),
+            orders: (0..limits.workers).map(|_| Orders::default()).collect(),
             scheduler: Scheduler::new(limits),
             jobs: HashMap::new(),
             next_id: 0,
-            wake_at: None,
-            woken: false,
+            wake: Vec::new(),
             closed: false,
             actions: Vec::new(),
+            finished: Vec::new(),
             metrics,
         }
     }
@@ -112,32 +127,29 @@ impl Core {
         &self.scheduler
     }
 
-    /// Why a call of so many characters is refused before it is put in, where it is.
-    pub(super) fn refuse(&mut self, now: Instant, characters: usize) -> Option<Refusal> {
-        self.scheduler.refuse(now, characters)
-    }
-
     /// Puts a request in.
     pub(super) fn admit(
         &mut self,
         now: Instant,
-        items: Vec<KeyframeTask>,
+        tasks: Vec<Task>,
         order: Order,
         reply: Reply,
         outbox: &mut Outbox,
     ) -> Result<RequestId, SubmitError> {
-        if self.scheduler.lanes() == 0 {
+        if self.scheduler.workers() == 0 {
             return Err(EngineError::Stopped.into());
         }
         let request = RequestId(self.next_id);
         self.next_id += 1;
-        let characters = items.len();
+        let characters = tasks.len();
         let job = Job {
-            items: items.into_iter(),
-            characters,
+            tasks: tasks.into_iter(),
             arrived: now,
             served: Served::default(),
-            pieces: Vec::new(),
+            outputs: std::iter::repeat_with(|| None).take(characters).collect(),
+            open: characters,
+            has_started: false,
+            has_output: false,
             reply,
         };
         self.jobs.insert(request, job);
@@ -149,147 +161,204 @@ impl Core {
         self.step(now, arrived, outbox).map_or(Ok(request), Err)
     }
 
-    /// Forgets a request whose caller has gone; what is with the engine runs to its end.
+    /// Forgets a request whose caller has gone, and has workers drop its jobs.
     pub(super) fn forget(&mut self, now: Instant, request: RequestId) {
         // It has no answer to send: nobody would get it.
         self.step(now, Event::Gone { request }, &mut Outbox::default());
-        self.jobs.remove(&request);
+        if self.jobs.remove(&request).is_some_and(|job| job.has_started) {
+            self.cancel(request);
+        }
     }
 
-    /// Tells the scheduler how long a lane took for a batch of nobody's.
+    /// Has workers that have jobs drop those of a request.
+    fn cancel(&mut self, request: RequestId) {
+        for (worker, orders) in self.orders.iter_mut().enumerate() {
+            if self.scheduler.is_busy(worker) {
+                orders.cancelled.push(request);
+            }
+        }
+    }
+
+    /// Tells the scheduler how long a worker took for a batch of nobody's.
     pub(super) fn tried(&mut self, now: Instant, characters: usize, took: Duration) {
         self.step(now, Event::Tried { characters, took }, &mut Outbox::default());
     }
 
-    /// Tells the scheduler that a lane is free.
-    pub(super) fn free(&mut self, now: Instant, lane: usize) {
-        self.step(now, Event::LaneFree { lane }, &mut Outbox::default());
+    /// A worker is between two steps: hands out what the last one made, and gives it new orders. `dropped` are jobs that it
+    /// has dropped since.
+    pub(super) fn ready(
+        &mut self,
+        worker: usize,
+        (room, is_idle): (usize, bool),
+        step: Option<Step>,
+        dropped: &[JobId],
+        outbox: &mut Outbox,
+    ) -> Orders {
+        let mut finished = std::mem::take(&mut self.finished);
+        finished.extend(dropped.iter().map(done));
+        let took = step.as_ref().map(|step| step.ended - step.started);
+        let now = step.as_ref().map_or_else(Instant::now, |step| step.ended);
+        if let Some(step) = step {
+            for (id, progress) in step.progress {
+                if !matches!(progress, Progress::Part(_)) {
+                    finished.push(done(&id));
+                }
+                self.deliver(id, progress, (step.started, step.ended), &step.report, outbox);
+            }
+        }
+        let ready = Ready {
+            worker,
+            room,
+            is_idle,
+            took,
+            finished: &finished,
+        };
+        self.step(now, Event::Ready(ready), outbox);
+        finished.clear();
+        self.finished = finished;
+        std::mem::take(&mut self.orders[worker])
     }
 
-    /// Cuts batches for free lanes.
-    pub(super) fn settle(&mut self, now: Instant, outbox: &mut Outbox) {
-        self.woken = false;
-        self.wake_at = None;
-        self.step(now, Event::Settled, outbox);
+    /// Workers that are to be woken, which the caller now does.
+    pub(super) fn take_wake(&mut self) -> Vec<usize> {
+        std::mem::take(&mut self.wake)
     }
 
-    /// The batch that a lane is to run.
-    pub(super) fn take(&mut self, lane: usize) -> Option<Batch> {
-        self.slots[lane].take()
-    }
-
-    /// Lanes that have a batch to take.
-    pub(super) fn called(&self) -> impl Iterator<Item = usize> {
-        let slots = self.slots.iter().enumerate();
-        slots.filter_map(|(lane, slot)| slot.as_ref().map(|_| lane))
-    }
-
-    /// Whether a lane may end.
+    /// Whether an idle worker may end.
     pub(super) fn is_over(&self) -> bool {
         self.closed && self.scheduler.pending_requests() == 0
     }
 
-    /// A lane will run no batch any more; `parts` were with it.
-    pub(super) fn lose(&mut self, now: Instant, lane: usize, parts: Vec<Part>, outbox: &mut Outbox) {
-        let assigned = self.take(lane).map(|batch| batch.parts).unwrap_or_default();
-        for part in parts.into_iter().chain(assigned) {
-            self.fail(now, part.request, EngineError::Stopped, outbox);
+    /// A worker will step no more; `held` were with it.
+    pub(super) fn lose(&mut self, now: Instant, worker: usize, held: &[JobId], outbox: &mut Outbox) {
+        let ordered = std::mem::take(&mut self.orders[worker]);
+        let ordered = ordered.jobs.iter().map(|(id, _)| id);
+        let finished: Vec<Finished> = held.iter().chain(ordered).map(done).collect();
+        for &Finished { request, .. } in &finished {
+            self.fail(now, request, EngineError::Stopped.into(), outbox);
         }
-        self.step(now, Event::LaneLost { lane }, outbox);
-        if self.scheduler.lanes() == 0 {
+        let lost = Event::WorkerLost {
+            worker,
+            finished: &finished,
+        };
+        self.step(now, lost, outbox);
+        if self.scheduler.workers() == 0 {
             let stranded: Vec<RequestId> = self.jobs.keys().copied().collect();
             for request in stranded {
-                self.fail(now, request, EngineError::Stopped, outbox);
+                self.fail(now, request, EngineError::Stopped.into(), outbox);
             }
         }
     }
 
-    /// Hands what a lane has made of a batch that it still runs to its requests.
-    pub(super) fn deliver_early(&mut self, lane: usize, ran: &Ran, pieces: Pieces, outbox: &mut Outbox) {
-        let answered = Event::Answered {
-            lane,
-            characters: pieces.iter().map(|(part, _)| part.characters).sum(),
-            callers: pieces.len(),
-        };
-        self.step(ran.ended, answered, outbox);
-        self.deliver(ran, pieces, outbox);
-    }
-
-    /// Hands what a batch made to its requests.
-    pub(super) fn deliver(&mut self, ran: &Ran, pieces: Pieces, outbox: &mut Outbox) {
-        for (part, made) in pieces {
-            match made {
-                Ok(made) => self.serve(part, made, ran, outbox),
-                Err(error) => self.fail(ran.ended, part.request, error, outbox),
-            }
-        }
-    }
-
-    /// Tells the scheduler that a batch has run, and that its lane is free.
-    pub(super) fn ended(&mut self, lane: usize, ran: &Ran, outbox: &mut Outbox) {
-        let lengths = Event::Ran {
-            characters: ran.size,
-            alike: ran.times.alike,
-        };
-        self.step(ran.ended, lengths, outbox);
-        self.free(ran.ended, lane);
-    }
-
-    /// Notes what a batch made of a request, and answers it where that was the last of it.
-    fn serve(&mut self, part: Part, made: Made, ran: &Ran, outbox: &mut Outbox) {
-        let Some(job) = self.jobs.get_mut(&part.request) else {
+    /// Notes what a step made of a job, and answers its request where that was the last of it.
+    fn deliver(
+        &mut self,
+        id: JobId,
+        progress: Progress,
+        (started, ended): (Instant, Instant),
+        report: &StepReport,
+        outbox: &mut Outbox,
+    ) {
+        let request = RequestId(id.request);
+        let work = self.scheduler.character_time();
+        let Some(job) = self.jobs.get_mut(&request) else {
             return;
         };
-        let Served {
-            started, finished, ..
-        } = &mut job.served;
-        let begun = ran.started.saturating_duration_since(job.arrived);
-        *started = if job.pieces.is_empty() {
-            begun
-        } else {
-            begun.min(*started)
+        let (output, is_last) = match progress {
+            Progress::Part(output) => (output, false),
+            Progress::Done(output) => (output, true),
+            Progress::Failed(error) => {
+                tracing::error!(%error, "a character failed");
+                return self.fail(ended, request, error.into(), outbox);
+            }
         };
-        *finished = ran.ended.saturating_duration_since(job.arrived);
-        if part.first == 0 {
-            job.served.queued = part.waited;
+        let begun = started.saturating_duration_since(job.arrived);
+        let served = &mut job.served;
+        served.started = match std::mem::replace(&mut job.has_output, true) {
+            true => served.started.min(begun),
+            false => begun,
+        };
+        served.finished = ended.saturating_duration_since(job.arrived);
+        served.assemble += report.assemble;
+        served.inference += report.inference();
+        served.scatter += report.scatter;
+        served.batch_size = served.batch_size.max(report.jobs);
+        if is_last {
+            served.work += work;
+            job.open = job.open.saturating_sub(1);
         }
-        job.served.assemble += ran.times.assemble;
-        job.served.inference += ran.times.inference();
-        job.served.scatter += ran.times.scatter;
-        job.served.work += made.work;
-        job.served.batch_size = job.served.batch_size.max(ran.size);
-        job.pieces.push((part.first, made.motions));
-        let done: usize = job.pieces.iter().map(|(_, motions)| motions.len()).sum();
-        if done == job.characters
-            && let Some(mut job) = self.jobs.remove(&part.request)
+        let character = id.character as usize;
+        match &job.reply {
+            Reply::Whole(_) => {
+                if let Some(slot) = job.outputs.get_mut(character) {
+                    append(slot, output);
+                }
+            }
+            Reply::Parts(parts) => {
+                let piece = Piece {
+                    character,
+                    output,
+                    is_last,
+                };
+                if let Err(error) = parts.try_send(Ok(piece)) {
+                    return self.stop_reading(ended, request, &error, outbox);
+                }
+            }
+        }
+        if job.open == 0
+            && let Some(mut job) = self.jobs.remove(&request)
+            && let Reply::Whole(reply) = job.reply
         {
-            job.served.motions = joined(job.pieces);
-            outbox.0.push((job.reply, Ok(job.served)));
+            job.served.outputs = job.outputs.into_iter().flatten().collect();
+            outbox.0.push((reply, Ok(job.served)));
         }
     }
 
-    /// Fails a request, and forgets what of it still waits.
-    fn fail(&mut self, now: Instant, request: RequestId, error: EngineError, outbox: &mut Outbox) {
-        // Its answer comes before that of the event, and is the only one.
-        self.answer(request, Err(error.into()), outbox);
+    /// A reader takes its parts too slowly, or is gone.
+    fn stop_reading<T>(
+        &mut self,
+        now: Instant,
+        request: RequestId,
+        error: &mpsc::error::TrySendError<T>,
+        outbox: &mut Outbox,
+    ) {
+        if matches!(error, mpsc::error::TrySendError::Full(_)) {
+            self.metrics.rejected(Rejection::ReaderSlow);
+        }
         self.step(now, Event::Gone { request }, outbox);
+        // The channel ends without a last part, which tells the reader.
+        self.jobs.remove(&request);
+        self.cancel(request);
     }
 
-    fn answer(&mut self, request: RequestId, answer: Result<Served, SubmitError>, outbox: &mut Outbox) {
-        if let Some(job) = self.jobs.remove(&request) {
-            outbox.0.push((job.reply, answer));
+    /// Fails a request, and forgets what of it still waits or runs.
+    fn fail(&mut self, now: Instant, request: RequestId, error: SubmitError, outbox: &mut Outbox) {
+        // Its answer comes before that of the event, and is the only one.
+        self.answer(request, error, outbox);
+        self.step(now, Event::Gone { request }, outbox);
+        self.cancel(request);
+    }
+
+    fn answer(&mut self, request: RequestId, error: SubmitError, outbox: &mut Outbox) {
+        match self.jobs.remove(&request).map(|job| job.reply) {
+            Some(Reply::Whole(reply)) => outbox.0.push((reply, Err(error))),
+            Some(Reply::Parts(parts)) => {
+                // Where there is no room for it the channel's end tells of it.
+                let _ = parts.try_send(Err(error));
+            }
+            None => {}
         }
     }
 
     /// Tells the scheduler what happened, and does what it says. Gives the error where it refuses a request.
-    fn step(&mut self, now: Instant, event: Event, outbox: &mut Outbox) -> Option<SubmitError> {
+    fn step(&mut self, now: Instant, event: Event<'_>, outbox: &mut Outbox) -> Option<SubmitError> {
         let mut actions = std::mem::take(&mut self.actions);
         self.scheduler.step(now, event, &mut actions);
         let mut refused = None;
         for action in actions.drain(..) {
             match action {
-                Action::Cut(cut) => self.hand_out(cut),
-                Action::WakeAt(at) => self.wake_at = Some(self.wake_at.map_or(at, |other| other.min(at))),
+                Action::Start(batch) => self.hand_out(batch),
+                Action::Wake { worker } => self.wake.push(worker),
                 Action::Refuse { request, refusal } => {
                     self.metrics.rejected(refusal.into());
                     self.jobs.remove(&request);
@@ -297,11 +366,11 @@ impl Core {
                 }
                 Action::Supersede { request } => {
                     self.metrics.rejected(Rejection::Superseded);
-                    self.answer(request, Err(SubmitError::Superseded), outbox);
+                    self.answer(request, SubmitError::Superseded, outbox);
                 }
                 Action::Expire { request, waited } => {
                     self.metrics.rejected(Rejection::Expired);
-                    self.answer(request, Err(SubmitError::DeadlinePassed { waited }), outbox);
+                    self.answer(request, SubmitError::DeadlinePassed { waited }, outbox);
                 }
                 // One that failed is answered already, and its caller is still there.
                 Action::Drop { request, .. } if self.jobs.contains_key(&request) => {
@@ -314,29 +383,43 @@ impl Core {
         refused
     }
 
-    /// Puts a batch together for its lane.
-    fn hand_out(&mut self, cut: Cut) {
-        let mut items = Vec::with_capacity(cut.characters());
-        for part in &cut.parts {
-            if let Some(job) = self.jobs.get_mut(&part.request) {
-                items.extend(job.items.by_ref().take(part.characters));
+    /// Puts the orders of a worker together.
+    fn hand_out(&mut self, batch: Batch) {
+        let orders = &mut self.orders[batch.worker];
+        for part in &batch.parts {
+            let Some(job) = self.jobs.get_mut(&part.request) else {
+                continue;
+            };
+            if part.first == 0 {
+                job.served.queued = part.waited;
             }
+            job.has_started = true;
+            let ids = (part.first..part.first + part.characters).map(|character| JobId {
+                request: part.request.0,
+                character: character as u32,
+            });
+            orders.jobs.extend(ids.zip(job.tasks.by_ref()));
         }
-        self.slots[cut.lane] = Some(Batch {
-            items,
-            parts: cut.parts,
-            reason: cut.reason,
-        });
+        orders.parts = batch.parts;
+        orders.reason = Some(batch.reason);
     }
 }
 
-/// All motions in the order of their characters.
-fn joined(mut pieces: Vec<(usize, Vec<Motion>)>) -> Vec<Motion> {
-    if pieces.len() == 1 {
-        return pieces.pop().map(|(_, motions)| motions).unwrap_or_default();
+/// A job is with its worker no more.
+fn done(id: &JobId) -> Finished {
+    Finished {
+        request: RequestId(id.request),
+        characters: 1,
     }
-    pieces.sort_unstable_by_key(|(first, _)| *first);
-    pieces.into_iter().flat_map(|(_, motions)| motions).collect()
+}
+
+/// Adds the next part of a character's answer.
+fn append(slot: &mut Option<Output>, output: Output) {
+    match (slot, output) {
+        (Some(Output::Motion(motion)), Output::Motion(more)) => motion.append(more),
+        (Some(Output::Text(text)), Output::Text(more)) => text.push_str(&more),
+        (slot, output) => *slot = Some(output),
+    }
 }
 
 impl From<Refusal> for SubmitError {

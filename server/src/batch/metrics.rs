@@ -3,10 +3,11 @@
 use std::time::Duration;
 
 use super::order::Class;
-use super::scheduler::CutReason;
+use super::scheduler::BatchReason;
 use crate::telemetry::{Counter, Gauge, Histogram, Labels, Metric, Telemetry};
+use troupe_engine::Decision;
+use troupe_engine::generator::StepReport;
 use troupe_engine::pack::Stage;
-use troupe_engine::{Decision, StageTimes};
 
 const QUEUE_DURATION: Metric = Metric::new(
     "troupe_queue_duration_seconds",
@@ -29,8 +30,7 @@ const BATCH_SIZE: Metric = Metric::new("troupe_batch_size", "Characters in a bat
 const PADDING_RATIO: Metric = Metric::new("troupe_batch_padding_ratio", "Share of padding rows in a batch");
 const DISPATCHES: Metric = Metric::new(
     "troupe_dispatch_total",
-    "Batches cut, by reason: the lane was idle, a backlog had formed, the batch was full, or the lane had waited \
-         for more work",
+    "Batches formed, by reason: the worker was idle, it took what had waited, or more waited than fits",
 );
 const PENDING_REQUESTS: Metric = Metric::new("troupe_pending_requests", "Requests that wait for a batch");
 const PENDING_CHARACTERS: Metric =
@@ -38,7 +38,8 @@ const PENDING_CHARACTERS: Metric =
 const REJECTIONS: Metric = Metric::new(
     "troupe_rejections_total",
     "Requests turned away or dropped before they ran, by reason: the queue was full or too slow, the caller had \
-         gone, a newer plan of the character took the place, or it had waited until nobody wanted the answer",
+         gone, a newer plan of the character took the place, it had waited until nobody wanted the answer, or its reader \
+         was too slow",
 );
 const LANES: Metric = Metric::new("troupe_engine_lanes", "Lanes of the engine that serve");
 const LANE_GAP: Metric = Metric::new(
@@ -46,10 +47,9 @@ const LANE_GAP: Metric = Metric::new(
     "From a batch's end to the start of the next on the same lane, where work waited",
 );
 const FRAMES: Metric = Metric::new("troupe_frames_generated_total", "Frames generated");
-const LOAD_SECONDS: Metric = Metric::new("troupe_model_load_seconds", "Time to load a pack");
-const WARMUP_SECONDS: Metric = Metric::new(
-    "troupe_warmup_seconds",
-    "Time to run a pack in every batch size once",
+const LOAD_SECONDS: Metric = Metric::new(
+    "troupe_model_load_seconds",
+    "Time to load a pack, its first runs included",
 );
 const ENGINE_INFO: Metric = Metric::new(
     "troupe_engine_info",
@@ -73,16 +73,19 @@ pub enum Rejection {
     Superseded,
     /// It had waited until nobody wanted the answer.
     Expired,
+    /// Its reader left too many parts of the answer waiting.
+    ReaderSlow,
 }
 
 impl Rejection {
     /// All of them, in the order of their numbers.
-    const ALL: [Self; 5] = [
+    const ALL: [Self; 6] = [
         Self::QueueFull,
         Self::QueueSlow,
         Self::ClientGone,
         Self::Superseded,
         Self::Expired,
+        Self::ReaderSlow,
     ];
 
     fn label(self) -> &'static str {
@@ -92,6 +95,7 @@ impl Rejection {
             Self::ClientGone => "client_gone",
             Self::Superseded => "superseded",
             Self::Expired => "expired",
+            Self::ReaderSlow => "reader_slow",
         }
     }
 }
@@ -103,16 +107,15 @@ pub struct PackMetrics {
     lane_gap: Histogram,
     lanes: Gauge,
     assemble: Histogram,
-    inference: [Histogram; 3],
+    inference: [(&'static str, Histogram); 3],
     scatter: Histogram,
     batch_size: Histogram,
     padding_ratio: Histogram,
     pending_requests: Gauge,
     pending_characters: Gauge,
     load_seconds: Gauge,
-    warmup_seconds: Gauge,
     frames: Counter,
-    dispatches: [Counter; CutReason::ALL.len()],
+    dispatches: [Counter; BatchReason::ALL.len()],
     rejections: [Counter; Rejection::ALL.len()],
     labels: Labels,
     telemetry: Telemetry,
@@ -131,17 +134,18 @@ impl PackMetrics {
             lane_gap: histogram(&LANE_GAP),
             lanes: gauge(&LANES),
             assemble: histogram(&ASSEMBLE_DURATION),
-            inference: Stage::ALL
-                .map(|stage| telemetry.histogram(&INFERENCE_DURATION, &labels.with("stage", stage.name()))),
+            inference: Stage::ALL.map(|stage| {
+                let labels = labels.with("stage", stage.name());
+                (stage.name(), telemetry.histogram(&INFERENCE_DURATION, &labels))
+            }),
             scatter: histogram(&SCATTER_DURATION),
             batch_size: histogram(&BATCH_SIZE),
             padding_ratio: histogram(&PADDING_RATIO),
             pending_requests: gauge(&PENDING_REQUESTS),
             pending_characters: gauge(&PENDING_CHARACTERS),
             load_seconds: gauge(&LOAD_SECONDS),
-            warmup_seconds: gauge(&WARMUP_SECONDS),
             frames: telemetry.counter(&FRAMES, &labels),
-            dispatches: CutReason::ALL.map(|reason| counter(&DISPATCHES, reason.label())),
+            dispatches: BatchReason::ALL.map(|reason| counter(&DISPATCHES, reason.label())),
             rejections: Rejection::ALL.map(|reason| counter(&REJECTIONS, reason.label())),
             labels,
             telemetry: telemetry.clone(),
@@ -170,21 +174,30 @@ impl PackMetrics {
     }
 
     /// A batch went to the engine.
-    pub fn dispatched(&self, reason: CutReason, characters: usize) {
+    pub fn dispatched(&self, reason: BatchReason, characters: usize) {
         self.dispatches[reason as usize].increment(1);
         self.batch_size.record(characters as f64);
     }
 
-    /// The engine finished a batch of `characters`.
-    pub fn ran(&self, times: &StageTimes, characters: usize) {
-        self.assemble.record(times.assemble);
-        self.scatter.record(times.scatter);
-        for (histogram, took) in self.inference.iter().zip([times.root, times.pose, times.decoder]) {
-            histogram.record(took);
+    /// A worker did a step.
+    pub fn ran(&self, step: &StepReport) {
+        self.assemble.record(step.assemble);
+        self.scatter.record(step.scatter);
+        for (name, took) in &step.networks {
+            match self.inference.iter().find(|(known, _)| known == name) {
+                Some((_, histogram)) => histogram.record(*took),
+                // A network of another family.
+                None => {
+                    let labels = self.labels.with("stage", *name);
+                    self.telemetry
+                        .histogram(&INFERENCE_DURATION, &labels)
+                        .record(*took);
+                }
+            }
         }
-        if times.bucket > 0 {
-            self.padding_ratio
-                .record((times.bucket - characters.min(times.bucket)) as f64 / times.bucket as f64);
+        if step.rows > 0 {
+            let padding = step.rows.saturating_sub(step.jobs);
+            self.padding_ratio.record(padding as f64 / step.rows as f64);
         }
     }
 
@@ -204,10 +217,9 @@ impl PackMetrics {
         self.rejections[reason as usize].increment(1);
     }
 
-    /// The pack was loaded and warmed up.
-    pub fn started(&self, load: Duration, warmup: Duration) {
-        self.load_seconds.set(load.as_secs_f64());
-        self.warmup_seconds.set(warmup.as_secs_f64());
+    /// A worker's networks were loaded and warmed up.
+    pub fn loaded(&self, took: Duration) {
+        self.load_seconds.set(took.as_secs_f64());
     }
 
     /// The engine of the pack was chosen.
@@ -249,14 +261,14 @@ mod tests {
     fn metrics_carry_names_labels_and_buckets() {
         let telemetry = Telemetry::new().unwrap();
         let pack = telemetry.pack("human", "1.0");
-        pack.dispatched(CutReason::Idle, 6);
-        let times = StageTimes {
-            pose: Duration::from_millis(7),
+        pack.dispatched(BatchReason::Idle, 6);
+        pack.ran(&StepReport {
+            jobs: 6,
+            rows: 8,
+            networks: vec![("pose", Duration::from_millis(7))],
             scatter: Duration::from_micros(300),
-            bucket: 8,
-            ..StageTimes::default()
-        };
-        pack.ran(&times, 6);
+            ..StepReport::default()
+        });
         pack.scattered(Duration::from_micros(100), 64);
         pack.rejected(Rejection::QueueFull);
         pack.queued(Class::Live, Duration::from_millis(3));

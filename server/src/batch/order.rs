@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 /// What kind of work a request is. Inside a class, the earliest deadline goes first; between classes, each class's
-/// [handicap](super::scheduler::Limits::handicap) is added to the deadline, so that what waits long enough goes first
+/// [offset](super::scheduler::Limits::class_offset) is added to the deadline, so that what waits long enough goes first
 /// whatever its class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Class {
@@ -26,7 +26,7 @@ impl Class {
     }
 }
 
-/// Names a session to the scheduler. At most one plan of an owner is with an engine at a time, and at most one waits.
+/// Names a session to the scheduler. At most one plan of an owner is with a worker at a time, and at most one waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct OwnerId(pub u64);
 
@@ -37,7 +37,7 @@ pub struct Order {
     pub class: Class,
     /// When the answer should be there. It orders the queue; work whose deadline has passed is done all the same.
     pub deadline: Instant,
-    /// When nobody wants the answer any more: what is not cut by then is not run.
+    /// When nobody wants the answer any more: what has not started by then is not run.
     pub expires: Option<Instant>,
     /// Whose plan it is, where it is one.
     pub owner: Option<OwnerId>,

@@ -51,17 +51,7 @@ impl Config {
         }
         let at_most = [
             ("max_queue_ms", self.max_queue_ms, 3_600_000),
-            ("max_standing_queue_ms", self.max_standing_queue_ms, 3_600_000),
-            ("batch_delay_us", self.batch_delay_us, 1_000_000),
-            (
-                "preferred_batch",
-                self.preferred_batch as u64,
-                match self.max_batch {
-                    0 => MOST_BATCH as u64,
-                    most => most as u64,
-                },
-            ),
-            ("live_batch_ms", self.live_batch_ms, 60_000),
+            ("max_batch_ms", self.max_batch_ms, 60_000),
             ("lane_spin_us", self.lane_spin_us, 10_000),
         ];
         for (option, value, most) in at_most {

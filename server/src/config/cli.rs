@@ -1,11 +1,15 @@
 //! The command line.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Parser;
 use confique::Layer as _;
+use http::Uri;
 
 use super::Config;
+use crate::health::READY;
 use troupe_engine::EngineChoice;
 
 type Layer = <Config as confique::Config>::Layer;
@@ -41,6 +45,8 @@ pub enum Command {
     /// Say what this machine and the library offer, which engine each pack gets and why, and how fast it is. Takes a few
     /// seconds for each pack.
     Doctor(DoctorArgs),
+    /// Ask a running server whether it is ready, and exit with 0 if it is, else with 1. For a container's health check.
+    Health(HealthArgs),
 }
 
 /// Options of the doctor. Those that it shares with the server come from the same environment and configuration file.
@@ -81,4 +87,51 @@ impl DoctorArgs {
             ..Layer::empty()
         }
     }
+}
+
+/// Options of the health check. Without a URL it asks the address that the server's own configuration names.
+#[derive(Debug, Clone, clap::Args)]
+pub struct HealthArgs {
+    /// Server to ask, with or without a path. Left out: the address that the configuration listens on. Without a path:
+    /// `/readyz`.
+    #[arg(long, value_name = "URL", value_parser = server_url)]
+    pub url: Option<Uri>,
+    /// How long to wait for the answer, in milliseconds.
+    #[arg(long, value_name = "MS", default_value_t = 2000)]
+    timeout_ms: u64,
+    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is one.
+    #[arg(long, env = "TROUPE_CONFIG", value_name = "FILE")]
+    pub(super) config: Option<PathBuf>,
+    /// Address that the server listens on.
+    #[arg(long, value_name = "ADDRESS")]
+    listen: Option<SocketAddr>,
+}
+
+impl HealthArgs {
+    /// How long to wait for the answer.
+    pub fn timeout(&self) -> Duration {
+        Duration::from_millis(self.timeout_ms)
+    }
+
+    /// The flags that are the server's too.
+    pub(super) fn layer(&self) -> Layer {
+        Layer {
+            listen: self.listen,
+            ..Layer::empty()
+        }
+    }
+}
+
+/// A URL with a scheme that the health check speaks, and with a path.
+fn server_url(text: &str) -> Result<Uri, String> {
+    let allowed = "allowed: http://HOST:PORT or http://HOST:PORT/PATH";
+    let url: Uri = text.parse().map_err(|error| format!("{error}; {allowed}"))?;
+    let mut parts = url.into_parts();
+    if parts.scheme != Some(http::uri::Scheme::HTTP) {
+        return Err(allowed.to_owned());
+    }
+    if parts.path_and_query.as_ref().is_none_or(|path| path == "/") {
+        parts.path_and_query = Some(http::uri::PathAndQuery::from_static(READY));
+    }
+    Uri::from_parts(parts).map_err(|error| format!("{error}; {allowed}"))
 }

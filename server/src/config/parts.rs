@@ -24,23 +24,22 @@ impl Config {
         }
     }
 
-    /// The batcher's limits, for a lane that pads its batches.
+    /// The scheduler's limits, for one worker.
     pub fn batch_limits(&self, max_batch: usize) -> Limits {
         Limits {
-            lanes: 1,
+            workers: 1,
             max_batch,
-            padded: true,
-            call_rows: 0,
+            max_batch_time: Duration::from_millis(self.max_batch_ms),
             max_queued: self.max_queued_characters,
             max_live: self.max_sessions,
             max_wait: Duration::from_millis(self.max_queue_ms),
-            max_standing_wait: Duration::from_millis(self.max_standing_queue_ms),
             ageing: self.ageing(),
-            batch_delay: Duration::from_micros(self.batch_delay_us),
-            preferred_batch: self.preferred_batch,
-            live_slice: Duration::from_millis(self.live_batch_ms),
-            lane_spin: Duration::from_micros(self.lane_spin_us),
         }
+    }
+
+    /// How long an idle worker spins before it parks.
+    pub fn lane_spin(&self) -> Duration {
+        Duration::from_micros(self.lane_spin_us)
     }
 
     /// What InBetween calls wait for before they go in front of live plans: longer than any admitted one should have to

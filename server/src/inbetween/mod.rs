@@ -6,11 +6,13 @@
 //! that stand held still, a robot's poses brought onto its hinges.
 
 mod finish;
+mod generate;
 #[cfg(test)]
 mod live_equals_tests;
 mod prepare;
 
 pub use finish::finish;
+pub use generate::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, PartWriter, prepare_generate};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};
 
 /// Most bytes of a character's id.

@@ -160,19 +160,23 @@ fn check_options(path: &Path<'_>, character: &v1::Character, dims: &Dims) -> Res
             return Err(path.field(name).error(format!("has {count} keyframes"), allowed));
         }
     }
-    let temperature = character.temperature;
-    if !(0.0..=MAX_TEMPERATURE).contains(&temperature) {
-        let allowed = format!("0 to {MAX_TEMPERATURE}");
-        return Err(path
-            .field("temperature")
-            .error(format!("is {temperature}"), allowed));
-    }
+    check_temperature(path, character.temperature)?;
     match character.pose_steps {
         Some(steps) if !(1..=MAX_POSE_STEPS).contains(&steps) => {
             let allowed = format!("1 to {MAX_POSE_STEPS}");
             Err(path.field("pose_steps").error(format!("is {steps}"), allowed))
         }
         _ => Ok(()),
+    }
+}
+
+/// Checks the sampling temperature of a message at `path`.
+pub(super) fn check_temperature(path: &Path<'_>, temperature: f32) -> Result<(), FieldError> {
+    match (0.0..=MAX_TEMPERATURE).contains(&temperature) {
+        true => Ok(()),
+        false => Err(path
+            .field("temperature")
+            .error(format!("is {temperature}"), format!("0 to {MAX_TEMPERATURE}"))),
     }
 }
 
@@ -247,7 +251,7 @@ fn check_counts(
     Ok(allowed)
 }
 
-fn check_keyframes(
+pub(super) fn check_keyframes(
     path: &Path<'_>,
     name: &'static str,
     keys: &[v1::Keyframe],

@@ -50,6 +50,12 @@ pub(super) fn describe(pack: &Pack, is_default: bool, engine: &str) -> v1::Pack 
         parameters: manifest.parameters,
         figures_json: manifest.figures_json(),
         engine: engine.to_owned(),
+        family: manifest.family.clone(),
+        capabilities: manifest
+            .capabilities
+            .list()
+            .map(|able| able.name().to_owned())
+            .collect(),
         robot: (skeleton.robot.as_ref()).map(|robot| describe_robot(robot, skeleton)),
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::batch::SubmitError;
 use crate::offload::WorkerStopped;
-use crate::packs::UnknownPack;
+use crate::packs::{CannotDo, UnknownPack};
 use crate::session::SessionError;
 use crate::world::WorldError;
 use troupe_character::FieldError;
@@ -21,6 +21,9 @@ pub enum ServiceError {
     /// A pack that is not loaded.
     #[error(transparent)]
     UnknownPack(#[from] UnknownPack),
+    /// A pack that cannot do what is asked of it.
+    #[error(transparent)]
+    CannotDo(#[from] CannotDo),
     /// A call about scenes or definitions.
     #[error(transparent)]
     World(#[from] WorldError),

@@ -18,7 +18,7 @@ use troupe_character::primitives::LocomotionCommand;
 use troupe_character::scene::{Holder, Resident};
 use troupe_character::style::Style;
 use troupe_character::{FieldError, Path};
-use troupe_motion::model::Rig;
+use troupe_motion::model::{Capability, Rig};
 
 /// Most characters of a session's id.
 pub const MAX_ID_CHARS: usize = 64;
@@ -43,6 +43,7 @@ pub(super) fn parts(
 ) -> Result<Parts, SessionError> {
     let id = id(&path.field("id"), &options.id)?;
     let pack = packs.find(path.field("pack"), &options.pack)?.clone();
+    pack.loaded.require(Capability::Live, path.field("pack"))?;
     let style = style(&path.field("style"), &options.style, &pack.loaded)?;
     let convention = units::convention(&path.field("convention"), options.convention)?;
     let start = start(path, options, convention, pack.rig())?;

@@ -9,7 +9,7 @@ use troupe_motion::{GlobalRoot, Vec3};
 use super::super::cell::{Held, Owner, Parts};
 use super::super::{LivePack, TimeSource};
 use super::*;
-use crate::batch::{Batcher, EngineFactory};
+use crate::batch::{Batcher, GeneratorFactory};
 use crate::config::Config;
 use crate::packs::LoadedPack;
 use crate::telemetry::Telemetry;
@@ -20,27 +20,9 @@ use troupe_character::scene::{Holder, Resident, Scene, SceneTable, State};
 use troupe_character::style::StyleTable;
 use troupe_character::style::testing::{walker_rig, walker_style};
 use troupe_engine::pack::testing::pack_of;
-use troupe_engine::{DecoderOutput, PoseOutput, RootInput, RootOutput, TokenInput};
-use troupe_engine::{EngineError, Pipeline, Stages};
+use troupe_engine::toy::Toy;
 
 const TTL: Duration = Duration::from_secs(10);
-
-/// Stages that are never run.
-struct Idle;
-
-impl Stages for Idle {
-    fn root(&mut self, _: usize, _: &RootInput, _: &mut RootOutput) -> Result<(), EngineError> {
-        Ok(())
-    }
-
-    fn pose(&mut self, _: usize, _: &TokenInput, _: &mut PoseOutput) -> Result<(), EngineError> {
-        Ok(())
-    }
-
-    fn decoder(&mut self, _: usize, _: &TokenInput, _: &mut DecoderOutput) -> Result<(), EngineError> {
-        Ok(())
-    }
-}
 
 /// A word for the kind of error.
 fn kind(error: &SessionError) -> &'static str {
@@ -69,8 +51,14 @@ impl Setup {
         let config = Config::local(Path::new("unused")).unwrap();
         let metrics = telemetry.pack(pack.name(), "1");
         let dims = pack.rig.dims;
-        let factory: EngineFactory = Arc::new(move |_| Ok(Pipeline::new(dims, Box::new(Idle), 1)));
-        let batcher = Batcher::start("test", config.batch_limits(8), metrics.clone(), factory);
+        let factory: GeneratorFactory = Arc::new(move |_| Ok(Box::new(Toy::new(dims, 1))));
+        let batcher = Batcher::start(
+            "test",
+            config.batch_limits(8),
+            Duration::ZERO,
+            metrics.clone(),
+            factory,
+        );
         let loaded = LoadedPack {
             styles: StyleTable::load(&pack.rig, &pack.folder, None).unwrap(),
             batcher: batcher.await.unwrap(),

@@ -1,8 +1,5 @@
 //! A server on a free port of the loopback interface, over an engine that answers with straight lines.
 
-#![allow(dead_code)] // Every test file uses its own part of this.
-#![allow(clippy::unwrap_used)] // Only tests use it.
-
 pub mod calls;
 pub mod robot;
 pub mod scenes;
@@ -14,10 +11,11 @@ use std::time::{Duration, Instant};
 
 use tokio::net::TcpListener;
 use tonic::transport::Channel;
-use troupe_engine::pack::{Manifest, Pack, Stage};
+use troupe_character::testing::toy_rig;
+use troupe_engine::pack::testing::pack_of;
+use troupe_engine::pack::{Pack, Stage};
 use troupe_engine::{DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
-use troupe_motion::model::Dims;
-use troupe_motion::{ContactParams, Joint, Skeleton, Vec3};
+use troupe_motion::model::{Dims, Rig};
 use troupe_proto::v1;
 use troupe_proto::v1::motion_client::MotionClient;
 use troupe_proto::v1::sessions_client::SessionsClient;
@@ -26,7 +24,7 @@ use troupe_server::server::{PackSource, ServerHandle, serve_packs_at};
 use troupe_server::session::TimeSource;
 
 /// Folder of the test packs: their styles.
-const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/toy");
+pub const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/toy");
 
 /// Joints of the test pack.
 pub const JOINTS: usize = 2;
@@ -167,41 +165,14 @@ impl Stages for StraightLine {
 }
 
 pub fn pack(name: &str) -> Pack {
-    let joint = |name: &str, parent, y| Joint {
-        name: name.into(),
-        parent,
-        offset_m: Vec3::new(0.0, y, 0.0),
+    let rig = Rig {
+        name: name.to_owned(),
+        ..toy_rig()
     };
-    let contacts = ContactParams {
-        joints: vec![1],
-        max_height_m: vec![0.1],
-        max_speed_mps: 0.3,
-        clearance_m: vec![0.05],
-    };
-    let joints = vec![joint("Hips", None, 0.0), joint("Foot", Some(0), -0.8)];
-    let skeleton = Skeleton::new(joints, Vec3::X, 0.0, Some(contacts)).unwrap();
-    let manifest = Manifest {
-        format: 1,
-        name: name.into(),
-        version: "1.2.3".into(),
-        licence: "CC0".into(),
-        credits: vec!["Nobody".into()],
-        fps: 30.0,
-        frames_per_token: 4,
-        min_tokens: 3,
-        max_tokens: 16,
-        heads: 2,
-        codes: 5,
-        context_frames: 4,
-        max_targets: 4,
-        parameters: 7,
-        content_hash: format!("sha256:{}", "0".repeat(64)),
-        skeleton,
-        robot: None,
-        training: toml::Table::new(),
-        evaluation: toml::Table::new(),
-    };
-    Pack::from_manifest(manifest, Path::new(FOLDER)).unwrap()
+    Pack {
+        folder: FOLDER.into(),
+        ..pack_of(rig)
+    }
 }
 
 pub struct TestServer {
@@ -244,17 +215,13 @@ impl TestServer {
             std::thread::sleep(load_time);
             let source = |name: &str| {
                 let gate = for_engine.clone();
-                PackSource {
-                    pack: pack(name),
-                    lanes,
-                    decision: None,
-                    stages: Box::new(move |pack| {
-                        Ok(Box::new(StraightLine {
-                            dims: pack.rig.dims,
-                            gate: gate.clone(),
-                        }))
-                    }),
-                }
+                let stages = move |pack: &Pack| {
+                    Ok(Box::new(StraightLine {
+                        dims: pack.rig.dims,
+                        gate: gate.clone(),
+                    }) as Box<dyn Stages>)
+                };
+                PackSource::of_stages(pack(name), lanes, Box::new(stages), None)
             };
             let mut packs = vec![source("toy"), source("other")];
             packs.extend(more(lanes));

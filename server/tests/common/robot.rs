@@ -199,12 +199,7 @@ pub async fn start(folder: &Folder) -> TestServer {
             let skeleton = Arc::clone(&skeleton);
             Ok(Box::new(Wobble { line, skeleton }) as Box<dyn Stages>)
         };
-        vec![PackSource {
-            pack,
-            lanes,
-            decision: None,
-            stages: Box::new(stages),
-        }]
+        vec![PackSource::of_stages(pack, lanes, Box::new(stages), None)]
     };
     let mut server = TestServer::start_also(|_| {}, Duration::ZERO, more).await;
     server.handle.ready().await.unwrap();

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    troupe_client::cli::main()
+    troupe_cli::main()
 }

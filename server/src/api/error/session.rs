@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
-use crate::packs::UnknownPack;
+use crate::packs::{CannotDo, UnknownPack};
 use crate::session::SessionError;
 use troupe_character::live::{MAX_WAITING_COMMANDS, Refusal};
 
@@ -15,6 +15,7 @@ impl Tabled for SessionError {
         match self {
             Self::Field(error) => error.row(),
             Self::UnknownPack(error) => error.row(),
+            Self::CannotDo(error) => error.row(),
             Self::World(error) => error.row(),
             Self::Expired { field, .. } => GONE.because("SESSION_EXPIRED").field(field),
             Self::Unknown { field, .. } => NOT_FOUND.because("UNKNOWN_SESSION").field(field),
@@ -55,6 +56,15 @@ impl Tabled for UnknownPack {
             .because("UNKNOWN_PACK")
             .field(&self.field)
             .allowed(self.loaded.join(", "))
+    }
+}
+
+impl Tabled for CannotDo {
+    fn row(&self) -> Row<'_> {
+        INVALID
+            .because("PACK_CANNOT")
+            .field(&self.field)
+            .allowed(format!("a pack with the capability {}", self.wanted))
     }
 }
 

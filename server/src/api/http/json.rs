@@ -31,6 +31,10 @@ impl Message for v1::InBetweenRequest {
     const RPC: &'static str = "InBetween";
 }
 
+impl Message for v1::GenerateRequest {
+    const RPC: &'static str = "Generate";
+}
+
 impl Message for v1::CreateSessionsRequest {
     const RPC: &'static str = "CreateSessions";
 }

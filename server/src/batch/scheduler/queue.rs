@@ -6,14 +6,14 @@ use std::time::{Duration, Instant};
 use super::{Part, RequestId};
 use crate::batch::order::{Class, Order, OwnerId};
 
-/// A request that still has characters to be cut.
+/// A request that still has characters that wait.
 #[derive(Debug)]
 pub(super) struct Waiting {
     order: Order,
     /// Its virtual deadline.
     due: Instant,
     arrived: Instant,
-    /// The first character that is not cut.
+    /// The first character that waits.
     next: usize,
     left: usize,
 }
@@ -28,9 +28,9 @@ impl Waiting {
 /// The plans of one owner.
 #[derive(Debug, Default)]
 struct Owner {
-    /// The one of which some part is, or was, with the engine.
+    /// The one of which some part is, or was, with a worker.
     active: Option<RequestId>,
-    /// Parts of it that are with the engine now.
+    /// Characters of it that are with workers now.
     running: usize,
     /// The one that waits, and will be in the queue once there is no active one.
     waiting: Option<RequestId>,
@@ -44,30 +44,19 @@ pub(super) enum Take {
 }
 
 /// Everything that waits. All it does takes logarithmic time in what waits, at most.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Queue {
     requests: HashMap<RequestId, Waiting>,
-    /// Those that may be cut, by virtual deadline and arrival.
+    /// Those that may start, by virtual deadline and arrival.
     ready: BTreeSet<(Instant, RequestId)>,
     ready_characters: usize,
     pending: [usize; Class::ALL.len()],
     owners: HashMap<OwnerId, Owner>,
-    /// Owners of the parts that each lane has.
-    running: Vec<Vec<OwnerId>>,
+    /// Owners of the requests of which characters are with workers.
+    running: HashMap<RequestId, OwnerId>,
 }
 
 impl Queue {
-    pub(super) fn new(lanes: usize) -> Self {
-        Self {
-            requests: HashMap::new(),
-            ready: BTreeSet::new(),
-            ready_characters: 0,
-            pending: [0; Class::ALL.len()],
-            owners: HashMap::new(),
-            running: vec![Vec::new(); lanes],
-        }
-    }
-
     /// Requests that wait.
     pub(super) fn len(&self) -> usize {
         self.requests.len()
@@ -78,15 +67,9 @@ impl Queue {
         self.pending[class as usize]
     }
 
-    /// Characters that may be cut.
+    /// Characters that may start.
     pub(super) fn ready(&self) -> usize {
         self.ready_characters
-    }
-
-    /// When the most urgent request arrived.
-    pub(super) fn first_arrival(&self) -> Option<Instant> {
-        let (_, first) = self.ready.first()?;
-        Some(self.requests.get(first)?.arrived)
     }
 
     /// The plan of an owner that a newer one would replace.
@@ -128,8 +111,8 @@ impl Queue {
         older
     }
 
-    /// Takes up to `room` characters, at least one, of the most urgent request for `lane`.
-    pub(super) fn take(&mut self, now: Instant, lane: usize, room: usize) -> Option<Take> {
+    /// Takes up to `room` characters, at least one, of the most urgent request.
+    pub(super) fn take(&mut self, now: Instant, room: usize) -> Option<Take> {
         let &(due, request) = self.ready.first()?;
         let waiting = self.requests.get_mut(&request)?;
         let waited = now.saturating_duration_since(waiting.arrived);
@@ -159,8 +142,8 @@ impl Queue {
                 owner.waiting = None;
             }
             owner.active = Some(request);
-            owner.running += 1;
-            self.running[lane].push(id);
+            owner.running += part.characters;
+            self.running.insert(request, id);
         }
         Some(Take::Part(part))
     }
@@ -179,16 +162,18 @@ impl Queue {
         Some(waiting.left)
     }
 
-    /// A lane has nothing any more.
-    pub(super) fn done(&mut self, lane: usize) {
-        let mut owners = std::mem::take(&mut self.running[lane]);
-        for owner in owners.drain(..) {
-            if let Some(plans) = self.owners.get_mut(&owner) {
-                plans.running -= 1;
+    /// So many characters of a request are with a worker no more.
+    pub(super) fn finish(&mut self, request: RequestId, characters: usize) {
+        let Some(&id) = self.running.get(&request) else {
+            return;
+        };
+        if let Some(owner) = self.owners.get_mut(&id) {
+            owner.running = owner.running.saturating_sub(characters);
+            if owner.running == 0 {
+                self.running.remove(&request);
             }
-            self.release(owner);
         }
-        self.running[lane] = owners;
+        self.release(id);
     }
 
     /// Lets an owner's next plan into the queue where nothing of its active one is left.

@@ -194,7 +194,7 @@ impl Roster {
     fn read_load(&self) {
         let now = Instant::now();
         for pack in &self.packs {
-            if let Some(pressure) = pack.load.read(now, pack.loaded.batcher.gauge().lanes()) {
+            if let Some(pressure) = pack.load.read(now, pack.loaded.batcher.workers()) {
                 pack.metrics.pressed(pressure);
             }
         }
@@ -214,7 +214,7 @@ impl Roster {
 fn strain(pack: &LivePack, priority: f32) -> Strain {
     let (load, fps) = (&pack.load, pack.rig().fps);
     Strain {
-        expected_frames: load.expected_frames(pack.loaded.batcher.gauge().lanes(), fps),
+        expected_frames: load.expected_frames(pack.loaded.batcher.workers(), fps),
         lead_frames: load.lead_frames(fps),
         stretch: budget::stretch(load.pressure(), priority),
     }

@@ -1,0 +1,78 @@
+//! Arguments of the `troupe` command line: those of all commands, and which command.
+
+use clap::{Parser, Subcommand};
+
+use crate::draw::Draw;
+use crate::drive::Drive;
+use crate::eval::Eval;
+use crate::film::Film;
+use crate::inbetween::Inbetween;
+use crate::object::Object;
+use crate::packs::Packs;
+use crate::scene::Scene;
+use crate::sessions::Sessions;
+use crate::style::Style;
+use crate::values::Seconds;
+
+/// Drive characters and fill gaps in motion clips on a Troupe server, and measure how well it does.
+#[derive(Debug, Parser)]
+#[command(name = "troupe", version, propagate_version = true, max_term_width = 110, after_long_help = AFTER)]
+pub(crate) struct Arguments {
+    /// Address of the server.
+    #[arg(
+        long,
+        global = true,
+        env = "TROUPE_SERVER",
+        default_value = "http://127.0.0.1:8080",
+        value_name = "URL",
+        help_heading = COMMON
+    )]
+    pub(crate) server: String,
+
+    /// Longest wait for one answer, in seconds.
+    #[arg(long, global = true, default_value = "60", value_name = "SECONDS", help_heading = COMMON)]
+    pub(crate) timeout: Seconds,
+
+    /// No notes and no progress bar on standard error; errors are still told.
+    #[arg(long, short, global = true, help_heading = COMMON)]
+    pub(crate) quiet: bool,
+
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+const COMMON: &str = "Server and notes";
+
+const AFTER: &str = "\
+Exit codes:
+  0  done
+  1  an output file could not be written, the server's answer made no sense, or what a path
+     waits for did not come
+  2  wrong arguments, or a file that cannot be used
+  3  no server answers at the address, or not in time
+  4  the server refused the request
+
+Examples:
+  troupe packs
+  troupe inbetween --clip walk.bvh --from 60 --to 95 --out filled.bvh
+  troupe eval --data clips/ --split test.txt --json eval.json
+  troupe draw --clip walk.bvh --from 60 --to 106 --out picture.png
+  troupe drive
+  troupe drive --path examples/paths/square.toml --out square.bvh
+  troupe film --path examples/paths/square.toml --out square.png
+  troupe object put examples/objects/*.toml
+  troupe scene put examples/scenes/courtyard.toml";
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Inbetween(Inbetween),
+    Packs(Packs),
+    Eval(Box<Eval>),
+    Draw(Draw),
+    Drive(Drive),
+    Film(Film),
+    Sessions(Sessions),
+    Style(Style),
+    Scene(Scene),
+    Object(Object),
+}

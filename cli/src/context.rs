@@ -1,0 +1,26 @@
+//! What every command shares.
+
+use troupe_client::{Client, ConnectOptions, Pack};
+
+use crate::failure::Failure;
+use crate::term::Term;
+
+/// Which server to ask, how, and where notes go.
+pub(crate) struct Context {
+    pub(crate) url: String,
+    pub(crate) options: ConnectOptions,
+    pub(crate) term: Term,
+}
+
+impl Context {
+    pub(crate) async fn connect(&self) -> Result<Client, Failure> {
+        Ok(Client::connect_with(&self.url, self.options.clone()).await?)
+    }
+
+    /// Connects and fetches a pack; an empty name stands for the server's default pack.
+    pub(crate) async fn connect_to_pack(&self, name: &str) -> Result<(Client, Pack), Failure> {
+        let client = self.connect().await?;
+        let pack = client.pack(name).await?;
+        Ok((client, pack))
+    }
+}

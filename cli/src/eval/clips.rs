@@ -1,0 +1,153 @@
+//! The clips to measure on, from files of every kind that can be read.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use serde::Serialize;
+use troupe_client::Pack;
+use troupe_motion::clip::Clip;
+
+use crate::failure::Failure;
+use crate::files::{Scale, read_clip};
+use crate::term::Term;
+
+/// A clip by its file's stem.
+pub(super) struct NamedClip {
+    pub(super) name: String,
+    pub(super) clip: Clip,
+}
+
+/// A clip that could not be used.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Skipped {
+    pub(super) clip: String,
+    pub(super) reason: String,
+}
+
+/// A kind of clip files.
+struct Kind {
+    /// Ending of their names, with the dot.
+    ending: &'static str,
+    /// Reads one onto a pack's skeleton and at its rate.
+    read: fn(&Path, &Pack, Scale) -> Result<Clip, Failure>,
+}
+
+/// All kinds that can be read: BVH, and for packs of robots Unitree's CSV. A new one is an entry here, and its name in the
+/// help of `--data`.
+const KINDS: [Kind; 2] = [kind(".bvh"), kind(".csv")];
+
+/// Files of an ending that tells `read_clip` how to read them.
+const fn kind(ending: &'static str) -> Kind {
+    Kind {
+        ending,
+        read: |path, pack, scale| read_clip(path, pack, scale, &Term::new(true)),
+    }
+}
+
+/// Endings of the files that can be read, for messages.
+pub(super) fn endings() -> String {
+    KINDS.map(|kind| kind.ending).join(" or ")
+}
+
+/// A file's name without the ending of a clip. None where it has none.
+fn stem(name: &str) -> Option<&str> {
+    KINDS.iter().find_map(|kind| name.strip_suffix(kind.ending))
+}
+
+/// Reads the clip of a name in a folder, whichever kind of file it is in.
+pub(super) fn read_named(data: &Path, name: &str, pack: &Pack, scale: Scale) -> Result<Clip, Failure> {
+    let file = |kind: &Kind| data.join(format!("{name}{}", kind.ending));
+    let there = KINDS.iter().find(|kind| file(kind).is_file());
+    // Where there is none the first kind's reader says so.
+    let kind = there.unwrap_or(&KINDS[0]);
+    (kind.read)(&file(kind), pack, scale)
+}
+
+/// Names of the clips to use, sorted: those of the split file, or every clip of the folder.
+pub(super) fn clip_names(data: &Path, split: Option<&Path>) -> Result<Vec<String>, Failure> {
+    let names: BTreeSet<String> = match split {
+        Some(split) => std::fs::read_to_string(split)
+            .map_err(|e| Failure::file(split, e))?
+            .lines()
+            .map(|line| line.split('#').next().unwrap_or_default().trim())
+            .filter(|line| !line.is_empty())
+            .map(|line| stem(line).unwrap_or(line).to_owned())
+            .collect(),
+        None => std::fs::read_dir(data)
+            .map_err(|e| Failure::file(data, e))?
+            .filter_map(|entry| Some(stem(entry.ok()?.file_name().to_str()?)?.to_owned()))
+            .collect(),
+    };
+    Ok(names.into_iter().collect())
+}
+
+/// Reads clips by name onto the pack's skeleton; those that cannot be used come back with the reason.
+pub(super) fn read_clips(
+    data: &Path,
+    names: &[String],
+    pack: &Pack,
+    scale: Scale,
+    term: &Term,
+) -> (Vec<NamedClip>, Vec<Skipped>) {
+    let bar = term.bar(names.len(), "reading clips");
+    let (mut clips, mut skipped) = (Vec::new(), Vec::new());
+    for name in names {
+        match read_named(data, name, pack, scale) {
+            Ok(clip) => clips.push(NamedClip {
+                name: name.clone(),
+                clip,
+            }),
+            Err(why) => {
+                let why = why.to_string();
+                // The path in front says the name once more.
+                let reason = why
+                    .strip_prefix(&data.join(name).display().to_string())
+                    .and_then(|rest| rest.split_once(": "))
+                    .map_or(&*why, |(_, reason)| reason)
+                    .to_owned();
+                skipped.push(Skipped {
+                    clip: name.clone(),
+                    reason,
+                });
+            }
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    (clips, skipped)
+}
+
+/// Takes out the clips that have fewer frames than the shortest window.
+pub(super) fn drop_short(clips: &mut Vec<NamedClip>, least_frames: usize) -> Vec<Skipped> {
+    let short = clips.extract_if(.., |named| named.clip.frames() < least_frames);
+    short
+        .map(|named| Skipped {
+            reason: format!(
+                "{} frames, fewer than the {least_frames} of the shortest window",
+                named.clip.frames()
+            ),
+            clip: named.name,
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_split_file_may_have_comments_endings_and_repeats() {
+        let folder = std::env::temp_dir().join(format!("troupe-split-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let split = folder.join("split.txt");
+        std::fs::write(&split, "# held out\nwalk_2.bvh\r\n\nwalk_1  # good\nwalk_2\n").unwrap();
+        let names = clip_names(&folder, Some(&split)).unwrap();
+        std::fs::write(folder.join("b.bvh"), "").unwrap();
+        std::fs::write(folder.join("a.bvh"), "").unwrap();
+        let all = clip_names(&folder, None).unwrap();
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(names, ["walk_1", "walk_2"]);
+        assert_eq!(all, ["a", "b"], "and the split is no clip");
+        assert!(matches!(clip_names(&folder, None), Err(Failure::Input(_))));
+    }
+}

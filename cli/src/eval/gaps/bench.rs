@@ -1,0 +1,313 @@
+//! Has a pack fill gaps in clips, and measures what comes, beside ground truth and interpolation.
+
+use futures_util::{StreamExt as _, TryStreamExt as _, stream};
+use indicatif::ProgressBar;
+use troupe_client::{CONTEXT_FRAMES, Client, InBetween, InBetweenAnswer, Pack};
+use troupe_motion::clip::Clip;
+use troupe_motion::fk::WorldMotion;
+use troupe_motion::interpolate::fill_gap;
+use troupe_motion::metrics::{
+    Estimate, Evaluation, Gaussian, Latents, MetricError, Mmd, Resamples, Summary, Task,
+    contact_prediction_accuracy, evaluate, joint_diversity_m, mean_pairwise_distance,
+};
+
+use super::args::GapEval;
+use super::figures::{ByMethod, GapReport, Metrics};
+use super::windows::{Window, cut, pieces_of, task, window_seed, windows};
+use crate::context::Context;
+use crate::eval::clips::NamedClip;
+use crate::eval::evaluator::{Evaluator, Found};
+use crate::eval::resampling::{DISTRIBUTION_SETS, SETS};
+use crate::failure::Failure;
+
+/// Temperature at which diversity is measured.
+pub(super) const DIVERSITY_TEMPERATURE: f32 = 1.0;
+/// Windows that the evaluator takes at a time.
+const LATENT_BATCH: usize = 32;
+
+/// What is measured: a pack on clips.
+pub(super) struct Bench<'a> {
+    pub(super) client: Client,
+    pub(super) pack: Pack,
+    pub(super) clips: Vec<NamedClip>,
+    pub(super) command: &'a GapEval,
+    pub(super) evaluator: Found,
+}
+
+/// A window's motion and its measures.
+struct Filled {
+    clips: ByMethod<Clip>,
+    measured: ByMethod<Evaluation>,
+    /// How many of the contacts that the networks say are those of ground truth, 0 to 1.
+    predicted_contacts: f64,
+}
+
+impl Bench<'_> {
+    /// Has all windows of one gap filled, some at a time, and measures them.
+    pub(super) async fn measure(&self, context: &Context, gap: usize) -> Result<GapReport, Failure> {
+        let task = task(gap);
+        let windows = windows(&self.clips, task, self.command.stride, self.command.max_windows);
+        if windows.is_empty() {
+            return Err(Failure::Input(format!(
+                "--gaps: no clip is long enough for a gap of {gap}, which takes {} frames",
+                task.frames()
+            )));
+        }
+        let bar = context.term.bar(windows.len(), "filling gaps");
+        bar.set_message(format!("gap of {gap} frames"));
+        // In the order of the windows, so that sums round the same way in every run.
+        let answers = stream::iter(windows.iter().map(|&window| self.fill(window, task, &bar)));
+        let filled: Vec<Filled> = answers.buffered(self.command.concurrency).try_collect().await?;
+        bar.finish_and_clear();
+
+        let of_piece = pieces_of(&windows);
+        let pieces = of_piece.last().map_or(0, |last| last + 1);
+        let mut summaries = ByMethod::<Vec<Summary>>::default();
+        let mut all = ByMethod::<Summary>::default();
+        for method in summaries.each_mut() {
+            method.resize(pieces, Summary::default());
+        }
+        for (filled, &piece) in filled.iter().zip(&of_piece) {
+            let measured = [
+                &filled.measured.ground_truth,
+                &filled.measured.interpolation,
+                &filled.measured.pack,
+            ];
+            for ((measured, by_piece), all) in
+                measured.into_iter().zip(summaries.each_mut()).zip(all.each_mut())
+            {
+                by_piece[piece].add(measured);
+                all.add(measured);
+            }
+        }
+        let resamples = Resamples::new(pieces, SETS, self.command.sampling.seed);
+        let mut metrics = summaries.map(|pieces| Metrics::of_figures(resamples.figures(pieces)));
+        let predicted = of_piece
+            .iter()
+            .zip(&filled)
+            .map(|(&piece, filled)| (piece, filled.predicted_contacts));
+        if let Some(mean) = resamples.mean(&predicted.collect::<Vec<_>>()) {
+            metrics.pack.set("contact_prediction_accuracy", mean);
+        }
+        if let Ok(evaluator) = &self.evaluator {
+            let latents = self.latents(context, evaluator, &filled, &of_piece)?;
+            let sets = Resamples::new(pieces, DISTRIBUTION_SETS, self.command.sampling.seed);
+            add_distances(&mut metrics, &latents, pieces, sets);
+        }
+        let diversity_windows = self.add_diversity(&mut metrics, context, task).await?;
+        let figures = all.map(|summary| summary.figures().unwrap_or_default());
+        Ok(GapReport {
+            gap_frames: gap,
+            windows: windows.len(),
+            ground_truth: figures.ground_truth,
+            interpolation: figures.interpolation,
+            pack: figures.pack,
+            pieces,
+            diversity_windows,
+            metrics,
+        })
+    }
+
+    async fn fill(&self, window: Window, task: Task, bar: &ProgressBar) -> Result<Filled, Failure> {
+        let name = &self.clips[window.clip].name;
+        let truth = cut(&self.clips, window, task)?;
+        let sampling = &self.command.sampling;
+        let seed = window_seed(sampling.seed, name, window.start);
+        let answer = self.take(&truth, task, seed, sampling.temperature).await?;
+        let (from, to) = (CONTEXT_FRAMES - 1, task.frames() - 1);
+        let interpolation = fill_gap(&truth, from, to).map_err(|e| Failure::Other(e.to_string()))?;
+        bar.inc(1);
+        let clips = ByMethod {
+            ground_truth: truth,
+            interpolation,
+            pack: answer.clip,
+        };
+        let measure =
+            |clip: &Clip| evaluate(clip, &clips.ground_truth, task).map_err(|e| self.unmeasured(window, e));
+        let motion = WorldMotion::from_clip(&clips.ground_truth);
+        let skeleton = &clips.ground_truth.skeleton;
+        let predicted =
+            contact_prediction_accuracy(skeleton, &answer.contacts, &motion, task.gap(), self.pack.fps());
+        Ok(Filled {
+            predicted_contacts: predicted.map_err(|e| self.unmeasured(window, e))?,
+            measured: ByMethod {
+                ground_truth: measure(&clips.ground_truth)?,
+                interpolation: measure(&clips.interpolation)?,
+                pack: measure(&clips.pack)?,
+            },
+            clips,
+        })
+    }
+
+    /// The pack's answer to a window.
+    async fn take(
+        &self,
+        truth: &Clip,
+        task: Task,
+        seed: u64,
+        temperature: f32,
+    ) -> Result<InBetweenAnswer, Failure> {
+        let gap = InBetween::from_clip(truth, CONTEXT_FRAMES - 1, task.frames() - 1)?
+            .seed(seed)
+            .temperature(temperature)
+            .pose_steps(self.command.sampling.pose_steps)
+            .hold_feet(!self.command.sampling.free_feet);
+        Ok(self.client.in_between(&self.pack, &gap).await?)
+    }
+
+    fn unmeasured(&self, window: Window, why: MetricError) -> Failure {
+        let name = &self.clips[window.clip].name;
+        Failure::Other(format!(
+            "{name} from frame {} cannot be measured: {why}",
+            window.start
+        ))
+    }
+
+    fn latents(
+        &self,
+        context: &Context,
+        evaluator: &Evaluator,
+        filled: &[Filled],
+        of_piece: &[usize],
+    ) -> Result<ByMethod<Latents>, Failure> {
+        let bar = context.term.bar(3 * filled.len(), "latents");
+        let of = |clip: fn(&Filled) -> &Clip| {
+            let mut latents = Latents::default();
+            for (some, of_piece) in filled.chunks(LATENT_BATCH).zip(of_piece.chunks(LATENT_BATCH)) {
+                let clips: Vec<&Clip> = some.iter().map(clip).collect();
+                let rows = evaluator.latents(&clips)?;
+                of_piece
+                    .iter()
+                    .zip(rows)
+                    .for_each(|(&piece, row)| latents.push(piece, row));
+                bar.inc(some.len() as u64);
+            }
+            Ok::<_, Failure>(latents)
+        };
+        let all = ByMethod {
+            ground_truth: of(|filled| &filled.clips.ground_truth)?,
+            interpolation: of(|filled| &filled.clips.interpolation)?,
+            pack: of(|filled| &filled.clips.pack)?,
+        };
+        bar.finish_and_clear();
+        Ok(all)
+    }
+
+    /// Fills some windows with several seeds each and adds how far the takes are from each other. Returns how many.
+    async fn add_diversity(
+        &self,
+        metrics: &mut ByMethod<Metrics>,
+        context: &Context,
+        task: Task,
+    ) -> Result<usize, Failure> {
+        let seeds = u64::from(self.command.seeds);
+        if seeds < 2 {
+            return Ok(0);
+        }
+        let most = self.command.diversity_windows;
+        let most = self.command.max_windows.map_or(most, |windows| windows.min(most));
+        let windows = windows(&self.clips, task, self.command.stride, Some(most));
+        let bar = context.term.bar(windows.len() * seeds as usize, "diversity");
+        let (mut joints, mut latents) = (Vec::new(), Vec::new());
+        for (&window, piece) in windows.iter().zip(pieces_of(&windows)) {
+            let name = &self.clips[window.clip].name;
+            let truth = cut(&self.clips, window, task)?;
+            let takes = (1..=seeds).map(|nth| {
+                let seed = window_seed(self.command.sampling.seed.wrapping_add(nth), name, window.start);
+                self.take(&truth, task, seed, DIVERSITY_TEMPERATURE)
+            });
+            let takes = stream::iter(takes).buffered(self.command.concurrency);
+            let takes = takes.map_ok(|answer| answer.clip).inspect(|_| bar.inc(1));
+            let takes: Vec<Clip> = takes.try_collect().await?;
+            let motions: Vec<WorldMotion> = takes.iter().map(WorldMotion::from_clip).collect();
+            let diversity = joint_diversity_m(&motions, task.gap());
+            joints.push((piece, diversity.map_err(|e| self.unmeasured(window, e))?));
+            if let Ok(evaluator) = &self.evaluator {
+                let rows = evaluator.latents(&takes.iter().collect::<Vec<_>>())?;
+                latents.extend(mean_pairwise_distance(&rows).map(|mean| (piece, mean)));
+            }
+        }
+        bar.finish_and_clear();
+        let pieces = joints.last().map_or(0, |(piece, _)| piece + 1);
+        let resamples = Resamples::new(pieces, SETS, self.command.sampling.seed);
+        for (name, values) in [("joint_diversity_m", joints), ("latent_diversity", latents)] {
+            if let Some(mean) = resamples.mean(&values) {
+                metrics.pack.set(name, mean);
+                // It has no seed.
+                metrics.interpolation.set(name, Estimate::bare(0.0));
+            }
+        }
+        Ok(windows.len())
+    }
+}
+
+/// Adds FID and MMD of each method to ground truth; of ground truth between its own halves.
+fn add_distances(
+    metrics: &mut ByMethod<Metrics>,
+    latents: &ByMethod<Latents>,
+    pieces: usize,
+    sets: Resamples,
+) {
+    let halves = latents.ground_truth.halves();
+    let fid = |times: &[u32]| {
+        let fit = |latents: &Latents| Gaussian::fit(latents, times);
+        let others = [&fit(&latents.interpolation)?, &fit(&latents.pack)?];
+        let [interpolation, pack] = fit(&latents.ground_truth)?.frechet_distances(others);
+        let [truth] = fit(&halves[0])?.frechet_distances([&fit(&halves[1])?]);
+        Some([truth, interpolation, pack])
+    };
+    let kernels = [
+        Mmd::between(&halves[0], &halves[1]),
+        Mmd::between(&latents.ground_truth, &latents.interpolation),
+        Mmd::between(&latents.ground_truth, &latents.pack),
+    ];
+    let mmd = |times: &[u32]| {
+        let [truth, interpolation, pack] = &kernels;
+        Some([
+            truth.value(times)?,
+            interpolation.value(times)?,
+            pack.value(times)?,
+        ])
+    };
+    let once = vec![1; pieces];
+    let found = [
+        ("fid", fid(&once).map(|all| sets.centred(all, fid))),
+        ("mmd", mmd(&once).map(|all| sets.centred(all, mmd))),
+    ];
+    for (name, found) in found {
+        for (method, estimate) in metrics.each_mut().into_iter().zip(found.into_iter().flatten()) {
+            method.set(name, estimate);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_to_ground_truth_and_of_it_between_its_halves() {
+        // Ground truth alternates between ±1, which both halves have in full; the pack is as it is, interpolation at 3.
+        let latents = |of: &dyn Fn(usize) -> f32| {
+            let mut all = Latents::default();
+            (0..24).for_each(|nth| all.push(nth / 4, vec![of(nth)]));
+            all
+        };
+        let truth = latents(&|nth| if nth % 4 < 2 { 1.0 } else { -1.0 });
+        let latents = ByMethod {
+            interpolation: latents(&|_| 3.0),
+            pack: truth.clone(),
+            ground_truth: truth,
+        };
+        let mut metrics = ByMethod::<Metrics>::default();
+        add_distances(&mut metrics, &latents, 6, Resamples::new(6, 20, 0));
+        let fid = |of: &Metrics| of.get("fid").unwrap();
+        assert!(fid(&metrics.ground_truth).mean < 1e-9 && fid(&metrics.pack).mean < 1e-9);
+        // |0 - 3|² and a variance of 24 / 23 that is missing.
+        let wanted = 9.0 + 24.0 / 23.0;
+        assert!((fid(&metrics.interpolation).mean - wanted).abs() < 1e-9);
+        let mmd = |of: &Metrics| of.get("mmd").unwrap();
+        assert!(mmd(&metrics.pack).mean < 1e-9 && mmd(&metrics.interpolation).mean > 10.0);
+        assert!(mmd(&metrics.interpolation).low.is_some());
+    }
+}

@@ -1,0 +1,330 @@
+//! What an evaluation found: tables, claims, JSON.
+
+use std::fmt::Write as _;
+
+use comfy_table::{Cell, CellAlignment, Table, presets};
+use serde::Serialize;
+use troupe_motion::metrics::Estimate;
+
+use super::bench::Bench;
+use super::claims::{Claim, claims};
+use super::figures::GapReport;
+use crate::eval::clips::Skipped;
+use crate::eval::evaluator::Origin;
+
+/// Skipped clips named in the text; the JSON has all.
+const SKIPPED_IN_TEXT: usize = 20;
+
+/// Width of the table with values and intervals side by side.
+const WIDE: u16 = 118;
+
+/// Everything that an evaluation found.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    pack: String,
+    pack_version: String,
+    content_hash: String,
+    clips: usize,
+    stride_frames: usize,
+    seed: u64,
+    temperature: f32,
+    pose_steps: u32,
+    /// Whether the server held feet that stand.
+    feet_held: bool,
+    /// Takes of each window that diversity was measured over.
+    diversity_seeds: u32,
+    /// None where none was at hand.
+    evaluator: Option<Origin>,
+    /// Why there was none.
+    #[serde(skip)]
+    no_evaluator: Option<&'static str>,
+    gaps: Vec<GapReport>,
+    claims: Vec<Claim>,
+    skipped: Vec<Skipped>,
+}
+
+/// Which way is better.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Better {
+    Lower,
+    Higher,
+    LikeTruth,
+    Neither,
+}
+
+/// A row of the table: the measure, what it is called, its unit, how to read it, and how it is written.
+struct Row {
+    key: &'static str,
+    name: &'static str,
+    unit: &'static str,
+    better: Better,
+    factor: f64,
+    decimals: usize,
+}
+
+const ROWS: [Row; 18] = {
+    use Better::{Higher, LikeTruth, Lower, Neither};
+    const fn row(
+        key: &'static str,
+        name: &'static str,
+        unit: &'static str,
+        better: Better,
+        factor: f64,
+        decimals: usize,
+    ) -> Row {
+        Row {
+            key,
+            name,
+            unit,
+            better,
+            factor,
+            decimals,
+        }
+    }
+    [
+        row("fid", "FID", "", Lower, 1.0, 3),
+        row("mmd", "MMD", "", Lower, 1.0, 3),
+        row("joint_diversity_m", "joint diversity", "mm", Neither, 1e3, 1),
+        row("latent_diversity", "latent diversity", "", Neither, 1.0, 3),
+        row("l2p_m", "L2P", "m", Lower, 1.0, 3),
+        row("l2q", "L2Q", "", Lower, 1.0, 3),
+        row("npss", "NPSS", "", Lower, 1.0, 4),
+        row("foot_skate_m_per_frame", "foot skate", "mm/frame", Lower, 1e3, 2),
+        row("penetration_m", "penetration", "mm", Lower, 1e3, 2),
+        row("contact_accuracy", "contacts right", "%", Higher, 1e2, 1),
+        row(
+            "contact_prediction_accuracy",
+            "contacts said right",
+            "%",
+            Higher,
+            1e2,
+            1,
+        ),
+        row("joint_jitter_mps2", "joint jitter", "m/s²", LikeTruth, 1.0, 2),
+        row("root_jitter_mps2", "root jitter", "m/s²", LikeTruth, 1.0, 2),
+        row("context_keyframe_error_m", "context joints", "mm", Lower, 1e3, 1),
+        row("target_keyframe_error_m", "target joints", "mm", Lower, 1e3, 1),
+        row("context_root_error_m", "context root", "mm", Lower, 1e3, 1),
+        row("target_root_error_m", "target root", "mm", Lower, 1e3, 1),
+        row("reached", "target reached", "%", Higher, 1e2, 1),
+    ]
+};
+
+const LEGEND: &str = "\
+↓ lower is better, ↑ higher is better, ≈ nearer to ground truth is better. Means over all windows, and where 95 % of means
+over clips drawn anew lie. FID, MMD: distance to ground truth's windows in the evaluator's latent space; of ground truth, between
+two halves of its own, which few windows alone make larger. Diversity: mean distance between takes of one window at
+temperature 1. L2P, L2Q: length of the difference to ground truth over all joints (world positions, world quaternions), mean over
+the gap; positions are not normalised. Context and target joints: the worst joint. Target reached: 5 cm and 15°.";
+
+impl Report {
+    pub(super) fn new(bench: &Bench<'_>, skipped: Vec<Skipped>, gaps: Vec<GapReport>) -> Self {
+        let (of, command) = (bench.pack.description(), bench.command);
+        Self {
+            pack: of.name.clone(),
+            pack_version: of.version.clone(),
+            content_hash: of.content_hash.clone(),
+            clips: bench.clips.len(),
+            stride_frames: command.stride,
+            seed: command.sampling.seed,
+            temperature: command.sampling.temperature,
+            pose_steps: command.sampling.pose_steps,
+            feet_held: !command.sampling.free_feet,
+            diversity_seeds: command.seeds,
+            evaluator: bench.evaluator.as_ref().ok().map(|e| e.origin().clone()),
+            no_evaluator: bench.evaluator.as_ref().err().copied(),
+            claims: claims(&gaps),
+            gaps,
+            skipped,
+        }
+    }
+
+    /// The report for people, on a terminal of a width or, without one, as wide as it gets.
+    pub(super) fn to_text(&self, width: Option<u16>) -> String {
+        let mut text = String::new();
+        for gap in &self.gaps {
+            line(
+                &mut text,
+                format_args!(
+                    "Gap of {} frames, {} windows of {} clips{}",
+                    gap.gap_frames,
+                    gap.windows,
+                    self.clips,
+                    match gap.diversity_windows {
+                        0 => String::new(),
+                        some => format!("; diversity of {some}, {} takes each", self.diversity_seeds),
+                    }
+                ),
+            );
+            line(&mut text, format_args!("{}\n", self.table(gap, width)));
+        }
+        line(&mut text, format_args!("{LEGEND}\n"));
+        match (&self.evaluator, self.no_evaluator) {
+            (Some(evaluator), _) => {
+                let (file, digest) = (evaluator.file.display(), &evaluator.sha256);
+                let short = digest.get(..12).unwrap_or(digest);
+                line(&mut text, format_args!("Evaluator: {file}, sha256 {short}\n"));
+            }
+            (None, Some(why)) => line(
+                &mut text,
+                format_args!("FID, MMD and latent diversity are not measured: {why}.\n"),
+            ),
+            (None, None) => {}
+        }
+        for claim in &self.claims {
+            line(&mut text, format_args!("{claim}"));
+        }
+        if !self.skipped.is_empty() {
+            line(&mut text, format_args!("\nSkipped clips: {}", self.skipped.len()));
+            for skipped in self.skipped.iter().take(SKIPPED_IN_TEXT) {
+                line(&mut text, format_args!("  {}: {}", skipped.clip, skipped.reason));
+            }
+            if let Some(more) = self
+                .skipped
+                .len()
+                .checked_sub(SKIPPED_IN_TEXT)
+                .filter(|&more| more > 0)
+            {
+                line(&mut text, format_args!("  and {more} more"));
+            }
+        }
+        text.trim_end().to_owned()
+    }
+
+    /// A row for each measure and a column for each method; on a narrow terminal intervals stand below their values.
+    fn table(&self, gap: &GapReport, width: Option<u16>) -> Table {
+        let pack = format!("{} {}", self.pack, self.pack_version);
+        let methods = [
+            ("ground truth", &gap.metrics.ground_truth),
+            ("linear/slerp interpolation", &gap.metrics.interpolation),
+            (&*pack, &gap.metrics.pack),
+        ];
+        let between = if width.is_some_and(|width| width < WIDE) {
+            "\n"
+        } else {
+            " "
+        };
+        let mut table = Table::new();
+        table.load_style(presets::UTF8_FULL_CONDENSED);
+        table.set_header(std::iter::once(Cell::new("")).chain(methods.map(|(name, _)| Cell::new(name))));
+        for row in &ROWS {
+            let figures = methods.map(|(_, metrics)| row.cell(metrics.get(row.key), between));
+            table.add_row(std::iter::once(Cell::new(row.heading())).chain(figures));
+        }
+        table
+    }
+}
+
+impl Row {
+    /// Name, unit, and which way is better.
+    fn heading(&self) -> String {
+        let arrow = match self.better {
+            Better::Lower => "↓",
+            Better::Higher => "↑",
+            Better::LikeTruth => "≈",
+            Better::Neither => "",
+        };
+        let words = [self.name, self.unit, arrow];
+        words
+            .into_iter()
+            .filter(|word| !word.is_empty())
+            .collect::<Vec<_>>()
+            .join(" ")
+    }
+
+    /// A value and its interval, in the unit of the heading.
+    fn cell(&self, estimate: Option<Estimate>, between: &str) -> Cell {
+        let number = |value: f64| format!("{:.*}", self.decimals, value * self.factor);
+        let text = estimate.map_or_else(
+            || "–".to_owned(),
+            |found| {
+                let ends = found
+                    .low
+                    .zip(found.high)
+                    .map(|(low, high)| (number(low), number(high)));
+                let interval = ends.filter(|(low, high)| low != high);
+                interval.map_or(number(found.mean), |(low, high)| {
+                    format!("{}{between}({low} to {high})", number(found.mean))
+                })
+            },
+        );
+        Cell::new(text).set_alignment(CellAlignment::Right)
+    }
+}
+
+/// Adds a line. Writing to a string cannot fail.
+fn line(text: &mut String, what: std::fmt::Arguments<'_>) {
+    let _ = writeln!(text, "{what}");
+}
+
+#[cfg(test)]
+mod tests {
+    use troupe_motion::metrics::Figures;
+
+    use super::super::figures::testing::gap;
+    use super::*;
+
+    fn report(gaps: Vec<GapReport>) -> Report {
+        Report {
+            pack: "human".to_owned(),
+            pack_version: "1.2.0".to_owned(),
+            content_hash: "sha256:00".to_owned(),
+            clips: 5,
+            stride_frames: 30,
+            seed: 0,
+            temperature: 0.0,
+            feet_held: true,
+            pose_steps: 1,
+            diversity_seeds: 20,
+            evaluator: None,
+            no_evaluator: Some("no evaluator was given (--evaluator)"),
+            claims: claims(&gaps),
+            gaps,
+            skipped: vec![Skipped {
+                clip: "bow".to_owned(),
+                reason: "line 3: no joints".to_owned(),
+            }],
+        }
+    }
+
+    #[test]
+    fn the_text_is_as_documented() {
+        insta::assert_snapshot!(report(vec![gap(15, 0.6), gap(45, 0.4)]).to_text(None));
+    }
+
+    #[test]
+    fn it_fits_a_narrow_terminal() {
+        let text = report(vec![gap(30, 0.4)]).to_text(Some(100));
+        let table = text
+            .lines()
+            .filter(|line| line.contains(['│', '─']))
+            .collect::<Vec<_>>();
+        assert!(
+            table.len() > ROWS.len() && table.iter().all(|line| line.chars().count() <= 100),
+            "{text}"
+        );
+        let skate = table.iter().position(|line| line.contains("foot skate")).unwrap();
+        let (values, intervals) = (table[skate], table[skate + 1]);
+        assert!(
+            values.contains("0.40") && values.contains("5.20") && values.contains("1.10"),
+            "{values}"
+        );
+        assert!(intervals.contains("(4.68 to 6.24)"), "{intervals}");
+    }
+
+    #[test]
+    fn the_json_has_every_measure_by_name() {
+        let json = serde_json::to_value(report(vec![gap(15, 0.6)])).unwrap();
+        let pack = &json["gaps"][0]["metrics"]["pack"];
+        let fid = ["mean", "low", "high"].map(|end| pack["fid"][end].as_f64().unwrap());
+        assert_eq!(fid, [0.1, 0.1 * 0.9, 0.1 * 1.2]);
+        assert_eq!(pack["contact_accuracy"]["mean"], 0.913);
+        assert_eq!(pack["mmd"], serde_json::Value::Null);
+        // What model cards were always made from.
+        assert_eq!(json["gaps"][0]["pack"]["reaching_success"], 0.0);
+        let known = Figures::NAMES
+            .iter()
+            .all(|name| ROWS.iter().any(|row| row.key == *name));
+        assert!(known, "a figure without a row");
+    }
+}

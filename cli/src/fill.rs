@@ -1,0 +1,120 @@
+//! Filling a gap of a clip, as `inbetween` and `draw` do it.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use troupe_client::{AnswerError, InBetween, InBetweenAnswer, InBetweenAnswers, Pack, SegmentLength};
+use troupe_motion::clip::Clip;
+
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::files::{Scale, read_clip};
+use crate::splice::gap_of;
+
+const SAMPLING: &str = "Pack and sampling";
+
+/// Which gap of which clip to fill, and how.
+#[derive(Debug, Args)]
+pub(crate) struct Gap {
+    /// Motion clip in BVH format, or a robot's as CSV: root x y z qx qy qz qw, then the hinges' angles.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) clip: PathBuf,
+
+    /// Last context frame; the first frame of the clip is 0.
+    #[arg(long, value_name = "FRAME")]
+    pub(crate) from: usize,
+
+    /// Target keyframe.
+    #[arg(long, value_name = "FRAME")]
+    pub(crate) to: usize,
+
+    /// How many consecutive frames from TO on are target keyframes.
+    #[arg(long, default_value_t = 1, value_name = "1-4", value_parser = clap::value_parser!(u8).range(1..=4))]
+    pub(crate) target_frames: u8,
+
+    #[command(flatten)]
+    pub(crate) sampling: Sampling,
+
+    #[command(flatten)]
+    pub(crate) scale: Scale,
+}
+
+/// Pack and sampling.
+#[derive(Debug, Args)]
+pub(crate) struct Sampling {
+    /// Model pack; without it the server's default.
+    #[arg(long, help_heading = SAMPLING, default_value = "", hide_default_value = true, value_name = "NAME")]
+    pub(crate) pack: String,
+
+    /// The same seed, clip and pack give the same frames.
+    #[arg(long, help_heading = SAMPLING, default_value_t = 0)]
+    pub(crate) seed: u64,
+
+    /// 0 takes the most likely motion; above, up to 2, motion is sampled with the seed.
+    #[arg(long, help_heading = SAMPLING, default_value_t = 0.0, value_name = "0-2")]
+    pub(crate) temperature: f32,
+
+    /// Passes of the pose module, 1 to 10.
+    #[arg(long, help_heading = SAMPLING, default_value_t = 1, value_name = "1-10")]
+    pub(crate) pose_steps: u32,
+
+    /// Leave feet as the networks make them; those that stand are held still otherwise.
+    #[arg(long, help_heading = SAMPLING)]
+    pub(crate) free_feet: bool,
+}
+
+/// A clip and the answer for its gap.
+pub(super) struct Filled {
+    /// The pack that filled it.
+    pub(super) pack: Pack,
+    /// The clip on the pack's skeleton and at its rate.
+    pub(super) clip: Clip,
+    /// The whole segment.
+    pub(super) answer: InBetweenAnswer,
+    /// The frames between context and target.
+    pub(super) generated: Clip,
+    /// The rest of the answer.
+    pub(super) answers: InBetweenAnswers,
+}
+
+/// Reads the clip and has the server fill its gap; `length` is the clip's own where it is not given.
+pub(super) async fn fill(
+    context: &Context,
+    gap: &Gap,
+    length: Option<SegmentLength>,
+) -> Result<Filled, Failure> {
+    let (client, pack) = context.connect_to_pack(&gap.sampling.pack).await?;
+    let clip = read_clip(&gap.clip, &pack, gap.scale, &context.term)?;
+    let targets = usize::from(gap.target_frames);
+    let last_target = gap.to + targets - 1;
+    let task = InBetween::from_clip_range(&clip, gap.from, gap.to..=last_target)?
+        .seed(gap.sampling.seed)
+        .temperature(gap.sampling.temperature)
+        .pose_steps(gap.sampling.pose_steps)
+        .hold_feet(!gap.sampling.free_feet);
+    let task = match length {
+        Some(length) => task.length(length),
+        None => {
+            pack.check_span(gap.from, last_target)?;
+            task
+        }
+    };
+    let mut answers = client.in_between_many(&pack, &[task]).await?;
+    let broken = |e: AnswerError| Failure::Client(e.into());
+    let answer = answers
+        .characters
+        .pop()
+        .ok_or(AnswerError::Missing("characters"))
+        .map_err(broken)?;
+    let generated = answer
+        .clip
+        .slice(gap_of(&answer.clip, targets))
+        .map_err(|e| broken(AnswerError::Frames(e)))?;
+    Ok(Filled {
+        pack,
+        clip,
+        answer,
+        generated,
+        answers,
+    })
+}

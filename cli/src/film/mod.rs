@@ -1,0 +1,82 @@
+//! `troupe film`.
+
+mod args;
+mod picture;
+mod solid;
+mod stage;
+mod strip;
+
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+use troupe_client::FrameOptions;
+
+use self::picture::{Picture, WIDTH};
+use self::stage::Stage;
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::path::Path;
+use crate::take::{Take, follow, print_events};
+
+pub(crate) use self::args::Film;
+
+pub(super) async fn run(context: &Context, command: &Film) -> Result<(), Failure> {
+    let mut path = Path::read(&command.path)?;
+    if let Some(seconds) = command.seconds {
+        path.seconds = Some(Duration::from(seconds).as_secs_f32());
+    }
+    let take = follow(context, &path, &command.character, FrameOptions::default()).await?;
+    let film = Picture {
+        stage: Stage::of(&context.connect().await?, &take).await?,
+        range: range(command, &take)?,
+        title: command.title.clone().or(path.title).unwrap_or_default(),
+        subtitle: subtitle(&take),
+        take: &take,
+        poses: usize::from(command.poses),
+        zoom: command.width as f32 / WIDTH,
+    };
+    let png = film.to_png().map_err(Failure::Other)?;
+    std::fs::write(&command.out, png).map_err(|e| Failure::output(&command.out, e))?;
+    context
+        .term
+        .note(format_args!("picture written to {}", command.out.display()));
+    print_events(&take.events)
+}
+
+/// The frames between which the strip's poses are.
+fn range(command: &Film, take: &Take) -> Result<RangeInclusive<usize>, Failure> {
+    let last = take.clip.frames() - 1;
+    // Times below 0 count as 0.
+    let frame = |time_s: f32| (time_s * take.clip.fps).round() as usize;
+    let from = command.from.map_or(0, frame);
+    let to = command.to.map_or(last, frame).min(last);
+    if from >= to && last > 0 {
+        let end_s = last as f32 / take.clip.fps;
+        return Err(Failure::Input(format!(
+            "--from must be before --to, and before the end, which is at {end_s:.2} s"
+        )));
+    }
+    Ok(from..=to)
+}
+
+/// How long and far it went, and what it took.
+fn subtitle(take: &Take) -> String {
+    let measures = take.measures();
+    let miss = match measures.end_to_last_waypoint_m {
+        Some(metres) => format!(" · ends {metres:.2} m from the last waypoint"),
+        None => String::new(),
+    };
+    let mean = match measures.mean_speed_mps {
+        Some(mps) => format!(" · {mps:.2} m/s on average while told to go"),
+        None => String::new(),
+    };
+    format!(
+        "{:.1} s · {:.1} m{mean}{miss} · {} plans",
+        take.clip.duration_s(),
+        measures.distance_m,
+        take.stats.plans(),
+    )
+}
+
+#[cfg(test)]
+mod tests;

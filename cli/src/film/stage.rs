@@ -1,0 +1,200 @@
+//! What a scene has to show: its colliders, and its objects at every frame of a take.
+
+use glam::{Quat, Vec3};
+use serde::Deserialize;
+use troupe_client::Client;
+use troupe_proto::v1;
+use troupe_proto::v1::session_event::Kind;
+
+use super::solid::{Paint, Solid};
+use crate::failure::Failure;
+use crate::graphics::canvas::Ink;
+use crate::take::{Event, Moved, Take};
+
+/// Feet may be so far below the upper side of what they stand on, metres.
+const SINK_M: f32 = 0.15;
+
+const COLLIDER: Paint = Paint {
+    fill: Ink::hex(0xe6_ea_ef),
+    line: Ink::hex(0xb4_be_ca),
+};
+const OBJECT: Paint = Paint {
+    fill: Ink::hex(0xfd_f4_e2),
+    line: Ink::hex(0xd9_b8_7c),
+};
+/// Of an object that the character has to do with.
+const USED: Paint = Paint {
+    fill: Ink::hex(0xfc_d9_94),
+    line: Ink::hex(0xb8_77_0c),
+};
+
+/// A scene, metres, native convention.
+#[derive(Debug)]
+pub(super) struct Stage {
+    pub(super) ground_m: f32,
+    colliders: Vec<Solid>,
+    objects: Vec<Object>,
+}
+
+/// An object and where it is.
+#[derive(Debug)]
+struct Object {
+    id: String,
+    shape: Solid,
+    at_first: (Vec3, Quat),
+    /// Where it went, in order of time.
+    moved: Vec<Moved>,
+    /// Whether the character had to do with it.
+    is_used: bool,
+}
+
+/// Something to draw.
+#[derive(Debug)]
+pub(super) struct Thing<'a> {
+    pub(super) solid: Solid,
+    pub(super) paint: Paint,
+    /// Of an object its id.
+    pub(super) id: Option<&'a str>,
+    /// It is in the character's hand.
+    pub(super) in_hand: bool,
+    /// The character has to do with it.
+    pub(super) is_used: bool,
+}
+
+/// The part of a definition's document that says what it looks like.
+#[derive(Deserialize)]
+struct Definition {
+    shape: Shape,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Shape {
+    Box {
+        #[serde(default)]
+        center_m: [f32; 3],
+        half_extents_m: [f32; 3],
+    },
+    Convex {
+        points_m: Vec<[f32; 3]>,
+    },
+}
+
+impl Stage {
+    /// The scene of a take, with the shapes of its objects from the server. None where it is in no scene.
+    pub(super) async fn of(client: &Client, take: &Take) -> Result<Option<Self>, Failure> {
+        let Some(scene) = &take.scene else { return Ok(None) };
+        let mut shapes = std::collections::BTreeMap::new();
+        for object in &scene.objects {
+            if !shapes.contains_key(&object.definition) {
+                let answer = client
+                    .object(&object.definition, v1::DocumentFormat::Json)
+                    .await?;
+                let text = answer.document.unwrap_or_default().text;
+                shapes.insert(object.definition.clone(), shape_of(&text)?);
+            }
+        }
+        Ok(Some(Self::new(scene, take, |definition| {
+            shapes.get(definition).cloned().unwrap_or_default()
+        })))
+    }
+
+    /// The scene of a take, with objects of these shapes.
+    pub(super) fn new(scene: &v1::Scene, take: &Take, shape_of: impl Fn(&str) -> Solid) -> Self {
+        let colliders = scene.colliders.iter().map(|collider| {
+            let (position, rotation) = place_of(collider.position, collider.rotation);
+            let solid = collider.shape.as_ref().map(Solid::of_shape).unwrap_or_default();
+            solid.placed(position, rotation)
+        });
+        let objects = scene.objects.iter().map(|object| Object {
+            id: object.id.clone(),
+            shape: shape_of(&object.definition),
+            at_first: place_of(object.position, object.rotation),
+            moved: take
+                .moved
+                .iter()
+                .filter(|m| m.instance == object.id)
+                .cloned()
+                .collect(),
+            is_used: take.events.iter().any(|event| starts(event, &object.id)),
+        });
+        Self {
+            ground_m: scene.ground,
+            colliders: colliders.collect(),
+            objects: objects.collect(),
+        }
+    }
+
+    /// All that is there at a frame.
+    pub(super) fn things(&self, frame: usize) -> impl Iterator<Item = Thing<'_>> {
+        let colliders = self.colliders.iter().map(|solid| Thing {
+            solid: solid.clone(),
+            paint: COLLIDER,
+            id: None,
+            in_hand: false,
+            is_used: false,
+        });
+        let objects = self.objects.iter().map(move |object| {
+            let after = object.moved.partition_point(|moved| moved.frame <= frame);
+            let last = after.checked_sub(1).map(|at| &object.moved[at]);
+            let (position, rotation) = last.map_or(object.at_first, |moved| (moved.position, moved.rotation));
+            Thing {
+                solid: object.shape.placed(position, rotation),
+                paint: if object.is_used { USED } else { OBJECT },
+                id: Some(&object.id),
+                in_hand: last.is_some_and(|moved| moved.in_hand),
+                is_used: object.is_used,
+            }
+        });
+        colliders.chain(objects)
+    }
+
+    /// Height of what is below feet at a place.
+    pub(super) fn level(&self, feet: Vec3) -> f32 {
+        let tops = self.colliders.iter().filter_map(|solid| solid.top_at(feet));
+        tops.filter(|top| *top < feet.y + SINK_M)
+            .fold(self.ground_m, f32::max)
+    }
+}
+
+/// Whether an event begins to use an object.
+fn starts(event: &Event, id: &str) -> bool {
+    matches!(&event.kind, Kind::Started(of) if of.instance == id)
+}
+
+fn place_of(position: Option<v1::Vec3>, rotation: Option<v1::Quat>) -> (Vec3, Quat) {
+    (
+        position.map_or(Vec3::ZERO, |p| Vec3::new(p.x, p.y, p.z)),
+        rotation.map_or(Quat::IDENTITY, |q| Quat::from_xyzw(q.x, q.y, q.z, q.w)),
+    )
+}
+
+/// The shape in a definition's JSON document.
+fn shape_of(document: &str) -> Result<Solid, Failure> {
+    let definition: Definition = serde_json::from_str(document)
+        .map_err(|e| Failure::Other(format!("an object definition of the server: {e}")))?;
+    Ok(match definition.shape {
+        Shape::Box {
+            center_m,
+            half_extents_m,
+        } => Solid::cuboid(center_m.into(), half_extents_m.into()),
+        Shape::Convex { points_m } => {
+            let points = points_m.into_iter().map(Vec3::from).collect::<Vec<_>>();
+            Solid::hull(&points)
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shapes_of_documents_are_read() {
+        let cup = r#"{"name": "cup", "shape": {"box": {"center_m": [0, 0.5, 0], "half_extents_m": [0.1, 0.5, 0.1]}}}"#;
+        assert!((shape_of(cup).unwrap().bounds().1.y - 1.0).abs() < 1e-6);
+        let hull = r#"{"shape": {"convex": {"points_m": [[0,0,0],[1,0,0],[0,1,0],[0,0,1]]}}}"#;
+        assert_eq!(shape_of(hull).unwrap().faces.len(), 4);
+        assert!(shape_of("{}").is_err());
+    }
+}

@@ -1,0 +1,7 @@
+//! The `troupe` command line.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    troupe_cli::main()
+}

@@ -1,0 +1,258 @@
+//! Arguments of `troupe object new`.
+
+use std::fmt::Display;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args, ValueEnum};
+use troupe_proto::docs::Motion;
+
+use crate::files::Scale;
+use crate::pack_folder::PackFrom;
+
+const THING: &str = "The object";
+const USE: &str = "What happens";
+const WRITING: &str = "Writing";
+
+/// Make a definition from a motion clip.
+///
+/// Each of FRAMES becomes one phase (a set), in order: a character comes to the pose that the clip has there, at the place where the
+/// clip has it as seen from the object. Between two of them it takes as long as the clip does, where that is between the fewest and
+/// the most frames of a segment. The object is imagined into the clip: --distance before the character, or in its hand (--hand).
+///
+/// Frames count from 0, at the pack's rate. What is written is TOML with comments; docs/objects.md explains its fields.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  troupe object new --from bow.bvh --frames 20,58,90 --name wayside --distance 1.0 --hold 58=15 --soft 90=10 --out wayside.toml
+  troupe object new --from greet.bvh --frames 12,40,70 --variant nod --distance 1.0 --into wayside.toml
+  troupe object new --from reach.bvh --frames 30,55,80 --name cup --points Hand_R --hand Hand_R --hold 55 \
+--release 80 --out cup.toml
+  troupe object new --from bow.bvh --frames 20,58 --name wayside --pack-folder models/human | less")]
+pub(crate) struct New {
+    /// Motion clip in BVH format.
+    #[arg(long, value_name = "FILE")]
+    pub(super) from: PathBuf,
+
+    /// Frames of the clip that become keyframes, one set each, in the order in which a character comes to them. A frame may come again.
+    #[arg(long, required = true, value_delimiter = ',', value_name = "FRAME,...")]
+    pub(super) frames: Vec<usize>,
+
+    /// Name of the definition: 1 to 64 letters, digits, '-', '_' or '.'.
+    #[arg(long, value_parser = name, required_unless_present = "into", help_heading = THING)]
+    pub(super) name: Option<String>,
+
+    /// What it is, for people.
+    #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true, help_heading = THING)]
+    pub(super) description: String,
+
+    /// Size of the object, metres: width, height and depth of a box that stands on its origin. Without it 0.4,0.9,0.4; for what a
+    /// hand takes 0.08,0.12,0.08, and 0.45,M,0.45 for a seat.
+    #[arg(long, value_name = "box:W,H,D", help_heading = THING)]
+    pub(super) shape: Option<Size>,
+
+    /// How far the object stands before the character at --object-frame, metres; below 0 it is behind it.
+    #[arg(
+        long,
+        default_value_t = 0.6,
+        value_name = "M",
+        value_parser = metres,
+        allow_negative_numbers = true,
+        help_heading = THING
+    )]
+    pub(super) distance: f32,
+
+    /// Height of the object's origin over the ground in the clip, metres: for what hangs on a wall. Points count from there.
+    #[arg(
+        long,
+        default_value_t = 0.0,
+        value_name = "M",
+        value_parser = metres,
+        allow_negative_numbers = true,
+        conflicts_with = "hand",
+        help_heading = THING
+    )]
+    pub(super) height: f32,
+
+    /// Frame at which the object is there. Without it the first of FRAMES.
+    #[arg(long, value_name = "FRAME", help_heading = THING)]
+    pub(super) object_frame: Option<usize>,
+
+    /// Whether keyframes turn about the object with the side that the character comes from, so that it works from every side. If
+    /// not, a character comes from within 60 degrees of the object's front, which faces the character of the clip.
+    #[arg(long, default_value_t = true, action = clap::ArgAction::Set, value_name = "BOOL", help_heading = THING)]
+    pub(super) pivot: bool,
+
+    /// Any number of characters may use it at once.
+    #[arg(long, help_heading = THING, conflicts_with = "hand")]
+    pub(super) shared: bool,
+
+    /// It is a mere place: rays and boxes do not hit it.
+    #[arg(long, help_heading = THING)]
+    pub(super) not_solid: bool,
+
+    /// Name of this way to use the object. Without it the name of the definition.
+    #[arg(long, value_name = "NAME", value_parser = name, help_heading = USE)]
+    pub(super) variant: Option<String>,
+
+    /// How often it is chosen, compared with others.
+    #[arg(long, default_value_t = 1.0, value_name = "0-1000", allow_negative_numbers = true, help_heading = USE)]
+    pub(super) weight: f32,
+
+    /// Names of the sets, as many as FRAMES. Without them the variant's name and a number.
+    #[arg(long, value_delimiter = ',', value_name = "NAME,...", value_parser = name, help_heading = USE)]
+    pub(super) sets: Vec<String>,
+
+    /// Only where these joints are, instead of whole poses. The rest of the body follows, at whatever height the object is.
+    #[arg(long, value_delimiter = ',', value_name = "JOINT,...", help_heading = USE)]
+    pub(super) points: Vec<String>,
+
+    /// How motion is made: by the networks, or without them with the feet held where they stand. Without it as it suits:
+    /// without them where the hips are below 0.70 m, which the default pack has no motion for.
+    #[arg(long, value_enum, value_name = "HOW", help_heading = USE)]
+    pub(super) motion: Option<How>,
+
+    /// Hold this frame until the interaction is ended; the frames after it are then how it is left. With FRAME=COUNT it is held for
+    /// so many frames. May be given again.
+    #[arg(long, value_name = "FRAME[=COUNT]", value_parser = hold, help_heading = USE)]
+    pub(super) hold: Vec<At<Option<u32>>>,
+
+    /// The set of this frame need not be reached: what follows may begin up to TAU frames before it. May be given again.
+    #[arg(long, value_name = "FRAME=TAU", value_parser = at::<u32>, help_heading = USE)]
+    pub(super) soft: Vec<At<u32>>,
+
+    /// Sit at this frame, on a seat of this height in metres (0.3 to 0.7), for clips without one: the hips of the clip's pose go down
+    /// and back, the feet stay, the hands lie on the thighs. The object is the seat, and the character's back is to it.
+    #[arg(
+        long,
+        value_name = "FRAME=M",
+        value_parser = at::<f32>,
+        conflicts_with_all = ["hand", "points", "distance", "height", "object_frame"],
+        help_heading = USE
+    )]
+    pub(super) seat: Option<At<f32>>,
+
+    /// Stop before the first set: calmer, and about a second slower.
+    #[arg(long, help_heading = USE)]
+    pub(super) from_stand: bool,
+
+    /// Joint that takes the object, at --object-frame. The object is imagined there, its middle --grip beyond the joint, and held so.
+    #[arg(long, value_name = "JOINT", conflicts_with = "distance", help_heading = USE)]
+    pub(super) hand: Option<String>,
+
+    /// How far beyond the joint, along its bone, the middle of the object is held, metres.
+    #[arg(long, default_value_t = 0.09, value_name = "M", value_parser = metres, help_heading = USE)]
+    pub(super) grip: f32,
+
+    /// Frame at which the object is put down.
+    #[arg(long, value_name = "FRAME", requires = "hand", help_heading = USE)]
+    pub(super) release: Option<usize>,
+
+    /// File to write; without it standard output.
+    #[arg(long, value_name = "FILE", help_heading = WRITING)]
+    pub(super) out: Option<PathBuf>,
+
+    /// Write --out even where there is such a file; what it holds is gone then, variants that were added too.
+    #[arg(long, requires = "out", help_heading = WRITING)]
+    pub(super) force: bool,
+
+    /// Definition (TOML) to add to, as one more variant. All that it says of the object stays.
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["out", "name", "description", "shape", "shared", "not_solid"],
+        requires = "variant",
+        help_heading = WRITING
+    )]
+    pub(super) into: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(super) pack: PackFrom,
+
+    #[command(flatten)]
+    pub(super) scale: Scale,
+}
+
+/// Something of one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct At<T> {
+    pub(super) frame: usize,
+    pub(super) value: T,
+}
+
+/// How motion is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum How {
+    /// By the networks.
+    Plan,
+    /// Without them, the feet held where they stand.
+    Stance,
+}
+
+impl From<How> for Motion {
+    fn from(how: How) -> Self {
+        match how {
+            How::Plan => Self::Plan,
+            How::Stance => Self::Stance,
+        }
+    }
+}
+
+/// Size of a box along x, y and z, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Size(pub(super) [f32; 3]);
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let told = || "must be box:W,H,D, each 0.002 to 2000 metres, such as box:0.4,0.9,0.4".to_owned();
+        let sizes = text.strip_prefix("box:").ok_or_else(told)?;
+        let sizes: Vec<f32> =
+            (sizes.split(',').map(str::parse).collect::<Result<_, _>>()).map_err(|_| told())?;
+        match <[f32; 3]>::try_from(sizes) {
+            Ok(sizes) if sizes.iter().all(|size| (0.002..=2000.0).contains(size)) => Ok(Self(sizes)),
+            _ => Err(told()),
+        }
+    }
+}
+
+/// `FRAME=VALUE`.
+fn at<T: FromStr<Err: Display>>(text: &str) -> Result<At<T>, String> {
+    let (frame, value) = text.split_once('=').ok_or("must be FRAME=VALUE, such as 40=10")?;
+    Ok(At {
+        frame: frame.trim().parse().map_err(|e| format!("{frame:?}: {e}"))?,
+        value: value.trim().parse().map_err(|e| format!("{value:?}: {e}"))?,
+    })
+}
+
+/// `FRAME` or `FRAME=COUNT`.
+fn hold(text: &str) -> Result<At<Option<u32>>, String> {
+    match text.contains('=') {
+        true => at(text).map(|At { frame, value }| At {
+            frame,
+            value: Some(value),
+        }),
+        false => Ok(At {
+            frame: text.trim().parse().map_err(|e| format!("{text:?}: {e}"))?,
+            value: None,
+        }),
+    }
+}
+
+fn metres(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(metres) if (-20.0..=20.0).contains(&metres) => Ok(metres),
+        Ok(metres) => Err(format!("{metres} is not in -20 to 20 metres")),
+        Err(e) => Err(e.to_string()),
+    }
+}
+
+/// A name as definitions have them.
+fn name(text: &str) -> Result<String, String> {
+    let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    match (1..=64).contains(&text.len()) && text.chars().all(fits) {
+        true => Ok(text.to_owned()),
+        false => Err("must have 1 to 64 letters, digits, '-', '_' or '.'".to_owned()),
+    }
+}

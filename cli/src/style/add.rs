@@ -1,0 +1,130 @@
+//! `troupe style add`.
+
+use troupe_proto::v1;
+
+use super::args::{Add, Source};
+use super::build::{Builder, speed, write};
+use super::extract::{Place, stands};
+use crate::context::Context;
+use crate::failure::Failure;
+
+pub(super) async fn run(context: &Context, command: &Add) -> Result<(), Failure> {
+    check(command)?;
+    let (client, pack) = context.connect_to_pack(&command.pack).await?;
+    let builder = Builder {
+        context,
+        client: &client,
+        pack: &pack,
+        scale: command.scale,
+        keys: command.building.keys as usize,
+    };
+    let mut gaits: Vec<v1::Gait> = Vec::new();
+    for source in &command.sources.0 {
+        let gait = gait_name(command, source);
+        let place = Place {
+            path: &source.clip,
+            gait,
+            from: source.from,
+            to: source.to,
+        };
+        gaits.push(builder.gait(&command.name, gait, &[place]).await?);
+    }
+    let moving = gaits.iter().find(|g| !stands(&g.name));
+    let style = v1::Style {
+        name: command.name.clone(),
+        default_speed: command.speed.unwrap_or_else(|| moving.map_or(0.0, speed)),
+        replan_interval_frames: command.replan_interval,
+        is_static: command.is_static,
+        root_ratio: command.root_ratio,
+        gaits,
+        ..v1::Style::default()
+    };
+    if let Some(out) = &command.out {
+        write(&style, out)?;
+        context.term.note(format_args!("written to {}", out.display()));
+    }
+    if !command.no_add {
+        let kept = client.put_style(&pack, style).await?;
+        let speed = kept.default_speed;
+        context.term.note(format_args!(
+            "style `{}` added to pack `{}`: {} gaits, default speed {speed:.2} m/s",
+            kept.name,
+            pack.name(),
+            kept.gaits.len()
+        ));
+    }
+    Ok(())
+}
+
+/// Refuses what cannot become a style, before any work is done for nothing.
+fn check(command: &Add) -> Result<(), Failure> {
+    let sources = &command.sources.0;
+    let name = |source: &Source| gait_name(command, source).to_owned();
+    if let Some(moving) = sources
+        .iter()
+        .map(name)
+        .find(|gait| command.is_static && !stands(gait))
+    {
+        return Err(Failure::Input(format!(
+            "--static: the style only stands, but its gait `{moving}` moves; the names of gaits that stand begin with `idle`"
+        )));
+    }
+    for (nth, source) in sources.iter().enumerate() {
+        let gait = name(source);
+        if sources[..nth].iter().any(|before| name(before) == gait) {
+            return Err(Failure::Input(format!(
+                "--gait: two clips make the gait `{gait}`; give each --clip a --gait of its own"
+            )));
+        }
+    }
+    if !(0.0..=1.2).contains(&command.root_ratio) {
+        return Err(Failure::Input(format!(
+            "--root-ratio: {} is not in 0 to 1.2",
+            command.root_ratio
+        )));
+    }
+    Ok(())
+}
+
+/// The name of the gait that a clip makes.
+fn gait_name<'a>(command: &Add, source: &'a Source) -> &'a str {
+    let usual = if command.is_static { "idle" } else { "walk" };
+    source.gait.as_deref().unwrap_or(usual)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        add: Add,
+    }
+
+    #[test]
+    fn what_cannot_be_a_style_is_told_before_any_work() {
+        let checked = |line: &str| {
+            let line = Line::try_parse_from(format!("x --name calm {line}").split(' ')).unwrap();
+            check(&line.add).map_err(|e| e.to_string())
+        };
+        for good in [
+            "--clip a.bvh",
+            "--clip a.bvh --clip b.bvh --gait run --clip c.bvh --gait idle",
+            "--clip a.bvh --static",
+            "--clip a.bvh --gait idle-tall --static",
+        ] {
+            assert_eq!(checked(good), Ok(()), "{good}");
+        }
+        for (bad, told) in [
+            ("--clip a.bvh --clip b.bvh", "two clips make the gait `walk`"),
+            ("--clip a.bvh --gait run --static", "its gait `run` moves"),
+            ("--clip a.bvh --root-ratio 1.3", "0 to 1.2"),
+        ] {
+            let error = checked(bad).unwrap_err();
+            assert!(error.contains(told), "{bad}: {error}");
+        }
+    }
+}

@@ -1,7 +1,0 @@
-//! The `troupe` command line.
-
-use std::process::ExitCode;
-
-fn main() -> ExitCode {
-    troupe_client::cli::main()
-}

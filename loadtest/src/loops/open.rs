@@ -1,0 +1,89 @@
+//! The open loop: requests are sent when they are due, whatever became of those before.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::runtime::Handle;
+use tokio::sync::{Semaphore, oneshot};
+use tokio::time::Instant;
+
+use super::pace::{OwnThread, Pace};
+use super::target::Target;
+use crate::failure::Failure;
+use crate::measure::{Call, Recorder};
+
+/// Sends each arrival's request when it is due, and returns when all answers are there.
+///
+/// Latency counts from the moment when a request was due. At most `max_in_flight` are on their way at once; what is due beyond
+/// is never sent, and recorded as dropped.
+pub async fn open<T: Target, P: Pace>(
+    target: Arc<T>,
+    recorder: Arc<Recorder>,
+    arrivals: impl Iterator<Item = (u64, Duration)> + Send,
+    max_in_flight: u32,
+    mut pace: P,
+    runtime: Handle,
+) {
+    let permits = Arc::new(Semaphore::new(max_in_flight as usize));
+    let start = recorder.clock().start();
+    for (number, at) in arrivals {
+        let due = start + at;
+        pace.until(due).await;
+        let Ok(permit) = permits.clone().try_acquire_owned() else {
+            recorder.dropped(due);
+            continue;
+        };
+        let (target, recorder) = (target.clone(), recorder.clone());
+        runtime.spawn(async move {
+            let sent = Instant::now();
+            recorder.sent(sent);
+            let outcome = target.call(number, number).await;
+            let done = Instant::now();
+            recorder.done(&Call {
+                due,
+                sent,
+                done,
+                outcome,
+            });
+            drop(permit);
+        });
+    }
+    // All are back when all permits are. The semaphore is never closed.
+    let _ = permits.acquire_many(max_in_flight).await;
+}
+
+/// The same, paced by a thread of its own, so that busy connections do not delay the clock.
+///
+/// # Errors
+/// [`Failure::Other`] where the thread cannot be started or does not come back.
+pub async fn open_on_a_thread<T: Target>(
+    target: Arc<T>,
+    recorder: Arc<Recorder>,
+    arrivals: impl Iterator<Item = (u64, Duration)> + Send + 'static,
+    max_in_flight: u32,
+) -> Result<(), Failure> {
+    let runtime = Handle::current();
+    let (finished, wait) = oneshot::channel();
+    std::thread::Builder::new()
+        .name("arrivals".to_owned())
+        .spawn(move || {
+            let load = open(
+                target,
+                recorder,
+                arrivals,
+                max_in_flight,
+                OwnThread,
+                runtime.clone(),
+            );
+            runtime.block_on(load);
+            // Whoever waited may be gone.
+            let _ = finished.send(());
+        })
+        .map_err(|e| Failure::Other(format!("cannot start a thread: {e}")))?;
+    wait.await
+        .map_err(|_| Failure::Other("the thread that sends requests has stopped".to_owned()))
+}
+
+#[cfg(test)]
+#[path = "open_tests.rs"]
+mod tests;

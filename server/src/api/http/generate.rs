@@ -1,0 +1,68 @@
+//! `POST /v1/generate`: the parts of an answer as lines of JSON.
+
+use std::convert::Infallible;
+use std::sync::Arc;
+
+use axum::body::Body;
+use axum::extract::State;
+use axum::response::{IntoResponse as _, Response};
+use bytes::Bytes;
+use http::header;
+use troupe_proto::v1;
+
+use super::json::JsonBody;
+use crate::api::error::{ApiError, ErrorBody};
+use crate::service::{Service, ServiceError};
+
+/// What the answer is: one JSON value a line.
+const LINES: &str = "application/x-ndjson";
+
+/// Act out words, or put a motion into words
+///
+/// The answer comes part by part while it is made, one JSON object a line; the last has `is_last`. An error after the first part
+/// is a line of its own, with the member `error`, and ends the answer. What a pack can do is in its `capabilities`.
+#[utoipa::path(
+    post,
+    path = "/v1/generate",
+    tag = "motion",
+    request_body = v1::GenerateRequest,
+    responses(
+        (status = 200, description = "The parts, one a line", body = v1::GenerateResponse, content_type = "application/x-ndjson"),
+        (status = 400, description = "A value that is not accepted, a pack that cannot do it, or a body that is no request", body = ErrorBody),
+        (status = 404, description = "No such pack", body = ErrorBody),
+        (status = 413, description = "The body is too large", body = ErrorBody),
+        (status = 429, description = "The queue is full, or too slow; see the Retry-After header", body = ErrorBody),
+        (status = 503, description = "Not ready yet", body = ErrorBody),
+    )
+)]
+pub(crate) async fn generate(
+    State(service): State<Arc<Service>>,
+    JsonBody(request): JsonBody<v1::GenerateRequest>,
+) -> Result<Response, ApiError> {
+    let mut generation = service.generate(&request)?;
+    // What fails before the first part is an answer with a status of its own.
+    let first = match generation.next().await {
+        Some(Ok(part)) => Some(part),
+        Some(Err(error)) => return Err(error.into()),
+        None => None,
+    };
+    let rest = futures_util::stream::unfold((first, generation), |(first, mut generation)| async {
+        let part = match first {
+            Some(part) => Ok(part),
+            None => generation.next().await?,
+        };
+        Some((Ok::<_, Infallible>(line(part)), (None, generation)))
+    });
+    Ok(([(header::CONTENT_TYPE, LINES)], Body::from_stream(rest)).into_response())
+}
+
+fn line(part: Result<v1::GenerateResponse, ServiceError>) -> Bytes {
+    let written = match part {
+        Ok(part) => serde_json::to_vec(&part),
+        Err(error) => serde_json::to_vec(&ApiError::from(error).body()),
+    };
+    // Numbers that are not finite were refused before, and nothing else fails.
+    let mut line = written.unwrap_or_default();
+    line.push(b'\n');
+    line.into()
+}

@@ -1,0 +1,292 @@
+//! The `troupe-server` binary: its first words, its complaints, and how it stops.
+
+use std::io::{BufRead as _, BufReader, Lines, Read as _, Write as _};
+use std::net::TcpStream;
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::pack_folder;
+
+/// Far more than anything here takes.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+fn server(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    command
+        .args(args)
+        .args(["--listen", "127.0.0.1:0", "--packs"])
+        .arg(pack_folder());
+    // What is tested here does not depend on the engine; this one starts at once.
+    command.env("TROUPE_ENGINE", "cpu");
+    command.current_dir(std::env::temp_dir());
+    command
+}
+
+/// What `done` gives, once it gives something; nothing after [`PATIENCE`].
+fn wait_for<T>(mut done: impl FnMut() -> Option<T>) -> Option<T> {
+    let end = Instant::now() + PATIENCE;
+    while Instant::now() < end {
+        if let Some(result) = done() {
+            return Some(result);
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    None
+}
+
+/// The exit status of a process that ends by itself, in time.
+fn exit(child: &mut Child) -> ExitStatus {
+    wait_for(|| child.try_wait().unwrap()).unwrap_or_else(|| {
+        child.kill().unwrap();
+        panic!("the server did not stop");
+    })
+}
+
+fn complaint(command: &mut Command) -> String {
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    assert_eq!(exit(&mut child).code(), Some(1));
+    let mut text = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+    text
+}
+
+/// A server that serves, its address, and the rest of what it says.
+fn serving(command: &mut Command) -> (Child, String, Lines<BufReader<ChildStdout>>) {
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    let first = lines.next().unwrap().unwrap();
+    let address = first.strip_prefix("Troupe serves gRPC and HTTP on http://");
+    let address = address.unwrap_or_else(|| panic!("{first}")).to_owned();
+    assert!(address.starts_with("127.0.0.1:"), "{first}");
+    (child, address, lines)
+}
+
+#[cfg(unix)]
+fn terminate(child: &Child) {
+    let signalled = Command::new("kill")
+        .args(["-TERM", &child.id().to_string()])
+        .status()
+        .unwrap();
+    assert!(signalled.success());
+}
+
+#[test]
+fn a_missing_runtime_is_explained() {
+    for library in [None, Some("/nowhere/libonnxruntime.so")] {
+        let mut command = server(&[]);
+        command.env_remove("ORT_DYLIB_PATH");
+        command.envs(library.map(|library| ("ORT_DYLIB_PATH", library)));
+        let text = complaint(&mut command);
+        let cause = library.unwrap_or("ORT_DYLIB_PATH is not set");
+        assert!(text.contains(cause) && text.contains("make runtime"), "{text}");
+    }
+}
+
+#[test]
+fn an_engine_that_cannot_serve_is_explained() {
+    let text = complaint(server(&["--engine", "tensorrt"]).env_remove("TROUPE_ENGINE"));
+    // Where a GPU library is installed it may serve.
+    assert!(
+        text.contains("pack human: the engine tensorrt cannot serve"),
+        "{text}"
+    );
+    let text = complaint(&mut server(&["--lanes", "65"]));
+    assert!(text.contains("lanes is 65; allowed: 0 to 64"), "{text}");
+}
+
+#[test]
+fn the_doctor_says_what_would_serve() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    command.args(["doctor", "--json", "--engine", "cpu", "--lanes", "1", "--packs"]);
+    let output = command.arg(pack_folder()).output().unwrap();
+    assert!(output.status.success());
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let pack = &report["packs"][0];
+    assert_eq!(pack["name"], "human");
+    assert_eq!(pack["decision"]["engine"], "cpu");
+    assert_eq!(report["problems"], serde_json::json!([]));
+    let speeds = pack["trial"]["speeds"].as_array().unwrap();
+    assert!(
+        speeds
+            .iter()
+            .all(|speed| speed["plans_per_s"].as_f64() > Some(0.0))
+            && !speeds.is_empty()
+    );
+
+    // What keeps the server from starting makes it fail, and is said.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    let output = command.args(["doctor", "--packs", "/nowhere"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        text.contains("Problems\n  model pack /nowhere: cannot read"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_missing_pack_is_named() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    let text = complaint(command.args(["--listen", "127.0.0.1:0", "--packs", "/nowhere/models"]));
+    assert!(text.contains("model pack /nowhere/models: cannot read"), "{text}");
+    let text = complaint(&mut server(&["--default-pack", "dragon"]));
+    assert!(text.contains("default_pack is dragon; allowed: human"), "{text}");
+}
+
+#[test]
+fn a_port_in_use_is_named() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    let text = complaint(command.args(["--listen", &address]));
+    assert!(text.contains(&format!("cannot listen on {address}")), "{text}");
+}
+
+#[test]
+fn the_configuration_template_is_printed() {
+    let output = Command::new(env!("CARGO_BIN_EXE_troupe-server"))
+        .arg("--print-config")
+        .output()
+        .unwrap();
+    assert!(output.status.success());
+    assert!(
+        String::from_utf8(output.stdout)
+            .unwrap()
+            .contains("#max_batch = 0")
+    );
+}
+
+#[test]
+fn nobody_has_to_listen_to_what_it_prints() {
+    for args in [["--print-config", ""].as_slice(), &["--packs", "/nowhere/models"]] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+        command.args(args.iter().filter(|arg| !arg.is_empty()));
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let mut child = command
+            .stdout(writer.try_clone().unwrap())
+            .stderr(writer)
+            .spawn()
+            .unwrap();
+        let expected = if args[0] == "--print-config" { 0 } else { 1 };
+        assert_eq!(exit(&mut child).code(), Some(expected), "{args:?}");
+    }
+}
+
+/// A server that writes its greeting to `stdout`. Ends when it serves.
+#[cfg(unix)]
+fn serving_unheard(stdout: std::io::PipeWriter, stderr: Stdio) -> Child {
+    // Any port would do, but nobody hears which: this one was free a moment ago.
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = free.local_addr().unwrap().to_string();
+    drop(free);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    command.args(["--listen", &address, "--packs"]).arg(pack_folder());
+    command.env("TROUPE_ENGINE", "cpu");
+    command.current_dir(std::env::temp_dir());
+    let mut child = command.stdout(stdout).stderr(stderr).spawn().unwrap();
+    let ready = wait_for(|| {
+        let mut stream = TcpStream::connect(&address).ok()?;
+        let head = "GET /readyz HTTP/1.1\r\nhost: t\r\nconnection: close\r\n\r\n";
+        stream.write_all(head.as_bytes()).ok()?;
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).ok()?;
+        answer.starts_with("HTTP/1.1 200").then_some(())
+    });
+    if ready.is_none() {
+        child.kill().unwrap();
+        panic!("it never became ready");
+    }
+    child
+}
+
+#[cfg(unix)]
+#[test]
+fn it_serves_and_stops_where_nobody_listens() {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut child = serving_unheard(writer.try_clone().unwrap(), writer.into());
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(0));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_sigterm_while_it_greets_is_not_lost() {
+    let (mut reader, mut writer) = std::io::pipe().unwrap();
+    // More than a pipe holds, so that the greeting has to wait.
+    let stdout = writer.try_clone().unwrap();
+    let full = std::thread::spawn(move || writer.write_all(&[b'.'; 1 << 20]));
+    let mut child = serving_unheard(stdout, Stdio::null());
+    std::thread::sleep(Duration::from_millis(200));
+    terminate(&child);
+    std::thread::sleep(Duration::from_millis(50));
+    let heard = std::thread::spawn(move || {
+        let mut text = Vec::new();
+        reader.read_to_end(&mut text).map(|_| text)
+    });
+    assert_eq!(exit(&mut child).code(), Some(0));
+    full.join().unwrap().unwrap();
+    let heard = String::from_utf8(heard.join().unwrap().unwrap()).unwrap();
+    assert!(heard.contains("Troupe serves gRPC and HTTP on http://"));
+}
+
+#[cfg(unix)]
+#[test]
+fn it_says_where_it_listens_and_stops_on_sigterm() {
+    let (mut child, address, lines) = serving(server(&[]).stderr(Stdio::null()));
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(0));
+    let rest: Vec<String> = lines.map(Result::unwrap).collect();
+    let hint = format!("  curl http://{address}/v1/packs");
+    assert!(rest.contains(&hint), "{rest:?}");
+    assert!(rest[0].starts_with("  pack human "), "{rest:?}");
+}
+
+/// The exit code of the health check, and what it says.
+fn health(args: &[&str]) -> (Option<i32>, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    command.arg("health").args(args).current_dir(std::env::temp_dir());
+    let output = command.output().unwrap();
+    let text = [output.stdout, output.stderr].concat();
+    (output.status.code(), String::from_utf8(text).unwrap())
+}
+
+#[cfg(unix)]
+#[test]
+fn the_health_check_says_whether_a_server_is_ready() {
+    let (mut child, address, _lines) = serving(server(&[]).stderr(Stdio::null()));
+    let ready = format!("http://{address}/readyz: ok\n");
+    assert_eq!(health(&["--listen", &address]), (Some(0), ready.clone()));
+    let url = format!("http://{address}");
+    assert_eq!(health(&["--url", &url]), (Some(0), ready));
+    let (code, text) = health(&["--url", &format!("{url}/v1/packs/dragon")]);
+    assert_eq!(code, Some(1));
+    assert!(text.contains("status 404") && text.contains("dragon"), "{text}");
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(0));
+    let (code, text) = health(&["--url", &url]);
+    assert_eq!(code, Some(1));
+    assert!(
+        text.contains(&format!("http://{address}/readyz: no answer")),
+        "{text}"
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn a_second_sigterm_does_not_wait_for_requests() {
+    let long = ["--drain-timeout-ms", "600000", "--request-timeout-ms", "600000"];
+    let (mut child, address, _lines) = serving(server(&long).stderr(Stdio::null()));
+    // A request that never ends: its body does not come.
+    let mut stream = TcpStream::connect(&address).unwrap();
+    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: t\r\ncontent-length: 9\r\nexpect: 100-continue\r\n\r\n";
+    stream.write_all(head.as_bytes()).unwrap();
+    stream.read_exact(&mut [0; 25]).unwrap();
+    terminate(&child);
+    let closed = wait_for(|| TcpStream::connect(&address).err());
+    assert!(child.try_wait().unwrap().is_none(), "it waits for the request");
+    terminate(&child);
+    assert_eq!(exit(&mut child).code(), Some(1));
+    assert!(closed.is_some(), "it went on accepting");
+}

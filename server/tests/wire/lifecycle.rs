@@ -1,0 +1,216 @@
+//! Start and end of a server: readiness, health, drain.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use reqwest::StatusCode;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+use tonic::Code;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
+use tonic_health::pb::{HealthCheckRequest, HealthCheckResponse};
+
+use crate::common::{TestServer, request};
+
+async fn health(server: &TestServer, service: &str) -> HealthCheckResponse {
+    let mut client = HealthClient::new(server.channel().await);
+    client
+        .check(HealthCheckRequest {
+            service: service.into(),
+        })
+        .await
+        .unwrap()
+        .into_inner()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_that_loads_is_alive_but_not_ready() {
+    let mut server = TestServer::start_unready(|_| {}, Duration::from_millis(300)).await;
+    assert_eq!(server.get("/healthz").await.status(), StatusCode::OK);
+    assert_eq!(
+        server.get("/readyz").await.status(),
+        StatusCode::SERVICE_UNAVAILABLE
+    );
+    assert_eq!(
+        server.get("/v1/packs").await.status(),
+        StatusCode::SERVICE_UNAVAILABLE
+    );
+    assert_eq!(
+        health(&server, "troupe.v1.Motion").await.status(),
+        ServingStatus::NotServing
+    );
+    let status = server.grpc().await.in_between(request(1)).await.unwrap_err();
+    assert_eq!(status.code(), Code::Unavailable);
+
+    server.handle.ready().await.unwrap();
+    assert_eq!(server.get("/readyz").await.status(), StatusCode::OK);
+    for service in ["", "troupe.v1.Motion"] {
+        assert_eq!(health(&server, service).await.status(), ServingStatus::Serving);
+    }
+    server.grpc().await.in_between(request(1)).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_drain_lets_requests_finish_and_cuts_what_stays_silent() {
+    let server = TestServer::start_with(|config| config.drain_timeout_ms = 500).await;
+    let address = server.handle.address();
+    server.gate.close();
+    let mut client = server.grpc().await;
+    let call = tokio::spawn(async move { client.in_between(request(1)).await });
+    server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
+    // A connection that begins a request, is told to go on, and says no more.
+    let mut silent = TcpStream::connect(address).await.unwrap();
+    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: t\r\ncontent-length: 9\r\nexpect: 100-continue\r\n\r\n";
+    silent.write_all(head.as_bytes()).await.unwrap();
+    let mut answer = [0; 25];
+    silent.read_exact(&mut answer).await.unwrap();
+    assert_eq!(answer.as_slice(), b"HTTP/1.1 100 Continue\r\n\r\n");
+
+    let TestServer { handle, gate, .. } = server;
+    let service = handle.service().clone();
+    let stopping = tokio::spawn(handle.shut_down());
+    while service.ready().is_ok() {
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    gate.open();
+    let answer = call.await.unwrap().unwrap().into_inner();
+    assert_eq!(answer.characters.len(), 1, "a request in flight must be answered");
+    assert!(!stopping.await.unwrap(), "the silent connection did not finish");
+    assert_eq!(silent.read(&mut [0; 64]).await.unwrap_or(0), 0, "it was cut");
+    assert!(TcpStream::connect(address).await.is_err(), "the port is closed");
+}
+
+#[tokio::test]
+async fn a_drain_without_requests_is_clean_and_quick() {
+    let server = TestServer::start().await;
+    server.grpc().await.in_between(request(1)).await.unwrap();
+    let clean = timeout(Duration::from_secs(5), server.handle.shut_down())
+        .await
+        .unwrap();
+    assert!(clean);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_health_watch_hears_of_a_stop_and_does_not_hold_it_up() {
+    let server = TestServer::start().await;
+    let mut streams = Vec::new();
+    for service in ["", "troupe.v1.Motion"] {
+        let mut client = HealthClient::new(server.channel().await);
+        let service = service.into();
+        let mut stream = client
+            .watch(HealthCheckRequest { service })
+            .await
+            .unwrap()
+            .into_inner();
+        let first = stream.message().await.unwrap().unwrap();
+        assert_eq!(first.status(), ServingStatus::Serving);
+        streams.push(stream);
+    }
+    let stopping = tokio::spawn(timeout(Duration::from_secs(2), server.handle.shut_down()));
+    for mut stream in streams {
+        let last = stream.message().await.unwrap().unwrap();
+        assert_eq!(last.status(), ServingStatus::NotServing);
+        assert!(stream.message().await.unwrap().is_none(), "the stream ends");
+    }
+    assert!(stopping.await.unwrap().unwrap(), "the stop is clean");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_while_packs_load_is_clean() {
+    let server = TestServer::start_unready(|_| {}, Duration::from_millis(300)).await;
+    let clean = timeout(Duration::from_secs(5), server.handle.shut_down()).await;
+    assert!(clean.unwrap());
+}
+
+#[tokio::test]
+async fn a_server_outlives_its_handle() {
+    let TestServer {
+        handle, gate: _gate, ..
+    } = TestServer::start().await;
+    let address = handle.address();
+    drop(handle);
+    // Each request has a connection of its own.
+    for _ in 0..3 {
+        let answer = timeout(Duration::from_secs(5), get_healthz(address))
+            .await
+            .unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    }
+}
+
+/// One request on one connection.
+async fn get_healthz(address: SocketAddr) -> String {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    let head = "GET /healthz HTTP/1.1\r\nhost: t\r\nconnection: close\r\n\r\n";
+    stream.write_all(head.as_bytes()).await.unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).await.unwrap();
+    answer
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn silent_connections_are_closed() {
+    let short = |config: &mut troupe_server::config::Config| {
+        config.request_timeout_ms = 200;
+        config.keepalive_ms = 200;
+    };
+    let server = TestServer::start_with(short).await;
+    for first in [
+        "",
+        "PRI * HT",
+        "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+        "GET /healthz HTTP",
+    ] {
+        let mut stream = TcpStream::connect(server.handle.address()).await.unwrap();
+        stream.write_all(first.as_bytes()).await.unwrap();
+        let mut rest = Vec::new();
+        // It ends, in order or with a reset.
+        let end = timeout(Duration::from_secs(5), stream.read_to_end(&mut rest)).await;
+        assert!(end.is_ok(), "a connection that only sent {first:?} stays open");
+    }
+}
+
+#[tokio::test]
+async fn the_first_bytes_may_come_one_by_one() {
+    let server = TestServer::start().await;
+    // The first byte could begin HTTP/2's preface.
+    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: t\r\ncontent-length: 0\r\nconnection: close\r\n\r\n";
+    let mut stream = TcpStream::connect(server.handle.address()).await.unwrap();
+    stream.set_nodelay(true).unwrap();
+    for byte in head.bytes() {
+        stream.write_all(&[byte]).await.unwrap();
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).await.unwrap();
+    assert!(answer.starts_with("HTTP/1.1 400"), "{answer}");
+}
+
+#[tokio::test]
+async fn a_stop_does_not_wait_for_connections_that_never_began() {
+    let server = TestServer::start().await;
+    let address = server.handle.address();
+    let mut silent = TcpStream::connect(address).await.unwrap();
+    silent.write_all(b"PRI").await.unwrap();
+    // The server accepts in order, so it has the first connection once it answers on another.
+    get_healthz(address).await;
+    let clean = timeout(Duration::from_secs(5), server.handle.shut_down()).await;
+    assert!(clean.unwrap());
+    assert_eq!(silent.read(&mut [0; 64]).await.unwrap_or(0), 0, "it was closed");
+}
+
+#[tokio::test]
+async fn connections_past_the_limit_wait_until_one_closes() {
+    let server = TestServer::start_with(|config| config.max_connections = 2).await;
+    let address = server.handle.address();
+    let first = TcpStream::connect(address).await.unwrap();
+    let _second = TcpStream::connect(address).await.unwrap();
+    let mut third = tokio::spawn(get_healthz(address));
+    let early = timeout(Duration::from_millis(300), &mut third).await;
+    assert!(early.is_err(), "the third connection had to wait");
+    drop(first);
+    let answer = timeout(Duration::from_secs(5), third).await.unwrap().unwrap();
+    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+}

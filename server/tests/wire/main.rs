@@ -1,0 +1,24 @@
+//! The server over gRPC, HTTP and WebSocket, with toy packs whose engine answers with straight lines. No ONNX Runtime.
+
+#![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod bad_input;
+mod bursts;
+mod crowd;
+mod drive;
+mod generate;
+mod interactions;
+mod lifecycle;
+mod openapi;
+mod overload;
+mod robots;
+mod scene_sessions;
+mod scenes;
+mod service;
+mod session_errors;
+mod session_life;
+mod sessions;
+mod websocket;
