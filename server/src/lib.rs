@@ -14,6 +14,7 @@
 //! | [`inbetween`] | single requests: from keyframes to tasks, from motion to frames |
 //! | [`service`] | every call, apart from how it travels |
 //! | [`api`] | gRPC, HTTP, WebSocket, and how errors look there |
+//! | [`health`] | asks a running server whether it is ready |
 //! | [`config`], [`server`], [`doctor`] | options; what runs the rest on a port; what a machine offers |
 //!
 //! Each layer has an error of its own. They become answers in one place, [`api`].

@@ -49,13 +49,12 @@ pub struct CannotDo {
     pub pack: String,
     /// What it would need.
     pub wanted: Capability,
-    /// The field of the request that named the pack.
+    /// The field of the request that named it.
     pub field: String,
     /// What it can do.
     pub can: Vec<Capability>,
 }
 
-/// Capabilities in words.
 fn names(capabilities: &[Capability]) -> String {
     let names: Vec<&str> = capabilities.iter().map(|able| able.name()).collect();
     names.join(", ")
@@ -66,14 +65,14 @@ impl LoadedPack {
     ///
     /// # Errors
     /// [`CannotDo`].
-    pub fn require(&self, capability: Capability, field: &str) -> Result<(), CannotDo> {
+    pub fn require(&self, capability: Capability, field: impl ToString) -> Result<(), CannotDo> {
         let capabilities = self.pack.manifest.capabilities;
         match capabilities.has(capability) {
             true => Ok(()),
             false => Err(CannotDo {
                 pack: self.pack.name().to_owned(),
                 wanted: capability,
-                field: field.to_owned(),
+                field: field.to_string(),
                 can: capabilities.list().collect(),
             }),
         }

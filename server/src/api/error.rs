@@ -12,6 +12,7 @@ mod world;
 
 use std::time::Duration;
 
+use crate::batch::SubmitError;
 use crate::service::ServiceError;
 use crate::session::SessionError;
 use crate::world::WorldError;
@@ -19,6 +20,7 @@ use row::{
     INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE, UNIMPLEMENTED,
 };
 use troupe_character::FieldError;
+use troupe_engine::EngineError;
 
 pub(super) use form::CodeLabel;
 pub use form::{ErrorBody, ErrorDetail};
@@ -119,11 +121,12 @@ impl Tabled for ServiceError {
     }
 }
 
-/// What a caller is told: what the error says, but for those of the batcher.
+/// What the error says. That an engine has stopped is, to a caller, about the whole server.
 fn message(error: &ServiceError) -> String {
     match error {
-        ServiceError::Batch(error) | ServiceError::Session(SessionError::Plan(error)) => {
-            batch::message(error)
+        ServiceError::Batch(SubmitError::Engine(EngineError::Stopped))
+        | ServiceError::Session(SessionError::Plan(SubmitError::Engine(EngineError::Stopped))) => {
+            "the server is broken: an engine has stopped".to_owned()
         }
         error => error.to_string(),
     }
@@ -158,7 +161,6 @@ fn in_time(limit: &Duration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::batch::SubmitError;
 
     impl From<SubmitError> for ApiError {
         fn from(error: SubmitError) -> Self {

@@ -30,7 +30,7 @@ pub type GeneratorFactory = Arc<dyn Fn(usize) -> Result<Box<dyn Generator>, Engi
 #[non_exhaustive]
 pub enum SubmitError {
     /// The queue has no room for the request, or is so slow that it would wait for too long.
-    #[error("{pending_characters} characters are waiting")]
+    #[error("the server is busy: {pending_characters} characters are waiting")]
     QueueFull {
         /// Characters already waiting.
         pending_characters: usize,
@@ -38,16 +38,16 @@ pub enum SubmitError {
         retry_after: Duration,
     },
     /// A newer plan of the same owner took its place.
-    #[error("a newer plan of the same character took its place")]
+    #[error("a newer plan of the same character took the place of this one")]
     Superseded,
     /// It had not started at the moment from which on nobody would want the answer.
-    #[error("it waited {} ms, too long for its answer to be of use", waited.as_millis())]
+    #[error("the request was given up after {} ms in the queue", waited.as_millis())]
     DeadlinePassed {
         /// How long it waited.
         waited: Duration,
     },
     /// Its reader left too many parts of its answer waiting.
-    #[error("the reader was too slow: more than {MAX_WAITING_PARTS} parts waited for it")]
+    #[error("the answer was given up: its parts were not read in time")]
     ReaderSlow,
     /// Inference failed.
     #[error(transparent)]

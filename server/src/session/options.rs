@@ -43,8 +43,7 @@ pub(super) fn parts(
 ) -> Result<Parts, SessionError> {
     let id = id(&path.field("id"), &options.id)?;
     let pack = packs.find(path.field("pack"), &options.pack)?.clone();
-    pack.loaded
-        .require(Capability::Live, &path.field("pack").to_string())?;
+    pack.loaded.require(Capability::Live, path.field("pack"))?;
     let style = style(&path.field("style"), &options.style, &pack.loaded)?;
     let convention = units::convention(&path.field("convention"), options.convention)?;
     let start = start(path, options, convention, pack.rig())?;

@@ -37,11 +37,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     // It enters the queue now, in the order of the calls, and not when its task first runs.
     let spare = (patience == Patience::Waits).then(|| request.item.clone());
     let order = Order::live(cell.owner_id(), deadline(&cell, &request));
-    let place = cell
-        .pack()
-        .loaded
-        .batcher
-        .enqueue(vec![request.item.into()], order);
+    let place = (cell.pack().loaded.batcher).enqueue(vec![request.item.into()], order);
     let (shape, meets) = (request.shape, request.meets);
     tokio::spawn(async move {
         let mut result = match place {
@@ -53,12 +49,8 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
                 break;
             }
             tokio::time::sleep((*retry_after).max(MIN_RETRY)).await;
-            result = cell
-                .pack()
-                .loaded
-                .batcher
-                .submit(vec![item.clone().into()], order)
-                .await;
+            let again = vec![item.clone().into()];
+            result = cell.pack().loaded.batcher.submit(again, order).await;
         }
         if let Ok(served) = &result {
             cell.pack().load.measured(asked.elapsed(), served.work);

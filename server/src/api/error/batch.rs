@@ -10,29 +10,12 @@ impl Tabled for SubmitError {
     fn row(&self) -> Row<'_> {
         match self {
             Self::QueueFull { retry_after, .. } => FULL.because("QUEUE_FULL").retry_after(*retry_after),
+            Self::ReaderSlow => FULL.because("READER_SLOW"),
             Self::Superseded => ABORTED.because("SUPERSEDED"),
             Self::DeadlinePassed { .. } => TOO_LATE.because("DEADLINE_EXCEEDED"),
-            Self::ReaderSlow => FULL.because("READER_SLOW"),
             Self::Engine(EngineError::Stopped) => UNAVAILABLE.because("NOT_READY"),
             Self::Engine(_) => INTERNAL.because("INTERNAL"),
         }
-    }
-}
-
-/// What a caller is told of an error that a log puts in the words of a batcher.
-pub(super) fn message(error: &SubmitError) -> String {
-    match error {
-        SubmitError::QueueFull { .. } => format!("the server is busy: {error}"),
-        SubmitError::Superseded => "a newer plan of the same character took the place of this one".to_owned(),
-        SubmitError::DeadlinePassed { waited } => {
-            format!(
-                "the request was given up after {} ms in the queue",
-                waited.as_millis()
-            )
-        }
-        SubmitError::ReaderSlow => "the answer was given up: its parts were not read in time".to_owned(),
-        SubmitError::Engine(EngineError::Stopped) => "the server is broken: an engine has stopped".to_owned(),
-        SubmitError::Engine(error) => error.to_string(),
     }
 }
 
