@@ -16,7 +16,6 @@ use troupe_proto::v1::generate_request::Goal;
 use troupe_proto::v1::generate_response::Part;
 
 use super::prepare::{check_keyframes, check_temperature};
-use crate::wire::keyframe::Role;
 
 /// Most characters of a prompt.
 pub const MAX_PROMPT_CHARS: usize = 1000;
