@@ -11,9 +11,9 @@ cd "$(dirname "$0")/.."
 runtime=${RUNTIME:-cpu}
 # Most megabytes of the image, the base image included.
 case $runtime in
-cpu) most_mb=180 ;;
-openvino) most_mb=280 ;;
-gpu) most_mb=460 ;;
+cpu) most_mb=165 ;;
+openvino) most_mb=270 ;;
+gpu) most_mb=450 ;;
 *) echo "RUNTIME is $runtime; allowed: cpu, openvino, gpu" >&2; exit 2 ;;
 esac
 image=troupe:$runtime
@@ -90,6 +90,9 @@ stand_in_rust() {
 build() {
     local base rust registry=${CARGO_HOME:-$HOME/.cargo}/registry certificates=/etc/ssl/certs/ca-certificates.crt
     base=$(default_of BASE_IMAGE) rust=$(default_of RUST_IMAGE)
+    # What a run has left that was killed.
+    bud rm --all >/dev/null 2>&1 || true
+    rm -rf --one-file-system "$TMPDIR"/buildah[0-9]*
     stand_in_base "$base"
     stand_in_rust "$rust" "$base"
     # The crates that cargo has already fetched here.
