@@ -1,11 +1,29 @@
 #!/usr/bin/env bash
-# Makes .venv with the training package and its development tools. Does nothing where it is up to date.
+# Makes .venv with the training package and its development tools, as scripts/python-lock.txt pins them by hash. Does nothing
+# where it is up to date. `make python-lock` renews the lock.
+#
+# On Linux the PyTorch of PyPI brings CUDA, 5 GB of it. TROUPE_TORCH_INDEX=https://download.pytorch.org/whl/cpu takes the locked
+# version from that index instead, without CUDA. The lock has no hashes of that build, so it is pinned by its version alone.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-stamp=.venv/$(cat training/pyproject.toml scripts/tools.txt | cksum | cut -d' ' -f1).ok
+lock=scripts/python-lock.txt
+stamp=.venv/$(cat training/pyproject.toml "$lock" | cksum | cut -d' ' -f1).ok
 [ -f "$stamp" ] && exit 0
+python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed" >&2; exit 1; }
 echo "Installing the training package into .venv (PyTorch is large) ..."
 python3 -m venv .venv
-.venv/bin/python -m pip install --quiet -e 'training[dev]' -r scripts/tools.txt
+pip=(.venv/bin/python -m pip --disable-pip-version-check)
+if [ -n "${TROUPE_TORCH_INDEX:-}" ]; then
+    torch=$(sed -n 's/^\(torch==[^ ]*\).*/\1/p' "$lock")
+    "${pip[@]}" install --quiet --no-deps --index-url "$TROUPE_TORCH_INDEX" "$torch"
+    # The rest: a package is a line that begins with its name, and the lines of its hashes.
+    rest=$(mktemp)
+    trap 'rm -f "$rest"' EXIT
+    awk '/^[a-z]/ { skip = /^(torch|triton|cuda-|nvidia-)/ } !skip' "$lock" >"$rest"
+    lock=$rest
+fi
+"${pip[@]}" install --quiet --require-hashes -r "$lock"
+"${pip[@]}" install --quiet --no-deps --no-build-isolation -e training
+"${pip[@]}" check >/dev/null || { "${pip[@]}" check; echo "make python-lock renews the lock" >&2; exit 1; }
 touch "$stamp"

@@ -38,7 +38,7 @@ def measure(settings: Settings) -> None:
                 "frames_per_s": frames * drift,
                 "call_ms_p50": 7.0,
                 "call_ms_p99": 8.0,
-                "lanes": {"count": 2, "threads": 1},
+                "workers": {"count": 2, "threads": 1},
             }
             store.add(raw | {"batch": batch}, result)
         same = {"target": JEMALLOC, "batch": 64}

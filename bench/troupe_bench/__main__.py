@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from troupe_bench import crowd, machine, parts, programs, serving
@@ -11,30 +12,29 @@ from troupe_bench.settings import Settings
 from troupe_bench.store import Store
 from troupe_bench.verify import verify
 
-PARTS = {
-    "build": "build the programs in release mode",
-    "verify": "check that the Python servers solve the server's problems",
-    "tune": "try settings of the Python servers",
-    "serving": "raw loop, server, LitServe and FastAPI in turns",
-    "mixed": "server and LitServe with segments of all lengths",
-    "live": "live characters for minutes",
-    "overload": "five times what the server can do",
-    "ceiling": "operations of a segment, and the machine's peak",
-    "operators": "time of the networks by kind of operator",
-    "paper": "packs of the paper's size",
-    "idle": "CPU and memory of an idle server",
-    "micro": "criterion benches",
-    "report": "write bench/figures/MACHINE.json and docs/benchmarks.md",
+# What each part is, and what measures it with no more than the settings.
+PARTS: dict[str, tuple[str, Callable[[Settings], None] | None]] = {
+    "build": ("build the programs in release mode", lambda _: programs.build()),
+    "verify": ("check that the Python servers solve the server's problems", verify),
+    "tune": ("try settings of the Python servers", serving.tune),
+    "serving": ("raw loop, server, LitServe and FastAPI in turns", None),
+    "mixed": ("server and LitServe with segments of all lengths", serving.mixed),
+    "live": ("live characters for minutes", crowd.live),
+    "overload": ("five times what the server can do", crowd.overload),
+    "ceiling": ("operations of a segment, and the machine's peak", parts.ceiling),
+    "operators": ("time of the networks by kind of operator", parts.operators),
+    "paper": ("packs of the paper's size", parts.paper),
+    "idle": ("CPU and memory of an idle server", parts.idle),
+    "micro": ("criterion benches", parts.micro),
+    "report": ("write bench/figures/MACHINE.json and docs/benchmarks.md", None),
 }
-
-
 WITHOUT_PACK = ("paper", "micro")
 """Parts that do not measure the pack."""
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Reads the command line."""
-    listed = "\n".join(f"  {name:<13}{text}" for name, text in PARTS.items())
+    listed = "\n".join(f"  {name:<13}{text}" for name, (text, _) in PARTS.items())
     parser = argparse.ArgumentParser(
         prog="bench", description=f"{__doc__}\n\nparts:\n{listed}", formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -79,26 +79,15 @@ def runs_here(engine: str) -> bool:
 
 def run_part(part: str, settings: Settings, args: argparse.Namespace) -> None:
     """Runs one part."""
-    if part == "build":
-        programs.build()
-    elif part == "verify":
-        verify(settings)
-    elif part == "tune":
-        serving.tune(settings)
+    run = PARTS[part][1]
+    if run is not None:
+        run(settings)
     elif part == "serving":
         serving.serving(settings, tuple(args.targets.split(",")))
-    elif part == "mixed":
-        serving.mixed(settings)
-    elif part in ("live", "overload"):
-        getattr(crowd, part)(settings)
-    elif part in ("ceiling", "operators", "paper", "idle", "micro"):
-        getattr(parts, part)(settings)
-    elif part == "report":
-        out = args.out or (
-            settings.results / "benchmarks.md" if settings.quick else machine.ROOT / "docs/benchmarks.md"
-        )
-        write_report(settings, out, args.machine)
-        say(f"written: {out}")
+    else:
+        page = settings.results / "benchmarks.md" if settings.quick else machine.ROOT / "docs/benchmarks.md"
+        write_report(settings, args.out or page, args.machine)
+        say(f"written: {args.out or page}")
 
 
 def begin(part: str, settings: Settings, fresh: bool) -> None:
@@ -123,7 +112,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     failed = []
     for part in args.parts or PARTS:
-        say(f"== {part}: {PARTS[part]}")
+        say(f"== {part}: {PARTS[part][0]}")
         if part not in ("build", "verify", "report"):
             begin(part, settings, args.fresh)
         try:

@@ -68,7 +68,7 @@ def _operations(node: onnx.NodeProto, shapes: dict[str, list[int]]) -> int:
     return 2 * made * (left[-2] if turned else left[-1])
 
 
-def gemm_peak(engine: str, lanes: int, seconds: float) -> float:
+def gemm_peak(engine: str, workers: int, seconds: float) -> float:
     """Operations a second of large products with constant weights, the best shape of a few."""
     rng = np.random.default_rng(1)
     best = 0.0
@@ -76,7 +76,7 @@ def gemm_peak(engine: str, lanes: int, seconds: float) -> float:
         for rows, inner, columns in GEMM_SHAPES:
             path = Path(folder) / f"{rows}-{inner}-{columns}.onnx"
             onnx.save(_product(rng, rows, inner, columns), path)
-            sessions = [open_session(path, engine, 1, spin=False) for _ in range(lanes)]
+            sessions = [open_session(path, engine, 1, spin=False) for _ in range(workers)]
             x = rng.standard_normal((rows, inner), np.float32)
             for session in sessions:
                 session.run(None, {"x": x})
@@ -110,16 +110,16 @@ def _in_parallel(sessions: list[onnxruntime.InferenceSession], x: np.ndarray, se
     done = [0.0] * len(sessions)
     gate = threading.Barrier(len(sessions))
 
-    def loop(lane: int) -> None:
+    def loop(worker: int) -> None:
         gate.wait()
         started = time.perf_counter()
         runs = 0
         while (took := time.perf_counter() - started) < seconds:
-            sessions[lane].run(None, {"x": x})
+            sessions[worker].run(None, {"x": x})
             runs += 1
-        done[lane] = runs * seconds / took if took else 0.0
+        done[worker] = runs * seconds / took if took else 0.0
 
-    threads = [threading.Thread(target=loop, args=(lane,)) for lane in range(len(sessions))]
+    threads = [threading.Thread(target=loop, args=(worker,)) for worker in range(len(sessions))]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -138,8 +138,8 @@ def main() -> None:
     manifest = tomllib.loads((args.pack / "pack.toml").read_text())
     tokens, per_token = manifest["max_tokens"], manifest["frames_per_token"]
     stages = {stage: count_operations(args.pack / f"{stage}.onnx", tokens, per_token) for stage in STAGES}
-    lanes = max(1, math.floor(cores()))
-    peaks = sorted(gemm_peak(args.engine, lanes, args.seconds) for _ in range(args.repeats))
+    workers = max(1, math.floor(cores()))
+    peaks = sorted(gemm_peak(args.engine, workers, args.seconds) for _ in range(args.repeats))
     peak = peaks[len(peaks) // 2]
     segment, frames = sum(stages.values()), tokens * per_token
     result = {
@@ -147,7 +147,7 @@ def main() -> None:
         "stage_mflop": {stage: value / 1e6 for stage, value in stages.items()},
         "segment_mflop": segment / 1e6,
         "peak_gflop_per_s": peak / 1e9,
-        "lanes": lanes,
+        "workers": workers,
         "frames_per_s_at_peak": frames * peak / segment,
     }
     print(json.dumps(result))

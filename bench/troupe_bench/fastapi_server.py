@@ -5,7 +5,9 @@ Reads its settings from the environment, for uvicorn's worker processes import i
 
 import argparse
 import asyncio
+import json
 import os
+from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -17,19 +19,15 @@ from troupe_bench.cli import add_server_options, read_bodies
 
 
 @asynccontextmanager
-async def lifespan(app: FastAPI):
+async def lifespan(app: FastAPI) -> AsyncIterator[None]:
     """Loads and warms up the networks before the port opens."""
     from troupe_bench.stages import Stages
 
-    stages = Stages(
-        Path(os.environ["BENCH_PACK"]),
-        os.environ["BENCH_ENGINE"],
-        int(os.environ["BENCH_THREADS"]),
-        spin=os.environ["BENCH_SPIN"] == "1",
-    )
-    stages.warm_up(read_bodies(Path(os.environ["BENCH_REQUESTS"])), 1)
+    settings = argparse.Namespace(**json.loads(os.environ["BENCH_SETTINGS"]))
+    stages = Stages(Path(settings.pack), settings.engine, settings.threads, spin=settings.spin)
+    stages.warm_up(read_bodies(Path(settings.requests)), 1)
     app.state.stages = stages
-    app.state.pool = ThreadPoolExecutor(int(os.environ["BENCH_POOL"]))
+    app.state.pool = ThreadPoolExecutor(settings.pool)
     yield
     app.state.pool.shutdown(cancel_futures=True)
 
@@ -62,14 +60,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="uvicorn processes, each with its own networks")
     parser.add_argument("--pool", type=int, default=2, help="requests in the networks at once, in each process")
     args = parser.parse_args()
-    os.environ |= {
-        "BENCH_PACK": str(args.pack),
-        "BENCH_ENGINE": args.engine,
-        "BENCH_THREADS": str(args.threads),
-        "BENCH_SPIN": "1" if args.spin else "0",
-        "BENCH_POOL": str(args.pool),
-        "BENCH_REQUESTS": str(args.requests),
-    }
+    os.environ["BENCH_SETTINGS"] = json.dumps(vars(args), default=str)
     uvicorn.run(
         "troupe_bench.fastapi_server:app",
         host="127.0.0.1",

@@ -14,7 +14,7 @@ from typing import Any
 from troupe_bench.cli import STAGES
 from troupe_bench.machine import ROOT
 from troupe_bench.settings import CROWD, JEMALLOC, RAW_LOOPS, Settings
-from troupe_bench.store import Store, dig
+from troupe_bench.store import Json, Store, dig
 
 FOLDER = ROOT / "bench" / "figures"
 ENGINES = ("cpu", "openvino-bf16")
@@ -63,9 +63,9 @@ def spread(values: list[float]) -> list[float] | None:
 
 def serving(store: Store) -> dict[str, Any]:
     """Every target and load, the ratios that they come to, and the parts of a request's time."""
-    rows = []
+    rows: list[Row] = []
     for key in store.every_key():
-        load = {name: key[name] for name in ("engine", "target", "batch", "alone", "clients") if name in key}
+        load: Row = {name: key[name] for name in ("engine", "target", "batch", "alone", "clients") if name in key}
         if any(load.items() <= row.items() for row in rows):
             continue
         raw = key["target"] in RAW_LOOPS
@@ -123,9 +123,11 @@ def _shares(store: Store, ours: Row, theirs: Row) -> list[float]:
 
 
 def _on_the_rest(store: Store, ours: Row, theirs: Row) -> list[float]:
-    """Percent of the raw loop's frames/s on the processor time that the load tester leaves to the server: what to expect
-    where clients run on other machines. Results of the raw loop call its workers lanes."""
-    workers = ((theirs, "lanes", "count"), (theirs, "lanes", "threads"))
+    """Percent of the raw loop's frames/s on the processor time that the load tester leaves to the server.
+
+    This is what to expect where clients run on other machines.
+    """
+    workers = ((theirs, "workers", "count"), (theirs, "workers", "threads"))
     sides = ((ours, *FRAMES), (ours, "client", "cpus_busy"), (theirs, "frames_per_s"), *workers)
     return [
         100 * mine / raw * count * threads / (count * threads - busy)
@@ -194,7 +196,7 @@ def overload(store: Store) -> dict[str, Any]:
     return {"rows": rows}
 
 
-def _spreads(runs: list[dict], paths: dict[str, tuple[str, ...]]) -> Row:
+def _spreads(runs: list[Json], paths: dict[str, tuple[str, ...]]) -> Row:
     """The spread of each figure that any run has."""
     found = {name: [value for run in runs if (value := dig(run, *path)) is not None] for name, path in paths.items()}
     return {name: spread(values) for name, values in found.items() if values}
@@ -214,7 +216,7 @@ def ceiling(store: Store) -> dict[str, Any]:
 def operators(store: Store) -> dict[str, Any]:
     """Time by stage and kind of operator, and the rate of the products."""
     kinds = ("products", "norms", "moves", "elementwise")
-    rows = []
+    rows: list[Row] = []
     for engine in engines_of(store):
         for stage in STAGES:
             key = {"engine": engine}
@@ -293,14 +295,14 @@ def sittings_note(store: Store) -> str:
     return f"measured in {len(sittings)} sittings, so the machine may have changed in between: {told} (UTC)"
 
 
-def _named(runs: list[dict]) -> str:
+def _named(runs: list[Json]) -> str:
     """What runs measured, or how many there are where they have no names."""
     keys = [run["key"] for run in runs]
     names = [key.get("target") or key.get("preset") or key.get("engine") for key in keys]
     return ", ".join(dict.fromkeys(names)) if all(names) else f"{len(runs)} run{'s' * (len(runs) > 1)}"
 
 
-def _span(runs: list[dict]) -> str:
+def _span(runs: list[Json]) -> str:
     """When the first and the last of runs ended, of runs by time."""
     first, last = (datetime.fromtimestamp(run["at"], UTC) for run in (runs[0], runs[-1]))
     end = f"{last:%H:%M}" if last.date() == first.date() else f"{last:%Y-%m-%d %H:%M}"
@@ -340,7 +342,7 @@ def name_of(cpu: str) -> str:
 def keep(figures: dict[str, Any], name: str, folder: Path) -> None:
     """Writes a machine's figures. Parts that were not measured again stay as they are, and so do title and remark."""
     path = folder / f"{name}.json"
-    old = json.loads(path.read_text()) if path.exists() else {"title": name, "remark": "", "parts": {}}
+    old: Json = json.loads(path.read_text()) if path.exists() else {"title": name, "remark": "", "parts": {}}
     kept = old | {"machine": figures["machine"] or old.get("machine", {})}
     kept["parts"] = {part: new for part in PARTS if (new := figures["parts"].get(part) or old["parts"].get(part))}
     path.parent.mkdir(parents=True, exist_ok=True)

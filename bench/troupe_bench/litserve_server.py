@@ -5,7 +5,7 @@ Bodies are raw bytes both ways: a dependency reads the request's, and the answer
 
 import argparse
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import litserve
 from fastapi import Depends, Request, Response
@@ -21,7 +21,7 @@ async def raw_body(request: Request) -> bytes:
 class MotionApi(litserve.LitAPI):
     """The networks of one pack."""
 
-    def __init__(self, settings: argparse.Namespace, **options):
+    def __init__(self, settings: argparse.Namespace, **options: Any):
         super().__init__(**options)
         self.settings = settings
 

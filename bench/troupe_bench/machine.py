@@ -5,6 +5,7 @@ import platform
 import subprocess
 import tomllib
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 FLAGS = ("avx2", "avx512f", "avx512_vnni", "avx512_bf16", "amx_bf16", "amx_int8")
@@ -38,7 +39,7 @@ def cores() -> float:
         return mask
 
 
-def describe() -> dict:
+def describe() -> dict[str, Any]:
     """The machine and the state of the code."""
     name, flags = cpu_facts()
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

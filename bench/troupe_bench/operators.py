@@ -1,7 +1,7 @@
 """Where the networks' own time goes: the operators of each stage, as the engine runs them.
 
-Prints JSON. One thread, a batch of full segments with neutral inputs; ONNX Runtime's profiler for f32, OpenVINO's counters for bf16.
-What the engine has fused counts for what it names it.
+Prints JSON. One thread, a batch of full segments with neutral inputs; ONNX Runtime's profiler for f32, OpenVINO's counters
+for bf16. What the engine has fused counts for what it names it.
 """
 
 import argparse

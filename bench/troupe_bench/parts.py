@@ -2,16 +2,16 @@
 
 import contextlib
 import json
-import os
 import subprocess
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 from troupe_bench import programs
 from troupe_bench.machine import ROOT, cpu_seconds, resident_bytes
 from troupe_bench.programs import HOME, RELEASE, Failed, say
 from troupe_bench.settings import Settings
-from troupe_bench.store import Store
+from troupe_bench.store import Json, Store
 
 PAPER_PRESETS = ("paper", "paper-wide")
 PAPER_BATCHES = (1, 4, 16, 32, 64)
@@ -33,19 +33,16 @@ def operators(settings: Settings) -> None:
         say(f"{engine}: {sum(took):.1f} ms for {result['batch']} segments in one thread")
 
 
-def _each_engine(settings: Settings, part: str, *arguments: str) -> Iterator[tuple[str, dict]]:
+def _each_engine(settings: Settings, part: str, *arguments: str) -> Iterator[tuple[str, Json]]:
     """Runs a module of a part's name for each engine that it has not run for, and keeps the JSON that it prints."""
     store = Store(settings.results, part)
     for engine in settings.engines:
         key = {"engine": engine}
         if store.of(key):
             continue
-        paths = os.pathsep.join([str(ROOT / "bench"), str(HOME / programs.RUNTIMES[engine])])
-        printed = programs.call(
-            HOME / "venv" / "bin" / "python",
-            *("-m", f"troupe_bench.{part}", "--pack", settings.pack, "--engine", engine, *arguments),
-            env={"PYTHONPATH": paths},
-        )
+        python, environment = programs.python_of(engine)
+        options = ("--pack", settings.pack, "--engine", engine)
+        printed = programs.call(python, "-m", f"troupe_bench.{part}", *options, *arguments, env=environment)
         result = json.loads(printed.splitlines()[-1])
         store.add(key, result)
         yield engine, result
@@ -70,21 +67,16 @@ def paper(settings: Settings) -> None:
                 batches = ",".join(map(str, PAPER_BATCHES[: 2 if settings.quick else None]))
                 for row in programs.raw_loop(engine, *common, "--batch", batches):
                     store.add(key | {"batch": row["batch"]}, row)
-                for row in programs.raw_loop(engine, *common, "--batch", "1", "--lanes", "1"):
+                for row in programs.raw_loop(engine, *common, "--batch", "1", "--workers", "1"):
                     store.add(key | {"alone": True}, row)
                     say(f"{key}: {row['call_ms_p50']:.1f} ms alone")
 
 
-def _make_random_pack(settings: Settings, preset: str, pack: os.PathLike) -> None:
+def _make_random_pack(settings: Settings, preset: str, pack: Path) -> None:
     if not settings.train_python.exists():
         raise Failed(f"there is no {settings.train_python}: `make python-env` makes it, --train-python names another")
-    programs.call(
-        settings.train_python,
-        "-m",
-        "troupe_training",
-        *("random-pack", "--preset", preset, "--out", pack, "--like", settings.pack),
-        env={"PYTHONPATH": str(ROOT / "training")},
-    )
+    command = (settings.train_python, "-m", "troupe_training", "random-pack", "--preset", preset, "--out", pack)
+    programs.call(*command, "--like", settings.pack, env={"PYTHONPATH": str(ROOT / "training")})
 
 
 def idle(settings: Settings) -> None:
@@ -124,10 +116,10 @@ def _cpu_share(pid: int, seconds: float) -> float:
 
 
 @contextlib.contextmanager
-def _idle_sessions(url: str, settings: Settings):
+def _idle_sessions(url: str, settings: Settings) -> Iterator[float]:
     """Holds sessions open through the load tester; gives the seconds until all were there."""
     hold = settings.idle_s + 60
-    command = [RELEASE / "troupe-loadtest", "run", "--quiet", "--workload", "idle", "--url", url]
+    command = [str(RELEASE / "troupe-loadtest"), "run", "--quiet", "--workload", "idle", "--url", url]
     command += ["--characters", str(settings.idle_sessions), "--warmup", "1s", "--duration", f"{hold}s"]
     log = HOME / "logs" / "idle-loadtest.log"
     log.parent.mkdir(parents=True, exist_ok=True)

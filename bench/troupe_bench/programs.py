@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from troupe_bench.machine import ROOT
+from troupe_bench.store import Json
 
 HOME = ROOT / "target" / "bench"
 RELEASE = ROOT / "target" / "release"
@@ -74,6 +75,12 @@ def runtime_of(engine: str) -> dict[str, str]:
     return {"ORT_DYLIB_PATH": str(library)}
 
 
+def python_of(engine: str) -> tuple[Path, dict[str, str]]:
+    """The Python of the benchmarks, and the environment in which it finds this package and the ONNX Runtime of ``engine``."""
+    paths = os.pathsep.join([str(ROOT / "bench"), str(HOME / RUNTIMES[engine])])
+    return HOME / "venv" / "bin" / "python", {"PYTHONPATH": paths}
+
+
 def requests(pack: Path, lengths: str, count: int) -> Path:
     """A set of requests for ``pack``, made if it is not there."""
     folder = HOME / "requests" / f"{pack.name}-{lengths}-{count}"
@@ -101,10 +108,11 @@ def troupe(engine: str, packs: Path, *options: str) -> Iterator[Running]:
 
 
 @contextlib.contextmanager
-def python_server(kind: str, engine: str, pack: Path, bodies: Path, settings: dict) -> Iterator[Running]:
+def python_server(kind: str, engine: str, pack: Path, bodies: Path, settings: Json) -> Iterator[Running]:
     """A Python server with ``settings`` as its options."""
     port = free_port()
-    command = [str(HOME / "venv" / "bin" / "python"), "-m", PYTHON_SERVERS[kind], "--port", str(port)]
+    python, environment = python_of(engine)
+    command = [str(python), "-m", PYTHON_SERVERS[kind], "--port", str(port)]
     command += ["--engine", engine, "--pack", str(pack), "--requests", str(bodies)]
     for name, value in settings.items():
         flag = "--" + name.replace("_", "-")
@@ -112,8 +120,7 @@ def python_server(kind: str, engine: str, pack: Path, bodies: Path, settings: di
             command.append(flag)
         elif value is not False:
             command += [flag, str(value)]
-    paths = [str(ROOT / "bench"), str(HOME / RUNTIMES[engine])]
-    environment = {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     with _served(kind, command, environment, port, "/health") as running:
         running.url += "/inbetween"
         yield running
@@ -127,12 +134,7 @@ def _served(name: str, command: list[str], env: dict[str, str], port: int, path:
     started = time.monotonic()
     with log.open("w") as sink:
         process = subprocess.Popen(
-            command,
-            cwd=ROOT,
-            env=os.environ | env,
-            stdout=sink,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
+            command, cwd=ROOT, env=os.environ | env, stdout=sink, stderr=subprocess.STDOUT, start_new_session=True
         )
         try:
             url = f"http://127.0.0.1:{port}"
@@ -142,7 +144,7 @@ def _served(name: str, command: list[str], env: dict[str, str], port: int, path:
             _end_group(process)
 
 
-def _wait_until_ready(process: subprocess.Popen, url: str, log: Path) -> None:
+def _wait_until_ready(process: subprocess.Popen[bytes], url: str, log: Path) -> None:
     end = time.monotonic() + READY_WITHIN_S
     while time.monotonic() < end:
         if process.poll() is not None:
@@ -157,7 +159,7 @@ def _wait_until_ready(process: subprocess.Popen, url: str, log: Path) -> None:
     raise Failed(f"the server was not ready within {READY_WITHIN_S} s:\n{log.read_text()[-2000:]}")
 
 
-def _end_group(process: subprocess.Popen) -> None:
+def _end_group(process: subprocess.Popen[bytes]) -> None:
     """Asks the group to stop, then makes it."""
     for sign, patience in ((signal.SIGINT, 5), (signal.SIGTERM, 3), (signal.SIGKILL, 5)):
         with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -176,12 +178,12 @@ def _group_lives(group: int) -> bool:
     return True
 
 
-def load(workload: str, url: str, *options: str | Path) -> dict:
+def load(workload: str, url: str, *options: str | Path) -> Json:
     """Runs the load tester once and returns the run from its report."""
     return load_report("run", url, "--workload", workload, *options)["runs"][0]
 
 
-def load_report(command: str, url: str, *options: str | Path) -> dict:
+def load_report(command: str, url: str, *options: str | Path) -> Json:
     """The whole report of a command of the load tester."""
     report = HOME / "logs" / "loadtest.json"
     report.parent.mkdir(parents=True, exist_ok=True)
@@ -190,7 +192,7 @@ def load_report(command: str, url: str, *options: str | Path) -> dict:
     return json.loads(report.read_text())
 
 
-def raw_loop(engine: str, *options: str | Path, name: str = RAW_LOOP) -> list[dict]:
+def raw_loop(engine: str, *options: str | Path, name: str = RAW_LOOP) -> list[Json]:
     """Rows of the raw ONNX Runtime loop."""
     program = RELEASE / "examples" / name
     return json.loads(call(program, "--json", "--engine", engine, *options, env=runtime_of(engine)))["rows"]

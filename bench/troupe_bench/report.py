@@ -37,12 +37,7 @@ that were tried. They read and write raw arrays. They do not check requests, con
         "The same runs: p50 / p99 in ms. Rows of the raw loop are single calls of the networks.",
         tables.latency,
     ),
-    (
-        "How does that compare with the raw loop, LitServe and FastAPI?",
-        "serving",
-        "",
-        tables.ratios,
-    ),
+    ("How does that compare with the raw loop, LitServe and FastAPI?", "serving", "", tables.ratios),
     (
         "Where does the time of a request go?",
         "serving",

@@ -40,6 +40,8 @@ OVERLOAD = (
 
 Machine = dict[str, Any]
 Row = dict[str, Any]
+Key = tuple[Any, ...]
+"""What names a row of the serving part."""
 
 
 def table(heads: list[str], rows: list[list[str]], words: int = 1) -> list[str]:
@@ -85,7 +87,7 @@ def each(machines: list[Machine], part: str, name: str = "rows") -> list[tuple[s
 
 
 def _across(
-    columns: list[tuple[str, list[Row]]], heads: list[str], lines: dict[tuple, list[str]], cell: Callable
+    columns: list[tuple[str, list[Row]]], heads: list[str], lines: dict[Key, list[str]], cell: Callable[[Row], str]
 ) -> list[str]:
     """A table whose rows are named by keys and whose columns are machines. Keys that no column has are left out."""
     rows = []
@@ -96,17 +98,17 @@ def _across(
     return table([*heads, *(head for head, _ in columns)], rows, len(heads))
 
 
-def _key(row: Row) -> tuple:
-    """What names a row of the serving part."""
+def _key(row: Row) -> Key:
+    """The key of a row of the serving part."""
     return tuple(row.get(name) for name in ("target", "batch", "alone", "clients"))
 
 
-def _loads(machines: list[Machine]) -> dict[tuple, list[str]]:
+def _loads(machines: list[Machine]) -> dict[Key, list[str]]:
     """Every load that any machine was measured at: the words of its row, in the order of the page."""
     seen = {_key(row): row for machine in machines for row in rows_of(machine, "serving")}
     order = {target: place for place, target in enumerate(NAMES)}
 
-    def place(key: tuple) -> tuple:
+    def place(key: Key) -> tuple[Any, ...]:
         return (order[key[0]], key[2] is not None, key[2] == "paused", key[1] or 0, key[3] or 0)
 
     return {key: [NAMES[key[0]], _load(seen[key])] for key in sorted(seen, key=place)}
@@ -156,9 +158,7 @@ def split(machines: list[Machine]) -> list[str]:
     rows = []
     for title, row in each(machines, "serving", "split"):
         times = [number(row["ms"].get(part), 2) for part in parts]
-        rows.append(
-            [SHORT[row["engine"]], title, str(row["clients"]), *times, number(row["rows_per_batch"], 1)],
-        )
+        rows.append([SHORT[row["engine"]], title, str(row["clients"]), *times, number(row["rows_per_batch"], 1)])
     return table(["engine", "machine", "clients", *parts.values(), "characters a batch"], rows, 2)
 
 
@@ -270,11 +270,11 @@ def idle(machines: list[Machine]) -> list[str]:
 def micro(machines: list[Machine]) -> list[str]:
     """Criterion's medians."""
     columns = [(machine["title"], rows) for machine in machines if (rows := rows_of(machine, "micro"))]
-    rows = []
+    lines = []
     for bench in dict.fromkeys(row["bench"] for _, rows in columns for row in rows):
         found = [next((row["median_ns"] for row in rows if row["bench"] == bench), None) for _, rows in columns]
-        rows.append([f"`{bench}`", *(duration(value) for value in found)])
-    return table(["bench", *(head for head, _ in columns)], rows)
+        lines.append([f"`{bench}`", *(duration(value) for value in found)])
+    return table(["bench", *(head for head, _ in columns)], lines)
 
 
 def duration(nanoseconds: float | None) -> str:

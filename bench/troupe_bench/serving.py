@@ -5,7 +5,7 @@ from pathlib import Path
 from troupe_bench import programs
 from troupe_bench.programs import Failed, say
 from troupe_bench.settings import CROWD, CROWD_CLIENTS, CROWD_SIZE, JEMALLOC, PAUSE_US, Settings, python_settings
-from troupe_bench.store import Store, dig
+from troupe_bench.store import Json, Store, dig
 
 TARGETS = ("raw", "troupe", "litserve", "fastapi")
 RAW_BATCHES = (1, 8, 16, 32, 64)
@@ -48,7 +48,7 @@ def tune(settings: Settings, kinds: tuple[str, ...] = ("litserve", "fastapi")) -
                 say(f"{engine} {kind} {options}: {_summary(run)}")
 
 
-def best_options(settings: Settings, engine: str, kind: str) -> dict:
+def best_options(settings: Settings, engine: str, kind: str) -> Json:
     """The options of a Python server that were the fastest in `tune`, which is run where it has not been."""
     store = Store(settings.results, "tune")
     if not store.of({"engine": engine, "target": kind}):
@@ -91,7 +91,7 @@ def mixed(settings: Settings) -> None:
                 say(f"{key}: {_summary(run)}")
 
 
-def _measure(settings: Settings, store: Store, bodies: Path, key: dict) -> None:
+def _measure(settings: Settings, store: Store, bodies: Path, key: Json) -> None:
     """All loads of one target in one turn that are not there yet."""
     engine, target = key["engine"], key["target"]
     if target == "raw":
@@ -111,10 +111,10 @@ def _measure(settings: Settings, store: Store, bodies: Path, key: dict) -> None:
             say(f"{key} {count} clients: {_summary(run)}")
 
 
-def _measure_troupe(settings: Settings, store: Store, bodies: Path, key: dict) -> None:
+def _measure_troupe(settings: Settings, store: Store, bodies: Path, key: Json) -> None:
     """The server with requests of one character from several numbers of clients, and with requests of many."""
-    one_each = ("--requests", bodies)
-    many = ("--clip", programs.CLIP, "--frames", LONGEST, "--per-request", str(CROWD_SIZE))
+    one_each: tuple[str | Path, ...] = ("--requests", bodies)
+    many: tuple[str | Path, ...] = ("--clip", programs.CLIP, "--frames", LONGEST, "--per-request", str(CROWD_SIZE))
     loads = [(key | {"clients": count}, one_each) for count in settings.clients]
     loads.append((key | {"target": CROWD, "clients": CROWD_CLIENTS}, many))
     wanted = [load for load in loads if not store.of(load[0])]
@@ -127,14 +127,16 @@ def _measure_troupe(settings: Settings, store: Store, bodies: Path, key: dict) -
             say(f"{load}: {_summary(run)}")
 
 
-def _measure_raw(settings: Settings, store: Store, key: dict) -> None:
-    """The raw loop with the server's lanes at several batch sizes, and alone: one lane, one row a call, at once or after
-    the pause that a request's way to the client and back is at least."""
+def _measure_raw(settings: Settings, store: Store, key: Json) -> None:
+    """The raw loop with the server's workers at several batch sizes, and alone: one worker, one row a call.
+
+    Alone it is measured at once and after a pause, the least that a request's way to the client and back takes.
+    """
     if store.of(key):
         return
     common = ("--pack", settings.pack, "--frames", LONGEST, "--seconds", str(settings.raw_s))
     rows = programs.raw_loop(key["engine"], *common, "--batch", ",".join(map(str, RAW_BATCHES)))
-    one = ("--batch", "1", "--lanes", "1", "--threads", "1")
+    one = ("--batch", "1", "--workers", "1", "--threads", "1")
     alone = programs.raw_loop(key["engine"], *common, *one)
     paused = programs.raw_loop(key["engine"], *common, *one, "--pause-us", str(PAUSE_US))
     for row in rows:
@@ -148,12 +150,12 @@ def _measure_raw(settings: Settings, store: Store, key: dict) -> None:
     say(f"{key}: {best:,.0f} frames/s at the best batch, {alone[0]['call_ms_p50']:.2f} ms alone")
 
 
-def _grpc_load(server: programs.Running, requests: tuple[str | Path, ...], clients: int, settings: Settings) -> dict:
+def _grpc_load(server: programs.Running, requests: tuple[str | Path, ...], clients: int, settings: Settings) -> Json:
     times = _times(clients, settings.warmup_s, settings.measured_s)
     return _checked(programs.load("inbetween", server.url, *requests, *times), server.name)
 
 
-def _http_load(server: programs.Running, bodies: Path, clients: int, warmup_s: float, measured_s: float) -> dict:
+def _http_load(server: programs.Running, bodies: Path, clients: int, warmup_s: float, measured_s: float) -> Json:
     times = _times(clients, warmup_s, measured_s)
     return _checked(programs.load("http", server.url, "--requests", bodies, *times), server.name)
 
@@ -162,7 +164,7 @@ def _times(clients: int, warmup_s: float, measured_s: float) -> list[str]:
     return ["--clients", str(clients), "--warmup", f"{warmup_s}s", "--duration", f"{measured_s}s"]
 
 
-def _checked(run: dict, name: str) -> dict:
+def _checked(run: Json, name: str) -> Json:
     """A run in which nothing failed: wrong answers would be fast."""
     failed = dig(run, "counts", "failed")
     if failed:
@@ -170,6 +172,6 @@ def _checked(run: dict, name: str) -> dict:
     return run
 
 
-def _summary(run: dict) -> str:
+def _summary(run: Json) -> str:
     frames, latency = dig(run, "throughput", "frames_per_s") or 0.0, run.get("latency_ms", {})
     return f"{frames:,.0f} frames/s, p50 {latency.get('p50')} ms, p99 {latency.get('p99')} ms"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from troupe_bench.machine import ROOT, cores
 from troupe_bench.programs import HOME
+from troupe_bench.store import Json
 
 PAUSE_US = 600
 """How long the raw loop pauses between calls in one of its measurements: what a request's way to the client and back takes
@@ -51,7 +52,7 @@ class Settings:
         self.live_characters, self.live_s, self.overload_s = 100, 10.0, 10.0
 
 
-def python_settings(kind: str, quick: bool) -> list[dict]:
+def python_settings(kind: str, quick: bool) -> list[Json]:
     """What is tried for a Python server; the fastest at 32 clients is measured."""
     many = max(1, math.floor(cores()))
     if kind == "fastapi":
@@ -65,17 +66,17 @@ def python_settings(kind: str, quick: bool) -> list[dict]:
             {"workers": 1, "threads": many, "pool": 2, "no_spin": True},
         ]
     else:
-        lanes = {"workers": many, "threads": 1, "max_batch": 64}
+        workers: Json = {"workers": many, "threads": 1, "max_batch": 64}
         tried = [
-            lanes | {"batch_timeout": 0.002, "fast_queue": True},
-            lanes | {"batch_timeout": 0.002},
-            lanes | {"batch_timeout": 0.0005, "fast_queue": True},
-            lanes | {"batch_timeout": 0.01, "fast_queue": True},
-            lanes | {"batch_timeout": 0.03, "fast_queue": True},
-            lanes | {"batch_timeout": 0.002, "fast_queue": True, "api_servers": many},
-            lanes | {"batch_timeout": 0.01, "fast_queue": True, "max_batch": 16},
-            {"workers": 1, "threads": many, "max_batch": 64, "batch_timeout": 0.002, "fast_queue": True},
-            {"workers": 1, "threads": many, "max_batch": 64, "batch_timeout": 0.01, "fast_queue": True},
+            workers | {"batch_timeout": 0.002, "fast_queue": True},
+            workers | {"batch_timeout": 0.002},
+            workers | {"batch_timeout": 0.0005, "fast_queue": True},
+            workers | {"batch_timeout": 0.01, "fast_queue": True},
+            workers | {"batch_timeout": 0.03, "fast_queue": True},
+            workers | {"batch_timeout": 0.002, "fast_queue": True, "api_servers": many},
+            workers | {"batch_timeout": 0.01, "fast_queue": True, "max_batch": 16},
+            workers | {"workers": 1, "threads": many, "batch_timeout": 0.002, "fast_queue": True},
+            workers | {"workers": 1, "threads": many, "batch_timeout": 0.01, "fast_queue": True},
         ]
     unique = [settings for index, settings in enumerate(tried) if settings not in tried[:index]]
     return unique[:2] if quick else unique

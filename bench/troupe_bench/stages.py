@@ -47,7 +47,7 @@ def open_session(
     options.inter_op_num_threads = 1
     options.enable_mem_pattern = False  # shapes change from batch to batch
     options.add_session_config_entry("session.intra_op.allow_spinning", "1" if spin else "0")
-    providers: list = ["CPUExecutionProvider"]
+    providers: list[str | tuple[str, dict[str, str]]] = ["CPUExecutionProvider"]
     if engine == "openvino-bf16":
         if "OpenVINOExecutionProvider" not in onnxruntime.get_available_providers():
             raise RuntimeError("this ONNX Runtime has no OpenVINO")
@@ -105,7 +105,7 @@ class Stages:
         self.pose_width = 9 * len(manifest["skeleton"]["joints"])
         self.counts = self.max_tokens - self.min_tokens + 1
         self.group = group
-        # OpenVINO plans anew for a batch size it has not met; ONNX Runtime's own kernels do not mind.
+        # OpenVINO plans again for a batch size it has not met; ONNX Runtime's own kernels do not mind.
         self.pad_batch = engine != "cpu"
         longest = {"tokens": self.max_tokens, "4*tokens": self.max_tokens * self.per_token}
         self.root, self.pose, self.decoder = (
@@ -125,7 +125,7 @@ class Stages:
     def solve(self, tasks: Sequence[Task]) -> list[Solved]:
         """Solves a batch of tasks."""
         counts, roots = self._run_root(tasks)
-        solved: list[Solved | None] = [None] * len(tasks)
+        solved: dict[int, Solved] = {}
         order = range(len(tasks))
         if self.group:
             lengths = sorted(set(counts.tolist()))
@@ -134,9 +134,8 @@ class Stages:
             groups = [list(order)]
         for rows in groups:
             answers = self._run_tokens([tasks[row] for row in rows], counts[rows], roots[rows])
-            for row, answer in zip(rows, answers, strict=True):
-                solved[row] = answer
-        return solved
+            solved |= zip(rows, answers, strict=True)
+        return [solved[row] for row in order]
 
     def _rows(self, wanted: int, longest: bool) -> int:
         """Rows of a batch, padding included."""

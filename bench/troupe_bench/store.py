@@ -6,6 +6,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+Json = dict[str, Any]
+
 
 class Store:
     """The results of one part: a list of runs, each with a key."""
@@ -29,7 +31,7 @@ class Store:
         self.data[name] = value
         self._save()
 
-    def add(self, key: dict, result: dict) -> None:
+    def add(self, key: Json, result: Json) -> None:
         """Keeps one measurement."""
         code = {"commit": self.commit} if self.commit else {}
         self.data["runs"].append({"key": key, "at": round(time.time()), **code, "result": result})
@@ -43,21 +45,21 @@ class Store:
         self.note("pack", pack)
         return other
 
-    def of(self, key: dict) -> list[dict]:
+    def of(self, key: Json) -> list[Json]:
         """The results of every run whose key has all of ``key``."""
         return [run["result"] for run in self.data["runs"] if key.items() <= run["key"].items()]
 
-    def every_key(self) -> list[dict]:
+    def every_key(self) -> list[Json]:
         """Every key once, in the order of their first runs."""
-        seen: list[dict] = []
+        seen: list[Json] = []
         for run in self.data["runs"]:
             if run["key"] not in seen:
                 seen.append(run["key"])
         return seen
 
-    def sittings(self, pause_s: float) -> list[list[dict]]:
+    def sittings(self, pause_s: float) -> list[list[Json]]:
         """All runs by time, apart wherever more than ``pause_s`` seconds lie between one and the next."""
-        parts: list[list[dict]] = []
+        parts: list[list[Json]] = []
         for run in sorted(self.data["runs"], key=lambda run: run["at"]):
             if parts and run["at"] - parts[-1][-1]["at"] <= pause_s:
                 parts[-1].append(run)
@@ -65,12 +67,12 @@ class Store:
                 parts.append([run])
         return parts
 
-    def median(self, key: dict, *path: str) -> float | None:
+    def median(self, key: Json, *path: str) -> float | None:
         """The median over the runs of ``key`` of the number at ``path``; None where there is none."""
         values = [value for result in self.of(key) if (value := dig(result, *path)) is not None]
         return statistics.median(values) if values else None
 
-    def turns(self, *sides: tuple) -> list[tuple[float, ...]]:
+    def turns(self, *sides: tuple[Any, ...]) -> list[tuple[float, ...]]:
         """Numbers of the same turn beside each other: each side is a key and the path of its number."""
         numbers = []
         for key, *path in sides:

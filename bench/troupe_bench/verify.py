@@ -1,14 +1,13 @@
 """Checks that the Python servers solve the server's problems: same tokens, same contacts."""
 
 import json
-import os
 import urllib.request
 from pathlib import Path
 
 from troupe_bench import programs
-from troupe_bench.machine import ROOT
-from troupe_bench.programs import HOME, Failed, say
+from troupe_bench.programs import Failed, say
 from troupe_bench.settings import Settings
+from troupe_bench.store import Json
 
 COMPARED = 8
 CONTACT_TOLERANCE = {"cpu": 1e-3, "openvino-bf16": 2e-2}
@@ -34,7 +33,7 @@ def verify(settings: Settings) -> None:
             raise Failed(f"on {engine} the Python servers do not solve the server's problems")
 
 
-def _ask(url: str, request: Path) -> dict:
+def _ask(url: str, request: Path) -> Json:
     """Tokens and contacts of the server's answer."""
     body = json.loads(request.read_text())
     for character in body["characters"]:
@@ -47,10 +46,9 @@ def _ask(url: str, request: Path) -> dict:
     return {"tokens": character["intermediates"]["tokens"], "contacts": character["frames"]["contacts"]}
 
 
-def _solve_in_python(engine: str, pack: Path, bodies: Path) -> list[dict]:
+def _solve_in_python(engine: str, pack: Path, bodies: Path) -> list[Json]:
     """The same of the Python servers' code, in a process of its own with that engine's ONNX Runtime."""
-    paths = os.pathsep.join([str(ROOT / "bench"), str(HOME / programs.RUNTIMES[engine])])
-    python = HOME / "venv" / "bin" / "python"
+    python, environment = programs.python_of(engine)
     arguments = ("--pack", pack, "--requests", bodies, "--engine", engine, "--count", str(COMPARED))
-    printed = programs.call(python, "-m", "troupe_bench.solve", *arguments, env={"PYTHONPATH": paths})
+    printed = programs.call(python, "-m", "troupe_bench.solve", *arguments, env=environment)
     return json.loads(printed.splitlines()[-1])

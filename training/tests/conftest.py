@@ -5,6 +5,14 @@ import random
 from pathlib import Path
 
 import pytest
+import torch
+
+from troupe_training.cli.options import OPTIONS
+from troupe_training.data.prepare import prepare
+
+# Networks this small gain nothing from a second thread, and lose much on a busy machine.
+torch.set_num_threads(1)
+OPTIONS["--threads"]["default"] = 1
 
 SKELETON = [  # name, parent, offset in centimetres
     ("joint_Root", None, (0, 0, 0)),
@@ -39,7 +47,7 @@ def _hierarchy(name: str, depth: int) -> list[str]:
         lines += _hierarchy(child, depth + 1)
     if not children:
         lines += [f"{pad}\tEnd Site", pad + "\t{", f"{pad}\t\tOFFSET 0 0 0", pad + "\t}"]
-    return lines + [pad + "}"]
+    return [*lines, pad + "}"]
 
 
 def _frame(seconds: float, speed: float, heading: float, cadence: float) -> list[float]:
@@ -68,9 +76,7 @@ def _frame(seconds: float, speed: float, heading: float, cadence: float) -> list
 
 def write_walk(path: Path, frames: int, speed: float, heading: float, cadence: float) -> None:
     """One clip of a straight walk."""
-    lines = (
-        ["HIERARCHY"] + _hierarchy("joint_Root", 0) + ["MOTION", f"Frames: {frames}", "Frame Time: 0.0333333"]
-    )
+    lines = ["HIERARCHY", *_hierarchy("joint_Root", 0), "MOTION", f"Frames: {frames}", "Frame Time: 0.0333333"]
     lines += [" ".join(f"{v:.6f}" for v in _frame(f / 30, speed, heading, cadence)) for f in range(frames)]
     path.write_text("\n".join(lines) + "\n")
 
@@ -95,8 +101,6 @@ def bvh_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def cache(bvh_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The prepared cache of `bvh_folder`."""
-    from troupe_training.prepare import prepare
-
     folder = tmp_path_factory.mktemp("cache")
     prepare(bvh_folder, folder)
     return folder

@@ -45,18 +45,14 @@ def biped(sole: str | None = None) -> str:
         parts += [link(hip), link(knee), link(ankle, sole), link(arm), link(f"{side}_palm")]
         parts += [
             joint(f"{side}_hip", "pelvis", hip, f"0 {sign * HIP_M} 0", "0 1 0", rpy="0 -0.2 0"),
-            joint(
-                f"{side}_knee", hip, knee, _tilted(THIGH_M), "0 1 0", rpy="0 0.2 0", lower="-0.2", upper="2.5"
-            ),
+            joint(f"{side}_knee", hip, knee, _tilted(THIGH_M), "0 1 0", rpy="0 0.2 0", lower="-0.2", upper="2.5"),
             joint(f"{side}_ankle", knee, ankle, f"0 0 {-SHIN_M}", "0 1 0"),
         ]
     parts.append(joint("waist", "pelvis", "torso", "0 0 0.1", "0 0 1"))
     for side, sign in (("left", 1), ("right", -1)):
         lower, upper = ("-0.3", "2.5") if sign > 0 else ("-2.5", "0.3")
         arm = f"{side}_arm_link"
-        parts.append(
-            joint(f"{side}_shoulder", "torso", arm, f"0 {sign * 0.2} 0.3", "1 0 0", lower=lower, upper=upper)
-        )
+        parts.append(joint(f"{side}_shoulder", "torso", arm, f"0 {sign * 0.2} 0.3", "1 0 0", lower=lower, upper=upper))
         parts.append(
             f'<joint name="{side}_palm_joint" type="fixed"><origin xyz="0 {sign * 0.01} -0.5"/>'
             f'<parent link="{arm}"/><child link="{side}_palm"/></joint>'
@@ -98,8 +94,6 @@ def write_robot(folder: Path, clips: int = 16) -> Path:
     (folder / "toy.urdf").write_text(biped())
     rng = random.Random(3)
     for i in range(clips):
-        rows = walk_rows(
-            rng.randint(70, 100), rng.uniform(0.3, 1.0), rng.uniform(-180, 180), rng.uniform(0.7, 1.2)
-        )
+        rows = walk_rows(rng.randint(70, 100), rng.uniform(0.3, 1.0), rng.uniform(-180, 180), rng.uniform(0.7, 1.2))
         write_rows(folder / "csv" / f"walk{i:02}_subject{5 if i % 4 == 0 else 1}.csv", rows)
     return folder

@@ -2,6 +2,6 @@
 
 import sys
 
-from troupe_training.cli import main
+from troupe_training.cli.main import main
 
 sys.exit(main())

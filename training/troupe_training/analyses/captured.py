@@ -5,15 +5,16 @@ pack has no encoder.
 """
 
 from dataclasses import replace
-from pathlib import Path
 
-from troupe_training.analyses.common import Line, Panel, Setting, measure, write
+from troupe_training.analyses.common import Setting, measure, panels_of, write
 from troupe_training.analyses.heads_codes import GAP
-from troupe_training.evaluate import TRUTH, Method
-from troupe_training.features import Segments
-from troupe_training.inbetween import Keys, RunNetworks, Sampling, decode, make_plan
-from troupe_training.motion import Motion
-from troupe_training.stages import load
+from troupe_training.data.motion import Motion
+from troupe_training.data.store import Segments
+from troupe_training.evaluate.bench import Method, Sampling
+from troupe_training.evaluate.motionbricks import Keys, decode, make_plan, run_networks
+from troupe_training.evaluate.report import TRUTH
+from troupe_training.train.motionbricks.tokenizer import TOKENIZER
+from troupe_training.train.plots import Line
 
 # Whether tokens and root are the captured motion's.
 CASES = {
@@ -22,21 +23,16 @@ CASES = {
     "root captured": (False, True),
     "both captured": (True, True),
 }
-FIGURES = (
-    ("fid", "FID"),
-    ("l2p_m", "L2P (m)"),
-    ("npss", "NPSS"),
-    ("foot_skate_m_per_frame", "foot skate (m/frame)"),
-)
+FIGURES = ("fid", "l2p_m", "npss", "foot_skate_m_per_frame")
 
 
 def run(setting: Setting) -> bool:
     """Measures the four cases; nothing is trained."""
-    if not (Path(setting.source) / "tokenizer.pt").exists():
+    if not TOKENIZER.path(setting.source).exists():
         raise SystemExit(f"{setting.source} has no tokenizer.pt: captured takes --run, for its encoder")
     bench = setting.bench()
-    networks = RunNetworks(setting.source, bench.store)
-    tokenizer = load(setting.source, "tokenizer", bench.store)
+    networks = run_networks(setting.source, bench.store)
+    tokenizer = TOKENIZER.load(setting.source, bench.store)
 
     def with_captured(tokens: bool, root: bool) -> Method:
         def method(segments: Segments, frames: int, sampling: Sampling) -> Motion:
@@ -51,16 +47,11 @@ def run(setting: Setting) -> bool:
 
     figures = measure(bench, {name: with_captured(*case) for name, case in CASES.items()}, GAP)
     truth = figures[TRUTH]
-    panels = [
-        Panel(
-            title,
-            "what the decoder is given",
-            [Line(name, [float(i)], [[figures[name][figure]["mean"]]]) for i, name in enumerate(CASES)],
-            truth=truth[figure]["mean"] if figure == "foot_skate_m_per_frame" else None,
-        )
-        for figure, title in FIGURES
-        if figure in truth
-    ]
+
+    def lines(figure: str) -> list[Line]:
+        return [Line(name, [float(i)], [[figures[name][figure]["mean"]]]) for i, name in enumerate(CASES)]
+
+    panels = panels_of(FIGURES, truth, "what the decoder is given", lines)
     cases = {name: figures[name] for name in CASES}
     report = {"source": setting.source.name, "ground_truth": truth, "cases": cases}
     conditions = replace(setting, gap=GAP).conditions(bench)

@@ -1,25 +1,34 @@
 """What the analyses share: their setting, training of variants, measuring, and writing of figures and plots."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, TypeVar
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-import numpy as np
 import torch
 
-from troupe_training.config import ModelConfig
-from troupe_training.evaluate import Bench, Method, Options, check_gap, measure_gap, summarise
-from troupe_training.features import ClipStore
-from troupe_training.inbetween import Sampling, open_networks
-from troupe_training.stages import train_stage
-from troupe_training.trainer import Budget
+from troupe_training.evaluate.bench import Bench, Method, Options, Sampling, check_gap
+from troupe_training.evaluate.motionbricks import StageNetworks, open_networks
+from troupe_training.evaluate.report import measure_gap, summarise
+from troupe_training.evaluate.tables import Figure, Methods
+from troupe_training.models.motionbricks.config import ModelConfig
+from troupe_training.train.motionbricks.stages import train_stage
+from troupe_training.train.plots import Line, Panel, draw
+from troupe_training.train.trainer import Budget, Job, Loss
 
 LEARNING_RATE = 5e-4
+TITLES = {
+    "fid": "FID",
+    "l2p_m": "L2P (m)",
+    "npss": "NPSS",
+    "foot_skate_m_per_frame": "foot skate (m/frame)",
+    "joint_jitter_mps2": "joint jitter (m/s²)",
+    "reached": "target root reached (share)",
+    "target_keyframe_error_m": "target joints, worst (m)",
+}
+TRUTH_DRAWN = ("foot_skate_m_per_frame", "joint_jitter_mps2")  # where ground truth has a level of its own
+M = TypeVar("M", bound=torch.nn.Module)
 
 
 @dataclass
@@ -44,21 +53,19 @@ class Setting:
 
     def bench(self) -> Bench:
         """The windows to measure on; no diversity."""
-        options = Options(
-            [self.gap], self.stride, self.split, diversity_seeds=0, max_windows=self.max_windows
-        )
+        options = Options([self.gap], self.stride, self.split, diversity_seeds=0, max_windows=self.max_windows)
         return Bench(self.cache, options, self.evaluator, self.threads)
 
-    def networks(self, bench: Bench):
+    def networks(self, bench: Bench) -> StageNetworks:
         """The trained networks that are analysed."""
         return open_networks(self.source, bench.store, self.threads)
 
-    def budget(self) -> dict:
+    def budget(self) -> dict[str, Any]:
         """What figures and plots say of it."""
-        spent = {"updates": self.steps} if self.steps else {"minutes": self.minutes}
+        spent: dict[str, Any] = {"updates": self.steps} if self.steps else {"minutes": self.minutes}
         return spent | {"frames_per_update": self.frames_per_step, "seeds": self.seeds}
 
-    def conditions(self, bench: Bench) -> dict:
+    def conditions(self, bench: Bench) -> dict[str, Any]:
         """What figures and plots say of the windows."""
         frames = check_gap(self.gap)
         return {
@@ -74,9 +81,8 @@ def train_variant(setting: Setting, stage: str, run: Path, config: ModelConfig, 
     torch.set_num_threads(setting.threads)
     minutes = None if setting.steps else setting.minutes
     budget = Budget(minutes=minutes, steps=setting.steps, learning_rate=LEARNING_RATE)
-    return train_stage(
-        stage, setting.cache, run, config, budget, setting.frames_per_step, seed, setting.device
-    )
+    job = Job(setting.cache, run, budget, setting.frames_per_step, seed, setting.device)
+    return train_stage(stage, job, config)
 
 
 def curve(run: Path, stage: str, term: str) -> tuple[list[int], list[float]]:
@@ -85,7 +91,7 @@ def curve(run: Path, stage: str, term: str) -> tuple[list[int], list[float]]:
     return [h["step"] for h in history], [h[term] for h in history]
 
 
-def measure(bench: Bench, methods: dict[str, Method], gap: int) -> dict[str, dict[str, dict]]:
+def measure(bench: Bench, methods: dict[str, Method], gap: int) -> Methods:
     """Every figure of every method, and of ground truth, with its interval."""
     return summarise(measure_gap(bench, methods, set(), gap))
 
@@ -95,7 +101,7 @@ def sampled(method: Method, sampling: Sampling) -> Method:
     return lambda segments, frames, _: method(segments, frames, sampling)
 
 
-def mean_loss(loss_fn: Callable, model: torch.nn.Module, batches: int, seed: int = 99) -> dict[str, float]:
+def mean_loss(loss_fn: Loss[M], model: M, batches: int, seed: int = 99) -> dict[str, float]:
     """A training loss on another split, in the mean over random batches."""
     generator = torch.Generator().manual_seed(seed)
     sums: dict[str, float] = {}
@@ -106,57 +112,18 @@ def mean_loss(loss_fn: Callable, model: torch.nn.Module, batches: int, seed: int
     return sums | {"total": sum(v for n, v in sums.items() if not n.startswith("_"))}
 
 
-def test_store(setting: Setting) -> ClipStore:
-    """The clips that are measured on."""
-    return ClipStore(setting.cache, setting.split)
+def panels_of(
+    names: Sequence[str], truth: dict[str, Figure], x_label: str, lines: Callable[[str], list[Line]]
+) -> list[Panel]:
+    """A panel for each figure of `TITLES` in ``names`` that was measured; ``lines`` draws one by its name."""
+    return [
+        Panel(TITLES[name], x_label, lines(name), truth=truth[name]["mean"] if name in TRUTH_DRAWN else None)
+        for name in names
+        if name in truth
+    ]
 
 
-@dataclass
-class Line:
-    """One line of a panel; with several seeds ``values`` holds a row for each, and their range is shaded."""
-
-    label: str
-    x: list[float]
-    values: list[list[float]]
-
-
-@dataclass
-class Panel:
-    """One plot of a figure."""
-
-    title: str
-    x_label: str
-    lines: list[Line]
-    log: bool = False
-    truth: float | None = None  # ground truth's value, as a dashed line
-
-
-def draw(out: Path, title: str, panels: list[Panel]) -> None:
-    """Panels side by side under a title."""
-    figure, axes = plt.subplots(1, len(panels), figsize=(4.6 * len(panels), 4.0), squeeze=False)
-    for axis, panel in zip(axes[0], panels, strict=True):
-        for line in panel.lines:
-            rows = np.array(line.values, dtype=float)
-            (drawn,) = axis.plot(
-                line.x, rows.mean(0), marker="o" if len(line.x) < 20 else None, label=line.label
-            )
-            if len(rows) > 1:
-                axis.fill_between(line.x, rows.min(0), rows.max(0), alpha=0.2, color=drawn.get_color(), lw=0)
-        if panel.truth is not None:
-            axis.axhline(panel.truth, color="grey", ls="--", lw=1.0, label="ground truth")
-        if panel.log:
-            axis.set_yscale("log")
-        axis.set_title(panel.title, fontsize=10)
-        axis.set_xlabel(panel.x_label)
-        axis.grid(alpha=0.25)
-        axis.legend(fontsize=7)
-    figure.suptitle(title, fontsize=10)
-    figure.tight_layout()
-    figure.savefig(out, dpi=110)
-    plt.close(figure)
-
-
-def write(setting: Setting, name: str, report: dict, title: str, panels: list[Panel]) -> None:
+def write(setting: Setting, name: str, report: dict[str, Any], title: str, panels: list[Panel]) -> None:
     """``NAME.json`` and ``NAME.png`` in the output folder."""
     setting.out.mkdir(parents=True, exist_ok=True)
     (setting.out / f"{name}.json").write_text(json.dumps({"analysis": name} | report, indent=1) + "\n")

@@ -4,26 +4,21 @@ Both train a tokenizer and a pose module of the same sizes for the same time, wi
 no tokens. Neither decoder is refined.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import prod
 from pathlib import Path
+from typing import Any
 
-from troupe_training.analyses.common import (
-    Line,
-    Panel,
-    Setting,
-    budget_text,
-    curve,
-    mean_loss,
-    measure,
-    test_store,
-    train_variant,
-    write,
-)
-from troupe_training.config import FSQ_LEVELS, ModelConfig
-from troupe_training.evaluate import TRUTH, Method, of_networks
-from troupe_training.inbetween import RunNetworks
-from troupe_training.stages import load, pose_loss, tokenizer_loss
+from troupe_training.analyses.common import Setting, budget_text, curve, mean_loss, measure, train_variant, write
+from troupe_training.evaluate.bench import Method
+from troupe_training.evaluate.motionbricks import of_networks, run_networks
+from troupe_training.evaluate.report import TRUTH
+from troupe_training.models.motionbricks.config import FSQ_LEVELS, ModelConfig
+from troupe_training.train.motionbricks.pose import POSE, pose_loss
+from troupe_training.train.motionbricks.root import ROOT
+from troupe_training.train.motionbricks.tokenizer import TOKENIZER, tokenizer_loss
+from troupe_training.train.plots import Line, Panel
 
 TEST_BATCHES = 20
 
@@ -39,18 +34,19 @@ def variants(preset: ModelConfig) -> dict[str, ModelConfig]:
 
 def _with_root(folder: Path, source: Path) -> None:
     """Puts the run's root module into a variant's folder."""
-    root = (Path(source) / "root.pt").resolve()
+    root = ROOT.path(source).resolve()
     if not root.exists():
         raise SystemExit(f"{root} is missing: fsq-vq takes --run, whose root module both variants use")
     folder.mkdir(parents=True, exist_ok=True)
-    if not (folder / "root.pt").exists():
-        (folder / "root.pt").symlink_to(root)
+    if not ROOT.path(folder).exists():
+        ROOT.path(folder).symlink_to(root)
 
 
 def run(setting: Setting) -> bool:
     """Trains and measures both; false where it was stopped."""
-    bench, store = setting.bench(), test_store(setting)
-    found: dict[str, list[dict]] = {}
+    bench = setting.bench()
+    store = bench.store
+    found: dict[str, list[dict[str, Any]]] = {}
     methods: dict[str, Method] = {}
     for name, config in variants(setting.preset).items():
         for seed in setting.seeds:
@@ -59,25 +55,24 @@ def run(setting: Setting) -> bool:
             for stage in ("tokenizer", "pose"):
                 if not train_variant(setting, stage, folder, config, seed):
                     return False
-            models = {stage: load(folder, stage, store) for stage in ("tokenizer", "root", "pose")}
-            kept = mean_loss(
-                tokenizer_loss(store, setting.frames_per_step), models["tokenizer"], TEST_BATCHES
-            )
-            told = pose_loss(store, setting.frames_per_step, models["tokenizer"], models["root"])
+            tokenizer, root = TOKENIZER.load(folder, store), ROOT.load(folder, store)
+            pose = POSE.load(folder, store)
+            kept = mean_loss(tokenizer_loss(store, setting.frames_per_step), tokenizer, TEST_BATCHES)
+            told = pose_loss(store, setting.frames_per_step, tokenizer, root)
             found.setdefault(name, []).append(
                 {
                     "seed": seed,
                     "test_reconstruction": kept["total"] - kept["commitment"],
                     "test_joint_loss": kept["fk"],
                     "codes_used": kept["_perplexity"],
-                    "test_entropy": mean_loss(told, models["pose"], TEST_BATCHES)["entropy"],
+                    "test_entropy": mean_loss(told, pose, TEST_BATCHES)["entropy"],
                     "curves": {
                         "reconstruction": curve(folder, "tokenizer", "fk"),
                         "entropy": curve(folder, "pose", "entropy"),
                     },
                 }
             )
-            methods[f"{name}, seed {seed}"] = of_networks(RunNetworks(folder, store))
+            methods[f"{name}, seed {seed}"] = of_networks(run_networks(folder, store))
     figures = measure(bench, methods, setting.gap)
     for name, rows in found.items():
         for row in rows:
@@ -86,13 +81,11 @@ def run(setting: Setting) -> bool:
     return True
 
 
-def _write(setting: Setting, found: dict[str, list[dict]], about: dict) -> None:
+def _write(setting: Setting, found: dict[str, list[dict[str, Any]]], about: dict[str, Any]) -> None:
     def curves(name: str) -> list[Line]:
-        return [
-            Line(k, rows[0]["curves"][name][0], [rows[0]["curves"][name][1]]) for k, rows in found.items()
-        ]
+        return [Line(k, rows[0]["curves"][name][0], [rows[0]["curves"][name][1]]) for k, rows in found.items()]
 
-    def bars(value) -> list[Line]:
+    def bars(value: Callable[[dict[str, Any]], float]) -> list[Line]:
         return [Line(k, [float(i)], [[value(r)] for r in rows]) for i, (k, rows) in enumerate(found.items())]
 
     panels = [
@@ -110,6 +103,4 @@ def _write(setting: Setting, found: dict[str, list[dict]], about: dict) -> None:
         "budget": setting.budget(),
         "variants": found,
     } | about
-    write(
-        setting, "fsq-vq", report, f"FSQ and VQ of {prod(FSQ_LEVELS)} codes: {budget_text(setting)}", panels
-    )
+    write(setting, "fsq-vq", report, f"FSQ and VQ of {prod(FSQ_LEVELS)} codes: {budget_text(setting)}", panels)

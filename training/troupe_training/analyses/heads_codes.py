@@ -5,28 +5,30 @@ random before decoding, as a pose module's mistakes would; root and keyframes ar
 """
 
 from dataclasses import replace
+from typing import Any
 
 import torch
 
 from troupe_training.analyses.common import (
-    Line,
-    Panel,
     Setting,
     budget_text,
     curve,
     mean_loss,
     measure,
-    test_store,
+    panels_of,
     train_variant,
     write,
 )
-from troupe_training.config import CONTEXT_FRAMES, ModelConfig
-from troupe_training.evaluate import TRUTH, Method
-from troupe_training.features import Segments
-from troupe_training.inbetween import Sampling
-from troupe_training.motion import Motion
-from troupe_training.stages import load, tokenizer_loss
-from troupe_training.tokenizer import Tokenizer
+from troupe_training.data.conventions import CONTEXT_FRAMES
+from troupe_training.data.motion import Motion
+from troupe_training.data.store import Segments
+from troupe_training.evaluate.bench import Method, Sampling
+from troupe_training.evaluate.report import TRUTH
+from troupe_training.evaluate.tables import Figure
+from troupe_training.models.motionbricks.config import ModelConfig
+from troupe_training.models.motionbricks.tokenizer import Tokenizer
+from troupe_training.train.motionbricks.tokenizer import TOKENIZER, tokenizer_loss
+from troupe_training.train.plots import Line, Panel
 
 CAPACITY_BITS = 24
 VARIANTS = ((2, 4096), (3, 256), (4, 64), (6, 16), (8, 8), (12, 4))
@@ -34,6 +36,7 @@ LATENT_WIDTH = 96
 SHARES = (0.0, 0.1, 0.2, 0.4)
 GAP = 31  # a window of 36 frames is nine whole tokens
 TEST_BATCHES = 20
+FIGURES = ("fid", "npss", "target_keyframe_error_m", "l2p_m")
 
 
 def variant(preset: ModelConfig, heads: int, codes: int) -> ModelConfig:
@@ -61,8 +64,9 @@ def spoilt(model: Tokenizer, share: float) -> Method:
 
 def run(setting: Setting) -> bool:
     """Trains and measures all variants; false where it was stopped."""
-    bench, store = setting.bench(), test_store(setting)
-    found: dict[str, list[dict]] = {}
+    bench = setting.bench()
+    store = bench.store
+    found: dict[str, list[dict[str, Any]]] = {}
     methods: dict[str, Method] = {}
     for heads, codes in VARIANTS:
         config = variant(setting.preset, heads, codes)
@@ -70,12 +74,10 @@ def run(setting: Setting) -> bool:
             folder = setting.out / "heads-codes" / f"{heads}x{codes}-seed{seed}"
             if not train_variant(setting, "tokenizer", folder, config, seed):
                 return False
-            model = load(folder, "tokenizer", store)
+            model = TOKENIZER.load(folder, store)
             loss = mean_loss(tokenizer_loss(store, setting.frames_per_step), model, TEST_BATCHES)
-            row = {"seed": seed, "test_loss": loss["total"] - loss["commitment"]}
-            found.setdefault(f"{heads} x {codes}", []).append(
-                row | {"curve": curve(folder, "tokenizer", "fk")}
-            )
+            row: dict[str, Any] = {"seed": seed, "test_loss": loss["total"] - loss["commitment"]}
+            found.setdefault(f"{heads} x {codes}", []).append(row | {"curve": curve(folder, "tokenizer", "fk")})
             methods |= {_key(f"{heads} x {codes}", seed, share): spoilt(model, share) for share in SHARES}
     figures = measure(bench, methods, GAP)
     for name, rows in found.items():
@@ -89,29 +91,16 @@ def _key(name: str, seed: int, share: float) -> str:
     return f"{name}, seed {seed}, {share} wrong"
 
 
-def _write(setting: Setting, found: dict[str, list[dict]], truth: dict) -> None:
+def _write(setting: Setting, found: dict[str, list[dict[str, Any]]], truth: dict[str, Figure]) -> None:
     def lines(figure: str) -> list[Line]:
         return [
-            Line(
-                name,
-                list(SHARES),
-                [[r["perturbed"][str(s)][figure]["mean"] for s in SHARES] for r in rows],
-            )
+            Line(name, list(SHARES), [[r["perturbed"][str(s)][figure]["mean"] for s in SHARES] for r in rows])
             for name, rows in found.items()
         ]
 
-    panels = [
-        Panel(
-            "joint loss in training (m x 6)",
-            "update",
-            [Line(name, *rows[0]["curve"][:1], [rows[0]["curve"][1]]) for name, rows in found.items()],
-            log=True,
-        )
-    ]
-    wanted = [("npss", "NPSS"), ("target_keyframe_error_m", "target joints, worst (m)"), ("l2p_m", "L2P (m)")]
-    if setting.evaluator:
-        wanted.insert(0, ("fid", "FID"))
-    panels += [Panel(title, "share of wrong tokens", lines(figure)) for figure, title in wanted]
+    curves = [Line(name, rows[0]["curve"][0], [rows[0]["curve"][1]]) for name, rows in found.items()]
+    panels = [Panel("joint loss in training (m x 6)", "update", curves, log=True)]
+    panels += panels_of(FIGURES, truth, "share of wrong tokens", lines)
     report = {
         "capacity_bits": CAPACITY_BITS,
         "latent_width": LATENT_WIDTH,

@@ -3,17 +3,16 @@
 At temperature 0, and at temperature 1 with several seeds.
 """
 
-from troupe_training.analyses.common import Line, Panel, Setting, measure, sampled, write
-from troupe_training.evaluate import TRUTH, of_networks
-from troupe_training.inbetween import Sampling
+from typing import Any
+
+from troupe_training.analyses.common import Setting, measure, panels_of, sampled, write
+from troupe_training.evaluate.bench import Sampling
+from troupe_training.evaluate.motionbricks import of_networks
+from troupe_training.evaluate.report import TRUTH
+from troupe_training.train.plots import Line
 
 STEPS = tuple(range(1, 11))
-FIGURES = (
-    ("fid", "FID"),
-    ("foot_skate_m_per_frame", "foot skate (m/frame)"),
-    ("joint_jitter_mps2", "joint jitter (m/s²)"),
-    ("l2p_m", "L2P (m)"),
-)
+FIGURES = ("fid", "foot_skate_m_per_frame", "joint_jitter_mps2", "l2p_m")
 
 
 def run(setting: Setting) -> bool:
@@ -28,20 +27,18 @@ def run(setting: Setting) -> bool:
     }
     figures = measure(bench, methods, setting.gap)
     truth = figures[TRUTH]
-    found: dict[str, list[dict]] = {"temperature 0": [], "temperature 1": []}
+    found: dict[str, list[dict[str, Any]]] = {"temperature 0": [], "temperature 1": []}
     for name, _, seed in cases:
         rows = {str(steps): figures[f"{name}, seed {seed}, {steps}"] for steps in STEPS}
         found[name].append({"seed": seed, "steps": rows})
-    panels = []
-    for figure, title in FIGURES:
-        if figure not in truth:
-            continue
-        lines = [
+
+    def lines(figure: str) -> list[Line]:
+        return [
             Line(name, list(STEPS), [[run["steps"][str(s)][figure]["mean"] for s in STEPS] for run in runs])
             for name, runs in found.items()
         ]
-        level = truth[figure]["mean"] if figure in ("foot_skate_m_per_frame", "joint_jitter_mps2") else None
-        panels.append(Panel(title, "pose steps", lines, truth=level))
+
+    panels = panels_of(FIGURES, truth, "pose steps", lines)
     report = {"source": setting.source.name, "seeds": setting.seeds, "ground_truth": truth, "runs": found}
     title = f"pose refinement steps, gap of {setting.gap} frames, {setting.source.name}"
     write(setting, "pose-steps", report | setting.conditions(bench), title, panels)

@@ -1,4 +1,4 @@
-"""Planning anew every 1 to 8 frames (paper appendix C, figure 15): roll-outs over test clips to a target keyframe.
+"""Planning again every 1 to 8 frames (paper appendix C, figure 15): roll-outs over test clips to a target keyframe.
 
 From the four context frames a plan is made to the target, its next k frames are played, the last four frames played are
 the context of the next plan to the same target, and so on; a plan goes on from its context as in live sessions. When less
@@ -6,21 +6,25 @@ than the shortest segment (12 frames) is left, the last plan is played to its en
 """
 
 import torch
+from torch import Tensor
 
-from troupe_training.analyses.common import Line, Panel, Setting, measure, write
-from troupe_training.config import CONTEXT_FRAMES, FRAMES_PER_TOKEN, MIN_TOKENS
-from troupe_training.evaluate import TRUTH, Bench, Method
-from troupe_training.features import Segments, local_root_of
-from troupe_training.inbetween import Keys, Sampling, in_between
-from troupe_training.motion import Motion, concatenate, global_root_of, pose_features
-from troupe_training.pinning import carry_on
-from troupe_training.rotations import yaw_matrix
+from troupe_training.analyses.common import Setting, measure, panels_of, write
+from troupe_training.data.conventions import CONTEXT_FRAMES, MIN_FRAMES
+from troupe_training.data.motion import Motion, concatenate, pose_features
+from troupe_training.data.roots import local_root_of
+from troupe_training.data.rotations import yaw_matrix
+from troupe_training.data.store import Segments
+from troupe_training.evaluate.bench import Bench, Method, Sampling
+from troupe_training.evaluate.motionbricks import Keys, StageNetworks, in_between
+from troupe_training.evaluate.pinning import carry_on
+from troupe_training.evaluate.report import TRUTH
+from troupe_training.train.plots import Line
 
 INTERVALS = tuple(range(1, 9))
-SHORTEST = MIN_TOKENS * FRAMES_PER_TOKEN
+FIGURES = ("fid", "target_keyframe_error_m", "joint_jitter_mps2", "foot_skate_m_per_frame")
 
 
-def moved(motion: Motion, yaw: torch.Tensor, before: torch.Tensor, after: torch.Tensor) -> Motion:
+def moved(motion: Motion, yaw: Tensor, before: Tensor, after: Tensor) -> Motion:
     """Shifted by ``before``, turned by ``yaw`` and shifted by ``after`` (``[B, 3, 3]``, ``[B, 3]`` each)."""
     root = torch.einsum("bij,bnj->bni", yaw, motion.root + before[:, None]) + after[:, None]
     return Motion(root, yaw[:, None, None] @ motion.rotations, motion.contacts)
@@ -29,12 +33,14 @@ def moved(motion: Motion, yaw: torch.Tensor, before: torch.Tensor, after: torch.
 def keys_of(given: Motion, bench: Bench) -> Keys:
     """The constraints that four context frames and a target, already in their segment frame, make."""
     positions, six_d = pose_features(given, bench.kinematics)
-    root = global_root_of(given, bench.left_axis)
+    root = given.global_root(bench.left_axis)
     pose = torch.cat([positions, six_d], -1).flatten(2)
     return Keys(pose, root, local_root_of(root[:, :CONTEXT_FRAMES]))
 
 
-def plan(networks, bench: Bench, context: Motion, target: Motion, frames: int, sampling: Sampling) -> Motion:
+def plan(
+    networks: StageNetworks, bench: Bench, context: Motion, target: Motion, frames: int, sampling: Sampling
+) -> Motion:
     """``frames`` frames that go on from the context, of which the first four are it."""
     last = CONTEXT_FRAMES - 1
     heading = context.headings(bench.left_axis)[:, last]
@@ -46,7 +52,7 @@ def plan(networks, bench: Bench, context: Motion, target: Motion, frames: int, s
     return carry_on(made, context, bench.skeleton.parents, bench.left_axis)
 
 
-def roll_out(networks, bench: Bench, interval: int | None) -> Method:
+def roll_out(networks: StageNetworks, bench: Bench, interval: int | None) -> Method:
     """Plays ``interval`` frames of each plan; None: the first plan to its end."""
 
     def method(segments: Segments, frames: int, sampling: Sampling) -> Motion:
@@ -58,9 +64,10 @@ def roll_out(networks, bench: Bench, interval: int | None) -> Method:
             left = frames - done
             context = played.slice(done - CONTEXT_FRAMES, done)
             made = plan(networks, bench, context, target, CONTEXT_FRAMES + left, sampling)
-            again = interval is not None and CONTEXT_FRAMES + left - interval >= SHORTEST
-            next_frames = made.slice(CONTEXT_FRAMES, CONTEXT_FRAMES + (interval if again else left))
-            played = concatenate([played, Motion(next_frames.root, next_frames.rotations)])
+            step = left
+            if interval is not None and CONTEXT_FRAMES + left - interval >= MIN_FRAMES:
+                step = interval
+            played = concatenate([played, made.slice(CONTEXT_FRAMES, CONTEXT_FRAMES + step)])
         return played
 
     return method
@@ -74,21 +81,14 @@ def run(setting: Setting) -> bool:
     figures = measure(bench, methods | {"one plan": roll_out(networks, bench, None)}, setting.gap)
     found = {str(k): figures[str(k)] for k in INTERVALS}
     once, truth = figures["one plan"], figures[TRUTH]
-    panels = []
-    for figure, title in (
-        ("fid", "FID"),
-        ("target_keyframe_error_m", "target joints, worst (m)"),
-        ("joint_jitter_mps2", "joint jitter (m/s²)"),
-        ("foot_skate_m_per_frame", "foot skate (m/frame)"),
-    ):
-        if figure not in truth:
-            continue
-        lines = [
+
+    def lines(figure: str) -> list[Line]:
+        return [
             Line("replanned", list(INTERVALS), [[found[str(k)][figure]["mean"] for k in INTERVALS]]),
             Line("one plan", list(INTERVALS), [[once[figure]["mean"]] * len(INTERVALS)]),
         ]
-        level = truth[figure]["mean"] if figure in ("joint_jitter_mps2", "foot_skate_m_per_frame") else None
-        panels.append(Panel(title, "frames between plans", lines, truth=level))
+
+    panels = panels_of(FIGURES, truth, "frames between plans", lines)
     report = {"source": setting.source.name, "ground_truth": truth, "intervals": found, "one_plan": once}
     title = f"replan interval, gap of {setting.gap} frames, {setting.source.name}"
     write(setting, "replan", report | setting.conditions(bench), title, panels)

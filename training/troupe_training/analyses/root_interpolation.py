@@ -8,17 +8,22 @@ were captured.
 from dataclasses import replace
 
 import torch
+from torch import Tensor
 
-from troupe_training.analyses.common import Line, Panel, Setting, write
-from troupe_training.config import CONTEXT_FRAMES
-from troupe_training.evaluate import TRUTH, Bench, Found, check_gap, glue, summarise
-from troupe_training.inbetween import Keys, Plan, Sampling, decode, make_plan
-from troupe_training.motion import Motion
+from troupe_training.analyses.common import Setting, panels_of, write
+from troupe_training.data.conventions import CONTEXT_FRAMES
+from troupe_training.data.motion import Motion
+from troupe_training.evaluate.bench import Bench, Sampling, check_gap
+from troupe_training.evaluate.motionbricks import Keys, Plan, StageNetworks, decode, make_plan
+from troupe_training.evaluate.report import TRUTH, Arrays, Found, glue, summarise
+from troupe_training.evaluate.tables import Methods
+from troupe_training.train.plots import Line
 
 RATIOS = (0.8, 0.9, 1.0, 1.1, 1.2)
+FIGURES = ("fid", "reached", "foot_skate_m_per_frame", "target_keyframe_error_m")
 
 
-def drawn_out(root: torch.Tensor, ratio: float) -> torch.Tensor:
+def drawn_out(root: Tensor, ratio: float) -> Tensor:
     """Roots ``[B, N, 3 or 5]`` whose way over the ground since the last context frame is ``ratio`` times as long."""
     last = CONTEXT_FRAMES - 1
     ground = torch.zeros(root.shape[-1])
@@ -35,13 +40,13 @@ def override(plan: Plan, ratio: float, keyframes: bool) -> Plan:
     return replace(plan, global_root=drawn_out(plan.global_root, ratio), frame_pose=pose, frame_mask=mask)
 
 
-def measure(bench: Bench, networks, gap: int) -> dict[str, dict[str, dict]]:
+def measure(bench: Bench, networks: StageNetworks, gap: int) -> Methods:
     """Figures of ground truth and for each ratio, with and without keyframes."""
     frames = check_gap(gap)
     starts, pieces = bench.windows(frames)
     cases = [(ratio, keyframes) for keyframes in (True, False) for ratio in RATIOS]
-    parts: dict[tuple, list[dict]] = {case: [] for case in cases}
-    truths: list[dict] = []
+    parts: dict[tuple[float, bool], list[Arrays]] = {case: [] for case in cases}
+    truths: list[Arrays] = []
     for segments, headings in bench.segments(starts, frames, "root interpolation"):
         truth = Motion.of(segments)
         truths.append(bench.measure(truth, truth, headings))
@@ -71,21 +76,13 @@ def run(setting: Setting) -> bool:
         }
         for keyframes in (True, False)
     }
-    wanted = [
-        ("reached", "target root reached (share)"),
-        ("foot_skate_m_per_frame", "foot skate (m/frame)"),
-        ("target_keyframe_error_m", "target joints, worst (m)"),
-    ]
-    if setting.evaluator:
-        wanted.insert(0, ("fid", "FID"))
-    panels = []
-    for figure, title in wanted:
-        lines = [
-            Line(name, list(RATIOS), [[rows[str(r)][figure]["mean"] for r in RATIOS]])
-            for name, rows in found.items()
+
+    def lines(figure: str) -> list[Line]:
+        return [
+            Line(name, list(RATIOS), [[rows[str(r)][figure]["mean"] for r in RATIOS]]) for name, rows in found.items()
         ]
-        level = truth[figure]["mean"] if figure == "foot_skate_m_per_frame" else None
-        panels.append(Panel(title, "root interpolation ratio", lines, truth=level))
+
+    panels = panels_of(FIGURES, truth, "root interpolation ratio", lines)
     report = {"source": setting.source.name, "ground_truth": truth, "ratios": found}
     title = f"root interpolation, gap of {setting.gap} frames, {setting.source.name}"
     write(setting, "root-interpolation", report | setting.conditions(bench), title, panels)

@@ -1,0 +1,157 @@
+"""Robots: URDFs, motion files, kinematics, and what is said where they do not fit."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot_support import COLUMNS, ball, biped, walk_rows, write_rows
+from troupe_training.data.clips import headings
+from troupe_training.robots.build import build_robot
+from troupe_training.robots.robot import RobotError
+from troupe_training.robots.source import RobotSource, read_motion
+from troupe_training.robots.urdf import UrdfError, read_urdf
+
+STRAIGHT = [0.0] * 9
+
+
+def robot_of(tmp_path: Path, text: str, **options):
+    path = tmp_path / "robot.urdf"
+    path.write_text(text)
+    return build_robot(read_urdf(path), **options)
+
+
+def pose_of(tmp_path: Path, robot, row: list[float]) -> tuple[np.ndarray, np.ndarray]:
+    positions, rotations = robot.world(*read_motion(write_rows(tmp_path / "one.csv", [row]), robot))
+    return positions[0], rotations[0]
+
+
+def test_joints_columns_and_end_effectors_come_from_the_urdf(tmp_path: Path):
+    robot = robot_of(tmp_path, biped())
+    assert robot.names == ["pelvis", *COLUMNS, "left_toe", "right_toe", "left_hand", "right_hand"]
+    assert robot.columns[7:] == COLUMNS
+    assert robot.contacts == ["left_ankle", "left_toe", "right_ankle", "right_toe"]
+    table = robot.table()
+    assert table["name"] == "toy"
+    knee = table["hinges"][1]
+    # Pitch about ROS's +Y is a turn about native +X.
+    assert knee["joint"] == "left_knee" and knee["axis"] == [1.0, 0.0, 0.0]
+    assert knee["rest"] == pytest.approx([math.cos(0.1), math.sin(0.1), 0, 0])
+    assert (knee["lower_rad"], knee["upper_rad"], knee["max_speed_rad_per_s"]) == (-0.2, 2.5, 20.0)
+
+
+def test_forward_kinematics_by_hand(tmp_path: Path):
+    robot = robot_of(tmp_path, biped())
+    at = dict(zip(robot.names, pose_of(tmp_path, robot, [1, 2, 3, 0, 0, 0, 1, *STRAIGHT])[0], strict=True))
+    # Standing straight: native is (y, z, x) of ROS's axes.
+    assert at["left_knee"] == pytest.approx([2.1, 2.6, 1.0])
+    assert at["left_ankle"] == pytest.approx([2.1, 2.2, 1.0])
+    assert at["left_toe"] == pytest.approx([2.1, 2.15, 1.15])
+    assert at["right_hand"] == pytest.approx([1.79, 2.9, 1.0])
+    # Turned left by 90 degrees, left hip raised by 90 degrees, knee bent by 90: the thigh points along +Y, the shin down.
+    half = math.sqrt(0.5)
+    angles = [-math.pi / 2, math.pi / 2, *STRAIGHT[2:]]
+    positions, rotations = pose_of(tmp_path, robot, [0, 0, 1, 0, 0, half, half, *angles])
+    at = dict(zip(robot.names, positions, strict=True))
+    assert at["left_hip"] == pytest.approx([0.0, 1.0, -0.1], abs=1e-6)
+    assert at["left_knee"] == pytest.approx([0.4, 1.0, -0.1], abs=1e-6)
+    assert at["left_ankle"] == pytest.approx([0.4, 0.6, -0.1], abs=1e-6)
+    six_d = np.concatenate([rotations[None, :, :, 0], rotations[None, :, :, 1]], -1)
+    assert headings(six_d, np.array([1.0, 0.0, 0.0])) == pytest.approx([math.pi / 2])
+
+
+@pytest.mark.parametrize(
+    ("sole", "toe"),
+    [
+        (ball("0.1 0.02 -0.03", 0.02) + ball("-0.1 0.02 -0.03", 0.02), (0.1, 0.02, -0.05)),
+        (
+            '<collision><origin xyz="0.03 0 -0.02"/><geometry><box size="0.2 0.1 0.02"/></geometry></collision>',
+            (0.13, 0, -0.03),
+        ),
+        # A cuboid of 0.2 x 0.1 x 0.04 m and 12 kg, which has no shape but its inertia.
+        (
+            '<inertial><origin xyz="0.05 0 -0.02"/><mass value="12"/><inertia ixx="0.0116" iyy="0.0416" izz="0.05"/></inertial>',
+            (0.15, 0, -0.04),
+        ),
+    ],
+)
+def test_toes_are_the_front_of_the_sole(tmp_path: Path, sole: str, toe: tuple[float, float, float]):
+    robot = robot_of(tmp_path, biped(sole))
+    x, y, z = toe
+    assert robot.offsets[robot.names.index("left_toe")] == pytest.approx([y, z, x])
+
+
+def test_end_effectors_can_be_given(tmp_path: Path):
+    robot = robot_of(
+        tmp_path,
+        biped(sole=""),
+        end_effectors=["left_toe=left_ankle:0.2,0,-0.1", "right_toe=right_ankle:0.2,0,-0.1", "head=waist:0,0,0.6"],
+    )
+    at = {name: robot.offsets[j].tolist() for j, name in enumerate(robot.names)}
+    assert at["left_toe"] == [0.0, -0.1, 0.2] and at["head"] == [0.0, 0.6, 0.0]
+    assert robot.names[-1] == "head" and "left_hand" in at
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "message"),
+    [
+        (('type="revolute"', 'type="prismatic"'), {}, "joint left_hip_joint is prismatic"),
+        (('<axis xyz="0 1 0"/>', '<axis xyz="0 one 0"/>'), {}, "joint left_hip_joint: xyz '0 one 0'"),
+        (('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'), {}, "joint waist_joint: its axis has no length"),
+        (('<child link="torso"/>', '<child link="trunk"/>'), {}, "joint waist_joint: there is no link 'trunk'"),
+        (('lower="-0.2" upper="2.5"', 'lower="1" upper="0"'), {}, "joint left_knee_joint: its lower limit"),
+        (('velocity="20"/></joint>', 'velocity="20"/><mimic joint="waist"/></joint>'), {}, "mimic"),
+        (("<robot", "<model"), {}, "mismatched tag"),
+        (("", ""), {"end_effectors": ["beak=head:0,0,0"]}, "no joint 'head'"),
+        (("", ""), {"end_effectors": ["beak=waist:0,0"]}, "expected NAME=JOINT:x,y,z"),
+        (("", ""), {"contacts": ["left_heel"]}, r"contact joints \['left_heel'\]"),
+    ],
+)
+def test_urdf_errors_name_the_joint(tmp_path: Path, change: tuple[str, str], options: dict, message: str):
+    with pytest.raises((UrdfError, RobotError), match=message):
+        robot_of(tmp_path, biped().replace(*change, 1) if change[0] else biped(), **options)
+
+
+def test_a_foot_without_any_shape_says_what_to_give(tmp_path: Path):
+    with pytest.raises(RobotError, match="--end-effector left_toe=left_ankle:x,y,z"):
+        robot_of(tmp_path, biped(sole=""))
+
+
+def test_motion_errors_name_the_column(tmp_path: Path):
+    (tmp_path / "toy.urdf").write_text(biped())
+    source = RobotSource(tmp_path / "toy.urdf")
+
+    def changed(row: int, column: int, value: float) -> list[list[float]]:
+        rows = walk_rows(40, 0.5, 0, 1)
+        rows[row][column] = value
+        return rows
+
+    for rows, message in (
+        ([row[:-1] for row in walk_rows(40, 0.5, 0, 1)], "row 1: 15 columns, toy has 16.*left_hip to right_shoulder"),
+        (changed(7, 8, math.nan), r"frame 7: column 9 \(left_knee\) is not finite"),
+        (changed(5, 6, 3.0), "frame 5: the root's quaternion .* has length"),
+        (changed(3, 13, 40.0), r"column 14 \(waist\) is 40.00 at frame 3, far beyond its limits -2.00 to 2.00"),
+    ):
+        with pytest.raises(RobotError, match=message):
+            source.load(write_rows(tmp_path / "bad.csv", rows))
+    path = write_rows(tmp_path / "bad.csv", walk_rows(20, 0.5, 0, 1))
+    path.write_text("x,y" + ",z" * 14 + "\n" + path.read_text())
+    with pytest.raises(RobotError, match=r"row 1: column 1 \(root x\) is 'x', not a number"):
+        source.load(path)
+
+
+def test_a_root_that_lies_on_its_side_is_noted(tmp_path: Path):
+    """As it does where the quaternion is w x y z."""
+    (tmp_path / "toy.urdf").write_text(biped())
+    rows = [[*row[:3], row[6], *row[3:6], *row[7:]] for row in walk_rows(40, 0.5, 30, 1)]
+    motion = RobotSource(tmp_path / "toy.urdf").load(write_rows(tmp_path / "a.csv", rows))
+    assert any("upright in 0%" in note for note in motion.notes)
+
+
+def test_other_frame_rates_are_brought_to_thirty(tmp_path: Path):
+    (tmp_path / "toy.urdf").write_text(biped())
+    path = write_rows(tmp_path / "a.csv", walk_rows(61, 0.5, 30, 1))
+    slow, fast = (RobotSource(tmp_path / "toy.urdf", fps=fps).load(path) for fps in (30, 60))
+    assert (len(slow.positions), len(fast.positions)) == (61, 31)
+    np.testing.assert_allclose(fast.positions, slow.positions[::2], atol=1e-9)

@@ -1,0 +1,20 @@
+"""The command line: one command a step, and `pack`, which does all in one go."""
+
+import argparse
+
+from troupe_training.cli import evaluate, train  # noqa: F401 - their commands register themselves
+from troupe_training.cli.options import COMMANDS
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs one command; 0 on success, 130 where training was stopped before its budget was spent."""
+    defaults = argparse.ArgumentDefaultsHelpFormatter
+    parser = argparse.ArgumentParser(prog="troupe-train", description=__doc__, formatter_class=defaults)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for name, (run, add_options) in COMMANDS.items():
+        about = run.__doc__
+        add_options(commands.add_parser(name, help=about, description=about, formatter_class=defaults))
+        commands.choices[name].set_defaults(command=run)
+    args = parser.parse_args(argv)
+    status: int = args.command(args)
+    return status

@@ -1,0 +1,139 @@
+"""Commands and their options: each option is written once, and commands name those that they have."""
+
+import argparse
+import os
+import re
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import torch
+
+from troupe_training.data.conventions import FPS
+from troupe_training.data.store import BALANCE
+from troupe_training.models.motionbricks.config import PRESETS
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
+Run = Callable[[argparse.Namespace], int]
+STOPPED = 130  # exit status where training was stopped before its budget was spent
+
+
+def filled(kind: type[T], args: argparse.Namespace, **more: Any) -> T:
+    """An instance of a dataclass: ``more``, and for other fields the options of the same names."""
+    names = {field.name for field in fields(kind)} & set(vars(args)) - set(more)
+    return kind(**{name: getattr(args, name) for name in names}, **more)
+
+
+def expression(text: str) -> str:
+    """A regular expression, as argparse reads one."""
+    try:
+        re.compile(text)
+    except re.error as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no regular expression: {error}") from error
+    return text
+
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    # motion
+    "source": {"type": Path, "help": "folder of BVH or CSV files, searched recursively"},
+    "--contact-joints": {"nargs": "+", "help": "joints that touch the ground; found by name if left out"},
+    "--scale": {"type": float, "help": "metres per unit of the files; told from the pelvis height if left out"},
+    "--urdf": {"type": Path, "help": "the robot whose motion the CSV files hold; without it BVH files are read"},
+    "--end-effector": {
+        "action": "append",
+        "default": [],
+        "metavar": "NAME=JOINT:x,y,z",
+        "help": "a point fixed to a robot's joint, metres in its URDF frame; adds to or replaces toes and hands",
+    },
+    "--fps": {"type": float, "default": FPS, "help": "frames a second of the CSV files"},
+    "--include": {"type": expression, "help": "regular expression: only files whose name it finds"},
+    "--test-name": {
+        "type": expression,
+        "help": "regular expression: the test split is the files whose name it finds, not 5 %% by a hash",
+    },
+    "--split-list": {"type": Path, "help": "also write the names of the test files here, one a line"},
+    "--mirror": {"action": "store_true", "help": "also train on every clip with left and right swapped"},
+    "--workers": {"type": int, "default": os.cpu_count(), "help": "parsing processes"},
+    # folders
+    "--cache": {"type": Path, "default": Path("runs/cache"), "help": "folder of cached features, `prepare` writes it"},
+    "--run": {"type": Path, "default": Path("runs/human"), "help": "folder of checkpoints and curves"},
+    "--pack": {"type": Path, "default": Path("models/human"), "help": "pack folder"},
+    "--out": {"type": Path, "default": Path("models/human"), "help": "what to write"},
+    "--evaluator": {
+        "type": Path,
+        "help": "evaluator.onnx; the pack's or run's if left out. Without one no FID and MMD",
+    },
+    # training
+    "--preset": {"choices": PRESETS, "default": "default", "help": "network sizes"},
+    "--minutes": {"type": float, "help": "time for each stage; the default pack's if neither is given"},
+    "--steps": {"type": int, "help": "updates for each stage, instead of minutes"},
+    "--frames-per-step": {"type": int, "default": 4096, "help": "frames in one update"},
+    "--balance": {
+        "type": float,
+        "default": BALANCE,
+        "help": "kinds of motion are drawn by their length to this power: 1 by length, 0 evenly",
+    },
+    "--rate": {"type": float, "help": "highest learning rate; the stage's own if left out"},
+    "--fresh-schedule": {
+        "action": "store_true",
+        "help": "train a finished stage further: a new budget and learning-rate schedule from its checkpoint "
+        "(leave it out to go on after a stop)",
+    },
+    "--teacher": {"type": Path, "help": "run of a pack of a larger preset to learn from, for a small one"},
+    "--seed": {"type": int, "help": "random seed; the default pack's if left out"},
+    "--seeds": {"type": int, "nargs": "+", "default": [1], "help": "of training, or of the answers"},
+    "--device": {"default": "cuda" if torch.cuda.is_available() else "cpu", "help": "cpu or cuda"},
+    "--threads": {"type": int, "default": os.cpu_count(), "help": "CPU threads"},
+    # what a manifest says
+    "--name": {"default": "human", "help": "pack name"},
+    "--version": {"default": "0.1.0", "help": "pack version"},
+    "--licence": {"default": "unknown", "help": "licence of the weights, as the data demands"},
+    "--credit": {"action": "append", "default": [], "help": "whom to credit; may be repeated"},
+    "--like": {"type": Path, "default": Path("models/human"), "help": "pack whose skeleton to take"},
+    # measuring
+    "--gap": {"type": int, "default": 30, "help": "frames to fill"},
+    "--gaps": {"type": int, "nargs": "+", "default": [15, 30, 45], "help": "frames to fill"},
+    "--stride": {"type": int, "default": 20, "help": "frames between windows"},
+    "--max-windows": {"type": int, "help": "most windows for each gap, spread evenly"},
+    "--split": {"choices": ("test", "train"), "default": "test"},
+    "--pinned": {"action": "store_true", "help": "pin answers to their keyframes as the server does"},
+    "--delta": {"type": Path, "help": "run folder of a trained deterministic transformer"},
+    "--single-head": {"type": Path, "help": "run or pack folder of the single-head tokenizer ablation"},
+    "--temperature": {"type": float, "default": 0.0},
+    "--pose-steps": {"type": int, "default": 1},
+    "--diversity-seeds": {"type": int, "default": 20, "help": "0: no diversity"},
+    "--diversity-windows": {"type": int, "default": 100, "help": "windows a gap for diversity"},
+    "--json": {"type": Path, "help": "also write the figures here"},
+    "--markdown": {"type": Path, "help": "also write tables for a model card here"},
+    "--evaluation": {"type": Path, "help": "what `troupe eval --json FILE` wrote"},
+    "--notes": {"type": Path, "help": "Markdown about data and limits, put into the card"},
+}
+COMMANDS: dict[str, tuple[Run, Callable[[argparse.ArgumentParser], None]]] = {}
+
+
+def command(*names: str | tuple[str, ...], required: tuple[str, ...] = (), **defaults: Any) -> Callable[[Run], Run]:
+    """Makes a function a command of its name; its docstring is the help.
+
+    ``names`` are of `OPTIONS`, those in a tuple exclude each other; ``defaults`` replace theirs.
+    """
+
+    def add(parser: Any, name: str) -> None:
+        option = OPTIONS[name] | ({"required": True, "default": None} if name in required else {})
+        key = name.lstrip("-").replace("-", "_")
+        parser.add_argument(name, **option | ({"default": defaults[key]} if key in defaults else {}))
+
+    def add_all(parser: argparse.ArgumentParser) -> None:
+        for name in names:
+            group = parser.add_mutually_exclusive_group() if isinstance(name, tuple) else parser
+            for one in name if isinstance(name, tuple) else (name,):
+                add(group, one)
+
+    def register(run: Run) -> Run:
+        COMMANDS[run.__name__.replace("_", "-")] = run, add_all
+        return run
+
+    return register

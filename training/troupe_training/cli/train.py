@@ -1,0 +1,165 @@
+"""Commands that read motion and write checkpoints and packs."""
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import torch
+
+from troupe_training.cli.options import OPTIONS, STOPPED, command
+from troupe_training.data.bvh_source import BvhSource
+from troupe_training.data.clips import MotionSource
+from troupe_training.data.prepare import Choice
+from troupe_training.data.prepare import prepare as prepare_cache
+from troupe_training.data.store import ClipStore
+from troupe_training.export.evaluator import export_evaluator
+from troupe_training.export.manifest import About
+from troupe_training.export.motionbricks.adopt import adopt as adopt_pack
+from troupe_training.export.motionbricks.pack import export_run
+from troupe_training.export.motionbricks.random_pack import random_pack as export_random
+from troupe_training.models.motionbricks.config import PRESETS
+from troupe_training.robots.source import RobotSource
+from troupe_training.train.delta import DELTA, train_delta
+from troupe_training.train.evaluator import LEARNING_RATE, train_evaluator
+from troupe_training.train.motionbricks.stages import STAGES, train_stage
+from troupe_training.train.trainer import Budget, Job
+
+# Minutes, seed and learning rate of a stage where the command line does not say them.
+DEFAULTS = {
+    "tokenizer": (45.0, 10, 5e-4),
+    "root": (97.0, 11, 5e-4),
+    "pose": (41.0, 12, 5e-4),
+    "refine": (24.0, 13, 4e-4),
+    DELTA.name: (120.0, 14, 5e-4),  # as long as a pack's modules together
+}
+OPTIONS["stage"] = {"choices": DEFAULTS}
+FILES = ("source", "--contact-joints", "--scale", "--urdf", "--end-effector", "--fps", "--include", "--test-name")
+DATA = (*FILES, "--split-list", "--mirror", "--workers", "--cache")
+COMPUTING = ("--minutes", "--steps", "--frames-per-step", "--seed", "--device", "--threads")
+TRAINING = ("--run", "--preset", "--balance", *COMPUTING)
+ABOUT = ("--out", "--name", "--version", "--licence", "--credit")
+
+
+@command(*DATA)
+def prepare(args: argparse.Namespace) -> int:
+    """A folder of BVH files, or of a robot's CSV files -> cached features."""
+    prepare_cache(args.source, args.cache, _source(args), args.workers, args.split_list, _choice(args))
+    return 0
+
+
+def _choice(args: argparse.Namespace) -> Choice:
+    return Choice(args.include, args.test_name, args.mirror)
+
+
+def _source(args: argparse.Namespace) -> MotionSource:
+    """The reader of the data: a robot's CSV files where a URDF is given, else BVH."""
+    if args.urdf is None and args.end_effector:
+        raise SystemExit("--end-effector is for robots: it needs --urdf")
+    if args.urdf is not None and args.scale is not None:
+        raise SystemExit("--scale is for BVH files: a robot's are in metres")
+    if args.urdf is None:
+        return BvhSource(args.contact_joints, args.scale)
+    try:
+        return RobotSource(args.urdf, args.end_effector, args.contact_joints, args.fps)
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
+
+
+def _prepare_once(args: argparse.Namespace) -> None:
+    """Prepares, unless the cache is there already; refuses a cache that was made from another folder or otherwise."""
+    index = args.cache / "clips.json"
+    if not index.exists():
+        prepare(args)
+        return
+    made = json.loads(index.read_text())
+    advice = "choose another --name, or --run and --cache"
+    if Path(made["source"]) != args.source.resolve():
+        raise SystemExit(f"{args.cache} was made from {made['source']}; {advice}")
+    wanted = _source(args).options() | asdict(_choice(args))
+    for option, value in made.get("options", wanted).items():
+        if value != wanted.get(option):
+            raise SystemExit(f"{args.cache} was made with {option} = {value}, not {wanted.get(option)}; {advice}")
+
+
+@command("stage", "--cache", *TRAINING, "--rate", "--fresh-schedule", "--teacher")
+def train(args: argparse.Namespace) -> int:
+    """Trains one stage; stops at any moment (ctrl-c) and resumes from its checkpoint."""
+    torch.set_num_threads(args.threads)
+    stage: str = args.stage
+    minutes, seed, rate = DEFAULTS[stage]
+    minutes = args.minutes if args.minutes or args.steps else minutes
+    budget = Budget(minutes=minutes, steps=args.steps, learning_rate=args.rate or rate)
+    seed = seed if args.seed is None else args.seed
+    job = Job(args.cache, args.run, budget, args.frames_per_step, seed, args.device, args.balance, args.fresh_schedule)
+    done = train_delta(job, args.preset) if stage == DELTA.name else train_stage(stage, job, args.preset, args.teacher)
+    if not done:
+        print(f"{stage}: stopped; the same command goes on from the checkpoint")
+    return 0 if done else STOPPED
+
+
+@command("--pack", "--run", "--cache", "--preset", required=("--pack", "--run"), preset="small")
+def adopt(args: argparse.Namespace) -> int:
+    """A pack's networks -> checkpoints, to refine it further where its own are gone, or on other motion."""
+    for stage, names in adopt_pack(args.pack, args.cache, args.run, args.preset).items():
+        new = f", new: {', '.join(names)}" if names else ""
+        print(f"{args.run / stage}.pt from {args.pack}{new}")
+    print(f"next: troupe-train train refine --run {args.run} --preset {args.preset}")
+    return 0
+
+
+@command(
+    "--cache", "--out", "--run", *COMPUTING, required=("--out",), run=None, minutes=12, frames_per_step=2048, seed=17
+)
+def evaluator(args: argparse.Namespace) -> int:
+    """Trains the motion autoencoder that FID and MMD are measured with; its checkpoint lies beside the cache."""
+    torch.set_num_threads(args.threads)
+    cache = args.cache.resolve()
+    run = args.run or cache.with_name(cache.name + "-evaluator")
+    budget = Budget(minutes=None if args.steps else args.minutes, steps=args.steps, learning_rate=LEARNING_RATE)
+    trained = train_evaluator(args.cache, run, budget, args.frames_per_step, args.seed, args.device)
+    if trained is None:
+        print("evaluator: stopped; the same command goes on from the checkpoint")
+        return STOPPED
+    model, steps, measured = trained
+    difference = export_evaluator(model, ClipStore(args.cache, "train"), args.out)
+    size = args.out.stat().st_size / 1e6
+    print(f"{args.out}: {size:.1f} MB, {steps} updates, differs from PyTorch by {difference:.1e}")
+    for split, errors in measured.items():
+        for frames, error in errors.items():
+            print(
+                f"{split}, {frames} frames: joints off by {1e3 * error['joint_m']:.1f} mm, root by "
+                f"{1e3 * error['root_m']:.1f} mm, joint velocities by {error['velocity_mps']:.3f} m/s"
+            )
+    return 0
+
+
+@command("--run", "--cache", *ABOUT)
+def export(args: argparse.Namespace) -> int:
+    """Checkpoints -> a pack of ONNX files, checked against PyTorch."""
+    export_run(args.run, args.cache, args.out, About(args.name, args.version, args.licence, args.credit))
+    return 0
+
+
+@command("--preset", "--out", "--like", "--seed", required=("--out",), preset="paper", seed=1)
+def random_pack(args: argparse.Namespace) -> int:
+    """A pack with random weights, for timing: its motion means nothing."""
+    counts = export_random(args.out, args.like, PRESETS[args.preset], args.preset, args.seed)
+    for network, parameters in counts.items():
+        print(f"{network:>8} {parameters / 1e6:8.1f} M parameters")
+    print(f"{args.out}: random weights of preset {args.preset}")
+    return 0
+
+
+@command(*DATA, *TRAINING, *ABOUT, run=None, cache=None)
+def pack(args: argparse.Namespace) -> int:
+    """A folder of motion -> a trained pack in runs/NAME: prepare, all stages, export, in one command."""
+    args.run = args.run or Path("runs") / args.name
+    args.cache = args.cache or args.run / "cache"
+    args.rate, args.fresh_schedule, args.teacher = None, False, None
+    _prepare_once(args)
+    for stage in STAGES:
+        args.stage = stage
+        if train(args) == STOPPED:
+            return STOPPED
+    return export(args)

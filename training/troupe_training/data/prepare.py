@@ -1,0 +1,180 @@
+"""``prepare``: a folder of BVH files, or of a robot's CSV files -> cached arrays that training reads.
+
+The cache holds, for all clips end to end: world joint positions ``[F, J, 3]`` (metres), world rotations in 6D
+``[F, J, 6]``, headings ``[F]``, contacts ``[F, C]``; ``clips.json`` says which frames belong to which clip, which files
+were dropped, cut or look odd, and why; ``skeleton.json`` is the skeleton that all kept clips share.
+"""
+
+import json
+import re
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from troupe_training.data.bvh_source import BvhSource
+from troupe_training.data.clips import (
+    MAX_FLOOR_ERROR_M,
+    Clip,
+    MotionSource,
+    cut,
+    detect_contacts,
+    floor_errors,
+    headings,
+    in_test_split,
+)
+from troupe_training.data.conventions import FPS
+from troupe_training.data.mirror import mirror_of
+from troupe_training.data.skeleton import Skeleton
+from troupe_training.data.store import ClipEntry
+
+MAX_OFFSET_ERROR_M = 0.02
+NOTES_SHOWN = 4  # of one file; clips.json has them all
+
+
+@dataclass
+class Choice:
+    """Which files are taken and what for."""
+
+    include: str | None = None  # only files whose name this expression finds
+    test_name: str | None = None  # finds the names of the test split; a hash of the name tells where left out
+    mirror: bool = False  # adds the mirror image of every training clip
+
+    def tests(self, clip: Clip) -> bool:
+        """True for clips kept for testing."""
+        return in_test_split(clip.file, self.test_name)
+
+
+@dataclass
+class Loaded:
+    """Result of one file: its clips, or the reason why there are none."""
+
+    file: str
+    names: list[str] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    offsets: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    clips: list[Clip] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    dropped: str | None = None
+
+
+def _load(path: Path, source: MotionSource) -> Loaded:
+    try:
+        motion = source.load(path)
+        clips, notes = cut(path.name, motion)
+    except (ValueError, LookupError, ArithmeticError, OSError, MemoryError) as error:
+        return Loaded(path.name, dropped=str(error) or type(error).__name__)
+    return Loaded(path.name, motion.names, motion.parents, motion.offsets, clips, notes)
+
+
+def _files(folder: Path, source: MotionSource, include: str | None) -> list[Path]:
+    files = sorted(p for p in folder.rglob("*") if p.suffix.lower() == source.suffix)
+    if not files:
+        hint = "; CSV files need their robot's --urdf" if any(folder.rglob("*.csv")) else ""
+        raise SystemExit(f"no {source.suffix} file under {folder}{hint}")
+    files = [p for p in files if include is None or re.search(include, p.name)]
+    if not files:
+        raise SystemExit(f"no {source.suffix} file under {folder} has a name that fits {include!r}")
+    return files
+
+
+def _drop_odd_skeletons(loaded: list[Loaded]) -> None:
+    """Drops the files whose joints or bones are not those of the others."""
+    kept = [one for one in loaded if one.dropped is None]
+    for one in kept:
+        if one.names != kept[0].names:
+            one.dropped = "another skeleton than the first clip's"
+    kept = [one for one in kept if one.dropped is None]
+    usual = np.median([one.offsets for one in kept], axis=0)
+    for one in kept:
+        error = np.abs(one.offsets - usual)[1:].max(initial=0.0)
+        if error > MAX_OFFSET_ERROR_M:
+            one.dropped = f"a bone is {error:.3f} m off the usual length"
+
+
+def prepare(
+    folder: Path,
+    cache: Path,
+    source: MotionSource | None = None,
+    workers: int = 1,
+    split_list: Path | None = None,
+    choice: Choice | None = None,
+) -> None:
+    """Builds the cache and prints what was kept, cut and dropped, by name and reason.
+
+    ``split_list`` also gets the names of the test files, one a line.
+    """
+    source, choice = source or BvhSource(), choice or Choice()
+    files = _files(folder, source, choice.include)
+    with ProcessPoolExecutor(workers) as pool:
+        results = pool.map(partial(_load, source=source), files, chunksize=1 + len(files) // (16 * workers))
+        loaded = list(tqdm(results, total=len(files), desc="prepare"))
+    if all(one.dropped for one in loaded):
+        raise SystemExit(f"none of {len(files)} files can be used, e.g. {loaded[0].file}: {loaded[0].dropped}")
+    _drop_odd_skeletons(loaded)
+    kept = [one for one in loaded if one.dropped is None]
+    clips = [clip for one in kept for clip in one.clips]
+    offsets = np.median([one.offsets for one in kept], axis=0)
+    notes = {one.file: one.notes for one in kept if one.notes}
+    try:
+        skeleton = source.skeleton(kept[0].names, kept[0].parents, offsets, clips)
+        if choice.mirror:
+            trained = [c for c in clips if not choice.tests(c)]
+            mirroring = mirror_of(skeleton, trained)
+            notes |= {"mirror": mirroring.notes} if mirroring.notes else {}
+            clips += [mirroring.clip(c) for c in trained]
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
+
+    for clip, floor in zip(clips, floor_errors(clips, skeleton), strict=True):
+        if abs(floor) > MAX_FLOOR_ERROR_M and not clip.mirrored:
+            text = f"{clip.name}: its feet stand {floor:+.3f} m off the ground of the other clips"
+            notes.setdefault(clip.file, []).append(text)
+    dropped = {one.file: one.dropped for one in loaded if one.dropped is not None}
+    tested = [choice.tests(c) for c in clips]
+    about = {"source": str(folder.resolve()), "options": source.options() | asdict(choice)}
+    _write(cache, skeleton, clips, tested, about | {"dropped": dropped, "notes": notes})
+    if split_list is not None:
+        names = sorted({c.file for c, test in zip(clips, tested, strict=True) if test})
+        split_list.write_text("".join(name + "\n" for name in names))
+    _report(clips, sum(tested), dropped, notes)
+
+
+def _report(clips: list[Clip], tested: int, dropped: dict[str, str], notes: dict[str, list[str]]) -> None:
+    mirrored = sum(c.mirrored for c in clips)
+    hours = sum(len(c.positions) for c in clips if not c.mirrored) / FPS / 3600
+    print(
+        f"{len(clips) - mirrored} clips, {hours:.2f} hours; {len(clips) - mirrored - tested} to train"
+        f"{' and as many mirrored' if mirrored else ''}, {tested} to test; {len(dropped)} files dropped"
+    )
+    for name, reason in dropped.items():
+        print(f"dropped {name}: {reason}")
+    for name, texts in notes.items():
+        for text in texts[:NOTES_SHOWN]:
+            print(f"note {name}: {text}")
+        if len(texts) > NOTES_SHOWN:
+            print(f"note {name}: and {len(texts) - NOTES_SHOWN} more, all in clips.json")
+
+
+def _write(cache: Path, skeleton: Skeleton, clips: list[Clip], tested: list[bool], about: dict[str, Any]) -> None:
+    cache.mkdir(parents=True, exist_ok=True)
+    skeleton.save(cache / "skeleton.json")
+    left = np.array(skeleton.left_axis)
+    turned = np.concatenate([headings(c.six_d, left) for c in clips])
+    np.save(cache / "positions.npy", np.concatenate([c.positions for c in clips]))
+    np.save(cache / "six_d.npy", np.concatenate([c.six_d for c in clips]))
+    np.save(cache / "headings.npy", turned.astype(np.float32))
+    np.save(cache / "contacts.npy", np.concatenate([detect_contacts(c.positions, skeleton) for c in clips]))
+    start, index = 0, []
+    for clip, test in zip(clips, tested, strict=True):
+        frames = len(clip.positions)
+        entry: ClipEntry = {"name": clip.name, "start": start, "frames": frames, "test": test}
+        if clip.name != clip.file:
+            entry |= {"file": clip.file, "first_frame": clip.first_frame, "mirrored": clip.mirrored}
+        index.append(entry)
+        start += frames
+    (cache / "clips.json").write_text(json.dumps(about | {"clips": index}, indent=1))

@@ -1,0 +1,105 @@
+"""``card``: the pack's README from its manifest and from what ``troupe eval --json`` measured through the server."""
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from troupe_training.evaluate.tables import MEASURES, Figure, table
+from troupe_training.export.manifest import read_manifest
+
+METHODS = {"ground_truth": "ground truth", "interpolation": "linear/slerp", "pack": "this pack"}
+SERVER_NAMES = {"reached": "reaching_success"}  # of measures that are called otherwise among a gap's plain means
+
+
+def _plain_means(gap: dict[str, Any], method: str) -> dict[str, float]:
+    """Means by the names of measures, which every report has."""
+    found = gap[method]
+    names = {m.name: SERVER_NAMES.get(m.name, m.name) for m in MEASURES}
+    return {measure: found[name] for measure, name in names.items() if name in found}
+
+
+def _figures(gap: dict[str, Any], method: str) -> dict[str, Figure]:
+    """Figures with their intervals where the report has them, else plain means."""
+    plain = {name: {"mean": value} for name, value in _plain_means(gap, method).items()}
+    found = plain | gap.get("metrics", {}).get(method, {})
+    return {name: figure for name, figure in found.items() if figure["mean"] is not None}
+
+
+def card_table(gap: dict[str, Any]) -> str:
+    """The figures of one gap."""
+    return table({title: _figures(gap, method) for method, title in METHODS.items()})
+
+
+def _size(manifest: dict[str, Any]) -> str:
+    robot = manifest.get("robot")
+    hinges = f" of the robot {robot['name']}, {len(robot['hinges'])} of which are hinges" if robot else ""
+    tokens = f", {manifest['heads']} heads of {manifest['codes']} codes" if "heads" in manifest else ""
+    joints = f"{len(manifest['skeleton']['joints'])} joints{hinges}"
+    return f"{joints}, {manifest['fps']:.0f} Hz, segments of 12 to 64 frames{tokens}."
+
+
+def _training_rows(training: dict[str, Any]) -> str:
+    """A row for each stage that was trained, in the manifest's order."""
+    rows = ["| stage | updates | minutes | final loss |", "|---|---:|---:|---:|"]
+    for stage in [key.removesuffix("_steps") for key in training if key.endswith("_steps")]:
+        figures = [str(training.get(f"{stage}_{key}", "")) for key in ("steps", "minutes", "final_loss")]
+        rows.append("| " + " | ".join([stage, *figures]) + " |")
+    return "\n".join(rows)
+
+
+def write_card(pack: Path, evaluation: Path, notes: Path | None) -> None:
+    """Writes ``README.md`` into the pack folder and the main figures into ``pack.toml``.
+
+    ``notes`` is Markdown about the data and limits, put in as it stands.
+    """
+    manifest = read_manifest(pack)
+    report = json.loads(evaluation.read_text())
+    if report["content_hash"] != manifest["content_hash"]:
+        raise SystemExit("the evaluation is of another pack: its content hash differs")
+    training = manifest["training"]
+    size = sum(f.stat().st_size for f in pack.glob("*.onnx")) / 1e6
+    parts = [
+        f"# {manifest['name']} {manifest['version']}",
+        (f"{manifest['parameters'] / 1e6:.1f} million parameters, {size:.0f} MB in 16-bit weights, {_size(manifest)}"),
+        f"Licence of the weights: {manifest['licence']}. Credits: {'; '.join(manifest['credits'])}.",
+        notes.read_text().strip() if notes else "",
+        "## Training",
+        (
+            f"{training['clips']} clips, {training['frames']} frames ({training['frames'] / 30 / 3600:.2f} hours)"
+            f"{', and each as seen in a mirror' if training.get('mirrored') else ''}."
+        ),
+        _training_rows(training),
+        "![Loss curves](curves.png)" if (pack / "curves.png").exists() else "",
+        "## Evaluation",
+        (
+            f"Through the server with `troupe eval`: {report['clips']} test clips, a window every {report['stride_frames']} "
+            f"frames, four context frames and one target keyframe (pose and root, no velocity), temperature "
+            f"{report['temperature']:g}, {report['pose_steps']} pose step. ↓ lower is better, ↑ higher is better, ≈ nearer to "
+            "ground truth is better. L2P is in metres, not normalised. In brackets: 95 % intervals, where the report has them."
+        ),
+    ]
+    for gap in report["gaps"]:
+        parts += [f"### Gap of {gap['gap_frames']} frames, {gap['windows']} windows", card_table(gap)]
+    verdicts = {True: "holds", False: "does not hold", None: "not measured"}
+    parts.append("\n".join(f"- {claim['claim']}: {verdicts[claim['holds']]}" for claim in report["claims"]))
+    (pack / "README.md").write_text("\n\n".join(p for p in parts if p) + "\n")
+    _write_figures(pack / "pack.toml", report)
+
+
+def _write_figures(manifest_path: Path, report: dict[str, Any]) -> None:
+    """Replaces the ``[evaluation]`` table."""
+    lines, keep = [], True
+    for line in manifest_path.read_text().splitlines():
+        if line.startswith("["):
+            keep = line != "[evaluation]"
+        if keep:
+            lines.append(line)
+    lines += ["", "[evaluation]", f"clips = {report['clips']}"]
+    for gap in report["gaps"]:
+        for method in METHODS:
+            values = ", ".join(f"{name} = {value:.6g}" for name, value in _plain_means(gap, method).items())
+            lines.append(f"gap_{gap['gap_frames']}_{method} = {{ {values} }}")
+    text = "\n".join(lines).replace("\n\n\n", "\n\n") + "\n"
+    tomllib.loads(text)
+    manifest_path.write_text(text)

@@ -1,0 +1,107 @@
+"""``pack.toml``: written here, read here."""
+
+import json
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from troupe_training.data.conventions import FPS
+from troupe_training.data.skeleton import RobotTable, Skeleton
+
+FORMAT = 2  # of the manifest; servers read 1 as well, which names no family
+
+
+@dataclass(frozen=True)
+class Family:
+    """What runs a pack, and what it can do then, by the server's names (`Capability`)."""
+
+    name: str
+    capabilities: tuple[str, ...]
+
+
+@dataclass
+class About:
+    """What a manifest says of a pack besides its networks and skeleton."""
+
+    name: str
+    version: str
+    licence: str = "unknown"  # of the weights
+    credits: list[str] = field(default_factory=list)
+    training: dict[str, Any] = field(default_factory=dict)
+
+
+def read_manifest(pack: Path) -> dict[str, Any]:
+    """The manifest of a pack folder."""
+    return tomllib.loads((pack / "pack.toml").read_text())
+
+
+def write_manifest(
+    pack: Path,
+    family: Family,
+    about: About,
+    networks: dict[str, int],
+    digest: str,
+    skeleton: Skeleton,
+    checks: dict[str, float],
+) -> None:
+    """Writes the manifest.
+
+    ``networks`` are the sizes that the server goes by, ``digest`` is the SHA-256 of the ONNX files, ``checks`` are their
+    largest differences to PyTorch.
+    """
+    lines = [
+        "# Written by `troupe-train export`. The server refuses the pack if the hash does not fit the ONNX files.",
+        f"format = {FORMAT}",
+        f"family = {json.dumps(family.name)}",
+        f"name = {json.dumps(about.name, ensure_ascii=False)}",
+        f"version = {json.dumps(about.version)}",
+        f"licence = {json.dumps(about.licence, ensure_ascii=False)}",
+        f"credits = {json.dumps(about.credits, ensure_ascii=False)}",
+        f"fps = {FPS}",
+        *(f"{key} = {value}" for key, value in networks.items()),
+        f'content_hash = "sha256:{digest}"',
+        *("", "[capabilities]"),
+        *(f"{name} = true" for name in family.capabilities),
+        *_skeleton_lines(skeleton),
+        *_robot_lines(skeleton.robot),
+        *("", "[training]"),
+        *(f"{key} = {json.dumps(value)}" for key, value in about.training.items()),
+        *("", "# Largest difference between ONNX Runtime and PyTorch.", "[training.onnx_check]"),
+        *(f"{stage} = {difference:.2e}" for stage, difference in checks.items()),
+    ]
+    (pack / "pack.toml").write_text("\n".join(lines) + "\n")
+
+
+def _skeleton_lines(skeleton: Skeleton) -> list[str]:
+    lines = [
+        "",
+        "[skeleton]",
+        f"left_axis = {json.dumps(skeleton.left_axis)}",
+        "ground_y_m = 0.0",
+        "",
+        "[skeleton.contacts]",
+        f"joints = {json.dumps([skeleton.names[j] for j in skeleton.contact_joints])}",
+        f"max_height_m = {json.dumps(skeleton.contact_max_height_m)}",
+        f"max_speed_mps = {skeleton.contact_max_speed_mps}",
+        f"clearance_m = {json.dumps(skeleton.contact_clearance_m)}",
+    ]
+    for joint, parent, offset in zip(skeleton.names, skeleton.parents, skeleton.offsets, strict=True):
+        lines += [
+            "",
+            "[[skeleton.joints]]",
+            f"name = {json.dumps(joint)}",
+            f"parent = {json.dumps(skeleton.names[parent] if parent >= 0 else '')}",
+            f"offset_m = {json.dumps(offset)}",
+        ]
+    return lines
+
+
+def _robot_lines(robot: RobotTable | None) -> list[str]:
+    """Hinges in the order of the motion files' columns; nothing for characters."""
+    if robot is None:
+        return []
+    lines = ["", "[robot]", f"name = {json.dumps(robot['name'])}"]
+    for hinge in robot["hinges"]:
+        lines += ["", "[[robot.hinges]]"] + [f"{key} = {json.dumps(value)}" for key, value in hinge.items()]
+    return lines

@@ -1,0 +1,1 @@
+"""Packs of MotionBricks networks, out of checkpoints and back into them."""

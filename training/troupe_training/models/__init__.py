@@ -1,0 +1,1 @@
+"""Networks, without training and without files; a folder for each family of models."""

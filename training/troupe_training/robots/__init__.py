@@ -1,0 +1,1 @@
+"""Robots: URDF, motion as CSV, and hinges within their limits."""

@@ -1,0 +1,93 @@
+"""A robot: joints, hinges and end effectors in the native axes (X left, Y up, Z forward), metres and radians."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from troupe_training.data.rotations import matrix_to_quat
+from troupe_training.data.skeleton import HingeTable, RobotTable
+
+NATIVE_FROM_ROS = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+ROOT_COLUMNS = ["root x", "root y", "root z", "root qx", "root qy", "root qz", "root qw"]
+
+
+class RobotError(ValueError):
+    """Motion or options that do not fit the robot; the message names the column or joint."""
+
+
+@dataclass
+class Hinge:
+    """One turning joint, in the native basis: world rotation = parent's * ``rest`` * rotation about ``axis``."""
+
+    joint: int
+    axis: np.ndarray  # [3], unit, in the joint's own frame
+    rest: np.ndarray  # [3, 3], relative to the parent joint at angle 0
+    lower_rad: float
+    upper_rad: float
+    max_speed_rad_per_s: float
+
+
+@dataclass
+class Robot:
+    """A tree of joints, parents first: the floating root, the hinges in the order of the columns, the end effectors."""
+
+    name: str
+    names: list[str]
+    parents: list[int]
+    offsets: np.ndarray  # [J, 3], native, in the parent joint's frame
+    hinges: list[Hinge]
+    contacts: list[str]
+
+    @property
+    def columns(self) -> list[str]:
+        """What each column of a motion file is."""
+        return ROOT_COLUMNS + [self.names[hinge.joint] for hinge in self.hinges]
+
+    def world(
+        self, root_positions: np.ndarray, root_rotations: np.ndarray, angles: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """World positions ``[F, J, 3]`` and rotations ``[F, J, 3, 3]`` from native root poses and angles ``[F, H]``."""
+        frames, count = len(angles), len(self.names)
+        positions, rotations = np.zeros((frames, count, 3)), np.zeros((frames, count, 3, 3))
+        positions[:, 0], rotations[:, 0] = root_positions, root_rotations
+        column = {hinge.joint: h for h, hinge in enumerate(self.hinges)}
+        for j in range(1, count):
+            parent = self.parents[j]
+            positions[:, j] = positions[:, parent] + rotations[:, parent] @ self.offsets[j]
+            rotations[:, j] = rotations[:, parent]
+            if j in column:
+                hinge = self.hinges[column[j]]
+                turn = about_axis(hinge.axis, angles[:, column[j]])
+                rotations[:, j] = rotations[:, j] @ hinge.rest @ turn
+        return positions, rotations
+
+    def table(self) -> RobotTable:
+        """The skeleton's ``robot``: the name and every hinge, in the order of the columns (MuJoCo's ``qpos``)."""
+        hinges: list[HingeTable] = [
+            {
+                "joint": self.names[hinge.joint],
+                "axis": _rounded(hinge.axis),
+                "rest": _rounded(_quaternion(hinge.rest)),
+                "lower_rad": hinge.lower_rad,
+                "upper_rad": hinge.upper_rad,
+                "max_speed_rad_per_s": hinge.max_speed_rad_per_s,
+            }
+            for hinge in self.hinges
+        ]
+        return {"name": self.name, "hinges": hinges}
+
+
+def about_axis(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Rotation matrices ``[F, 3, 3]`` about a unit axis (Rodrigues)."""
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    sin, cos = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
+    return np.eye(3) + sin * cross + (1 - cos) * (cross @ cross)
+
+
+def _quaternion(matrix: np.ndarray) -> np.ndarray:
+    return matrix_to_quat(torch.from_numpy(matrix)[None])[0].numpy()
+
+
+def _rounded(values: np.ndarray) -> list[float]:
+    return [round(float(v), 9) + 0.0 for v in values]

@@ -1,0 +1,1 @@
+"""The four stages of a MotionBricks pack: tokenizer, root, pose, refine."""

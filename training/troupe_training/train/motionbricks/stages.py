@@ -1,0 +1,78 @@
+"""The four training stages: tokenizer, root, pose, and the refinement of the decoder on what the modules predict."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TypeVar
+
+import torch
+from torch import nn
+
+from troupe_training.data.store import ClipStore
+from troupe_training.models.motionbricks.config import PRESETS, ModelConfig
+from troupe_training.models.motionbricks.served import Networks
+from troupe_training.train.checkpoints import Stage
+from troupe_training.train.motionbricks.pose import POSE, pose_loss
+from troupe_training.train.motionbricks.refine import GUIDED_SHARE, refine_loss
+from troupe_training.train.motionbricks.root import ROOT, root_loss
+from troupe_training.train.motionbricks.teacher import lend_tokens
+from troupe_training.train.motionbricks.tokenizer import REFINE, TOKENIZER, tokenizer_loss
+from troupe_training.train.trainer import Job
+
+M = TypeVar("M", bound=nn.Module)
+STAGES = tuple(stage.name for stage in (TOKENIZER, ROOT, POSE, REFINE))
+
+
+def is_adopted(run: Path) -> bool:
+    """Whether a run's tokenizer came out of a pack, and so has no trained encoder."""
+    return bool(TOKENIZER.read(run)["meta"].get("adopted", False))
+
+
+def load_networks(run: Path, store: ClipStore) -> Networks:
+    """The networks of a run, its decoder refined where it has been."""
+    tokenizer = REFINE if REFINE.path(run).exists() else TOKENIZER
+    return Networks(tokenizer.load(run, store), ROOT.load(run, store), POSE.load(run, store))
+
+
+def _trained(stage: Stage[ModelConfig, M], run: Path, store: ClipStore, substitute: M | None) -> M:
+    """A network of the run, or the teacher's where the run has none yet."""
+    if substitute is not None and not stage.path(run).exists():
+        return substitute
+    return stage.load(run, store)
+
+
+def train_stage(stage: str, job: Job, preset: str | ModelConfig, teacher_run: Path | None = None) -> bool:
+    """Trains one stage, resuming its checkpoint; true when its budget is spent.
+
+    ``preset`` names network sizes, or holds those of a variant. ``teacher_run`` is the run of a large pack to learn from,
+    whose root module then stands in where this run has none yet.
+    """
+    torch.manual_seed(job.seed)
+    store, frames = job.store(), job.frames_per_step
+    name, config = ("variant", preset) if isinstance(preset, ModelConfig) else (preset, PRESETS[preset])
+    teacher = load_networks(teacher_run, store) if teacher_run else None
+    if stage == REFINE.name:
+        return _refine(job, store, name, teacher)
+    meta = {"model": asdict(config), "preset": name}
+    if stage == TOKENIZER.name:
+        tokenizer = TOKENIZER.build(config, store).to(job.device)
+        if teacher:
+            lend_tokens(teacher.tokenizer, tokenizer)
+        return job.fit(stage, tokenizer, meta, tokenizer_loss(store, frames, teacher is not None))
+    if stage == ROOT.name:
+        root = ROOT.build(config, store).to(job.device)
+        return job.fit(stage, root, meta, root_loss(store, frames, teacher.root if teacher else None))
+    pose = POSE.build(config, store).to(job.device)
+    tokens = _trained(TOKENIZER, job.run, store, teacher.tokenizer if teacher else None)
+    roots = _trained(ROOT, job.run, store, teacher.root if teacher else None)
+    return job.fit(stage, pose, meta, pose_loss(store, frames, tokens, roots, teacher.pose if teacher else None))
+
+
+def _refine(job: Job, store: ClipStore, preset: str, teacher: Networks | None) -> bool:
+    """Trains the decoder of the run's tokenizer further. One out of a pack has no encoder whose tokens could guide it."""
+    tokenizer, adopted = TOKENIZER.load(job.run, store), is_adopted(job.run)
+    tokenizer.decoder.requires_grad_(True)
+    pose = _trained(POSE, job.run, store, teacher.pose if teacher else None)
+    root = _trained(ROOT, job.run, store, teacher.root if teacher else None)
+    loss = refine_loss(store, job.frames_per_step, pose, root, 0.0 if adopted else GUIDED_SHARE)
+    meta = {"model": asdict(tokenizer.config), "preset": preset} | ({"adopted": True} if adopted else {})
+    return job.fit(REFINE.name, tokenizer, meta, loss)
