@@ -3,7 +3,7 @@
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 
-/// What a clip must keep to. The defaults are those that training keeps to (`training/troupe_training/prepare.py`); it
+/// What a clip must keep to. The defaults are those that training keeps to (`training/troupe_training/data/prepare.py`); it
 /// holds them against clips at 30 fps, so resample a clip first ([`Clip::resample`]) for the same verdict.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limits {

@@ -2,7 +2,7 @@
 //!
 //! Feet take the height of the ground that they are planted on and pass from one to the next in their swing; the root goes
 //! with the mean of the feet, smoothed, and no higher than the legs allow; legs follow by inverse kinematics. Flat motion
-//! and lifts stay apart, so that a buffer of flat motion can be lifted anew whenever the motion or the ground changes.
+//! and lifts stay apart, so that a buffer of flat motion can be lifted again whenever the motion or the ground changes.
 
 use std::f32::consts::PI;
 use std::ops::Range;

@@ -337,9 +337,9 @@ impl BvhFile {
         let scale = f64::from(scale);
         let mut local = vec![Transform::default(); joints];
         let mut world = local.clone();
-        let rest = |nth: usize| Place {
+        let rest = |nth: usize| JointOffset {
             rest: skeleton.map(|s| s.joints[nth].offset_m),
-            ..Place::default()
+            ..JointOffset::default()
         };
         let mut played = Played {
             root_positions: Vec::with_capacity(frames),
@@ -422,12 +422,12 @@ struct Played {
     /// `frames * taken`.
     rotations: Vec<Quat>,
     /// One a joint taken.
-    places: Vec<Place>,
+    places: Vec<JointOffset>,
 }
 
 /// Where a joint is in its parent over a clip, metres.
 #[derive(Default)]
-struct Place {
+struct JointOffset {
     /// What places are held against; the first of them where it is not given.
     rest: Option<Vec3>,
     sum: DVec3,
@@ -437,7 +437,7 @@ struct Place {
     frame: usize,
 }
 
-impl Place {
+impl JointOffset {
     fn note(&mut self, frame: usize, place: Vec3) {
         self.sum += place.as_dvec3();
         let distance_m = place.distance(*self.rest.get_or_insert(place));

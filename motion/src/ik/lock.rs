@@ -187,7 +187,7 @@ impl Track {
         for span in &held {
             self.hold_span(leg, contacts, span, fixed);
         }
-        // Frames that may not change are as good as contacts with no offset.
+        // Treat frames that may not change as contacts with no offset.
         let mut known = held;
         if fixed[0] && known.first().is_none_or(|span| span.start > 0) {
             known.insert(0, 0..1);
