@@ -46,13 +46,7 @@ fn words(prefix: &str, name: impl Fn(i32) -> Option<&'static str>) -> String {
     words.join(", ")
 }
 
-words!(convention, crate::v1::Convention, "CONVENTION_");
-words!(clock, crate::v1::Clock, "CLOCK_");
-words!(command_status, crate::v1::CommandStatus, "COMMAND_STATUS_");
-words!(encoding, crate::v1::Encoding, "ENCODING_");
-words!(activity_kind, crate::v1::ActivityKind, "ACTIVITY_KIND_");
-words!(document_format, crate::v1::DocumentFormat, "DOCUMENT_FORMAT_");
-words!(object_state, crate::v1::ObjectState, "OBJECT_STATE_");
+include!(concat!(env!("OUT_DIR"), "/words.rs"));
 
 /// Bytes as base64.
 pub mod base64 {

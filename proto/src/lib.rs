@@ -4,10 +4,11 @@
 //! A message missing a JSON field reads as protobuf does: the field takes its default. Requests refuse unknown
 //! fields, answers tolerate them.
 //!
-//! [`docs`] has the documents that people write: smart objects and scenes.
+//! [`docs`] has the documents that people write: smart objects and scenes. [`rpc`] lists the remote procedures.
 
 pub mod docs;
 pub mod json;
+pub mod rpc;
 mod stats;
 
 /// Version 1 of the API.

@@ -16,7 +16,7 @@ fn problem(error: impl Into<ServiceError>) -> v1::Problem {
     ApiError::from(error.into()).problem()
 }
 
-/// What became of commands.
+/// Results of commands.
 pub(super) fn commands(results: Vec<CommandResult>) -> v1::CommandResponse {
     v1::CommandResponse {
         results: results.into_iter().map(command).collect(),
@@ -59,7 +59,7 @@ pub(super) fn step(stepped: Stepped) -> v1::StepResponse {
     }
 }
 
-/// What became of objects of a scene.
+/// Results of objects of a scene.
 pub(super) fn objects(changed: ObjectsChanged) -> v1::ObjectsResponse {
     let each = changed.objects.into_iter().map(|object| v1::ObjectResult {
         id: object.id,

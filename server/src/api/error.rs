@@ -47,7 +47,7 @@ pub enum ApiError {
         field: Option<String>,
     },
     /// A body that ends before its message does.
-    #[error("the body ends early: {problem}; allowed: a whole message of at most {limit_bytes} bytes")]
+    #[error("the body is truncated: {problem}; allowed: a whole message of at most {limit_bytes} bytes")]
     Truncated {
         /// How that was noticed.
         problem: String,

@@ -11,70 +11,90 @@ use axum::body::Body;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
 use axum::response::{IntoResponse, Redirect, Response};
-use axum::routing::{get, post};
+use axum::routing::get;
 use axum::{Json, Router, middleware};
 use http::{HeaderMap, header};
 use serde::de::DeserializeOwned;
 use troupe_proto::v1;
+use utoipa::openapi::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
 use utoipa_swagger_ui::SwaggerUi;
 
 use self::json::{BodyLimits, JsonBody};
-use super::ApiLimits;
-use super::error::{ApiError, ErrorBody};
+use super::error::ApiError;
 use super::shape::Shapes;
-use super::track::{self, Tracker};
-use super::ws;
+use super::track::{self, HttpRpcs, Tracker};
+use super::{ApiLimits, openapi, ws};
 use crate::service::Service;
 use crate::wire::{MAX_MESSAGE, cut};
 use troupe_character::FieldError;
 
+/// The routes of remote procedures, with their documentation.
+fn rpcs() -> OpenApiRouter<Arc<Service>> {
+    OpenApiRouter::with_openapi(openapi::frame())
+        .routes(routes!(in_between))
+        .routes(routes!(generate::generate))
+        .routes(routes!(list_packs))
+        .routes(routes!(get_pack))
+        .routes(routes!(sessions::list_styles))
+        .routes(routes!(sessions::get_style, sessions::put_style))
+        .routes(routes!(sessions::create, sessions::list))
+        .routes(routes!(sessions::get, sessions::close))
+        .routes(routes!(sessions::peek))
+        .routes(routes!(sessions::command))
+        .routes(routes!(sessions::step))
+        .routes(routes!(ws::drive))
+        .routes(routes!(scenes::list))
+        .routes(routes!(scenes::get, scenes::put, scenes::delete))
+        .routes(routes!(scenes::add))
+        .routes(routes!(scenes::move_objects))
+        .routes(routes!(scenes::remove))
+        .routes(routes!(scenes::list_objects))
+        .routes(routes!(
+            scenes::get_object,
+            scenes::put_object,
+            scenes::delete_object
+        ))
+        .routes(routes!(scenes::detect))
+}
+
+/// The routes that operators use, with their documentation.
+fn operations() -> OpenApiRouter<Arc<Service>> {
+    OpenApiRouter::new()
+        .routes(routes!(healthz))
+        .routes(routes!(readyz))
+        .routes(routes!(metrics))
+}
+
+/// The OpenAPI document.
+pub fn document() -> OpenApi {
+    let mut document = rpcs().merge(operations()).into_openapi();
+    openapi::complete(&mut document);
+    document
+}
+
 /// The HTTP routes.
 pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
-    let tracker = Arc::new(Tracker::new(service, limits));
     let body = BodyLimits {
         bytes: limits.message_bytes,
         shapes: Arc::new(Shapes::new(limits)),
     };
-    let style = get(sessions::get_style).put(sessions::put_style);
-    let scene = get(scenes::get).put(scenes::put).delete(scenes::delete);
-    let object = get(scenes::get_object)
-        .put(scenes::put_object)
-        .delete(scenes::delete_object);
-    let api = Router::new()
-        .route("/v1/inbetween", post(in_between))
-        .route("/v1/generate", post(generate::generate))
-        .route("/v1/packs", get(list_packs))
-        .route("/v1/packs/{name}", get(get_pack))
-        .route("/v1/packs/{name}/styles", get(sessions::list_styles))
-        .route("/v1/packs/{name}/styles/{style}", style)
-        .route("/v1/sessions", post(sessions::create).get(sessions::list))
-        .route("/v1/sessions/{id}", get(sessions::get).delete(sessions::close))
-        .route("/v1/sessions/{id}/peek", get(sessions::peek))
-        .route("/v1/commands", post(sessions::command))
-        .route("/v1/step", post(sessions::step))
-        .route("/v1/drive", get(ws::drive))
-        .route("/v1/scenes", get(scenes::list))
-        .route("/v1/scenes/{name}", scene)
-        .route("/v1/scenes/{name}/add", post(scenes::add))
-        .route("/v1/scenes/{name}/move", post(scenes::move_objects))
-        .route("/v1/scenes/{name}/remove", post(scenes::remove))
-        .route("/v1/objects", get(scenes::list_objects))
-        .route("/v1/objects/{name}", object)
-        .route("/v1/detect", post(scenes::detect))
+    let (rpcs, documented) = rpcs().split_for_parts();
+    let tracker = Arc::new(Tracker::new(service, limits));
+    let routes = Arc::new(HttpRpcs::new(documented));
+    let api = rpcs
         .method_not_allowed_fallback(wrong_method)
-        .layer(middleware::from_fn_with_state(tracker, track::http))
+        .layer(middleware::from_fn_with_state((tracker, routes), track::http))
         .layer(DefaultBodyLimit::max(limits.message_bytes))
         .layer(axum::Extension(body))
         .with_state(service.clone());
-    let operations = Router::new()
-        .route("/healthz", get(healthz))
-        .route("/readyz", get(readyz))
-        .route("/metrics", get(metrics))
+    let operations = Router::from(operations())
         .route("/", get(|| async { Redirect::temporary("/docs/") }))
         .method_not_allowed_fallback(wrong_method)
         .with_state(service.clone());
     let docs = SwaggerUi::new("/docs")
-        .url("/openapi.json", super::openapi::document())
+        .url("/openapi.json", document())
         // The page must not ask anybody else: by default it has a public validator draw a badge.
         .config(utoipa_swagger_ui::Config::from("/openapi.json").validator_url("none"));
     api.merge(operations).merge(docs)
@@ -86,17 +106,15 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
 #[utoipa::path(
     post,
     path = "/v1/inbetween",
+    operation_id = "InBetween",
     tag = "motion",
     request_body = v1::InBetweenRequest,
     responses(
         (status = 200, description = "The generated motion", body = v1::InBetweenResponse),
-        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
-        (status = 404, description = "No such pack", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 429, description = "The queue is full, or too slow; see the Retry-After header", body = ErrorBody),
-        (status = 500, description = "Inference failed", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
-        (status = 504, description = "Not served in time", body = ErrorBody),
+        (status = 404, description = "No such pack"),
+        (status = 429, description = "The queue is full, or too slow; see the Retry-After header"),
+        (status = 500, description = "Inference failed"),
+        (status = 504, description = "Not served in time"),
     )
 )]
 pub(super) async fn in_between(
@@ -110,11 +128,9 @@ pub(super) async fn in_between(
 #[utoipa::path(
     get,
     path = "/v1/packs",
+    operation_id = "ListPacks",
     tag = "motion",
-    responses(
-        (status = 200, description = "All packs, sorted by name", body = v1::ListPacksResponse),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
-    )
+    responses((status = 200, description = "All packs, sorted by name", body = v1::ListPacksResponse))
 )]
 pub(super) async fn list_packs(
     State(service): State<Arc<Service>>,
@@ -126,13 +142,11 @@ pub(super) async fn list_packs(
 #[utoipa::path(
     get,
     path = "/v1/packs/{name}",
+    operation_id = "GetPack",
     tag = "motion",
-    params(("name" = String, Path, description = "The pack's name")),
     responses(
         (status = 200, description = "The pack", body = v1::Pack),
-        (status = 400, description = "The name is no text", body = ErrorBody),
-        (status = 404, description = "No such pack", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 404, description = "No such pack"),
     )
 )]
 pub(super) async fn get_pack(
@@ -179,7 +193,7 @@ pub(super) async fn healthz() -> &'static str {
     tag = "operations",
     responses(
         (status = 200, description = "Ready", body = String, content_type = "text/plain"),
-        (status = 503, description = "Starting, draining, or an engine has stopped", body = ErrorBody),
+        (status = 503, description = "Starting, draining, or an engine has stopped"),
     )
 )]
 pub(super) async fn readyz(State(service): State<Arc<Service>>) -> Result<&'static str, ApiError> {

@@ -10,6 +10,8 @@ mod http;
 mod metrics;
 mod openapi;
 mod shape;
+#[cfg(feature = "testing")]
+pub mod testing;
 mod track;
 mod ws;
 
@@ -23,7 +25,7 @@ use crate::service::Service;
 
 pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;
-pub use openapi::document;
+pub use http::document;
 
 /// Most bytes of one message on a stream.
 const MAX_STREAM_MESSAGE_BYTES: usize = 2 << 20;

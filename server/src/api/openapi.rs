@@ -1,8 +1,11 @@
-//! The OpenAPI document of the HTTP interface.
+//! The OpenAPI document of the HTTP interface. Handlers say what is theirs alone; what follows from an operation's path
+//! and body is added here.
 
 use utoipa::OpenApi as _;
+use utoipa::openapi::path::{Operation, Parameter, ParameterBuilder, ParameterIn, PathItem};
+use utoipa::openapi::{ContentBuilder, ObjectBuilder, OpenApi, Ref, RefOr, Required, Response, Type};
 
-use super::{http, ws};
+use super::error::ErrorBody;
 
 #[derive(utoipa::OpenApi)]
 #[openapi(
@@ -13,39 +16,7 @@ use super::{http, ws};
                        same messages travel over gRPC as troupe.v1.Motion, troupe.v1.Sessions and troupe.v1.Scenes on the same port. A \
                        missing field takes its default (0, false or empty); unknown fields are refused.",
     ),
-    paths(
-        http::in_between,
-        http::generate::generate,
-        http::list_packs,
-        http::get_pack,
-        http::sessions::create,
-        http::sessions::list,
-        http::sessions::get,
-        http::sessions::close,
-        http::sessions::peek,
-        http::sessions::command,
-        http::sessions::step,
-        ws::drive,
-        http::sessions::list_styles,
-        http::sessions::get_style,
-        http::sessions::put_style,
-        http::scenes::list,
-        http::scenes::put,
-        http::scenes::get,
-        http::scenes::delete,
-        http::scenes::add,
-        http::scenes::move_objects,
-        http::scenes::remove,
-        http::scenes::detect,
-        http::scenes::list_objects,
-        http::scenes::put_object,
-        http::scenes::get_object,
-        http::scenes::delete_object,
-        http::healthz,
-        http::readyz,
-        http::metrics
-    ),
-    components(schemas(troupe_proto::v1::DriveRequest)),
+    components(schemas(troupe_proto::v1::DriveRequest, ErrorBody)),
     tags(
         (name = "motion", description = "Single requests: motion between keyframes"),
         (name = "sessions", description = "Live characters"),
@@ -55,9 +26,99 @@ use super::{http, ws};
         (name = "operations", description = "What operators need"),
     )
 )]
-struct Document;
+struct Frame;
 
-/// The OpenAPI document.
-pub fn document() -> utoipa::openapi::OpenApi {
-    Document::openapi()
+/// The document without any path.
+pub(super) fn frame() -> OpenApi {
+    Frame::openapi()
+}
+
+/// Adds what follows from paths and bodies.
+pub(super) fn complete(document: &mut OpenApi) {
+    for (path, item) in &mut document.paths.paths {
+        for operation in operations(item) {
+            add_path_parameters(operation, path);
+            add_responses(operation);
+        }
+    }
+}
+
+fn operations(item: &mut PathItem) -> impl Iterator<Item = &mut Operation> {
+    let PathItem {
+        get,
+        put,
+        post,
+        delete,
+        ..
+    } = item;
+    [get, put, post, delete].into_iter().flatten()
+}
+
+/// Adds a parameter for every `{name}` of the path, before those of the query.
+fn add_path_parameters(operation: &mut Operation, path: &str) {
+    let mut parameters = Vec::new();
+    let mut collection = "";
+    for segment in path.split('/') {
+        match segment.strip_prefix('{').and_then(|rest| rest.strip_suffix('}')) {
+            Some(name) => parameters.push(RefOr::T(path_parameter(name, collection))),
+            None => collection = segment,
+        }
+    }
+    if !parameters.is_empty() {
+        parameters.extend(operation.parameters.take().unwrap_or_default());
+        operation.parameters = Some(parameters);
+    }
+}
+
+/// The parameter that names a member of a collection.
+fn path_parameter(name: &str, collection: &str) -> Parameter {
+    let member = match collection {
+        "objects" => "definition",
+        other => other.trim_end_matches('s'),
+    };
+    let what = if name == "id" { "id" } else { "name" };
+    ParameterBuilder::new()
+        .name(name)
+        .parameter_in(ParameterIn::Path)
+        .required(Required::True)
+        .description(Some(format!("The {member}'s {what}")))
+        .schema(Some(ObjectBuilder::new().schema_type(Type::String)))
+        .build()
+}
+
+/// Adds the errors that all operations of a kind have, and the body of errors.
+fn add_responses(operation: &mut Operation) {
+    let tagged = |tag: &str| operation.tags.iter().flatten().any(|name| name == tag);
+    let needs_packs = ["motion", "styles", "scenes", "objects"].into_iter().any(tagged);
+    let has_body = operation.request_body.is_some();
+    let has_parameters = operation.parameters.is_some();
+
+    let responses = &mut operation.responses.responses;
+    let mut add = |status: &str, description: &str| {
+        responses
+            .entry(status.to_owned())
+            .or_insert_with(|| RefOr::T(Response::new(description)));
+    };
+    if has_body {
+        add(
+            "400",
+            "A value that is not accepted, or a body that is no request",
+        );
+        add("413", "The body is too large");
+    } else if has_parameters {
+        add("400", "A value that is not accepted");
+    }
+    if needs_packs {
+        add("503", "Not ready yet");
+    }
+    for (status, response) in responses {
+        let RefOr::T(response) = response else { continue };
+        if status.starts_with(['4', '5']) && response.content.is_empty() {
+            let schema = Ref::from_schema_name("ErrorBody");
+            let content = ContentBuilder::new().schema(Some(schema)).build();
+            response
+                .content
+                .insert("application/json".to_owned(), content.into());
+        }
+    }
 }

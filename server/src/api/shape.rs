@@ -5,175 +5,90 @@ use std::collections::HashMap;
 
 use bytes::Bytes;
 use prost::encoding::{DecodeContext, WireType, decode_key, decode_varint, skip_field};
+use troupe_proto::rpc::{List, RPCS, Step};
 
 use super::{ApiError, ApiLimits};
 use crate::session::MAX_COMMANDS;
 use troupe_character::FieldError;
 
-/// Most keyframes of a character or session that are decoded; the pack's own, smaller limit is checked later.
-const MAX_KEYFRAMES: usize = 256;
-/// Most keyframes of a motion to describe that are decoded; the smaller limit is checked later.
-const MAX_DESCRIBED: usize = 2048;
-/// Most objects and arrays of a keyframe in JSON.
-const MAX_KEYFRAME_JSON_PARTS: usize = 16;
-/// Most gaits of a style, and keyframes of a gait, that are decoded; the smaller limits are checked later.
-const MAX_STYLE_PARTS: usize = 256;
-/// Most ids to close that are decoded.
-const MAX_IDS: usize = 10_000;
-/// Most objects and arrays of a character, or of a session to create, in JSON. A full one has some sixty; its id may hold
-/// more of their signs.
-const MAX_JSON_PARTS: usize = 1024;
-/// The same of a command.
-const MAX_COMMAND_JSON_PARTS: usize = 64;
+/// How many entries a list may have.
+#[derive(Debug, Clone, Copy)]
+struct Limit {
+    /// What the entries are.
+    what: &'static str,
+    /// Most entries that are decoded. Smaller limits, such as a pack's, are checked later.
+    most: usize,
+    /// Most objects and arrays of an entry in JSON, signs in its texts included.
+    json_parts: usize,
+}
 
-/// Most shapes of a scene, and points of a shape, that are decoded; the smaller limits are checked later.
-const MAX_COLLIDERS: usize = 2048;
-const MAX_POINTS: usize = 256;
-/// Most objects of a scene, or changes of objects, that are decoded; the smaller limit is checked later.
-const MAX_OBJECTS: usize = 8192;
-/// Most objects and arrays of an object of a scene in JSON: place, rotation and itself, and signs in its id.
-const MAX_OBJECT_JSON_PARTS: usize = 160;
-
-/// Where a list is: field numbers and names from the request down. A name that ends in `[]` is a list's on the way.
-type Steps = &'static [(u32, &'static str)];
+impl Limit {
+    /// The limit of a list in a request. `None`: nobody has thought of one.
+    fn of(list: &List, limits: &ApiLimits) -> Option<Self> {
+        let limit = |what, most, json_parts| Limit {
+            what,
+            most,
+            json_parts,
+        };
+        Some(match (list.of, list.field) {
+            // A full one has some sixty objects and arrays; its id may hold more of their signs.
+            ("Character", _) => limit("characters", limits.characters, 1024),
+            ("SessionOptions", _) => limit("sessions", limits.sessions, 1024),
+            (_, "Describe.frames") => limit("keyframes", 2048, 16),
+            ("Keyframe", _) => limit("keyframes", 256, 64),
+            ("Command", _) => limit("commands", MAX_COMMANDS, 64),
+            ("Gait", _) => limit("gaits", 256, 256),
+            ("GaitKey", _) => limit("keyframes", 256, 2),
+            ("Collider", _) => limit("colliders", 2048, 512),
+            ("Vec3", _) => limit("points", 256, 1),
+            // Place, rotation and itself, and signs in its id.
+            ("SceneObject", _) => limit("objects", 8192, 160),
+            ("ObjectMove", _) => limit("moves", 8192, 160),
+            (_, "RemoveObjectsRequest.ids") => limit("ids", 8192, 160),
+            // Ids of sessions have no signs of JSON.
+            (_, "CloseSessionsRequest.ids") => limit("ids", 10_000, 1),
+            (_, "StepRequest.session_ids") => limit("sessions", limits.sessions, 1),
+            (_, "DriveAttach.session_ids" | "DriveDetach.session_ids") => limit("ids", 100_000, 1),
+            _ => return None,
+        })
+    }
+}
 
 /// A list that may have so many entries.
 #[derive(Debug, Clone, Copy)]
 struct Rule {
-    steps: Steps,
-    /// What the entries are.
-    what: &'static str,
-    most: usize,
+    steps: &'static [Step],
+    limit: Limit,
 }
 
 /// What a request may look like.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct Shape {
     rules: Vec<Rule>,
     /// Most objects and arrays as JSON.
     json_parts: usize,
+    /// The list that takes most of them.
+    largest: Rule,
 }
 
-/// The shapes of requests by remote procedure, those that could grow so.
+/// The shapes of requests by remote procedure, those that have lists.
 #[derive(Debug, Clone)]
 pub(super) struct Shapes(HashMap<&'static str, Shape>);
 
 impl Shapes {
     pub(super) fn new(limits: &ApiLimits) -> Self {
-        let rule = |steps, what, most| Rule { steps, what, most };
-        let characters = limits.characters;
-        let sessions = limits.sessions;
-        let commands = |steps| rule(steps, "commands", MAX_COMMANDS);
-        let shape = |rules: &[Rule], json_parts| Shape {
-            rules: rules.to_vec(),
-            json_parts,
+        let rule = |list: &List| {
+            let limit = Limit::of(list, limits)?;
+            Some(Rule {
+                steps: list.steps,
+                limit,
+            })
         };
-        let command_parts = MAX_COMMAND_JSON_PARTS * MAX_COMMANDS;
-        Self(HashMap::from([
-            (
-                "InBetween",
-                shape(
-                    &[
-                        rule(&[(2, "characters")], "characters", characters),
-                        rule(&[(2, "characters[]"), (2, "context")], "keyframes", MAX_KEYFRAMES),
-                        rule(&[(2, "characters[]"), (3, "targets")], "keyframes", MAX_KEYFRAMES),
-                    ],
-                    MAX_JSON_PARTS.saturating_mul(characters),
-                ),
-            ),
-            (
-                "Generate",
-                shape(
-                    &[
-                        rule(&[(4, "past")], "keyframes", MAX_KEYFRAMES),
-                        rule(&[(3, "describe"), (1, "frames")], "keyframes", MAX_DESCRIBED),
-                    ],
-                    MAX_JSON_PARTS + MAX_DESCRIBED * MAX_KEYFRAME_JSON_PARTS,
-                ),
-            ),
-            (
-                "CreateSessions",
-                shape(
-                    &[
-                        rule(&[(1, "sessions")], "sessions", sessions),
-                        rule(&[(1, "sessions[]"), (8, "context")], "keyframes", MAX_KEYFRAMES),
-                    ],
-                    MAX_JSON_PARTS.saturating_mul(sessions),
-                ),
-            ),
-            ("CloseSessions", shape(&[rule(&[(1, "ids")], "ids", MAX_IDS)], 0)),
-            ("Command", shape(&[commands(&[(1, "commands")])], command_parts)),
-            (
-                "Step",
-                shape(
-                    &[
-                        rule(&[(1, "session_ids")], "sessions", sessions),
-                        commands(&[(4, "commands")]),
-                    ],
-                    command_parts,
-                ),
-            ),
-            (
-                "Drive",
-                shape(&[commands(&[(4, "command"), (1, "commands")])], command_parts),
-            ),
-            (
-                "PutScene",
-                shape(
-                    &[
-                        rule(&[(1, "scene"), (5, "objects")], "objects", MAX_OBJECTS),
-                        rule(&[(1, "scene"), (4, "colliders")], "colliders", MAX_COLLIDERS),
-                        rule(
-                            &[
-                                (1, "scene"),
-                                (4, "colliders[]"),
-                                (5, "shape"),
-                                (2, "convex"),
-                                (1, "points"),
-                            ],
-                            "points",
-                            MAX_POINTS,
-                        ),
-                    ],
-                    MAX_OBJECT_JSON_PARTS * MAX_OBJECTS,
-                ),
-            ),
-            (
-                "AddObjects",
-                shape(
-                    &[rule(&[(3, "objects")], "objects", MAX_OBJECTS)],
-                    MAX_OBJECT_JSON_PARTS * MAX_OBJECTS,
-                ),
-            ),
-            (
-                "MoveObjects",
-                shape(
-                    &[rule(&[(3, "moves")], "moves", MAX_OBJECTS)],
-                    MAX_OBJECT_JSON_PARTS * MAX_OBJECTS,
-                ),
-            ),
-            (
-                "RemoveObjects",
-                shape(
-                    &[rule(&[(2, "ids")], "ids", MAX_OBJECTS)],
-                    MAX_OBJECTS * MAX_OBJECT_JSON_PARTS,
-                ),
-            ),
-            (
-                "PutStyle",
-                shape(
-                    &[
-                        rule(&[(2, "style"), (7, "gaits")], "gaits", MAX_STYLE_PARTS),
-                        rule(
-                            &[(2, "style"), (7, "gaits[]"), (6, "keys")],
-                            "keyframes",
-                            MAX_STYLE_PARTS,
-                        ),
-                    ],
-                    MAX_STYLE_PARTS * MAX_STYLE_PARTS,
-                ),
-            ),
-        ]))
+        let shapes = RPCS.iter().filter_map(|rpc| {
+            let rules: Vec<Rule> = rpc.lists.iter().filter_map(rule).collect();
+            Some((rpc.name, Shape::new(rules)?))
+        });
+        Self(shapes.collect())
     }
 
     /// The shape of a remote procedure's request. `None`: its size says enough.
@@ -183,6 +98,16 @@ impl Shapes {
 }
 
 impl Shape {
+    /// `None` where there are no rules.
+    fn new(rules: Vec<Rule>) -> Option<Self> {
+        let largest = *rules.iter().max_by_key(|rule| rule.json_parts())?;
+        Some(Self {
+            rules,
+            json_parts: largest.json_parts(),
+            largest,
+        })
+    }
+
     /// Checks a request in gRPC framing. What is not whole, compressed or no protobuf passes: decoding says more.
     pub(super) fn check_grpc(&self, frame: &Bytes) -> Result<(), ApiError> {
         match frame.split_first_chunk::<5>() {
@@ -195,46 +120,53 @@ impl Shape {
     pub(super) fn check_protobuf(&self, message: &[u8]) -> Result<(), ApiError> {
         self.rules
             .iter()
-            .try_for_each(|rule| rule.check(message, rule.steps, ""))
+            .try_for_each(|rule| rule.check(message, rule.steps, String::new()))
     }
 
     /// Checks a request as JSON.
     pub(super) fn check_json(&self, body: &[u8]) -> Result<(), ApiError> {
         let parts = body.iter().filter(|&&byte| byte == b'{' || byte == b'[').count();
-        match self.rules.first() {
-            Some(rule) if parts > self.json_parts => {
-                let names: Vec<&str> = rule
-                    .steps
-                    .iter()
-                    .map(|(_, name)| name.trim_end_matches("[]"))
-                    .collect();
-                let what = format!("{}, or their parts,", rule.what);
-                Err(too_many(names.join("."), &what, rule.most))
-            }
-            _ => Ok(()),
+        if parts <= self.json_parts {
+            return Ok(());
         }
+        let Rule { steps, limit } = self.largest;
+        let names: Vec<&str> = steps.iter().map(|step| step.name).collect();
+        let what = format!("{}, or their parts,", limit.what);
+        Err(too_many(names.join("."), &what, limit.most))
     }
 }
 
 impl Rule {
+    /// Most objects and arrays as JSON of a request that is full of such entries. Those of a list in a list are its parts.
+    fn json_parts(&self) -> usize {
+        match self.steps {
+            [way @ .., _] if way.iter().all(|step| !step.list) => {
+                self.limit.json_parts.saturating_mul(self.limit.most)
+            }
+            _ => 0,
+        }
+    }
+
     /// Counts the entries of a list at the end of `steps`, in every message on the way there.
-    fn check(&self, message: &[u8], steps: Steps, path: &str) -> Result<(), ApiError> {
-        let Some(((number, name), deeper)) = steps.split_first() else {
+    fn check(&self, message: &[u8], steps: &[Step], path: String) -> Result<(), ApiError> {
+        let Some((step, deeper)) = steps.split_first() else {
             return Ok(());
         };
-        let entries = || Parts(message).filter(|part| part.0 == *number);
-        let path = match path {
-            "" => (*name).to_owned(),
-            path => format!("{path}.{name}"),
-        };
+        let entries = || Parts(message).filter(|part| part.0 == step.number);
+        let dot = if path.is_empty() { "" } else { "." };
+        let path = format!("{path}{dot}{}", step.name);
         if deeper.is_empty() {
-            return match entries().nth(self.most) {
-                Some(_) => Err(too_many(path, self.what, self.most)),
+            return match entries().nth(self.limit.most) {
+                Some(_) => Err(too_many(path, self.limit.what, self.limit.most)),
                 None => Ok(()),
             };
         }
         for (index, (_, entry)) in entries().enumerate() {
-            self.check(entry, deeper, &path.replace("[]", &format!("[{index}]")))?;
+            let path = match step.list {
+                true => format!("{path}[{index}]"),
+                false => path.clone(),
+            };
+            self.check(entry, deeper, path)?;
         }
         Ok(())
     }
@@ -248,6 +180,7 @@ fn too_many(field: String, what: &str, limit: usize) -> ApiError {
     }
     .into()
 }
+
 /// The length-delimited fields of a message, by number. Ends where the message ends or makes no sense.
 struct Parts<'a>(&'a [u8]);
 
@@ -283,14 +216,15 @@ mod tests {
         [&[0], length.to_be_bytes().as_slice(), &message].concat().into()
     }
 
+    const LIMITS: ApiLimits = ApiLimits {
+        timeout: Duration::ZERO,
+        message_bytes: 0,
+        characters: 3,
+        sessions: 3,
+    };
+
     fn shape(rpc: &str) -> Shape {
-        let limits = ApiLimits {
-            timeout: Duration::ZERO,
-            message_bytes: 0,
-            characters: 3,
-            sessions: 3,
-        };
-        Shapes::new(&limits).of(rpc).unwrap().clone()
+        Shapes::new(&LIMITS).of(rpc).unwrap().clone()
     }
 
     /// The field that a request is refused for, and what is allowed.
@@ -319,6 +253,13 @@ mod tests {
         v1::InBetweenRequest {
             pack: "human".into(),
             characters: vec![character; characters],
+        }
+    }
+
+    #[test]
+    fn every_list_has_a_limit() {
+        for list in RPCS.iter().flat_map(|rpc| rpc.lists) {
+            assert!(Limit::of(list, &LIMITS).is_some(), "{}: say how many", list.field);
         }
     }
 
@@ -421,7 +362,7 @@ mod tests {
         let full = serde_json::to_vec(&request(3, 4)).unwrap();
         shape.check_json(&full).unwrap();
         for (start, part) in [("{\"characters\":[", "{},"), ("[", "[],")] {
-            let body = format!("{start}{}", part.repeat(3 * MAX_JSON_PARTS));
+            let body = format!("{start}{}", part.repeat(3 * 1024));
             assert!(shape.check_json(body.as_bytes()).is_err());
         }
     }

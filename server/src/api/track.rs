@@ -1,5 +1,6 @@
 //! What every remote procedure shares, over gRPC and HTTP alike: a time limit and metrics.
 
+use std::collections::HashMap;
 use std::error::Error as _;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -10,6 +11,8 @@ use axum::response::{IntoResponse as _, Response};
 use http::Method;
 use http_body_util::LengthLimitError;
 use tonic::Status;
+use troupe_proto::rpc::RPCS;
+use utoipa::openapi::{OpenApi, PathItem};
 
 use super::ApiLimits;
 use super::error::{ApiError, CodeLabel};
@@ -52,9 +55,13 @@ impl Drop for Note<'_> {
 }
 
 /// Runs an HTTP handler within the time limit.
-pub(super) async fn http(State(tracker): State<Arc<Tracker>>, request: Request, next: Next) -> Response {
+pub(super) async fn http(
+    State((tracker, rpcs)): State<(Arc<Tracker>, Arc<HttpRpcs>)>,
+    request: Request,
+    next: Next,
+) -> Response {
     let path = request.extensions().get::<MatchedPath>();
-    let rpc = path.map_or("unknown", |path| http_rpc(request.method(), path.as_str()));
+    let rpc = path.map_or("unknown", |path| rpcs.of(request.method(), path.as_str()));
     let mut note = Note {
         metrics: &tracker.metrics,
         rpc,
@@ -69,76 +76,48 @@ pub(super) async fn http(State(tracker): State<Arc<Tracker>>, request: Request, 
     response
 }
 
-/// The remote procedure behind a route.
-fn http_rpc(method: &Method, path: &str) -> &'static str {
-    match (path, method) {
-        ("/v1/inbetween", _) => "InBetween",
-        ("/v1/generate", _) => "Generate",
-        ("/v1/packs", _) => "ListPacks",
-        ("/v1/packs/{name}", _) => "GetPack",
-        ("/v1/sessions", &Method::POST) => "CreateSessions",
-        ("/v1/sessions", _) => "ListSessions",
-        ("/v1/sessions/{id}", &Method::DELETE) => "CloseSessions",
-        ("/v1/sessions/{id}", _) => "GetSession",
-        ("/v1/sessions/{id}/peek", _) => "Peek",
-        ("/v1/commands", _) => "Command",
-        ("/v1/step", _) => "Step",
-        ("/v1/drive", _) => "Drive",
-        ("/v1/packs/{name}/styles", _) => "ListStyles",
-        ("/v1/packs/{name}/styles/{style}", &Method::PUT) => "PutStyle",
-        ("/v1/packs/{name}/styles/{style}", _) => "GetStyle",
-        ("/v1/scenes", _) => "ListScenes",
-        ("/v1/scenes/{name}", &Method::PUT) => "PutScene",
-        ("/v1/scenes/{name}", &Method::DELETE) => "DeleteScene",
-        ("/v1/scenes/{name}", _) => "GetScene",
-        ("/v1/scenes/{name}/add", _) => "AddObjects",
-        ("/v1/scenes/{name}/move", _) => "MoveObjects",
-        ("/v1/scenes/{name}/remove", _) => "RemoveObjects",
-        ("/v1/objects", _) => "ListObjectDefinitions",
-        ("/v1/objects/{name}", &Method::PUT) => "PutObjectDefinition",
-        ("/v1/objects/{name}", &Method::DELETE) => "DeleteObjectDefinition",
-        ("/v1/objects/{name}", _) => "GetObjectDefinition",
-        ("/v1/detect", _) => "Detect",
-        _ => "unknown",
+/// The remote procedures behind the HTTP routes.
+pub(super) struct HttpRpcs(HashMap<String, PathItem>);
+
+impl HttpRpcs {
+    /// Those of documented routes.
+    pub(super) fn new(document: OpenApi) -> Self {
+        Self(document.paths.paths.into_iter().collect())
+    }
+
+    /// The procedure's name, as metrics know it.
+    fn of(&self, method: &Method, path: &str) -> &'static str {
+        let named = || {
+            let PathItem {
+                get,
+                put,
+                post,
+                delete,
+                ..
+            } = self.0.get(path)?;
+            let exact = match *method {
+                Method::PUT => put,
+                Method::POST => post,
+                Method::DELETE => delete,
+                _ => get,
+            };
+            // A method that the path does not answer counts as one that it does.
+            let operation = [exact, get, put, post, delete].into_iter().flatten().next()?;
+            operation.operation_id.as_deref()
+        };
+        known(named().unwrap_or_default())
     }
 }
 
-/// The methods of the gRPC services, as metrics name them.
-const GRPC_METHODS: [&str; 27] = [
-    "InBetween",
-    "Generate",
-    "ListPacks",
-    "GetPack",
-    "CreateSessions",
-    "GetSession",
-    "ListSessions",
-    "CloseSessions",
-    "Command",
-    "Step",
-    "Drive",
-    "Peek",
-    "ListStyles",
-    "GetStyle",
-    "PutStyle",
-    "PutScene",
-    "GetScene",
-    "ListScenes",
-    "DeleteScene",
-    "AddObjects",
-    "MoveObjects",
-    "RemoveObjects",
-    "PutObjectDefinition",
-    "GetObjectDefinition",
-    "ListObjectDefinitions",
-    "DeleteObjectDefinition",
-    "Detect",
-];
+/// The remote procedure of this name.
+fn known(name: &str) -> &'static str {
+    let rpc = RPCS.iter().find(|rpc| rpc.name == name);
+    rpc.map_or("unknown", |rpc| rpc.name)
+}
 
-/// The method that a gRPC path names.
+/// The procedure that a gRPC path names.
 fn grpc_rpc(path: &str) -> &'static str {
-    let named = path.rsplit('/').next().unwrap_or_default();
-    let known = GRPC_METHODS.into_iter().find(|method| *method == named);
-    known.unwrap_or("unknown")
+    known(path.rsplit('/').next().unwrap_or_default())
 }
 
 /// The code of an HTTP answer; only a success may have none noted on it.

@@ -19,10 +19,10 @@ use troupe_proto::v1::drive_response::Message as Say;
 
 use super::MAX_STREAM_MESSAGE_BYTES;
 use super::answers;
-use super::error::{ApiError, ErrorBody};
+use super::error::ApiError;
 use super::http::json::{self, BodyLimits};
 use crate::service::Service;
-use crate::session::drive::{Outlet, Place, outbox};
+use crate::session::drive::{Outlet, StreamPermit, outbox};
 use crate::wire::{MAX_MESSAGE, cut};
 
 /// How long a client may take to read what is left once its stream has ended.
@@ -39,12 +39,13 @@ const MAX_REASON_BYTES: usize = 123;
 #[utoipa::path(
     get,
     path = "/v1/drive",
+    operation_id = "Drive",
     tag = "sessions",
     responses(
         (status = 101, description = "A WebSocket: the client sends DriveRequest, the server DriveResponse", body = v1::DriveResponse),
-        (status = 400, description = "Not the start of a WebSocket", body = ErrorBody),
-        (status = 429, description = "No room for another stream", body = ErrorBody),
-        (status = 503, description = "Shutting down", body = ErrorBody),
+        (status = 400, description = "Not the start of a WebSocket"),
+        (status = 429, description = "No room for another stream"),
+        (status = 503, description = "Shutting down"),
     )
 )]
 pub(super) async fn drive(
@@ -56,12 +57,12 @@ pub(super) async fn drive(
         message: format!("this path takes a WebSocket: {}", rejection.body_text()),
         field: None,
     })?;
-    let place = service.sessions().open_stream()?;
+    let permit = service.sessions().open_stream()?;
     let bytes = limits.bytes.min(MAX_STREAM_MESSAGE_BYTES);
     let limits = BodyLimits { bytes, ..limits };
     let upgrade = upgrade.max_message_size(bytes).max_frame_size(bytes);
     Ok(upgrade
-        .on_upgrade(move |socket| serve(socket, place, limits))
+        .on_upgrade(move |socket| serve(socket, permit, limits))
         .into_response())
 }
 
@@ -90,7 +91,7 @@ impl Form {
 }
 
 /// Serves a stream to its end.
-async fn serve(socket: WebSocket, place: Place, limits: BodyLimits) {
+async fn serve(socket: WebSocket, permit: StreamPermit, limits: BodyLimits) {
     let form = Form::default();
     let (mut sink, source) = socket.split();
     // Boxed so that the stream can be read on after the conversation has ended.
@@ -101,7 +102,7 @@ async fn serve(socket: WebSocket, place: Place, limits: BodyLimits) {
         .boxed();
     let (outbox, outlet) = outbox(answers::drive);
     {
-        let conversation = place.run(&mut inbound, outbox);
+        let conversation = permit.run(&mut inbound, outbox);
         let writing = write(outlet, &mut sink, &form);
         tokio::pin!(conversation, writing);
         let written = tokio::select! {
@@ -196,7 +197,7 @@ fn read(
     }
 }
 
-fn decode(bytes: &[u8], limits: &BodyLimits) -> Result<v1::DriveRequest, ApiError> {
+pub(super) fn decode(bytes: &[u8], limits: &BodyLimits) -> Result<v1::DriveRequest, ApiError> {
     if let Some(shape) = limits.shapes.of("Drive") {
         shape.check_protobuf(bytes)?;
     }

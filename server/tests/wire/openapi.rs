@@ -17,75 +17,18 @@ fn the_committed_document_is_current() {
 }
 
 #[test]
-fn every_field_of_a_request_is_described() {
+fn every_field_of_a_message_is_described() {
     let document: serde_json::Value =
         serde_json::from_str(&troupe_server::api::document().to_json().unwrap()).unwrap();
     let schemas = document["components"]["schemas"].as_object().unwrap();
-    for name in [
-        "InBetweenRequest",
-        "Character",
-        "Keyframe",
-        "Root",
-        "RootVelocity",
-        "Pose",
-        "Frames",
-        "Timing",
-        "Pack",
-        "Robot",
-        "Hinge",
-        "SessionOptions",
-        "Session",
-        "SessionStats",
-        "Command",
-        "Locomote",
-        "CommandResult",
-        "Problem",
-        "StepRequest",
-        "StepResponse",
-        "FrameBlock",
-        "PeekResponse",
-        "PlanView",
-        "Style",
-        "Gait",
-        "GaitKey",
-        "DriveRequest",
-        "DriveResponse",
-        "DriveFrames",
-        "DriveEvents",
-        "SessionEvents",
-        "SessionEvent",
-        "KeyframeReached",
-        "InteractionStarted",
-        "InteractionFailed",
-        "HeldObject",
-        "Activity",
-        "Interact",
-        "PutSceneRequest",
-        "Scene",
-        "SceneSummary",
-        "SceneObject",
-        "Collider",
-        "ColliderShape",
-        "BoxShape",
-        "ConvexShape",
-        "HeightfieldShape",
-        "AddObjectsRequest",
-        "MoveObjectsRequest",
-        "ObjectMove",
-        "RemoveObjectsRequest",
-        "ObjectsResponse",
-        "Document",
-        "ObjectDefinition",
-        "PutObjectDefinitionRequest",
-        "PutObjectDefinitionResponse",
-        "DetectRequest",
-        "DetectBox",
-        "DetectResponse",
-        "Detected",
-    ] {
-        let schema = &schemas[name];
+    assert!(schemas.len() > 60, "{} schemas", schemas.len());
+    for (name, schema) in schemas {
+        // The alternatives of a choice are messages, and describe themselves.
+        let Some(properties) = schema["properties"].as_object() else {
+            continue;
+        };
         assert!(schema["description"].is_string(), "{name}");
-        for (field, value) in schema["properties"].as_object().unwrap() {
+        for (field, value) in properties {
             // An optional message describes itself inside its alternatives.
             let described = value["description"].is_string() || value["oneOf"][0]["description"].is_string();
             assert!(described, "{name}.{field} has no description: {value}");

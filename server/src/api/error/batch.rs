@@ -68,7 +68,7 @@ mod tests {
         assert_eq!(
             shown(SubmitError::Superseded),
             (
-                "a newer plan of the same character took the place of this one".to_owned(),
+                "a newer plan of the same character replaced this one".to_owned(),
                 Code::Aborted,
                 409,
                 "ABORTED",
@@ -81,7 +81,7 @@ mod tests {
         assert_eq!(
             shown(late),
             (
-                "the request was given up after 1500 ms in the queue".to_owned(),
+                "the request timed out after 1500 ms in the queue".to_owned(),
                 Code::DeadlineExceeded,
                 504,
                 "DEADLINE_EXCEEDED",
@@ -92,6 +92,9 @@ mod tests {
             pending_characters: 7,
             retry_after: Duration::from_millis(20),
         };
-        assert_eq!(shown(full).0, "the server is busy: 7 characters are waiting");
+        assert_eq!(
+            shown(full).0,
+            "the queue is full: 7 characters are waiting; retry later"
+        );
     }
 }

@@ -11,7 +11,7 @@ use http::header;
 use troupe_proto::v1;
 
 use super::json::JsonBody;
-use crate::api::error::{ApiError, ErrorBody};
+use crate::api::error::ApiError;
 use crate::service::{Service, ServiceError};
 
 /// What the answer is: one JSON value a line.
@@ -24,15 +24,14 @@ const LINES: &str = "application/x-ndjson";
 #[utoipa::path(
     post,
     path = "/v1/generate",
+    operation_id = "Generate",
     tag = "motion",
     request_body = v1::GenerateRequest,
     responses(
         (status = 200, description = "The parts, one a line", body = v1::GenerateResponse, content_type = "application/x-ndjson"),
-        (status = 400, description = "A value that is not accepted, a pack that cannot do it, or a body that is no request", body = ErrorBody),
-        (status = 404, description = "No such pack", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 429, description = "The queue is full, or too slow; see the Retry-After header", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 400, description = "A value that is not accepted, a pack that cannot do it, or a body that is no request"),
+        (status = 404, description = "No such pack"),
+        (status = 429, description = "The queue is full, or too slow; see the Retry-After header"),
     )
 )]
 pub(crate) async fn generate(

@@ -7,7 +7,7 @@ use axum::extract::{FromRequest, Request};
 use axum::response::IntoResponse as _;
 use http::StatusCode;
 use serde::de::DeserializeOwned;
-use troupe_proto::v1;
+use troupe_proto::rpc;
 
 use crate::api::error::ApiError;
 use crate::api::shape::Shapes;
@@ -21,66 +21,11 @@ pub(in crate::api) struct BodyLimits {
     pub(in crate::api) shapes: Arc<Shapes>,
 }
 
-/// A message that comes as JSON.
-pub(in crate::api) trait Message: DeserializeOwned {
-    /// The remote procedure whose shape it must have.
-    const RPC: &'static str;
-}
-
-impl Message for v1::InBetweenRequest {
-    const RPC: &'static str = "InBetween";
-}
-
-impl Message for v1::GenerateRequest {
-    const RPC: &'static str = "Generate";
-}
-
-impl Message for v1::CreateSessionsRequest {
-    const RPC: &'static str = "CreateSessions";
-}
-
-impl Message for v1::CommandRequest {
-    const RPC: &'static str = "Command";
-}
-
-impl Message for v1::StepRequest {
-    const RPC: &'static str = "Step";
-}
-
-impl Message for v1::Style {
-    const RPC: &'static str = "PutStyle";
-}
-
-impl Message for v1::DriveRequest {
-    const RPC: &'static str = "Drive";
-}
-
-impl Message for v1::PutSceneRequest {
-    const RPC: &'static str = "PutScene";
-}
-
-impl Message for v1::AddObjectsRequest {
-    const RPC: &'static str = "AddObjects";
-}
-
-impl Message for v1::MoveObjectsRequest {
-    const RPC: &'static str = "MoveObjects";
-}
-
-impl Message for v1::RemoveObjectsRequest {
-    const RPC: &'static str = "RemoveObjects";
-}
-
-impl Message for v1::PutObjectDefinitionRequest {
-    const RPC: &'static str = "PutObjectDefinition";
-}
-
-impl Message for v1::DetectRequest {
-    const RPC: &'static str = "Detect";
-}
-
 /// Reads a message.
-pub(in crate::api) fn read<T: Message>(bytes: &[u8], limits: &BodyLimits) -> Result<T, ApiError> {
+pub(in crate::api) fn read<T: rpc::Request + DeserializeOwned>(
+    bytes: &[u8],
+    limits: &BodyLimits,
+) -> Result<T, ApiError> {
     if let Some(shape) = limits.shapes.of(T::RPC) {
         shape.check_json(bytes)?;
     }
@@ -108,7 +53,7 @@ pub(in crate::api) fn read<T: Message>(bytes: &[u8], limits: &BodyLimits) -> Res
 /// A JSON body. The content type does not matter.
 pub(in crate::api) struct JsonBody<T>(pub(in crate::api) T);
 
-impl<S: Send + Sync, T: Message> FromRequest<S> for JsonBody<T> {
+impl<S: Send + Sync, T: rpc::Request + DeserializeOwned> FromRequest<S> for JsonBody<T> {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {

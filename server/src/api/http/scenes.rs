@@ -10,7 +10,7 @@ use troupe_proto::v1;
 use super::json::JsonBody;
 use super::{Asked, Named, asked, named};
 use crate::api::answers;
-use crate::api::error::{ApiError, ErrorBody};
+use crate::api::error::ApiError;
 use crate::service::Service;
 use crate::wire::cut;
 use troupe_character::FieldError;
@@ -40,11 +40,9 @@ fn agreed(field: &str, body: &str, path: Named<String>) -> Result<String, ApiErr
 #[utoipa::path(
     get,
     path = "/v1/scenes",
+    operation_id = "ListScenes",
     tag = "scenes",
-    responses(
-        (status = 200, description = "All scenes, sorted by name", body = v1::ListScenesResponse),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
-    )
+    responses((status = 200, description = "All scenes, sorted by name", body = v1::ListScenesResponse))
 )]
 pub(in crate::api) async fn list(State(service): Server) -> Result<Json<v1::ListScenesResponse>, ApiError> {
     Ok(Json(service.list_scenes()?))
@@ -56,15 +54,12 @@ pub(in crate::api) async fn list(State(service): Server) -> Result<Json<v1::List
 #[utoipa::path(
     put,
     path = "/v1/scenes/{name}",
+    operation_id = "PutScene",
     tag = "scenes",
-    params(("name" = String, Path, description = "The scene's name")),
     request_body = v1::PutSceneRequest,
     responses(
         (status = 200, description = "The scene as it is now", body = v1::SceneSummary),
-        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 429, description = "As many scenes as there may be", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 429, description = "As many scenes as there may be"),
     )
 )]
 pub(in crate::api) async fn put(
@@ -97,13 +92,12 @@ pub(in crate::api) struct SceneForm {
 #[utoipa::path(
     get,
     path = "/v1/scenes/{name}",
+    operation_id = "GetScene",
     tag = "scenes",
-    params(("name" = String, Path, description = "The scene's name"), SceneForm),
+    params(SceneForm),
     responses(
         (status = 200, description = "The scene", body = v1::Scene),
-        (status = 400, description = "A value that is not accepted", body = ErrorBody),
-        (status = 404, description = "No such scene", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 404, description = "No such scene"),
     )
 )]
 pub(in crate::api) async fn get(
@@ -127,13 +121,12 @@ pub(in crate::api) async fn get(
 #[utoipa::path(
     delete,
     path = "/v1/scenes/{name}",
+    operation_id = "DeleteScene",
     tag = "scenes",
-    params(("name" = String, Path, description = "The scene's name")),
     responses(
         (status = 200, description = "The scene is gone", body = v1::DeleteSceneResponse),
-        (status = 404, description = "No such scene", body = ErrorBody),
-        (status = 409, description = "Sessions are in it", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 404, description = "No such scene"),
+        (status = 409, description = "Sessions are in it"),
     )
 )]
 pub(in crate::api) async fn delete(
@@ -148,20 +141,17 @@ pub(in crate::api) async fn delete(
 
 /// Put objects into a scene
 ///
-/// What became of each is in its result; one that is refused does not hold up the others. `scene` in the body is the name in the path,
+/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the body is the name in the path,
 /// or left out.
 #[utoipa::path(
     post,
     path = "/v1/scenes/{name}/add",
+    operation_id = "AddObjects",
     tag = "scenes",
-    params(("name" = String, Path, description = "The scene's name")),
     request_body = v1::AddObjectsRequest,
     responses(
-        (status = 200, description = "What became of the objects", body = v1::ObjectsResponse),
-        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
-        (status = 404, description = "No such scene", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 200, description = "Results of the objects", body = v1::ObjectsResponse),
+        (status = 404, description = "No such scene"),
     )
 )]
 pub(in crate::api) async fn add(
@@ -175,20 +165,17 @@ pub(in crate::api) async fn add(
 
 /// Move objects of a scene
 ///
-/// What became of each is in its result; one that is refused does not hold up the others. `scene` in the body is the name in the path,
+/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the body is the name in the path,
 /// or left out.
 #[utoipa::path(
     post,
     path = "/v1/scenes/{name}/move",
+    operation_id = "MoveObjects",
     tag = "scenes",
-    params(("name" = String, Path, description = "The scene's name")),
     request_body = v1::MoveObjectsRequest,
     responses(
-        (status = 200, description = "What became of the objects", body = v1::ObjectsResponse),
-        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
-        (status = 404, description = "No such scene", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 200, description = "Results of the objects", body = v1::ObjectsResponse),
+        (status = 404, description = "No such scene"),
     )
 )]
 pub(in crate::api) async fn move_objects(
@@ -202,20 +189,17 @@ pub(in crate::api) async fn move_objects(
 
 /// Take objects out of a scene, whoever has them
 ///
-/// What became of each is in its result; one that is refused does not hold up the others. `scene` in the body is the name in the path,
+/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the body is the name in the path,
 /// or left out.
 #[utoipa::path(
     post,
     path = "/v1/scenes/{name}/remove",
+    operation_id = "RemoveObjects",
     tag = "scenes",
-    params(("name" = String, Path, description = "The scene's name")),
     request_body = v1::RemoveObjectsRequest,
     responses(
-        (status = 200, description = "What became of the objects", body = v1::ObjectsResponse),
-        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
-        (status = 404, description = "No such scene", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 200, description = "Results of the objects", body = v1::ObjectsResponse),
+        (status = 404, description = "No such scene"),
     )
 )]
 pub(in crate::api) async fn remove(
@@ -231,15 +215,14 @@ pub(in crate::api) async fn remove(
 #[utoipa::path(
     post,
     path = "/v1/detect",
+    operation_id = "Detect",
     tag = "scenes",
     request_body = v1::DetectRequest,
     responses(
         (status = 200, description = "The objects in reach", body = v1::DetectResponse),
-        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
-        (status = 404, description = "No such session or scene", body = ErrorBody),
-        (status = 409, description = "The session is in no scene", body = ErrorBody),
-        (status = 410, description = "The session has expired", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 404, description = "No such session or scene"),
+        (status = 409, description = "The session is in no scene"),
+        (status = 410, description = "The session has expired"),
     )
 )]
 pub(in crate::api) async fn detect(
@@ -253,11 +236,9 @@ pub(in crate::api) async fn detect(
 #[utoipa::path(
     get,
     path = "/v1/objects",
+    operation_id = "ListObjectDefinitions",
     tag = "objects",
-    responses(
-        (status = 200, description = "All definitions, sorted by name", body = v1::ListObjectDefinitionsResponse),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
-    )
+    responses((status = 200, description = "All definitions, sorted by name", body = v1::ListObjectDefinitionsResponse))
 )]
 pub(in crate::api) async fn list_objects(
     State(service): Server,
@@ -271,16 +252,13 @@ pub(in crate::api) async fn list_objects(
 #[utoipa::path(
     put,
     path = "/v1/objects/{name}",
+    operation_id = "PutObjectDefinition",
     tag = "objects",
-    params(("name" = String, Path, description = "The definition's name")),
     request_body = v1::PutObjectDefinitionRequest,
     responses(
         (status = 200, description = "What the upload did", body = v1::PutObjectDefinitionResponse),
-        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
-        (status = 404, description = "No such pack", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 429, description = "As many definitions as there may be", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 404, description = "No such pack"),
+        (status = 429, description = "As many definitions as there may be"),
     )
 )]
 pub(in crate::api) async fn put_object(
@@ -307,13 +285,12 @@ pub(in crate::api) struct ObjectForm {
 #[utoipa::path(
     get,
     path = "/v1/objects/{name}",
+    operation_id = "GetObjectDefinition",
     tag = "objects",
-    params(("name" = String, Path, description = "The definition's name"), ObjectForm),
+    params(ObjectForm),
     responses(
         (status = 200, description = "The definition", body = v1::GetObjectDefinitionResponse),
-        (status = 400, description = "A value that is not accepted", body = ErrorBody),
-        (status = 404, description = "No such definition", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 404, description = "No such definition"),
     )
 )]
 pub(in crate::api) async fn get_object(
@@ -332,13 +309,12 @@ pub(in crate::api) async fn get_object(
 #[utoipa::path(
     delete,
     path = "/v1/objects/{name}",
+    operation_id = "DeleteObjectDefinition",
     tag = "objects",
-    params(("name" = String, Path, description = "The definition's name")),
     responses(
         (status = 200, description = "The definition is gone", body = v1::DeleteObjectDefinitionResponse),
-        (status = 404, description = "No such definition", body = ErrorBody),
-        (status = 409, description = "Scenes have objects of it", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 404, description = "No such definition"),
+        (status = 409, description = "Scenes have objects of it"),
     )
 )]
 pub(in crate::api) async fn delete_object(

@@ -10,7 +10,7 @@ use troupe_proto::v1;
 use super::json::JsonBody;
 use super::{Asked, Named, asked, named};
 use crate::api::answers;
-use crate::api::error::{ApiError, ErrorBody};
+use crate::api::error::ApiError;
 use crate::service::Service;
 use crate::wire::cut;
 use troupe_character::FieldError;
@@ -21,16 +21,16 @@ type Server = State<Arc<Service>>;
 #[utoipa::path(
     post,
     path = "/v1/sessions",
+    operation_id = "CreateSessions",
     tag = "sessions",
     request_body = v1::CreateSessionsRequest,
     responses(
         (status = 200, description = "The opened sessions", body = v1::CreateSessionsResponse),
-        (status = 400, description = "A value that is not accepted, or a style that the pack does not have", body = ErrorBody),
-        (status = 404, description = "No such pack", body = ErrorBody),
-        (status = 409, description = "A session of that id is open", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 429, description = "No room for as many sessions", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 400, description = "A value that is not accepted, or a style that the pack does not have"),
+        (status = 404, description = "No such pack"),
+        (status = 409, description = "A session of that id is open"),
+        (status = 429, description = "No room for as many sessions"),
+        (status = 503, description = "Not ready yet"),
     )
 )]
 pub(in crate::api) async fn create(
@@ -55,12 +55,10 @@ pub(in crate::api) struct Page {
 #[utoipa::path(
     get,
     path = "/v1/sessions",
+    operation_id = "ListSessions",
     tag = "sessions",
     params(Page),
-    responses(
-        (status = 200, description = "A page of sessions", body = v1::ListSessionsResponse),
-        (status = 400, description = "A value that is not accepted", body = ErrorBody),
-    )
+    responses((status = 200, description = "A page of sessions", body = v1::ListSessionsResponse))
 )]
 pub(in crate::api) async fn list(
     State(service): Server,
@@ -81,12 +79,12 @@ pub(in crate::api) async fn list(
 #[utoipa::path(
     get,
     path = "/v1/sessions/{id}",
+    operation_id = "GetSession",
     tag = "sessions",
-    params(("id" = String, Path, description = "The session's id")),
     responses(
         (status = 200, description = "The session", body = v1::Session),
-        (status = 404, description = "No such session", body = ErrorBody),
-        (status = 410, description = "The session has expired", body = ErrorBody),
+        (status = 404, description = "No such session"),
+        (status = 410, description = "The session has expired"),
     )
 )]
 pub(in crate::api) async fn get(
@@ -100,8 +98,8 @@ pub(in crate::api) async fn get(
 #[utoipa::path(
     delete,
     path = "/v1/sessions/{id}",
+    operation_id = "CloseSessions",
     tag = "sessions",
-    params(("id" = String, Path, description = "The session's id")),
     responses((status = 200, description = "How many were closed: 1 or 0", body = v1::CloseSessionsResponse))
 )]
 pub(in crate::api) async fn close(
@@ -127,13 +125,13 @@ pub(in crate::api) struct Future {
 #[utoipa::path(
     get,
     path = "/v1/sessions/{id}/peek",
+    operation_id = "Peek",
     tag = "sessions",
-    params(("id" = String, Path, description = "The session's id"), Future),
+    params(Future),
     responses(
         (status = 200, description = "The future", body = v1::PeekResponse),
-        (status = 400, description = "A value that is not accepted", body = ErrorBody),
-        (status = 404, description = "No such session", body = ErrorBody),
-        (status = 410, description = "The session has expired", body = ErrorBody),
+        (status = 404, description = "No such session"),
+        (status = 410, description = "The session has expired"),
     )
 )]
 pub(in crate::api) async fn peek(
@@ -150,16 +148,16 @@ pub(in crate::api) async fn peek(
 
 /// Give commands to sessions
 ///
-/// What became of each is in its result; one that is refused does not hold up the others.
+/// Each has a result of its own. One that is refused does not hold up the others.
 #[utoipa::path(
     post,
     path = "/v1/commands",
+    operation_id = "Command",
     tag = "sessions",
     request_body = v1::CommandRequest,
     responses(
-        (status = 200, description = "What became of the commands", body = v1::CommandResponse),
-        (status = 400, description = "No commands, too many, or a body that is no request", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
+        (status = 200, description = "Results of the commands", body = v1::CommandResponse),
+        (status = 400, description = "No commands, too many, or a body that is no request"),
     )
 )]
 pub(in crate::api) async fn command(
@@ -176,17 +174,16 @@ pub(in crate::api) async fn command(
 #[utoipa::path(
     post,
     path = "/v1/step",
+    operation_id = "Step",
     tag = "sessions",
     request_body = v1::StepRequest,
     responses(
         (status = 200, description = "The next frames", body = v1::StepResponse),
-        (status = 400, description = "A value that is not accepted, or a body that is no request", body = ErrorBody),
-        (status = 404, description = "None of the sessions is open", body = ErrorBody),
-        (status = 409, description = "All sessions are in somebody else's hands", body = ErrorBody),
-        (status = 410, description = "The sessions have expired", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 500, description = "Inference failed", body = ErrorBody),
-        (status = 504, description = "Not served in time", body = ErrorBody),
+        (status = 404, description = "None of the sessions is open"),
+        (status = 409, description = "All sessions are in somebody else's hands"),
+        (status = 410, description = "The sessions have expired"),
+        (status = 500, description = "Inference failed"),
+        (status = 504, description = "Not served in time"),
     )
 )]
 pub(in crate::api) async fn step(
@@ -200,12 +197,11 @@ pub(in crate::api) async fn step(
 #[utoipa::path(
     get,
     path = "/v1/packs/{name}/styles",
+    operation_id = "ListStyles",
     tag = "styles",
-    params(("name" = String, Path, description = "The pack's name")),
     responses(
         (status = 200, description = "All styles, sorted by name", body = v1::ListStylesResponse),
-        (status = 404, description = "No such pack", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 404, description = "No such pack"),
     )
 )]
 pub(in crate::api) async fn list_styles(
@@ -222,16 +218,12 @@ pub(in crate::api) async fn list_styles(
 #[utoipa::path(
     get,
     path = "/v1/packs/{name}/styles/{style}",
+    operation_id = "GetStyle",
     tag = "styles",
-    params(
-        ("name" = String, Path, description = "The pack's name"),
-        ("style" = String, Path, description = "The style's name"),
-    ),
     responses(
         (status = 200, description = "The style", body = v1::Style),
-        (status = 400, description = "No such style", body = ErrorBody),
-        (status = 404, description = "No such pack", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 400, description = "No such style"),
+        (status = 404, description = "No such pack"),
     )
 )]
 pub(in crate::api) async fn get_style(
@@ -248,19 +240,14 @@ pub(in crate::api) async fn get_style(
 #[utoipa::path(
     put,
     path = "/v1/packs/{name}/styles/{style}",
+    operation_id = "PutStyle",
     tag = "styles",
-    params(
-        ("name" = String, Path, description = "The pack's name"),
-        ("style" = String, Path, description = "The style's name"),
-    ),
     request_body = v1::Style,
     responses(
         (status = 200, description = "The style as it is now", body = v1::Style),
-        (status = 400, description = "A value that is not accepted, or a body that is no style", body = ErrorBody),
-        (status = 404, description = "No such pack", body = ErrorBody),
-        (status = 409, description = "The style is one of the pack's own", body = ErrorBody),
-        (status = 413, description = "The body is too large", body = ErrorBody),
-        (status = 503, description = "Not ready yet", body = ErrorBody),
+        (status = 400, description = "A value that is not accepted, or a body that is no style"),
+        (status = 404, description = "No such pack"),
+        (status = 409, description = "The style is one of the pack's own"),
     )
 )]
 pub(in crate::api) async fn put_style(
