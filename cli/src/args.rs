@@ -2,6 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
+use crate::animate::Animate;
 use crate::draw::Draw;
 use crate::drive::Drive;
 use crate::eval::Eval;
@@ -71,6 +72,7 @@ pub(crate) enum Command {
     Draw(Draw),
     Drive(Drive),
     Film(Film),
+    Animate(Animate),
     Sessions(Sessions),
     Style(Style),
     Scene(Scene),

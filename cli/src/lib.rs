@@ -1,5 +1,6 @@
 //! The `troupe` command line, as a function, so that its binary is one line and tests can run the very same code.
 
+mod animate;
 mod args;
 mod context;
 mod draw;
@@ -19,6 +20,7 @@ mod path;
 mod scene;
 mod sessions;
 mod splice;
+mod stage;
 mod style;
 mod take;
 mod term;
@@ -71,6 +73,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Eval(command) => eval::run(&context, &command).await,
         Command::Draw(command) => draw::run(&context, &command).await,
         Command::Drive(command) => drive::run(&context, &command).await,
+        Command::Animate(command) => animate::run(&context, &command).await,
         Command::Film(command) => film::run(&context, &command).await,
         Command::Sessions(command) => sessions::run(&context, &command).await,
         Command::Style(command) => style::run(&context, &command).await,

@@ -30,6 +30,11 @@ fn help_of_inbetween() {
 }
 
 #[test]
+fn help_of_animate() {
+    insta::assert_snapshot!(help(&["animate"]));
+}
+
+#[test]
 fn help_of_packs() {
     insta::assert_snapshot!(help(&["packs"]));
 }

@@ -4,11 +4,10 @@ use glam::{Vec2, Vec3};
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
 
-use crate::graphics::canvas::{Align, Canvas, Ink, Point};
+use crate::graphics::canvas::{Align, Canvas, Fonts, Ink, Point};
 use crate::graphics::figure::{Camera, Figure};
-use crate::graphics::theme::{
-    MARGIN, MUTED, PANEL, RULE, draw_legend, draw_scale, draw_title, heading, ramp, regular,
-};
+use crate::graphics::header::{Entry, Header, Mark};
+use crate::graphics::theme::{MARGIN, MUTED, PANEL, RULE, draw_scale, heading, ramp, regular};
 
 /// Size of the layout; pictures of other sizes scale it.
 pub(super) const WIDTH: f32 = 1600.0;
@@ -110,7 +109,14 @@ impl Picture<'_> {
     /// # Errors
     /// A sentence, where the size is not one that a picture can have.
     pub(super) fn to_png(&self) -> Result<Vec<u8>, String> {
-        let mut canvas = Canvas::new(WIDTH, HEIGHT, self.zoom)?;
+        let entries = Self::legend();
+        let header = Header::new(
+            &Fonts::load()?,
+            WIDTH - MARGIN,
+            (&self.title, &self.subtitle),
+            &entries,
+        );
+        let mut canvas = Canvas::new(WIDTH, HEIGHT + header.extra_height(), self.zoom)?;
         let camera = self.camera();
         let motions = [&self.generated, &self.truth].map(|s| WorldMotion::from_clip(s.clip));
         let top = motions
@@ -119,7 +125,7 @@ impl Picture<'_> {
             .fold(1.2_f32, |top, p| top.max(p.y));
         let scale = 208.0 / (top + 0.15);
 
-        self.draw_heading(&mut canvas);
+        header.draw(&mut canvas);
         let strips = [
             Strip {
                 segment: &self.generated,
@@ -156,17 +162,18 @@ impl Picture<'_> {
         Camera::new(facing.x.atan2(facing.z), 0.85, 0.16)
     }
 
-    fn draw_heading(&self, canvas: &mut Canvas) {
-        draw_title(canvas, &self.title, &self.subtitle);
-        let entries = [
-            ("target keyframe", vec![TARGET]),
-            (
-                "generated",
-                (0..7).map(|i| Role::Generated(i as f32 / 6.0).ink()).collect(),
-            ),
+    /// What the colours mean.
+    fn legend() -> [Entry<'static>; 3] {
+        let generated = (0..7).map(|i| Role::Generated(i as f32 / 6.0).ink()).collect();
+        [
             ("context frames", vec![CONTEXT]),
-        ];
-        draw_legend(canvas, WIDTH - MARGIN, 22.0, entries);
+            ("generated", generated),
+            ("target keyframe", vec![TARGET]),
+        ]
+        .map(|(name, inks)| Entry {
+            mark: Mark::Discs(inks),
+            name,
+        })
     }
 
     fn draw_strip(
@@ -181,7 +188,7 @@ impl Picture<'_> {
         let head = heading(18.0);
         let caption = Point::new(MARGIN, strip.ground - 232.0);
         canvas.text(strip.caption[0], caption, head);
-        let after = Point::new(canvas.text_width(strip.caption[0], head) + 12.0, 0.0);
+        let after = Point::new(canvas.fonts().width(strip.caption[0], head) + 12.0, 0.0);
         canvas.text(
             strip.caption[1],
             caption + after,

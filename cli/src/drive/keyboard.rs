@@ -18,7 +18,7 @@ use troupe_proto::v1::session_event::Kind;
 
 use super::args::Drive as Arguments;
 use super::keys::{Asked, Choice, Controls};
-use super::screen::{Place, Screen, View};
+use super::screen::{SceneObject, Screen, View};
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::{Format, Scale};
@@ -101,8 +101,8 @@ pub(super) async fn run(
 }
 
 /// Where the objects of a scene are.
-fn places(scene: &v1::Scene) -> Vec<Place> {
-    let place = |object: &v1::SceneObject| Place {
+fn places(scene: &v1::Scene) -> Vec<SceneObject> {
+    let place = |object: &v1::SceneObject| SceneObject {
         id: object.id.clone(),
         place: place_of(object.position),
     };

@@ -13,20 +13,21 @@ use crate::failure::Failure;
 use crate::files::Format;
 use crate::output::print;
 use crate::path::Path;
-use crate::take::{Event, Take, follow, print_events};
+use crate::take::{Event, Take, follow, pack_of, print_events};
 
 pub(crate) use self::args::Drive;
 
 pub(super) async fn run(context: &Context, command: &Drive) -> Result<(), Failure> {
     // Before any work is done for nothing.
     let format = command.out.as_deref().map(Format::of).transpose()?;
+    let path = command.path.as_deref().map(Path::read).transpose()?;
     if let (Some(format), Some(out)) = (format, &command.out) {
-        format.check(context, &command.character.pack, out).await?;
+        let pack = pack_of(path.as_ref(), &command.character);
+        format.check(context, pack, out).await?;
     }
-    let Some(file) = &command.path else {
+    let Some(mut path) = path else {
         return keyboard::run(context, command, format).await;
     };
-    let mut path = Path::read(file)?;
     if let Some(seconds) = command.seconds {
         path.seconds = Some(std::time::Duration::from(seconds).as_secs_f32());
     }

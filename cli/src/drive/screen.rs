@@ -63,7 +63,7 @@ impl Drop for Screen {
 
 /// An object of the scene.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Place {
+pub(super) struct SceneObject {
     pub(super) id: String,
     /// (x, z).
     pub(super) place: Vec2,
@@ -89,7 +89,7 @@ pub(super) struct View {
     /// Seconds recorded, while recording.
     pub(super) recording_s: Option<f32>,
     /// The objects of the scene; none where it is in no scene.
-    pub(super) objects: Option<Vec<Place>>,
+    pub(super) objects: Option<Vec<SceneObject>>,
     /// The object in use, and the set that it is at.
     pub(super) in_use: Option<String>,
     /// The object in the hand.
@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn objects_and_their_keys_are_shown_in_a_scene() {
         let mut view = view();
-        view.objects = Some(vec![Place {
+        view.objects = Some(vec![SceneObject {
             id: "cup-1".to_owned(),
             place: Vec2::new(-1.0, 3.0),
         }]);

@@ -2,8 +2,6 @@
 
 mod args;
 mod picture;
-mod solid;
-mod stage;
 mod strip;
 
 use std::ops::RangeInclusive;
@@ -12,10 +10,10 @@ use std::time::Duration;
 use troupe_client::FrameOptions;
 
 use self::picture::{Picture, WIDTH};
-use self::stage::Stage;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::path::Path;
+use crate::stage::Stage;
 use crate::take::{Take, follow, print_events};
 
 pub(crate) use self::args::Film;
@@ -26,8 +24,15 @@ pub(super) async fn run(context: &Context, command: &Film) -> Result<(), Failure
         path.seconds = Some(Duration::from(seconds).as_secs_f32());
     }
     let take = follow(context, &path, &command.character, FrameOptions::default()).await?;
+    let stage = match &take.scene {
+        Some(scene) => {
+            let client = context.connect().await?;
+            Some(Stage::of(&client, scene, &take.events, &take.moved).await?)
+        }
+        None => None,
+    };
     let film = Picture {
-        stage: Stage::of(&context.connect().await?, &take).await?,
+        stage,
         range: range(command, &take)?,
         title: command.title.clone().or(path.title).unwrap_or_default(),
         subtitle: subtitle(&take),

@@ -5,13 +5,11 @@ use std::ops::RangeInclusive;
 use glam::{Vec2, Vec3};
 use troupe_motion::fk::WorldMotion;
 
-use super::solid::Solid;
-use super::stage::{Stage, Thing};
-use crate::graphics::canvas::{Align, Canvas, Ink, Point};
+use crate::graphics::canvas::{Align, Canvas, Fonts, Ink, Point};
 use crate::graphics::figure::{Camera, Figure};
-use crate::graphics::theme::{
-    DARK, MARGIN, MUTED, PANEL, draw_legend, draw_scale, draw_title, heading, ramp, regular,
-};
+use crate::graphics::header::{Entry, Header, Mark};
+use crate::graphics::theme::{DARK, MARGIN, MUTED, PANEL, STYLE_INKS, draw_scale, heading, ramp, regular};
+use crate::stage::{Solid, Stage, Thing};
 use crate::take::Take;
 
 /// Width of the layout; pictures of other sizes scale it.
@@ -39,18 +37,6 @@ const AROUND_M: f32 = 0.8;
 const APART_M: f32 = 0.3;
 /// How far the camera of the scene looks down, radians.
 const PITCH: f32 = 0.5;
-
-/// Colours of styles, in the order in which they come.
-const STYLE_INKS: [Ink; 8] = [
-    Ink::hex(0x1b_6f_d8),
-    Ink::hex(0xd8_43_8c),
-    Ink::hex(0xf0_8c_00),
-    Ink::hex(0x2f_9e_44),
-    Ink::hex(0x7a_4d_d8),
-    Ink::hex(0x0c_85_99),
-    Ink::hex(0xe0_31_31),
-    Ink::hex(0x86_8e_20),
-];
 
 /// What to draw.
 pub(super) struct Picture<'a> {
@@ -114,9 +100,16 @@ impl Picture<'_> {
         };
         parts.height = self.height(&parts);
         let strip_top = SCENE_CORNER.y + parts.height + STRIP_GAP;
-        let mut canvas = Canvas::new(WIDTH, strip_top + ROW * rows as f32 + 4.0, self.zoom)?;
-        draw_title(&mut canvas, &self.title, &self.subtitle);
-        self.draw_legend(&mut canvas, &parts);
+        let entries = self.legend(&parts.styles);
+        let header = Header::new(
+            &Fonts::load()?,
+            WIDTH - MARGIN,
+            (&self.title, &self.subtitle),
+            &entries,
+        );
+        let height = header.extra_height() + strip_top + ROW * rows as f32 + 4.0;
+        let mut canvas = Canvas::new(WIDTH, height, self.zoom)?;
+        header.draw(&mut canvas);
         self.draw_scene(&mut canvas, &parts);
         self.draw_plan(&mut canvas, &parts);
         for (row, frames) in parts.frames.chunks(parts.frames.len().div_ceil(rows)).enumerate() {
@@ -201,31 +194,29 @@ impl Picture<'_> {
         ramp(((frame as f32 - first as f32) / (last - first).max(1) as f32).clamp(0.0, 1.0))
     }
 
-    fn draw_legend(&self, canvas: &mut Canvas, parts: &Parts) {
-        let label = regular(16.0, DARK, Align::Left);
-        let mut pen = WIDTH - MARGIN;
-        if !self.take.commanded.is_empty() {
-            let name = "commanded";
-            pen -= canvas.text_width(name, label);
-            canvas.text(name, Point::new(pen, 50.0), label);
-            canvas.dashed(
-                &[Point::new(pen - 46.0, 44.5), Point::new(pen - 12.0, 44.5)],
-                3.0,
-                [1.0, 7.0],
-                MUTED,
-            );
-            pen -= 72.0;
-        }
-        let styled = parts.styles.iter().enumerate().rev();
-        let entries: Vec<_> = if parts.styles.len() > 1 {
-            styled
-                .map(|(i, style)| (style.as_str(), vec![STYLE_INKS[i % STYLE_INKS.len()]]))
-                .collect()
-        } else {
-            let inks = (0..7).map(|i| ramp(i as f32 / 6.0)).collect();
-            vec![("from start to end", inks)]
+    /// Names of the styles, or what the colours of one style mean; and the commanded way.
+    fn legend<'s>(&self, styles: &'s [String]) -> Vec<Entry<'s>> {
+        let mut entries: Vec<Entry<'s>> = match styles {
+            [_, _, ..] => {
+                let inks = STYLE_INKS.iter().cycle();
+                let entry = |(name, ink): (&'s String, &Ink)| Entry {
+                    mark: Mark::Discs(vec![*ink]),
+                    name,
+                };
+                styles.iter().zip(inks).map(entry).collect()
+            }
+            _ => vec![Entry {
+                mark: Mark::Discs((0..7).map(|i| ramp(i as f32 / 6.0)).collect()),
+                name: "from start to end",
+            }],
         };
-        draw_legend(canvas, pen, 16.0, entries);
+        if !self.take.commanded.is_empty() {
+            entries.push(Entry {
+                mark: Mark::Dotted(MUTED),
+                name: "commanded",
+            });
+        }
+        entries
     }
 
     /// The root's way on the ground as pieces of one colour.

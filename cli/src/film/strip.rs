@@ -4,10 +4,10 @@ use glam::Vec3;
 use troupe_proto::v1::session_event::Kind;
 
 use super::picture::{Parts, Picture, WIDTH};
-use super::stage::Thing;
 use crate::graphics::canvas::{Align, Canvas, Point};
 use crate::graphics::figure::Camera;
 use crate::graphics::theme::{DARK, MARGIN, RULE, regular};
+use crate::stage::Thing;
 use crate::take::Event;
 
 /// Height of a standing figure, pixels.

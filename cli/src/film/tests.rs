@@ -10,8 +10,7 @@ use troupe_proto::v1;
 use troupe_proto::v1::session_event::Kind;
 
 use super::picture::{Picture, WIDTH};
-use super::solid::Solid;
-use super::stage::Stage;
+use crate::stage::{Solid, Stage};
 use crate::take::{Event, Moved, Order, Take};
 
 /// A figure that walks half a circle.
@@ -70,7 +69,10 @@ fn draw(take: &Take, poses: usize, zoom: f32) -> tiny_skia::Pixmap {
         title: "Half a circle".to_owned(),
         subtitle: super::subtitle(take),
         take,
-        stage: take.scene.as_ref().map(|scene| Stage::new(scene, take, cup)),
+        stage: take
+            .scene
+            .as_ref()
+            .map(|scene| Stage::new(scene, &take.events, &take.moved, cup)),
         range: 0..=take.clip.frames() - 1,
         poses,
         zoom,
@@ -175,7 +177,7 @@ fn vector(v: Vec3) -> v1::Vec3 {
 #[test]
 fn objects_are_where_they_were_at_the_time() {
     let take = take_with_a_cup();
-    let stage = Stage::new(take.scene.as_ref().unwrap(), &take, |_| {
+    let stage = Stage::new(take.scene.as_ref().unwrap(), &take.events, &take.moved, |_| {
         Solid::cuboid(Vec3::ZERO, Vec3::splat(0.1))
     });
     let at = |frame| {

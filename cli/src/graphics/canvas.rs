@@ -1,7 +1,9 @@
 //! Lines, discs and letters on a white picture.
 
 use ab_glyph::{Font, FontRef, GlyphId, OutlineCurve, PxScale, ScaleFont as _};
-use tiny_skia::{Color, FillRule, LineCap, Mask, Paint, PathBuilder, Pixmap, Stroke, StrokeDash, Transform};
+use tiny_skia::{
+    Color, FillRule, LineCap, Mask, Paint, PathBuilder, Pixmap, PixmapPaint, Stroke, StrokeDash, Transform,
+};
 
 /// A point in pixels: x to the right, y down.
 pub(crate) type Point = glam::Vec2;
@@ -80,17 +82,56 @@ pub(crate) struct Type {
 }
 
 /// A picture being drawn, in the pixels of the layout; `zoom` of its own pixels to each of them.
+#[derive(Clone)]
 pub(crate) struct Canvas {
     pixels: Pixmap,
     zoom: f32,
+    /// What is drawn at 0 appears so far below the upper edge.
+    down: f32,
     /// Where alone something is drawn.
     clip: Option<Mask>,
+    fonts: Fonts,
+}
+
+/// The letters of all pictures.
+#[derive(Debug, Clone)]
+pub(crate) struct Fonts {
     regular: FontRef<'static>,
     semi_bold: FontRef<'static>,
 }
 
 const REGULAR: &[u8] = include_bytes!("../../assets/Inter-Regular-subset.ttf");
 const SEMI_BOLD: &[u8] = include_bytes!("../../assets/Inter-SemiBold-subset.ttf");
+
+impl Fonts {
+    /// The fonts of this program.
+    ///
+    /// # Errors
+    /// A sentence, where they cannot be read.
+    pub(crate) fn load() -> Result<Self, String> {
+        let font = |bytes| FontRef::try_from_slice(bytes).map_err(|e| format!("the built-in font: {e}"));
+        Ok(Self {
+            regular: font(REGULAR)?,
+            semi_bold: font(SEMI_BOLD)?,
+        })
+    }
+
+    /// Width of a line of text.
+    pub(crate) fn width(&self, text: &str, set: Type) -> f32 {
+        let font = self.of(set.weight);
+        let scaled = font.as_scaled(scale(font, set.size));
+        text.chars()
+            .map(|letter| scaled.h_advance(font.glyph_id(letter)))
+            .sum()
+    }
+
+    fn of(&self, weight: Weight) -> &FontRef<'static> {
+        match weight {
+            Weight::Regular => &self.regular,
+            Weight::SemiBold => &self.semi_bold,
+        }
+    }
+}
 
 impl Canvas {
     /// A white picture of a layout of `width` x `height`, scaled by `zoom`.
@@ -101,13 +142,12 @@ impl Canvas {
         let mut pixels = Pixmap::new((width * zoom).round() as u32, (height * zoom).round() as u32)
             .ok_or("a picture of that size cannot be made")?;
         pixels.fill(Color::WHITE);
-        let font = |bytes| FontRef::try_from_slice(bytes).map_err(|e| format!("the built-in font: {e}"));
         Ok(Self {
             pixels,
             zoom,
+            down: 0.0,
             clip: None,
-            regular: font(REGULAR)?,
-            semi_bold: font(SEMI_BOLD)?,
+            fonts: Fonts::load()?,
         })
     }
 
@@ -117,6 +157,44 @@ impl Canvas {
     /// A sentence, where encoding fails.
     pub(crate) fn to_png(&self) -> Result<Vec<u8>, String> {
         self.pixels.encode_png().map_err(|e| e.to_string())
+    }
+
+    /// Width in its own pixels.
+    pub(crate) fn width(&self) -> u32 {
+        self.pixels.width()
+    }
+
+    /// Height in its own pixels.
+    pub(crate) fn height(&self) -> u32 {
+        self.pixels.height()
+    }
+
+    /// The letters that it writes with.
+    pub(crate) fn fonts(&self) -> &Fonts {
+        &self.fonts
+    }
+
+    /// Its pixels, row by row. They are all opaque, as the ground is.
+    pub(crate) fn to_rgb(&self) -> Vec<[u8; 3]> {
+        let pixels = self.pixels.pixels().iter();
+        pixels
+            .map(|pixel| [pixel.red(), pixel.green(), pixel.blue()])
+            .collect()
+    }
+
+    /// Lets another picture of the same size shine through: it alone is left at `t` 1.
+    pub(crate) fn blend(&mut self, other: &Self, t: f32) {
+        let paint = PixmapPaint {
+            opacity: t,
+            ..PixmapPaint::default()
+        };
+        let (other, transform) = (other.pixels.as_ref(), Transform::identity());
+        self.pixels.draw_pixmap(0, 0, other, &paint, transform, None);
+    }
+
+    /// Draws everything lower from now on.
+    pub(crate) fn move_down(&mut self, by: f32) {
+        self.down += by;
     }
 
     /// Draws only within a rectangle from now on, given by its upper left corner and its size; with none everywhere.
@@ -147,6 +225,18 @@ impl Canvas {
         let transform = self.transform();
         self.pixels
             .stroke_path(&path, &line.paint(), &stroke, transform, self.clip.as_ref());
+    }
+
+    /// A filled polygon.
+    pub(crate) fn shape(&mut self, corners: &[Point], ink: Ink) {
+        let [first, rest @ ..] = corners else { return };
+        let mut path = PathBuilder::new();
+        path.move_to(first.x, first.y);
+        rest.iter().for_each(|p| path.line_to(p.x, p.y));
+        path.close();
+        if let Some(path) = path.finish() {
+            self.fill(&path, ink);
+        }
     }
 
     fn fill(&mut self, path: &tiny_skia::Path, ink: Ink) {
@@ -218,9 +308,9 @@ impl Canvas {
     pub(crate) fn text(&mut self, text: &str, at: Point, set: Type) {
         let mut pen = match set.align {
             Align::Left => at.x,
-            Align::Centre => at.x - self.text_width(text, set) / 2.0,
+            Align::Centre => at.x - self.fonts.width(text, set) / 2.0,
         };
-        let font = self.font(set.weight);
+        let font = self.fonts.of(set.weight);
         let scaled = font.as_scaled(scale(font, set.size));
         let unit = scaled.h_scale_factor();
         let mut path = PathBuilder::new();
@@ -234,24 +324,8 @@ impl Canvas {
         }
     }
 
-    /// Width of a line of text.
-    pub(crate) fn text_width(&self, text: &str, set: Type) -> f32 {
-        let font = self.font(set.weight);
-        let scaled = font.as_scaled(scale(font, set.size));
-        text.chars()
-            .map(|letter| scaled.h_advance(font.glyph_id(letter)))
-            .sum()
-    }
-
-    fn font(&self, weight: Weight) -> &FontRef<'static> {
-        match weight {
-            Weight::Regular => &self.regular,
-            Weight::SemiBold => &self.semi_bold,
-        }
-    }
-
     fn transform(&self) -> Transform {
-        Transform::from_scale(self.zoom, self.zoom)
+        Transform::from_translate(0.0, self.down).post_scale(self.zoom, self.zoom)
     }
 }
 

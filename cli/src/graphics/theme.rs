@@ -11,6 +11,20 @@ pub(crate) const RULE: Ink = Ink::hex(0xd5_db_e2);
 pub(crate) const PANEL: Ink = Ink::hex(0xf6_f8_fa);
 const RAMP: [Ink; 3] = [Ink::hex(0x1b_6f_d8), Ink::hex(0x7a_4d_d8), Ink::hex(0xd8_43_8c)];
 
+/// Colours of styles, in the order in which they come.
+pub(crate) const STYLE_INKS: [Ink; 10] = [
+    Ink::hex(0x1b_6f_d8),
+    Ink::hex(0xd8_43_8c),
+    Ink::hex(0xf0_8c_00),
+    Ink::hex(0x2f_9e_44),
+    Ink::hex(0x7a_4d_d8),
+    Ink::hex(0x0c_85_99),
+    Ink::hex(0xe0_31_31),
+    Ink::hex(0x86_8e_20),
+    Ink::hex(0x5c_6b_7a),
+    Ink::hex(0x9c_5f_2c),
+];
+
 /// The colour of a moment: 0 at the beginning, 1 at the end.
 pub(crate) fn ramp(t: f32) -> Ink {
     if t < 0.5 {
@@ -37,34 +51,6 @@ pub(crate) fn heading(size: f32) -> Type {
         weight: Weight::SemiBold,
         align: Align::Left,
         ink: DARK,
-    }
-}
-
-/// The picture's title and the line below it.
-pub(crate) fn draw_title(canvas: &mut Canvas, title: &str, subtitle: &str) {
-    canvas.text(title, Point::new(MARGIN, 50.0), heading(27.0));
-    let below = Point::new(MARGIN, 76.0);
-    canvas.text(subtitle, below, regular(16.0, MUTED, Align::Left));
-}
-
-/// A legend on the title's line, from its right end `pen` towards the left: names, each with its colours in front of it,
-/// `gap` pixels apart.
-pub(crate) fn draw_legend<'n>(
-    canvas: &mut Canvas,
-    mut pen: f32,
-    gap: f32,
-    entries: impl IntoIterator<Item = (&'n str, Vec<Ink>)>,
-) {
-    let label = regular(16.0, DARK, Align::Left);
-    for (name, inks) in entries {
-        pen -= canvas.text_width(name, label);
-        canvas.text(name, Point::new(pen, 50.0), label);
-        pen -= 14.0;
-        for ink in inks.iter().rev() {
-            canvas.disc(Point::new(pen, 44.5), 6.5, *ink);
-            pen -= 9.0;
-        }
-        pen -= gap;
     }
 }
 

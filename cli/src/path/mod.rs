@@ -1,5 +1,6 @@
 //! Scripted paths: what a character is told to do, in a file.
 
+mod cast;
 mod player;
 mod read;
 mod script;
@@ -8,5 +9,6 @@ mod velocity;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use self::cast::Cast;
 pub(crate) use self::player::Player;
 pub(crate) use self::script::{MOMENT_S, Moment, Path};

@@ -6,7 +6,7 @@ use troupe_client::{Act, Locomotion};
 use super::script::{AFTERMATH_S, MOMENT_S, Manner, Moment, Path, Waypoint, When};
 use super::velocity::Velocity;
 
-/// How far the way to a waypoint may turn from where the character is told to go before it is told anew, radians. Every
+/// How far the way to a waypoint may turn from where the character is told to go before it is told again, radians. Every
 /// command makes a new plan, so small corrections are saved up.
 const CORRECTION: f32 = 0.09;
 /// A waypoint counts as reached this many seconds ahead of it, so that the turn to the next begins before it, and the

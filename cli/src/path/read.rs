@@ -19,8 +19,9 @@ const MAX_TIME_S: f32 = 3600.0;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+pub(super) struct File {
     title: Option<String>,
+    pack: Option<String>,
     style: Option<String>,
     scene: Option<String>,
     #[serde(default)]
@@ -87,41 +88,46 @@ impl Path {
     /// A sentence with the line and field at fault.
     pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let file = toml::from_str::<File>(text).map_err(|e| e.to_string().trim_end().to_owned())?;
-        let check = Check { text };
-        let seconds = check.number("seconds", file.seconds.as_ref(), 0.1, MAX_TIME_S)?;
-        let heading = check.angle("heading_deg", file.heading_deg.as_ref())?;
-        let path = Self {
-            title: file.title,
-            style: file.style,
-            scene: file.scene,
+        Check { text }.path(&file)
+    }
+}
+
+/// Finds the line of what is wrong.
+pub(super) struct Check<'a> {
+    pub(super) text: &'a str,
+}
+
+impl Check<'_> {
+    pub(super) fn fault<T>(&self, at: &Spanned<T>, what: impl std::fmt::Display) -> String {
+        let before = self.text.get(..at.span().start).unwrap_or_default();
+        format!("line {}: {what}", before.matches('\n').count() + 1)
+    }
+
+    /// The path of a file, or of a part of one.
+    pub(super) fn path(&self, file: &File) -> Result<Path, String> {
+        let seconds = self.number("seconds", file.seconds.as_ref(), 0.1, MAX_TIME_S)?;
+        let heading = self.angle("heading_deg", file.heading_deg.as_ref())?;
+        let path = Path {
+            title: file.title.clone(),
+            pack: file.pack.clone(),
+            style: file.style.clone(),
+            scene: file.scene.clone(),
             seed: file.seed,
             start: file
                 .start
                 .as_ref()
-                .map(|start| check.place("start", start))
+                .map(|start| self.place("start", start))
                 .transpose()?
                 .unwrap_or_default(),
             heading: heading.unwrap_or_default(),
             seconds,
-            commands: check.commands(&file.command, !file.waypoint.is_empty())?,
-            waypoints: check.waypoints(&file.waypoint)?,
+            commands: self.commands(&file.command, !file.waypoint.is_empty())?,
+            waypoints: self.waypoints(&file.waypoint)?,
         };
         if path.commands.is_empty() && path.waypoints.is_empty() {
             return Err("there is neither a [[command]] nor a [[waypoint]] in it".to_owned());
         }
         Ok(path)
-    }
-}
-
-/// Finds the line of what is wrong.
-struct Check<'a> {
-    text: &'a str,
-}
-
-impl Check<'_> {
-    fn fault<T>(&self, at: &Spanned<T>, what: impl std::fmt::Display) -> String {
-        let before = self.text.get(..at.span().start).unwrap_or_default();
-        format!("line {}: {what}", before.matches('\n').count() + 1)
     }
 
     fn number(

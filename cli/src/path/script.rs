@@ -7,6 +7,8 @@ use troupe_client::Act;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Path {
     pub(crate) title: Option<String>,
+    /// Name of the pack that the character is of.
+    pub(crate) pack: Option<String>,
     pub(crate) style: Option<String>,
     /// Name of the scene on the server that the character lives in.
     pub(crate) scene: Option<String>,

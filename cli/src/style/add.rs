@@ -4,7 +4,7 @@ use troupe_proto::v1;
 
 use super::args::{Add, Source};
 use super::build::{Builder, speed, write};
-use super::extract::{Place, stands};
+use super::extract::{GaitSource, stands};
 use crate::context::Context;
 use crate::failure::Failure;
 
@@ -21,7 +21,7 @@ pub(super) async fn run(context: &Context, command: &Add) -> Result<(), Failure>
     let mut gaits: Vec<v1::Gait> = Vec::new();
     for source in &command.sources.0 {
         let gait = gait_name(command, source);
-        let place = Place {
+        let place = GaitSource {
             path: &source.clip,
             gait,
             from: source.from,

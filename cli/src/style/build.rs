@@ -6,7 +6,7 @@ use troupe_client::{Client, Pack};
 use troupe_proto::v1;
 
 use super::args::Build;
-use super::extract::{Place, stands};
+use super::extract::{GaitSource, stands};
 use super::json;
 use super::list::{Entry, StyleList};
 use super::rebuild::rebuild;
@@ -63,7 +63,7 @@ impl Builder<'_> {
         &self,
         style: &str,
         name: &str,
-        places: &[Place<'_>],
+        places: &[GaitSource<'_>],
     ) -> Result<v1::Gait, Failure> {
         let term = &self.context.term;
         let mut cycles = Vec::with_capacity(places.len());
@@ -107,12 +107,12 @@ impl Builder<'_> {
                 .iter()
                 .map(|p| data.join(format!("{}.{}", p.clip, clip_ending(self.pack))))
                 .collect();
-            let places: Vec<Place<'_>> = parts
+            let places: Vec<GaitSource<'_>> = parts
                 .iter()
                 .zip(&paths)
                 .map(|(part, path)| {
                     let (from, to) = part.frames();
-                    Place { path, gait, from, to }
+                    GaitSource { path, gait, from, to }
                 })
                 .collect();
             gaits.push(self.gait(name, gait, &places).await?);

@@ -28,14 +28,14 @@ pub(super) struct Extracted {
 }
 
 /// Where in a file to look for which gait.
-pub(super) struct Place<'a> {
+pub(super) struct GaitSource<'a> {
     pub(super) path: &'a Path,
     pub(super) gait: &'a str,
     pub(super) from: Option<usize>,
     pub(super) to: Option<usize>,
 }
 
-impl Place<'_> {
+impl GaitSource<'_> {
     /// Reads the clip and finds the gait: for a name that has `turn` in it the cycle that turns most, for one that stands
     /// the stillest frame, or the only one that is to be looked at; else the steadiest cycle.
     pub(super) fn extract(&self, pack: &Pack, scale: Scale, term: &Term) -> Result<Extracted, Failure> {

@@ -10,7 +10,7 @@ const CHARACTER: &str = "Character";
 /// Which character.
 #[derive(Debug, Args)]
 pub(crate) struct Character {
-    /// Model pack; without it the server's default.
+    /// Model pack; without it the path's or the server's default.
     #[arg(long, help_heading = CHARACTER, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) pack: String,
 
@@ -33,6 +33,17 @@ pub(crate) struct Character {
     /// Frames between the cursor and the point where a new plan takes over; without it the server's.
     #[arg(long, help_heading = CHARACTER, value_name = "2-12")]
     pub(crate) look_ahead: Option<u32>,
+}
+
+/// The pack that the arguments or else the path ask for; empty for the server's default.
+pub(crate) fn pack_of<'a>(path: Option<&'a Path>, character: &'a Character) -> &'a str {
+    match (
+        character.pack.as_str(),
+        path.and_then(|path| path.pack.as_deref()),
+    ) {
+        ("", Some(pack)) => pack,
+        (pack, _) => pack,
+    }
 }
 
 /// The scene that the arguments or else the path ask for.
@@ -61,4 +72,29 @@ pub(crate) fn options_of(path: Option<&Path>, character: &Character) -> SessionO
         options = options.look_ahead_frames(frames);
     }
     options
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Arguments {
+        #[command(flatten)]
+        character: Character,
+    }
+
+    #[test]
+    fn a_path_names_the_pack_unless_the_arguments_do() {
+        let mut path = Path::parse("[[command]]\ntime_s = 0.0\nspeed = 1.0").unwrap();
+        let none = Arguments::parse_from(["troupe"]).character;
+        let human = Arguments::parse_from(["troupe", "--pack", "human"]).character;
+        assert_eq!(pack_of(Some(&path), &none), "");
+        path.pack = Some("g1".to_owned());
+        assert_eq!(pack_of(Some(&path), &none), "g1");
+        assert_eq!(pack_of(Some(&path), &human), "human");
+        assert_eq!(pack_of(None, &human), "human");
+    }
 }

@@ -11,7 +11,7 @@ use crate::failure::Failure;
 use crate::output::print;
 
 /// Frames a second of a session's timeline.
-const TIMELINE_HZ: f32 = 30.0;
+pub(super) const TIMELINE_HZ: f32 = 30.0;
 
 /// Something that happened, and when.
 #[derive(Debug, Clone, PartialEq)]

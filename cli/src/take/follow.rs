@@ -7,7 +7,7 @@ use troupe_motion::clip::Clip;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
-use super::character::{Character, options_of, scene_of};
+use super::character::{Character, options_of, pack_of, scene_of};
 use super::events::{Event, Moved, Seen};
 use crate::context::Context;
 use crate::failure::Failure;
@@ -108,7 +108,7 @@ pub(crate) async fn follow(
     character: &Character,
     options: FrameOptions,
 ) -> Result<Take, Failure> {
-    let (client, pack) = context.connect_to_pack(&character.pack).await?;
+    let (client, pack) = context.connect_to_pack(pack_of(Some(path), character)).await?;
     let scene = match scene_of(Some(path), character) {
         Some(name) => Some(client.scene(name, Convention::Native).await?),
         None => None,

@@ -1,10 +1,12 @@
-//! A live character along a scripted path, recorded.
+//! Live characters along scripted paths, recorded.
 
 mod character;
+mod crowd;
 mod events;
 mod follow;
 
-pub(crate) use self::character::{Character, options_of, scene_of};
+pub(crate) use self::character::{Character, options_of, pack_of, scene_of};
+pub(crate) use self::crowd::{CrowdTake, Recorded, follow_together};
 pub(crate) use self::events::{Event, Moved, Told, print_events};
 #[cfg(test)]
 pub(crate) use self::follow::Order;

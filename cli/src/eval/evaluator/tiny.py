@@ -21,9 +21,7 @@ nodes = [
     helper.make_node("Cast", ["weights.half"], ["weights"], to=TensorProto.FLOAT),
     helper.make_node("Reshape", ["positions", "flat"], ["positions.flat"]),
     helper.make_node("Reshape", ["six_d", "flat"], ["six_d.flat"]),
-    helper.make_node(
-        "Concat", ["root", "positions.flat", "six_d.flat"], ["features"], axis=-1
-    ),
+    helper.make_node("Concat", ["root", "positions.flat", "six_d.flat"], ["features"], axis=-1),
     helper.make_node("MatMul", ["features", "weights"], ["latents"]),
     helper.make_node("ReduceMean", ["latents"], ["latent"], axes=[1], keepdims=0),
 ]
@@ -31,20 +29,10 @@ inputs = [("root", [5]), ("positions", [2, 3]), ("six_d", [2, 6])]
 graph = helper.make_graph(
     nodes,
     "tiny",
-    [
-        helper.make_tensor_value_info(
-            name, TensorProto.FLOAT, ["batch", "frames", *shape]
-        )
-        for name, shape in inputs
-    ],
+    [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", "frames", *shape]) for name, shape in inputs],
     [helper.make_tensor_value_info("latent", TensorProto.FLOAT, ["batch", 3])],
-    [
-        numpy_helper.from_array(weights, "weights.half"),
-        numpy_helper.from_array(np.array([0, 0, -1], np.int64), "flat"),
-    ],
+    [numpy_helper.from_array(weights, "weights.half"), numpy_helper.from_array(np.array([0, 0, -1], np.int64), "flat")],
 )
-model = helper.make_model(
-    graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9
-)
+model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
 onnx.checker.check_model(model)
 onnx.save(model, Path(__file__).with_name("tiny.onnx"))

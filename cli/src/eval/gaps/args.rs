@@ -32,7 +32,7 @@ pub(crate) struct GapEval {
     #[arg(long, default_value_t = 30, value_name = "FRAMES", value_parser = positive)]
     pub(crate) stride: usize,
 
-    /// Use at most so many windows for each gap, spread evenly over all.
+    /// Most windows for each gap, spread evenly over all.
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) max_windows: Option<usize>,
 

@@ -1,15 +1,18 @@
 //! What a scene has to show: its colliders, and its objects at every frame of a take.
 
+mod solid;
+
 use glam::{Quat, Vec3};
 use serde::Deserialize;
 use troupe_client::Client;
 use troupe_proto::v1;
 use troupe_proto::v1::session_event::Kind;
 
-use super::solid::{Paint, Solid};
 use crate::failure::Failure;
 use crate::graphics::canvas::Ink;
-use crate::take::{Event, Moved, Take};
+use crate::take::{Event, Moved};
+
+pub(crate) use self::solid::{Paint, Solid};
 
 /// Feet may be so far below the upper side of what they stand on, metres.
 const SINK_M: f32 = 0.15;
@@ -30,8 +33,8 @@ const USED: Paint = Paint {
 
 /// A scene, metres, native convention.
 #[derive(Debug)]
-pub(super) struct Stage {
-    pub(super) ground_m: f32,
+pub(crate) struct Stage {
+    pub(crate) ground_m: f32,
     colliders: Vec<Solid>,
     objects: Vec<Object>,
 }
@@ -50,15 +53,15 @@ struct Object {
 
 /// Something to draw.
 #[derive(Debug)]
-pub(super) struct Thing<'a> {
-    pub(super) solid: Solid,
-    pub(super) paint: Paint,
+pub(crate) struct Thing<'a> {
+    pub(crate) solid: Solid,
+    pub(crate) paint: Paint,
     /// Of an object its id.
-    pub(super) id: Option<&'a str>,
+    pub(crate) id: Option<&'a str>,
     /// It is in the character's hand.
-    pub(super) in_hand: bool,
+    pub(crate) in_hand: bool,
     /// The character has to do with it.
-    pub(super) is_used: bool,
+    pub(crate) is_used: bool,
 }
 
 /// The part of a definition's document that says what it looks like.
@@ -81,9 +84,13 @@ enum Shape {
 }
 
 impl Stage {
-    /// The scene of a take, with the shapes of its objects from the server. None where it is in no scene.
-    pub(super) async fn of(client: &Client, take: &Take) -> Result<Option<Self>, Failure> {
-        let Some(scene) = &take.scene else { return Ok(None) };
+    /// A scene as it was at first, with what happened in it and the shapes of its objects from the server.
+    pub(crate) async fn of(
+        client: &Client,
+        scene: &v1::Scene,
+        events: &[Event],
+        moved: &[Moved],
+    ) -> Result<Self, Failure> {
         let mut shapes = std::collections::BTreeMap::new();
         for object in &scene.objects {
             if !shapes.contains_key(&object.definition) {
@@ -94,13 +101,17 @@ impl Stage {
                 shapes.insert(object.definition.clone(), shape_of(&text)?);
             }
         }
-        Ok(Some(Self::new(scene, take, |definition| {
-            shapes.get(definition).cloned().unwrap_or_default()
-        })))
+        let shape_of = |definition: &str| shapes.get(definition).cloned().unwrap_or_default();
+        Ok(Self::new(scene, events, moved, shape_of))
     }
 
-    /// The scene of a take, with objects of these shapes.
-    pub(super) fn new(scene: &v1::Scene, take: &Take, shape_of: impl Fn(&str) -> Solid) -> Self {
+    /// A scene with objects of these shapes.
+    pub(crate) fn new(
+        scene: &v1::Scene,
+        events: &[Event],
+        moved: &[Moved],
+        shape_of: impl Fn(&str) -> Solid,
+    ) -> Self {
         let colliders = scene.colliders.iter().map(|collider| {
             let (position, rotation) = place_of(collider.position, collider.rotation);
             let solid = collider.shape.as_ref().map(Solid::of_shape).unwrap_or_default();
@@ -110,13 +121,10 @@ impl Stage {
             id: object.id.clone(),
             shape: shape_of(&object.definition),
             at_first: place_of(object.position, object.rotation),
-            moved: take
-                .moved
-                .iter()
-                .filter(|m| m.instance == object.id)
+            moved: (moved.iter().filter(|m| m.instance == object.id))
                 .cloned()
                 .collect(),
-            is_used: take.events.iter().any(|event| starts(event, &object.id)),
+            is_used: events.iter().any(|event| starts(event, &object.id)),
         });
         Self {
             ground_m: scene.ground,
@@ -126,7 +134,7 @@ impl Stage {
     }
 
     /// All that is there at a frame.
-    pub(super) fn things(&self, frame: usize) -> impl Iterator<Item = Thing<'_>> {
+    pub(crate) fn things(&self, frame: usize) -> impl Iterator<Item = Thing<'_>> {
         let colliders = self.colliders.iter().map(|solid| Thing {
             solid: solid.clone(),
             paint: COLLIDER,
@@ -150,7 +158,7 @@ impl Stage {
     }
 
     /// Height of what is below feet at a place.
-    pub(super) fn level(&self, feet: Vec3) -> f32 {
+    pub(crate) fn level(&self, feet: Vec3) -> f32 {
         let tops = self.colliders.iter().filter_map(|solid| solid.top_at(feet));
         tops.filter(|top| *top < feet.y + SINK_M)
             .fold(self.ground_m, f32::max)

@@ -10,29 +10,29 @@ const CELLS: u32 = 16;
 
 /// A flat piece of a surface: a convex polygon.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Face {
+pub(crate) struct Face {
     /// Its corners in order.
-    pub(super) corners: Vec<Vec3>,
+    pub(crate) corners: Vec<Vec3>,
     /// Outward.
-    pub(super) normal: Vec3,
+    pub(crate) normal: Vec3,
 }
 
 /// A shape by its faces, metres, native convention.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Solid {
-    pub(super) faces: Vec<Face>,
+pub(crate) struct Solid {
+    pub(crate) faces: Vec<Face>,
 }
 
 /// Colours of a solid.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Paint {
-    pub(super) fill: Ink,
-    pub(super) line: Ink,
+pub(crate) struct Paint {
+    pub(crate) fill: Ink,
+    pub(crate) line: Ink,
 }
 
 impl Paint {
     /// The same, see-through.
-    pub(super) fn alpha(self, alpha: f32) -> Self {
+    pub(crate) fn alpha(self, alpha: f32) -> Self {
         Self {
             fill: self.fill.alpha(alpha),
             line: self.line.alpha(alpha.sqrt()),
@@ -42,7 +42,7 @@ impl Paint {
 
 impl Solid {
     /// A box by its middle and half its size.
-    pub(super) fn cuboid(center: Vec3, half_extents: Vec3) -> Self {
+    pub(crate) fn cuboid(center: Vec3, half_extents: Vec3) -> Self {
         let corners = (0..8).map(|i| {
             let sign = |bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
             center + half_extents * Vec3::new(sign(0), sign(1), sign(2))
@@ -51,7 +51,7 @@ impl Solid {
     }
 
     /// The convex hull of points. Of so few points every plane through three of them may be tried.
-    pub(super) fn hull(points: &[Vec3]) -> Self {
+    pub(crate) fn hull(points: &[Vec3]) -> Self {
         let mut faces = Vec::<Face>::new();
         for (i, &a) in points.iter().enumerate() {
             for (j, &b) in points.iter().enumerate().skip(i + 1) {
@@ -94,7 +94,7 @@ impl Solid {
     }
 
     /// A collider's shape in its own frame.
-    pub(super) fn of_shape(shape: &v1::ColliderShape) -> Self {
+    pub(crate) fn of_shape(shape: &v1::ColliderShape) -> Self {
         let vector = |v: v1::Vec3| Vec3::new(v.x, v.y, v.z);
         if let Some(of) = &shape.r#box {
             let half_extents = of.half_extents.map(vector).unwrap_or_default();
@@ -111,7 +111,7 @@ impl Solid {
     }
 
     /// The same turned and then moved.
-    pub(super) fn placed(&self, position: Vec3, rotation: Quat) -> Self {
+    pub(crate) fn placed(&self, position: Vec3, rotation: Quat) -> Self {
         let place = |face: &Face| Face {
             corners: face.corners.iter().map(|&p| position + rotation * p).collect(),
             normal: rotation * face.normal,
@@ -122,12 +122,12 @@ impl Solid {
     }
 
     /// All corners, some of them more than once.
-    pub(super) fn corners(&self) -> impl Iterator<Item = Vec3> {
+    pub(crate) fn corners(&self) -> impl Iterator<Item = Vec3> {
         self.faces.iter().flat_map(|face| face.corners.iter().copied())
     }
 
     /// Least and greatest corner of the box around it.
-    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
+    pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
         self.corners()
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(least, most), p| {
                 (least.min(p), most.max(p))
@@ -135,14 +135,14 @@ impl Solid {
     }
 
     /// How far a place is from the box around it along the ground, metres.
-    pub(super) fn distance(&self, place: Vec3) -> f32 {
+    pub(crate) fn distance(&self, place: Vec3) -> f32 {
         let (least, most) = self.bounds();
         let off = place - place.clamp(least, most.max(least));
         Vec2::new(off.x, off.z).length()
     }
 
     /// Height of its upper side over a place, where it is there.
-    pub(super) fn top_at(&self, place: Vec3) -> Option<f32> {
+    pub(crate) fn top_at(&self, place: Vec3) -> Option<f32> {
         let upper = self.faces.iter().filter(|face| face.normal.y > 0.1);
         let heights = upper.filter_map(|face| {
             let side = |[a, b]: [Vec3; 2]| (b - a).z * (place - a).x - (b - a).x * (place - a).z;
@@ -157,7 +157,7 @@ impl Solid {
     }
 
     /// Draws the faces that the viewer sees: those whose normal `is_seen`.
-    pub(super) fn draw(
+    pub(crate) fn draw(
         &self,
         canvas: &mut Canvas,
         paint: Paint,
