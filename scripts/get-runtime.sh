@@ -42,7 +42,9 @@ use() {
         echo "ONNX Runtime in use: .runtime/$library"
     }
 }
-if [ -f ".runtime/$folder/.complete" ]; then
+# A folder of an older version of this script lacks a library.
+complete=.runtime/$folder/.complete-2
+if [ -f "$complete" ]; then
     use
     exit 0
 fi
@@ -65,15 +67,15 @@ echo "Fetching ONNX Runtime ($kind, $platform) ..."
 python3 -m zipfile -e "$work"/*.whl "$work/wheel"
 
 # The libraries alone, each once: of those of OpenVINO that come under several names, the one that others link to. Its
-# plugins for GPUs, NPUs and several devices at once, and its interface for C, are not used here.
+# plugins for GPUs, NPUs and several devices at once are not used here.
 rm -rf ".runtime/$folder"
 mkdir ".runtime/$folder"
 find "$work/wheel/onnxruntime/capi" -maxdepth 1 \( -name 'lib*.so*' -o -name 'lib*.dylib' \) \
     ! -name 'libopenvino*.so.20*' ! -name 'libopenvino.so' ! -name 'libopenvino_onnx_frontend.so' ! -name 'libtbb.so' \
-    ! -name 'libopenvino_c.*' ! -name 'libopenvino_*_gpu_plugin.so' ! -name 'libopenvino_*_npu_plugin.so' \
+    ! -name 'libopenvino_c.so' ! -name 'libopenvino_*_gpu_plugin.so' ! -name 'libopenvino_*_npu_plugin.so' \
     ! -name 'libopenvino_auto_plugin.so' ! -name 'libopenvino_hetero_plugin.so' \
     -exec mv {} ".runtime/$folder/" \;
 # Who hands the libraries on, in an image say, hands on their licences too.
 cp "$work/wheel/onnxruntime/LICENSE" "$work/wheel/onnxruntime/ThirdPartyNotices.txt" ".runtime/$folder/"
-touch ".runtime/$folder/.complete"
+touch "$complete"
 use

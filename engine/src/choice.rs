@@ -1,4 +1,4 @@
-//! Which engine runs a pack, and on how many lanes of how many threads.
+//! Which engine runs a pack, and on how many workers of how many threads.
 
 use std::fmt;
 
@@ -29,7 +29,7 @@ pub enum AccuracyCheck {
 }
 
 /// An engine.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EngineKind {
     /// ONNX Runtime's own CPU kernels, f32: the reference of every accuracy check.
@@ -81,26 +81,26 @@ impl EngineChoice {
     }
 }
 
-/// Most lanes that are taken by themselves: beyond, threads go into lanes that exist.
-const AUTO_LANES: usize = 8;
+/// Most workers that are taken by themselves: beyond, threads go into workers that exist.
+const AUTO_WORKERS: usize = 8;
 
-/// The lanes of a pack: each is a thread with networks of its own, which runs one batch at a time.
+/// The workers of a pack: each is a thread with networks of its own, which runs one batch at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-pub struct Lanes {
+pub struct Workers {
     /// How many there are.
     pub count: usize,
-    /// Threads that run the networks of one lane; the lane's own is one of them.
+    /// Threads that run the networks of one worker; the worker's own is one of them.
     pub threads: usize,
 }
 
-impl Lanes {
-    /// `count` lanes with `threads` threads over all of them; 0 leaves either to this machine, of which the process may
-    /// use `available` cores. As many lanes as threads is best: one network scales badly over threads, several side by
+impl Workers {
+    /// `count` workers with `threads` threads over all of them; 0 leaves either to this machine, of which the process may
+    /// use `available` cores. As many workers as threads is best: one network scales badly over threads, several side by
     /// side scale well.
     pub fn plan(count: usize, threads: usize, available: usize) -> Self {
         let threads = if threads == 0 { available.max(1) } else { threads };
         let count = if count == 0 {
-            threads.min(AUTO_LANES)
+            threads.min(AUTO_WORKERS)
         } else {
             count
         };
@@ -116,22 +116,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lanes_share_the_threads() {
-        let lanes = |count, threads, available| {
-            let lanes = Lanes::plan(count, threads, available);
-            (lanes.count, lanes.threads)
+    fn workers_share_the_threads() {
+        let workers = |count, threads, available| {
+            let workers = Workers::plan(count, threads, available);
+            (workers.count, workers.threads)
         };
-        assert_eq!(lanes(0, 0, 1), (1, 1));
-        assert_eq!(lanes(0, 0, 2), (2, 1));
-        assert_eq!(lanes(0, 0, 8), (8, 1));
-        assert_eq!(lanes(0, 0, 16), (8, 2));
-        assert_eq!(lanes(0, 3, 64), (3, 1));
-        assert_eq!(lanes(1, 0, 4), (1, 4));
-        assert_eq!(lanes(2, 0, 5), (2, 2));
+        assert_eq!(workers(0, 0, 1), (1, 1));
+        assert_eq!(workers(0, 0, 2), (2, 1));
+        assert_eq!(workers(0, 0, 8), (8, 1));
+        assert_eq!(workers(0, 0, 16), (8, 2));
+        assert_eq!(workers(0, 3, 64), (3, 1));
+        assert_eq!(workers(1, 0, 4), (1, 4));
+        assert_eq!(workers(2, 0, 5), (2, 2));
         assert_eq!(
-            lanes(4, 2, 2),
+            workers(4, 2, 2),
             (4, 1),
-            "more lanes than threads are the caller's wish"
+            "more workers than threads are the caller's wish"
         );
     }
 

@@ -18,7 +18,7 @@ pub struct JobId {
     pub character: u32,
 }
 
-/// What became of a job in a step. A job in none of them goes on.
+/// Result of a job in a step. A job in none of them goes on.
 #[derive(Debug)]
 pub enum Progress {
     /// The next part of its answer: frames or words that follow those before. More will come.
@@ -68,7 +68,7 @@ pub trait Generator: Send {
     /// Drops a job: nobody wants its answer any more. One that it does not have is no matter.
     fn cancel(&mut self, id: JobId);
 
-    /// One network call, or one chain of them, for all jobs that it holds; tells `out` what became of each.
+    /// One network call, or one chain of them, for all jobs that it holds; tells `out` the result of each.
     ///
     /// # Errors
     /// [`EngineError`] where the call fails. All jobs fail with it, and are [cleared](Generator::clear).

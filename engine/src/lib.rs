@@ -4,6 +4,7 @@
 //! [`onnx::OnnxStages`] runs the stages on ONNX Runtime. Other engines (and tests) implement [`Stages`].
 
 pub mod accuracy;
+mod checks;
 mod choice;
 mod fill;
 pub mod generator;
@@ -23,7 +24,8 @@ pub mod toy;
 
 use crate::pack::Stage;
 
-pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Lanes};
+pub use checks::CheckCache;
+pub use choice::{AccuracyCheck, EngineChoice, EngineKind, Workers};
 pub use motionbricks::MotionBricks;
 pub use pipeline::{Pipeline, RowAnswer, StageTimes, TrialRun, length_of, lengths};
 pub use raw::{RawLoop, straight_walk};
@@ -43,9 +45,9 @@ pub trait Stages: Send {
         false
     }
 
-    /// Batches that warm-up must meet where [any batch](Self::any_batch) is taken, beside the smallest and the largest.
-    fn call_rows(&self) -> &[usize] {
-        &[]
+    /// Whether the engine opens more shapes in the background as they are asked for. Then warm-up meets the smallest batch alone.
+    fn opens_on_demand(&self) -> bool {
+        false
     }
 
     /// Whether the pose stage and the decoder take calls that are shorter than the pack's longest segment.

@@ -117,17 +117,18 @@ impl Pipeline {
     }
 
     /// Runs every stage once in every shape: the first run of a shape is slow, so it must not meet a caller. The largest
-    /// comes first, for the engine's memory grows by less then. An engine that takes any batch runs the largest, the
-    /// smallest and those that it [names](Stages::call_rows) alone. Then a batch of several is run again, for its
+    /// comes first, for the engine's memory grows by less then. An engine that takes any batch runs the largest and the smallest
+    /// alone, and one that [opens shapes on demand](Stages::opens_on_demand) the smallest. Then a batch is run again, for its
     /// [time](Pipeline::trial).
     ///
     /// # Errors
     /// [`EngineError`] where a stage fails.
     pub fn warm_up(&mut self) -> Result<(), EngineError> {
         let mut sizes = self.sizes.all().to_vec();
+        let on_demand = self.stages.opens_on_demand();
         if self.stages.any_batch() {
-            let calls = self.stages.call_rows();
-            sizes.retain(|size| [1, self.sizes.largest()].contains(size) || calls.contains(size));
+            let largest = if on_demand { 1 } else { self.sizes.largest() };
+            sizes.retain(|size| [1, largest].contains(size));
         }
         for bucket in sizes.into_iter().rev() {
             self.run_root_of_nothing(bucket)?;
@@ -135,7 +136,7 @@ impl Pipeline {
                 self.run_tokens_of_nothing(bucket, length)?;
             }
         }
-        let rows = self.sizes.within(TRIAL_ROWS);
+        let rows = self.sizes.within(if on_demand { 1 } else { TRIAL_ROWS });
         let mut took = Duration::ZERO;
         timed(&mut took, || {
             self.run_root_of_nothing(rows)?;

@@ -2,12 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::accuracy::{Accuracy, Probe, compare, probe};
+use super::checks::{self, CheckCache};
 use super::machine::Machine;
-use super::onnx::{Batching, OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
-use super::{AccuracyCheck, EngineChoice, EngineError, EngineKind, Lanes, Stages};
+use super::onnx::{Batching, Growth, NetworkPool, OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
+use super::{AccuracyCheck, EngineChoice, EngineError, EngineKind, Stages, Workers};
 use crate::pack::Pack;
 
 /// What serves a pack, and why.
@@ -15,8 +16,8 @@ use crate::pack::Pack;
 pub struct Decision {
     /// The engine.
     pub engine: EngineKind,
-    /// Its lanes.
-    pub lanes: Lanes,
+    /// Its workers.
+    pub workers: Workers,
     /// How it takes batches.
     pub batching: Batching,
     /// Why this one and no other.
@@ -26,7 +27,7 @@ pub struct Decision {
 }
 
 /// An accuracy check.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Check {
     /// The engine that was compared with [`EngineKind::Cpu`].
     pub engine: EngineKind,
@@ -49,12 +50,18 @@ pub struct Selector {
     pub choice: EngineChoice,
     /// What becomes of engines that are off.
     pub accuracy_check: AccuracyCheck,
-    /// The lanes of each pack.
-    pub lanes: Lanes,
+    /// The workers of each pack.
+    pub workers: Workers,
     /// Packs that are served, which share the memory there is.
     pub packs: usize,
     /// See [`SessionOptions::spin`].
     pub spin: bool,
+    /// Networks of fixed shapes.
+    pub pool: NetworkPool,
+    /// When more of those are opened.
+    pub growth: Growth,
+    /// Where results of accuracy checks are kept.
+    pub cache: CheckCache,
 }
 
 impl Selector {
@@ -64,18 +71,24 @@ impl Selector {
     /// [`EngineError::Unusable`] where an engine is named and cannot serve, and what else fails on the way.
     pub fn choose(&self, pack: &Pack) -> Result<Decision, EngineError> {
         let missing = |engine| self.missing(engine);
-        let check = |engine| self.check(pack, engine);
+        let check = |engine| self.kept_check(pack, engine);
         let (engine, mut why, check) = match self.choice.named() {
             Some(engine) => named(engine, self.accuracy_check, missing, check)?,
             None => best(self.accuracy_check, missing, check),
         };
-        let no_fixed_shapes = self.no_fixed_shapes(pack);
-        if let (EngineKind::OpenvinoBf16, Some(reason)) = (engine, no_fixed_shapes) {
+        if engine != EngineKind::OpenvinoBf16 {
+            self.pool.forget(pack);
+        }
+        let no_fixed_shapes = match engine {
+            EngineKind::OpenvinoBf16 => self.no_fixed_shapes(pack),
+            _ => None,
+        };
+        if let (EngineKind::OpenvinoBf16, Some(reason)) = (engine, &no_fixed_shapes) {
             why = format!("{why}; one network takes all shapes and is slower, for {reason}");
         }
         let decision = Decision {
             engine,
-            lanes: self.lanes,
+            workers: self.workers,
             batching: Batching::of(engine, no_fixed_shapes.is_none()),
             why,
             check,
@@ -84,14 +97,14 @@ impl Selector {
             tracing::warn!(pack = pack.name(), "{}", decision.why);
         }
         let (name, engine) = (pack.name(), decision.engine.name());
-        let Lanes {
-            count: lanes,
+        let Workers {
+            count: workers,
             threads,
-        } = decision.lanes;
+        } = decision.workers;
         tracing::info!(
             pack = name,
             engine,
-            lanes,
+            workers,
             threads,
             why = decision.why,
             "engine chosen"
@@ -119,25 +132,34 @@ impl Selector {
         })
     }
 
-    /// The stages of one lane.
+    /// The stages of one worker.
     ///
     /// # Errors
     /// [`EngineError`] where they do not load.
     pub fn load(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxStages, EngineError> {
-        let options = SessionOptions {
-            engine,
-            threads: self.lanes.threads,
-            spin: self.spin,
-            fixed_shapes: self.no_fixed_shapes(pack).is_none(),
-        };
-        OnnxStages::load(&self.runtime, pack, options)
+        self.load_growing(pack, engine, self.growth)
     }
 
-    /// Why networks of fixed shapes do not fit into this pack's part of half the memory; the other half is for everything
-    /// else. None where they fit.
-    fn no_fixed_shapes(&self, pack: &Pack) -> Option<&'static str> {
-        let memory_bytes = self.machine.memory_bytes / 2 / self.packs.max(1) as u64;
-        no_fixed_shapes(pack, self.lanes.count, memory_bytes)
+    fn load_growing(
+        &self,
+        pack: &Pack,
+        engine: EngineKind,
+        growth: Growth,
+    ) -> Result<OnnxStages, EngineError> {
+        let options = SessionOptions {
+            engine,
+            threads: self.workers.threads,
+            spin: self.spin,
+            fixed_shapes: engine == EngineKind::OpenvinoBf16 && self.no_fixed_shapes(pack).is_none(),
+            growth,
+        };
+        OnnxStages::load(&self.runtime, pack, options, &self.pool)
+    }
+
+    /// Why there are no networks of fixed shapes for this pack, in its part of the pool. None where there are.
+    fn no_fixed_shapes(&self, pack: &Pack) -> Option<String> {
+        let memory_bytes = self.pool.budget_bytes() / self.packs.max(1) as u64;
+        no_fixed_shapes(&self.runtime, pack, memory_bytes)
     }
 
     /// What the machine or the library lacks for an engine.
@@ -160,6 +182,20 @@ impl Selector {
         Some(format!("the library {path} does not offer {library}; {get}"))
     }
 
+    /// [`Selector::check`], or its result where that was kept.
+    fn kept_check(&self, pack: &Pack, engine: EngineKind) -> Result<Check, EngineError> {
+        let (threads, library) = (self.workers.threads, self.runtime.library());
+        let file = self.cache.file(pack, engine, threads, &self.machine, library);
+        if let Some(check) = file.as_deref().and_then(checks::read) {
+            return Ok(check);
+        }
+        let check = self.check(pack, engine)?;
+        if let Some(file) = file {
+            checks::write(&file, &check);
+        }
+        Ok(check)
+    }
+
     /// Compares an engine, as it would serve, with the reference.
     ///
     /// # Errors
@@ -169,16 +205,17 @@ impl Selector {
         let reference = SessionOptions {
             engine: EngineKind::Cpu,
             // This pack's part of all threads: only the other packs are being checked.
-            threads: (self.lanes.threads * self.lanes.count / self.packs.max(1)).max(1),
+            threads: (self.workers.threads * self.workers.count / self.packs.max(1)).max(1),
             spin: false,
             fixed_shapes: false,
+            growth: Growth::None,
         };
-        let reference = OnnxStages::load(&self.runtime, pack, reference)?;
+        let reference = OnnxStages::load(&self.runtime, pack, reference, &self.pool)?;
         let Probe {
             batches,
             mut reference,
         } = probe(pack, Box::new(reference))?;
-        let mut candidate: Box<dyn Stages> = Box::new(self.load(pack, engine)?);
+        let mut candidate: Box<dyn Stages> = Box::new(self.load_growing(pack, engine, Growth::None)?);
         let accuracy = compare(pack, &mut *reference, &mut *candidate, &batches)?;
         Ok(Check {
             engine,

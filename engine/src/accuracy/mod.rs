@@ -25,7 +25,7 @@ pub use probe::{PROBE_BATCH, Probe, probe};
 const CONTACT: f32 = 0.5;
 
 /// How far an engine is from the reference, over the tasks of a [`probe`].
-#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Accuracy {
     /// Characters compared.
     pub characters: usize,

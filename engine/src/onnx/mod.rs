@@ -1,37 +1,32 @@
 //! The stages on ONNX Runtime, loaded at run time from the library that `ORT_DYLIB_PATH` names.
 
 mod calls;
+mod exit;
 mod network;
+mod openvino;
+mod pool;
 mod runtime;
 mod session;
 mod signature;
+mod weights;
 
 use std::ops::Range;
 
-use ort::session::SessionOutputs;
-use ort::value::{PrimitiveTensorElementType, TensorRef};
 use serde::Serialize;
 use troupe_motion::model::{Dims, GLOBAL_ROOT, LOCAL_ROOT};
 
 use super::{
     DecoderOutput, EngineError, EngineKind, PoseOutput, RootInput, RootOutput, Rows, Stages, TokenInput,
-    lengths,
 };
 use crate::pack::{Pack, Stage};
 
 use calls::CALL_ROWS;
-use network::{FixedNetworks, Network};
+use network::{FixedNetworks, Given, Inputs, Network, Number};
+pub use pool::NetworkPool;
+use pool::PackWorker;
 pub use runtime::{LIBRARY_VARIABLE, Runtime};
-pub use session::SessionOptions;
+pub use session::{Growth, SessionOptions};
 use signature::{check_signature, takes_any_length};
-
-/// Most bytes of files that a lane's networks of fixed shapes may be made of: each is made of that of its stage, and the more
-/// there are the longer the server takes to start.
-const MOST_FIXED_BYTES: u64 = 256 << 20;
-/// Memory that an open network of a fixed shape takes, in multiples of its file of 16-bit weights: 11.8 measured with OpenVINO
-/// 2025.4 and the default pack. ONNX Runtime, OpenVINO and its kernels hold the weights four times, in 32 bits; the rest is
-/// the graph and the kernels themselves.
-const MEMORY_OF_FILE: u64 = 12;
 
 /// How an engine takes batches of a pack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -70,31 +65,24 @@ impl Batching {
     }
 }
 
-/// Why there are no networks of fixed shapes for every size of a call, and behind the root stage for every length, on `lanes`
-/// lanes with `memory_bytes` of memory between them. None where they fit.
-pub fn no_fixed_shapes(pack: &Pack, lanes: usize, memory_bytes: u64) -> Option<&'static str> {
-    misfit(fixed_file_bytes(pack), lanes, memory_bytes)
-}
-
-fn misfit(file_bytes: u64, lanes: usize, memory_bytes: u64) -> Option<&'static str> {
-    if file_bytes > MOST_FIXED_BYTES {
-        return Some("the pack is too large for one of each");
+/// Why a pack has no networks of fixed shapes. None where it has: they are to be had, and those that it cannot do without fit
+/// into `memory_bytes`.
+pub fn no_fixed_shapes(runtime: &Runtime, pack: &Pack, memory_bytes: u64) -> Option<String> {
+    if let Err(reason) = runtime.openvino() {
+        return Some(reason);
     }
-    (file_bytes * MEMORY_OF_FILE * lanes as u64 > memory_bytes)
-        .then_some("there is no memory for one of each")
+    let least = pool::least_bytes(pack);
+    (least > memory_bytes).then(|| {
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        format!(
+            "those of fixed shapes take {} MiB at least, and its part of network_memory_mib is {}",
+            mib(least),
+            memory_bytes >> 20
+        )
+    })
 }
 
-/// Bytes of the files that a lane's networks of fixed shapes are made of.
-fn fixed_file_bytes(pack: &Pack) -> u64 {
-    let lengths = lengths(&pack.rig.dims, true).len() as u64;
-    let bytes = Stage::ALL.into_iter().map(|stage| {
-        let file = std::fs::metadata(pack.stage_file(stage)).map_or(0, |file| file.len());
-        file * CALL_ROWS.len() as u64 * if stage == Stage::Root { 1 } else { lengths }
-    });
-    bytes.sum()
-}
-
-/// The three stages of a pack, for one lane.
+/// The three stages of a pack, for one worker.
 pub struct OnnxStages {
     engine: EngineKind,
     dims: Dims,
@@ -102,91 +90,119 @@ pub struct OnnxStages {
     root: Network,
     pose: Network,
     decoder: Network,
+    /// Where networks have fixed shapes. They count who runs them.
+    _worker: Option<PackWorker>,
 }
 
 impl OnnxStages {
-    /// Loads the stages of `pack` for one lane, and checks their tensors against the pack's sizes.
+    /// Loads the stages of `pack` for one worker, and checks their tensors against the pack's sizes. Networks of fixed shapes are
+    /// those of `pool`.
     ///
     /// # Errors
     /// [`EngineError::Load`] or [`EngineError::Signature`], which name the file.
-    pub fn load(runtime: &Runtime, pack: &Pack, options: SessionOptions) -> Result<Self, EngineError> {
-        let network = |stage| load_network(runtime, pack, options, stage);
-        let (root, _) = network(Stage::Root)?;
-        let (pose, pose_any_length) = network(Stage::Pose)?;
-        let (decoder, decoder_any_length) = network(Stage::Decoder)?;
-        Ok(Self {
+    pub fn load(
+        runtime: &Runtime,
+        pack: &Pack,
+        options: SessionOptions,
+        pool: &NetworkPool,
+    ) -> Result<Self, EngineError> {
+        let stages = |any_length, [root, pose, decoder]: [Network; 3], worker| Self {
             engine: options.engine,
             dims: pack.rig.dims,
-            any_length: pose_any_length && decoder_any_length,
+            any_length,
             root,
             pose,
             decoder,
-        })
+            _worker: worker,
+        };
+        if options.engine == EngineKind::OpenvinoBf16 && options.fixed_shapes {
+            let networks = pool.pack(runtime, pack, options.threads, || {
+                let any = [Stage::Root, Stage::Pose, Stage::Decoder].map(|stage| look(runtime, pack, stage));
+                let [root, pose, decoder] = any;
+                Ok(root? && pose? && decoder?)
+            })?;
+            let any_length = networks.any_length;
+            let worker = PackWorker::new(networks);
+            let network = |stage| {
+                Network::Fixed(FixedNetworks {
+                    pool: pool.clone(),
+                    graph: worker.graph(stage).clone(),
+                    growth: options.growth,
+                })
+            };
+            let networks = [
+                network(Stage::Root),
+                network(Stage::Pose),
+                network(Stage::Decoder),
+            ];
+            return Ok(stages(any_length, networks, Some(worker)));
+        }
+        let network = |stage: Stage| {
+            // OpenVINO makes kernels as it opens a graph; what the graph looks like the CPU's own provider tells sooner.
+            let looked = match options.engine {
+                EngineKind::OpenvinoBf16 => Some(look(runtime, pack, stage)?),
+                _ => None,
+            };
+            let session = open(runtime, pack, stage, options)?;
+            match looked {
+                Some(any_length) => Ok((Network::Open(session), any_length)),
+                None => {
+                    let any_length = looks(pack, stage, &session)?;
+                    Ok((Network::Open(session), any_length))
+                }
+            }
+        };
+        let (root, _) = network(Stage::Root)?;
+        let (pose, pose_any_length) = network(Stage::Pose)?;
+        let (decoder, decoder_any_length) = network(Stage::Decoder)?;
+        Ok(stages(
+            pose_any_length && decoder_any_length,
+            [root, pose, decoder],
+            None,
+        ))
     }
 
     fn has_fixed_shapes(&self) -> bool {
-        let networks = [&self.root, &self.pose, &self.decoder];
-        networks
-            .iter()
-            .all(|network| matches!(network, Network::Fixed(_)))
+        matches!(self.root, Network::Fixed(_))
     }
 }
 
-/// A stage's networks, and whether it takes segments of any length.
-fn load_network(
+fn open(
     runtime: &Runtime,
     pack: &Pack,
-    options: SessionOptions,
     stage: Stage,
-) -> Result<(Network, bool), EngineError> {
-    let file = pack.stage_file(stage);
-    let open = |options: SessionOptions| {
-        session::open(runtime, options, &file, &[]).map_err(|reason| EngineError::Load {
-            file: stage.file_name(),
-            reason,
-        })
-    };
-    // OpenVINO makes kernels as it opens a graph; what the graph looks like the CPU's own provider tells sooner.
-    let looks = match options.engine {
-        EngineKind::OpenvinoBf16 => SessionOptions {
-            engine: EngineKind::Cpu,
-            ..options
-        },
-        _ => options,
-    };
-    let session = open(looks)?;
+    options: SessionOptions,
+) -> Result<ort::session::Session, EngineError> {
+    session::open(runtime, options, &pack.stage_file(stage)).map_err(|reason| EngineError::Load {
+        file: stage.file_name(),
+        reason,
+    })
+}
+
+/// Checks a stage's tensors, without making it ready to run. Answers whether it takes segments of any length.
+fn look(runtime: &Runtime, pack: &Pack, stage: Stage) -> Result<bool, EngineError> {
+    let session = open(runtime, pack, stage, SessionOptions::LOOK)?;
+    looks(pack, stage, &session)
+}
+
+fn looks(pack: &Pack, stage: Stage, session: &ort::session::Session) -> Result<bool, EngineError> {
     check_signature(&pack.rig.dims, stage, session.inputs(), session.outputs()).map_err(|problem| {
         EngineError::Signature {
             file: stage.file_name(),
             problem,
         }
     })?;
-    let any_length = takes_any_length(&pack.rig.dims, stage, session.inputs());
-    if options.engine != EngineKind::OpenvinoBf16 {
-        return Ok((Network::Open(session), any_length));
-    }
-    let fixed = options
-        .fixed_shapes
-        .then(|| FixedNetworks::new(runtime, options, file.clone(), stage, pack.rig.dims, &session))
-        .flatten();
-    let network = match fixed {
-        Some(networks) => Network::Fixed(Box::new(networks)),
-        None => Network::Open(open(options)?),
-    };
-    Ok((network, any_length))
+    Ok(takes_any_length(&pack.rig.dims, stage, session.inputs()))
 }
 
 impl Stages for OnnxStages {
-    /// False with OpenVINO for graphs that are large or do not name their open axes.
+    /// False with OpenVINO for graphs that are large.
     fn any_batch(&self) -> bool {
         self.engine == EngineKind::Cpu || self.has_fixed_shapes()
     }
 
-    fn call_rows(&self) -> &[usize] {
-        match self.has_fixed_shapes() {
-            true => &CALL_ROWS,
-            false => &[],
-        }
+    fn opens_on_demand(&self) -> bool {
+        self.has_fixed_shapes()
     }
 
     /// True where the graphs leave their time axis open. Packs of format 1 may fix it at the longest segment.
@@ -197,16 +213,26 @@ impl Stages for OnnxStages {
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
         let (slots, counts, pose) = (self.dims.slots(), self.dims.counts(), self.dims.pose());
         let inputs = |call: Range<usize>| {
-            Ok(ort::inputs! {
-                "key_local_root" => view(&call, &[slots, LOCAL_ROOT], &input.key_local_root)?,
-                "key_global_root" => view(&call, &[slots, GLOBAL_ROOT], &input.key_global_root)?,
-                "key_pose" => view(&call, &[slots, pose], &input.key_pose)?,
-                "has_local_root" => view(&call, &[slots], &input.has_local_root)?,
-                "has_global_root" => view(&call, &[slots], &input.has_global_root)?,
-                "has_pose" => view(&call, &[slots], &input.has_pose)?,
-                "allowed_counts" => view(&call, &[counts], &input.allowed_counts)?,
-                "count_noise" => view(&call, &[counts], &input.count_noise)?,
-            })
+            vec![
+                view(
+                    "key_local_root",
+                    &call,
+                    &[slots, LOCAL_ROOT],
+                    &input.key_local_root,
+                ),
+                view(
+                    "key_global_root",
+                    &call,
+                    &[slots, GLOBAL_ROOT],
+                    &input.key_global_root,
+                ),
+                view("key_pose", &call, &[slots, pose], &input.key_pose),
+                view("has_local_root", &call, &[slots], &input.has_local_root),
+                view("has_global_root", &call, &[slots], &input.has_global_root),
+                view("has_pose", &call, &[slots], &input.has_pose),
+                view("allowed_counts", &call, &[counts], &input.allowed_counts),
+                view("count_noise", &call, &[counts], &input.count_noise),
+            ]
         };
         let length = self.dims.max_tokens;
         self.root.run(Stage::Root, rows, length, inputs, |call, outputs| {
@@ -243,35 +269,33 @@ impl Stages for OnnxStages {
 }
 
 /// What the pose stage and the decoder read: both the same tensors.
-fn token_inputs<'a>(
-    dims: &Dims,
-    input: &'a TokenInput,
-    call: &Range<usize>,
-) -> ort::Result<network::Inputs<'a>> {
+fn token_inputs<'a>(dims: &Dims, input: &'a TokenInput, call: &Range<usize>) -> Inputs<'a> {
     let tokens = input.length();
     let frames = tokens * dims.frames_per_token;
-    Ok(ort::inputs! {
-        "tokens" => view(call, &[tokens, dims.heads], &input.tokens)?,
-        "num_tokens" => view(call, &[], &input.num_tokens)?,
-        "global_root" => view(call, &[frames, GLOBAL_ROOT], &input.global_root)?,
-        "frame_pose" => view(call, &[frames, dims.pose()], &input.frame_pose)?,
-        "frame_mask" => view(call, &[frames], &input.frame_mask)?,
-    })
+    vec![
+        view("tokens", call, &[tokens, dims.heads], &input.tokens),
+        view("num_tokens", call, &[], &input.num_tokens),
+        view("global_root", call, &[frames, GLOBAL_ROOT], &input.global_root),
+        view("frame_pose", call, &[frames, dims.pose()], &input.frame_pose),
+        view("frame_mask", call, &[frames], &input.frame_mask),
+    ]
 }
 
 /// The rows of a call as a tensor that borrows them.
-fn view<'a, T>(call: &Range<usize>, shape: &[usize], data: &'a Rows<T>) -> ort::Result<TensorRef<'a, T>>
-where
-    T: PrimitiveTensorElementType + std::fmt::Debug + Copy + Default + 'static,
-{
-    let full: Vec<usize> = std::iter::once(call.len()).chain(shape.iter().copied()).collect();
-    TensorRef::from_array_view((full, data.range(call.clone())))
+fn view<'a, T: Number>(
+    name: &'static str,
+    call: &Range<usize>,
+    shape: &[usize],
+    data: &'a Rows<T>,
+) -> (&'static str, network::View<'a>) {
+    let full = std::iter::once(call.len()).chain(shape.iter().copied()).collect();
+    (name, T::view(full, data.range(call.clone())))
 }
 
 /// What a call gave.
 struct Outputs<'a, 's> {
     stage: Stage,
-    outputs: &'a SessionOutputs<'s>,
+    outputs: &'a Given<'a, 's>,
     /// Its rows, padding included.
     call: Range<usize>,
     /// Its rows without padding.
@@ -280,7 +304,7 @@ struct Outputs<'a, 's> {
 
 impl<'a, 's> Outputs<'a, 's> {
     /// Of a call for a batch of `rows` rows.
-    fn new(stage: Stage, outputs: &'a SessionOutputs<'s>, call: Range<usize>, rows: usize) -> Self {
+    fn new(stage: Stage, outputs: &'a Given<'a, 's>, call: Range<usize>, rows: usize) -> Self {
         Self {
             stage,
             outputs,
@@ -291,21 +315,16 @@ impl<'a, 's> Outputs<'a, 's> {
 
     fn copy<T>(&self, name: &str, into: &mut Rows<T>) -> Result<(), EngineError>
     where
-        T: PrimitiveTensorElementType + Copy + Default,
+        T: Number,
     {
         let stage = self.stage;
         let problem = |problem: String| EngineError::Output { stage, problem };
-        let value = self
-            .outputs
-            .get(name)
-            .ok_or_else(|| problem(format!("no {name}")))?;
-        let (shape, data) = value
-            .try_extract_tensor::<T>()
-            .map_err(|error| run_error(stage, &error))?;
+        let data = self.outputs.get::<T>(name).map_err(problem)?;
         let expected = self.call.len() * into.width();
         if data.len() != expected {
             return Err(problem(format!(
-                "{name} of shape {shape:?}, expected {expected} elements"
+                "{name} of {} elements, expected {expected}",
+                data.len()
             )));
         }
         let into = into.range_mut(self.wanted.clone());
@@ -314,7 +333,7 @@ impl<'a, 's> Outputs<'a, 's> {
     }
 }
 
-fn run_error(stage: Stage, error: &ort::Error) -> EngineError {
+fn run_error(stage: Stage, error: &dyn std::fmt::Display) -> EngineError {
     EngineError::Run {
         stage,
         reason: one_line(error),
@@ -325,23 +344,4 @@ fn run_error(stage: Stage, error: &ort::Error) -> EngineError {
 fn one_line(error: &dyn std::fmt::Display) -> String {
     let text = error.to_string();
     text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn networks_of_fixed_shapes_must_fit_into_the_memory() {
-        let misfit = |file_mib: u64, lanes, memory_gib: u64| misfit(file_mib << 20, lanes, memory_gib << 30);
-        assert_eq!(misfit(64, 1, 1), None);
-        assert_eq!(misfit(64, 8, 6), None);
-        assert_eq!(misfit(64, 2, 1), Some("there is no memory for one of each"));
-        assert_eq!(misfit(64, 8, 5), Some("there is no memory for one of each"));
-        assert_eq!(misfit(256, 1, 3), None);
-        assert_eq!(
-            misfit(257, 1, 1024),
-            Some("the pack is too large for one of each")
-        );
-    }
 }

@@ -1,22 +1,24 @@
 //! The ONNX Runtime library: found, loaded, and asked what it offers.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use ort::environment::Environment;
 use ort::ep::{self, ExecutionProvider};
 
+use super::openvino::OpenVino;
 use crate::{EngineError, EngineKind};
 
 /// Names the environment variable with the path of the ONNX Runtime library.
 pub const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";
 
 /// The runtime, ready to load stages: one library, and one environment, a process. It has no thread pool of its own: the
-/// sessions of each lane have theirs.
+/// sessions of each worker have theirs.
 #[derive(Clone)]
 pub struct Runtime {
     environment: Environment,
     library: PathBuf,
+    openvino: Arc<OnceLock<Result<Arc<OpenVino>, String>>>,
 }
 
 impl Runtime {
@@ -61,11 +63,19 @@ impl Runtime {
         Ok(Self {
             environment,
             library: path,
+            openvino: Arc::default(),
         })
     }
 
     pub(super) fn environment(&self) -> &Environment {
         &self.environment
+    }
+
+    /// OpenVINO by itself, loaded when it is first asked for.
+    pub(super) fn openvino(&self) -> Result<Arc<OpenVino>, String> {
+        self.openvino
+            .get_or_init(|| OpenVino::load(&self.library).map(Arc::new))
+            .clone()
     }
 
     /// The library's file, links followed.

@@ -7,47 +7,61 @@ use ort::logging::LogLevel;
 use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
 
-use super::{Runtime, one_line};
+use super::{Runtime, exit, one_line};
 use crate::EngineKind;
 
-/// How a lane's networks run.
+/// How a worker's networks run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SessionOptions {
     /// The engine.
     pub engine: EngineKind,
-    /// Threads of the lane, its own among them.
+    /// Threads of the worker, its own among them.
     pub threads: usize,
     /// Whether threads that wait for work spin for a moment before they sleep: a little faster, at the cost of CPU. With
     /// one thread there is nobody to wait for.
     pub spin: bool,
-    /// Whether OpenVINO has a network for each shape, where the graph names its open axes: see [`super::no_fixed_shapes`].
+    /// Whether OpenVINO has a network for each shape: see [`super::no_fixed_shapes`].
     pub fixed_shapes: bool,
+    /// When more of those are opened than a pack needs at least.
+    pub growth: Growth,
 }
 
-/// The length that an open axis of a graph gets.
-pub(super) struct FixedAxis<'a> {
-    /// The axis.
-    pub(super) name: &'a str,
-    /// Its length.
-    pub(super) size: usize,
+/// When networks of fixed shapes are opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Growth {
+    /// Those that a pack needs at least serve everything.
+    None,
+    /// In the background, while others serve.
+    Background,
+    /// When a call of their shape is first made, which waits, and whatever the budget: for measurements.
+    AtOnce,
 }
 
-/// Opens the graph in `path`, with axes that are open in it fixed.
-pub(super) fn open(
-    runtime: &Runtime,
-    options: SessionOptions,
-    path: &Path,
-    fixed: &[FixedAxis<'_>],
-) -> Result<Session, String> {
-    let mut builder = Session::builder(runtime.environment())
+impl SessionOptions {
+    /// For a session that is looked at and does not run.
+    pub(super) const LOOK: Self = Self {
+        engine: EngineKind::Cpu,
+        threads: 1,
+        spin: false,
+        fixed_shapes: false,
+        growth: Growth::None,
+    };
+}
+
+/// Opens the graph in `path`.
+pub(super) fn open(runtime: &Runtime, options: SessionOptions, path: &Path) -> Result<Session, String> {
+    let builder = Session::builder(runtime.environment())
         .map_err(|error| one_line(&error))?
-        .with_optimization_level(GraphOptimizationLevel::All)
+        .with_optimization_level(match options {
+            SessionOptions::LOOK => GraphOptimizationLevel::Disable,
+            _ => GraphOptimizationLevel::All,
+        })
         .map_err(|error| one_line(&error))?
         // A plan of the memory for each of many shapes: measured to gain nothing, and to slow small batches down.
         .with_memory_pattern(false)
         .map_err(|error| one_line(&error))?
         .with_intra_threads(match options.engine {
-            // It has threads of its own, and a lane many sessions.
+            // It has threads of its own, and a worker many sessions.
             EngineKind::OpenvinoBf16 => 1,
             EngineKind::Cpu | EngineKind::Cuda | EngineKind::Tensorrt => options.threads,
         })
@@ -56,11 +70,6 @@ pub(super) fn open(
         .map_err(|error| one_line(&error))?
         .with_intra_op_spinning(options.spin)
         .map_err(|error| one_line(&error))?;
-    for axis in fixed {
-        builder = builder
-            .with_dimension_override(axis.name, axis.size as i64)
-            .map_err(|error| one_line(&error))?;
-    }
     let mut builder = match provider(options) {
         Some(provider) => builder
             .with_execution_providers([provider.error_on_failure()])
@@ -70,7 +79,11 @@ pub(super) fn open(
             .map_err(|error| one_line(&error))?,
         None => builder,
     };
-    builder.commit_from_file(path).map_err(|error| one_line(&error))
+    let session = builder.commit_from_file(path).map_err(|error| one_line(&error))?;
+    if options.engine == EngineKind::OpenvinoBf16 {
+        exit::register();
+    }
+    Ok(session)
 }
 
 fn provider(options: SessionOptions) -> Option<ExecutionProviderDispatch> {
@@ -82,7 +95,7 @@ fn provider(options: SessionOptions) -> Option<ExecutionProviderDispatch> {
     }
 }
 
-/// OpenVINO on the CPU in bf16. Without pinning: lanes know nothing of each other, and would all sit on the first cores.
+/// OpenVINO on the CPU in bf16. Without pinning: workers know nothing of each other, and would all sit on the first cores.
 fn openvino(threads: usize) -> ep::OpenVINO {
     let properties = serde_json::json!({
         "CPU": {
