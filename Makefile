@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test runtime python-env real-clips pack picture samples styles eval live-eval object-eval film film-objects \
-	image crowd load bench bench-serving bench-micro bench-instructions
+.PHONY: run test lint rust-test python-test fuzz runtime python-env python-lock real-clips pack picture samples styles eval live-eval object-eval film \
+	film-objects film-crowd image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
 REAL_CLIPS := target/data/bandai-namco
@@ -19,8 +19,10 @@ lint: python-env
 	cargo clippy --workspace --all-targets --features troupe-cli/evaluator --locked -- -D warnings
 	scripts/tool.sh cargo-deny --log-level error check bans licenses sources
 	.venv/bin/typos
-	.venv/bin/ruff format --check training bench
-	.venv/bin/ruff check training bench
+	.venv/bin/ruff format --check
+	.venv/bin/ruff check
+	.venv/bin/mypy
+	cd training && ../.venv/bin/lint-imports --no-logo
 
 # Real clips are used where they are at hand; the tests make their own motion besides.
 rust-test: runtime real-clips
@@ -29,6 +31,10 @@ rust-test: runtime real-clips
 python-test: python-env
 	cd training && ../.venv/bin/python -m pytest --quiet
 	.venv/bin/python -m pytest --quiet bench/tests
+
+# libFuzzer on one target: make fuzz TARGET=object SECONDS=60 (see fuzz/README.md)
+fuzz:
+	scripts/fuzz.sh $(TARGET) $(SECONDS)
 
 # The ONNX Runtime library, pinned by hash, at .runtime/libonnxruntime.so: with OpenVINO where the CPU computes in bf16, else
 # the plain one. TROUPE_RUNTIME=cpu, openvino or gpu decides otherwise.
@@ -42,6 +48,10 @@ image:
 # A virtual environment with PyTorch and the training package, at .venv.
 python-env:
 	@scripts/python-env.sh
+
+# The lock of that environment, after a change of training/pyproject.toml or scripts/tools.txt (ARGS=--upgrade for newer packages).
+python-lock:
+	scripts/lock-python.sh $(ARGS)
 
 # Unpacks the motion data set where its archive lies beside the checkout.
 real-clips:
@@ -98,6 +108,11 @@ film: runtime
 film-objects: runtime
 	cargo build --release --package troupe-cli
 	scripts/with-server.sh scripts/film-objects.sh target/release/troupe docs/images
+
+# The moving picture of README.md: ten characters on the square of examples/casts/plaza.toml, through a running server.
+film-crowd: runtime
+	cargo build --release --package troupe-cli
+	scripts/with-server.sh scripts/film-crowd.sh target/release/troupe docs/images/crowd.png
 
 # A hundred characters that wander for a minute on the server's clock (ARGS="--count 200 --seconds 20" for others; see --help)
 crowd: runtime

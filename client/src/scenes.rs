@@ -75,7 +75,7 @@ impl Client {
             .map(|_| ())
     }
 
-    /// Puts objects into a scene. The answer says what became of each.
+    /// Puts objects into a scene. The answer says the result of each.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -94,7 +94,7 @@ impl Client {
             .await
     }
 
-    /// Moves objects of a scene. The answer says what became of each.
+    /// Moves objects of a scene. The answer says the result of each.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -113,7 +113,7 @@ impl Client {
             .await
     }
 
-    /// Takes objects out of a scene. The answer says what became of each.
+    /// Takes objects out of a scene. The answer says the result of each.
     ///
     /// # Errors
     /// See [`ClientError`].

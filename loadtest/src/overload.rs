@@ -44,7 +44,7 @@ pub struct Overload {
 /// Share of capacity that is the measure of normal.
 const NORMAL: f64 = 0.9;
 
-/// What became of a server in an overload.
+/// How a server did under overload.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OverloadReport {
     /// Requests a second that the server can do.

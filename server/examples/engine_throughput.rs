@@ -1,4 +1,4 @@
-//! How many plans a second the networks of a pack make on this machine: the raw ONNX Runtime loop, by engine, lanes,
+//! How many plans a second the networks of a pack make on this machine: the raw ONNX Runtime loop, by engine, workers,
 //! batch size and segment length. No server with its allocator can do better.
 //!
 //! ```text
@@ -13,10 +13,10 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, ensure};
 use clap::Parser;
 use serde::Serialize;
-use troupe_engine::onnx::{OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
+use troupe_engine::onnx::{Growth, NetworkPool, OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
 use troupe_engine::pack::Pack;
 use troupe_engine::{
-    EngineChoice, EngineError, EngineKind, Lanes, Pipeline, RawLoop, StageTimes, Stages, straight_walk,
+    EngineChoice, EngineError, EngineKind, Pipeline, RawLoop, StageTimes, Stages, Workers, straight_walk,
 };
 use troupe_motion::model::Dims;
 use troupe_motion::model::KeyframeTask;
@@ -31,10 +31,10 @@ struct Args {
     /// Engines; auto is every one that runs here.
     #[arg(long, value_delimiter = ',', default_value = "auto", value_name = "ENGINE,..")]
     engine: Vec<EngineChoice>,
-    /// Lanes, each a thread in a loop of its own; 0 is the server's own number.
+    /// Workers, each a thread in a loop of its own; 0 is the server's own number.
     #[arg(long, value_delimiter = ',', default_value = "0", value_name = "COUNT,..")]
-    lanes: Vec<usize>,
-    /// Threads over all lanes; 0 is the server's own number.
+    workers: Vec<usize>,
+    /// Threads over all workers; 0 is the server's own number.
     #[arg(long, default_value_t = 0, value_name = "COUNT")]
     threads: usize,
     /// Batch sizes.
@@ -53,7 +53,7 @@ struct Args {
         value_name = "FRAMES,.."
     )]
     frames: Vec<usize>,
-    /// What is in the loop: the networks alone, all on every lane; the same with root and pose on every other lane and the
+    /// What is in the loop: the networks alone, all on every worker; the same with root and pose on every other worker and the
     /// decoder of the batch before on the next; or the server's pipeline, with its filling and sampling too.
     #[arg(long = "loop", value_enum, default_value = "raw")]
     kind: LoopKind,
@@ -63,17 +63,20 @@ struct Args {
     /// Measurements of each row, in turns; the median counts.
     #[arg(long, default_value_t = 1, value_name = "COUNT")]
     repeats: usize,
-    /// Time that a lane sleeps before each call, which does not count: what a lone caller's requests cost a core that has
+    /// Time that a worker sleeps before each call, which does not count: what a lone caller's requests cost a core that has
     /// nothing to do in between.
     #[arg(long, default_value_t = 0, value_name = "MICROSECONDS")]
     pause_us: u64,
-    /// Whether waiting threads of a lane spin.
+    /// Whether waiting threads of a worker spin.
     #[arg(long)]
     spin: bool,
     /// Print one JSON document instead of a table.
     #[arg(long)]
     json: bool,
 }
+
+/// A pack whose networks of fixed shapes take more has one network for all shapes, as in the server.
+const MOST_NETWORK_BYTES: u64 = 200 << 20;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -98,10 +101,10 @@ struct Row {
     engine: EngineKind,
     #[serde(rename = "loop")]
     kind: LoopKind,
-    lanes: Lanes,
+    workers: Workers,
     batch: usize,
     frames: usize,
-    /// Plans of `frames` frames a second, over all lanes.
+    /// Plans of `frames` frames a second, over all workers.
     plans_per_s: f64,
     frames_per_s: f64,
     /// Plans a second of each repeat.
@@ -115,16 +118,16 @@ struct Row {
     decoder_share: f64,
 }
 
-/// What one lane does in the loop.
+/// What one worker does in the loop.
 enum Work {
     Raw(Box<RawLoop>),
-    /// Root and pose, as often as the decoder's lane has room for a batch.
+    /// Root and pose, as often as the decoder's worker has room for a batch.
     Front(Box<RawLoop>, Turns),
     Decoder(Box<RawLoop>, Turns),
     Pipeline(Box<Pipeline>, Vec<KeyframeTask>),
 }
 
-/// One end of the way between two lanes.
+/// One end of the way between two workers.
 struct Turns {
     mine: Receiver<()>,
     theirs: Sender<()>,
@@ -152,7 +155,7 @@ impl Turns {
         (front, decoder)
     }
 
-    /// Runs `stages` when it is its turn; not at all where that does not come in time, for the other lane has come to its end.
+    /// Runs `stages` when it is its turn; not at all where that does not come in time, for the other worker has come to its end.
     fn take(
         &self,
         patience: Duration,
@@ -168,17 +171,17 @@ impl Turns {
 }
 
 impl Work {
-    /// What the lanes of a loop do.
+    /// What the workers of a loop do.
     fn of(
         args: &Args,
         dims: Dims,
         most: usize,
-        lanes: usize,
+        workers: usize,
         mut stages: impl FnMut() -> anyhow::Result<Box<dyn Stages>>,
     ) -> anyhow::Result<Vec<Self>> {
         let raw = |stages| Box::new(RawLoop::new(&dims, stages, most, dims.max_frames()));
         let mut works = Vec::new();
-        while works.len() < lanes {
+        while works.len() < workers {
             match args.kind {
                 LoopKind::Raw => works.push(Self::Raw(raw(stages()?))),
                 LoopKind::Stages => {
@@ -265,26 +268,28 @@ pub(crate) fn main() -> anyhow::Result<()> {
         );
         println!(
             "{:<14} {:>5} {:>7} {:>5} {:>6} {:>9} {:>9} {:>8} {:>8}   root pose decoder %",
-            "engine", "lanes", "threads", "batch", "frames", "plans/s", "frames/s", "ms p50", "ms p99"
+            "engine", "workers", "threads", "batch", "frames", "plans/s", "frames/s", "ms p50", "ms p99"
         );
     }
     for engine in engines(&args.engine, &runtime) {
-        for &lanes in &args.lanes {
-            let lanes = Lanes::plan(lanes, args.threads, cores);
+        for &workers in &args.workers {
+            let workers = Workers::plan(workers, args.threads, cores);
             let options = SessionOptions {
                 engine,
-                threads: lanes.threads,
+                threads: workers.threads,
                 spin: args.spin,
-                fixed_shapes: no_fixed_shapes(&pack, lanes.count, u64::MAX).is_none(),
+                fixed_shapes: no_fixed_shapes(&runtime, &pack, MOST_NETWORK_BYTES).is_none(),
+                growth: Growth::AtOnce,
             };
+            let pool = NetworkPool::new(u64::MAX);
             let most = args.batch.iter().copied().max().unwrap_or(1);
             ensure!(
-                args.kind != LoopKind::Stages || lanes.count.is_multiple_of(2),
-                "lanes is {}; allowed with --loop stages: an even number",
-                lanes.count
+                args.kind != LoopKind::Stages || workers.count.is_multiple_of(2),
+                "workers is {}; allowed with --loop stages: an even number",
+                workers.count
             );
-            let mut works = Work::of(&args, dims, most, lanes.count, || {
-                Ok(Box::new(OnnxStages::load(&runtime, &pack, options)?))
+            let mut works = Work::of(&args, dims, most, workers.count, || {
+                Ok(Box::new(OnnxStages::load(&runtime, &pack, options, &pool)?))
             })?;
             let first = output.rows.len();
             for repeat in 0..args.repeats {
@@ -297,7 +302,9 @@ pub(crate) fn main() -> anyhow::Result<()> {
                     let pause = Duration::from_micros(args.pause_us);
                     let run = measure(&mut works, &dims, (batch, frames), time, pause)?;
                     if repeat == 0 {
-                        output.rows.push(run.row(engine, args.kind, lanes, batch, frames));
+                        output
+                            .rows
+                            .push(run.row(engine, args.kind, workers, batch, frames));
                     } else {
                         output.rows[first + index].join(&run);
                     }
@@ -331,20 +338,20 @@ fn engines(wanted: &[EngineChoice], runtime: &Runtime) -> Vec<EngineKind> {
     engines
 }
 
-/// How long a lane waits for a batch of another while networks may have to be opened, and while it measures.
+/// How long a worker waits for a batch of another while networks may have to be opened, and while it measures.
 const WARM_UP: Duration = Duration::from_secs(60);
 const LAST_TURN: Duration = Duration::from_millis(50);
 
 /// One measurement of one shape.
 struct Run {
     plans_per_s: f64,
-    /// Of every call on every lane that ends batches, with its wait for its turn, sorted, milliseconds.
+    /// Of every call on every worker that ends batches, with its wait for its turn, sorted, milliseconds.
     calls: Vec<f64>,
     sum: StageTimes,
     busy: Duration,
 }
 
-/// Runs batches of (rows, frames) on all lanes for `time`, each after a `pause`, and one at first that does not count.
+/// Runs batches of (rows, frames) on all workers for `time`, each after a `pause`, and one at first that does not count.
 fn measure(
     works: &mut [Work],
     dims: &Dims,
@@ -353,10 +360,10 @@ fn measure(
     pause: Duration,
 ) -> anyhow::Result<Run> {
     let barrier = Barrier::new(works.len());
-    let lane = |work: &mut Work| -> anyhow::Result<(Vec<f64>, StageTimes, Duration)> {
+    let worker = |work: &mut Work| -> anyhow::Result<(Vec<f64>, StageTimes, Duration)> {
         work.set_shape(dims, batch, frames);
         let warm = work.run(WARM_UP);
-        // Every lane comes here, whatever became of it.
+        // Every worker comes here, whatever became of it.
         barrier.wait();
         warm?;
         let (mut calls, mut sum) = (Vec::new(), StageTimes::default());
@@ -378,11 +385,14 @@ fn measure(
         }
         Ok((calls, sum, started.elapsed()))
     };
-    let lanes = std::thread::scope(|scope| {
-        let threads: Vec<_> = works.iter_mut().map(|work| scope.spawn(|| lane(work))).collect();
+    let workers = std::thread::scope(|scope| {
+        let threads: Vec<_> = works
+            .iter_mut()
+            .map(|work| scope.spawn(|| worker(work)))
+            .collect();
         threads
             .into_iter()
-            .map(|thread| thread.join().map_err(|_| anyhow::anyhow!("a lane panicked"))?)
+            .map(|thread| thread.join().map_err(|_| anyhow::anyhow!("a worker panicked"))?)
             .collect::<anyhow::Result<Vec<_>>>()
     })?;
     let mut run = Run {
@@ -391,7 +401,7 @@ fn measure(
         sum: StageTimes::default(),
         busy: Duration::ZERO,
     };
-    for (calls, sum, took) in lanes {
+    for (calls, sum, took) in workers {
         run.plans_per_s += (calls.len() * batch) as f64 / took.as_secs_f64();
         run.calls.extend(calls);
         run.sum.root += sum.root;
@@ -404,12 +414,12 @@ fn measure(
 }
 
 impl Run {
-    fn row(&self, engine: EngineKind, kind: LoopKind, lanes: Lanes, batch: usize, frames: usize) -> Row {
+    fn row(&self, engine: EngineKind, kind: LoopKind, workers: Workers, batch: usize, frames: usize) -> Row {
         let share = |stage: Duration| stage.as_secs_f64() / self.busy.as_secs_f64();
         Row {
             engine,
             kind,
-            lanes,
+            workers,
             batch,
             frames,
             plans_per_s: self.plans_per_s,
@@ -427,7 +437,7 @@ impl Run {
 impl Row {
     /// Takes another measurement of the same shape in. The row's other figures are those of its median.
     fn join(&mut self, run: &Run) {
-        let other = run.row(self.engine, self.kind, self.lanes, self.batch, self.frames);
+        let other = run.row(self.engine, self.kind, self.workers, self.batch, self.frames);
         self.repeats.push(run.plans_per_s);
         let mut sorted = self.repeats.clone();
         sorted.sort_by(f64::total_cmp);
@@ -444,8 +454,8 @@ impl Row {
         println!(
             "{:<14} {:>5} {:>7} {:>5} {:>6} {:>9.1} {:>9.0} {:>8.2} {:>8.2}   {:>4.0} {:>4.0} {:>7.0}",
             self.engine.name(),
-            self.lanes.count,
-            self.lanes.threads,
+            self.workers.count,
+            self.workers.threads,
             self.batch,
             self.frames,
             self.plans_per_s,

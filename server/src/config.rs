@@ -56,8 +56,8 @@ pub struct Config {
     )]
     pub engine: EngineChoice,
 
-    /// What becomes of an engine whose answers are too far from f32's. enforce: it does not serve; report: it serves, and
-    /// the log says so. The check is for trained packs; one of random weights, for timing, has no reason to pass it.
+    /// Accuracy check of an engine against f32. enforce: an engine that fails does not serve; report: it serves, with a
+    /// warning in the log. The check is for trained packs. A pack of random weights may fail it.
     #[config(
         env = "TROUPE_ACCURACY_CHECK",
         default = "enforce",
@@ -65,7 +65,7 @@ pub struct Config {
     )]
     pub accuracy_check: AccuracyCheck,
 
-    /// Threads for inference, over all lanes of a pack. 0: as many as this process may use, container limits included.
+    /// Threads for inference, over all workers of a pack. 0: as many as this process may use, container limits included.
     #[config(
         env = "TROUPE_THREADS",
         default = 0,
@@ -73,14 +73,13 @@ pub struct Config {
     )]
     pub threads: usize,
 
-    /// Batches of a pack that run at the same time, each with threads and networks of its own. 0: one for each thread, up
-    /// to 8.
+    /// Workers of a pack. A worker is a thread with networks and runs one batch at a time. 0: one for each thread, up to 8.
     #[config(
-        env = "TROUPE_LANES",
+        env = "TROUPE_WORKERS",
         default = 0,
         layer_attr(arg(long, value_name = "COUNT"))
     )]
-    pub lanes: usize,
+    pub workers: usize,
 
     /// Whether idle inference threads spin before they sleep: a little faster where the CPU has nothing else to do.
     #[config(
@@ -90,8 +89,24 @@ pub struct Config {
     )]
     pub spin: bool,
 
-    /// Most characters in one batch. 0: 32. With more a character takes hardly less time, while memory, warm-up and the time
-    /// that others wait grow.
+    /// Cache folder for results of accuracy checks, which make the next start faster. The server also starts if it cannot write
+    /// there. Left out: `troupe` in the user's cache folder, such as ~/.cache. An empty name: no cache.
+    #[config(env = "TROUPE_CACHE", layer_attr(arg(long, value_name = "FOLDER")))]
+    pub cache: Option<PathBuf>,
+
+    /// Memory for the networks of openvino-bf16 over all packs, in MiB. Each network serves one segment length and one number of
+    /// characters, and takes about 17 MiB with the packs in models/. Networks open in the background when requests need them;
+    /// the least recently used close first. More is faster with mixed lengths. 0: 180 for each pack, and at most half of the
+    /// memory that this process may use.
+    #[config(
+        env = "TROUPE_NETWORK_MEMORY_MIB",
+        default = 0,
+        layer_attr(arg(long, value_name = "MIB"))
+    )]
+    pub network_memory_mib: u64,
+
+    /// Most characters in one batch. 0: 32, and 16 with openvino-bf16. More saves hardly any time a character, and takes
+    /// memory and start-up time.
     #[config(
         env = "TROUPE_MAX_BATCH",
         default = 0,
@@ -108,8 +123,8 @@ pub struct Config {
     )]
     pub max_queued_characters: usize,
 
-    /// An InBetween call that would wait longer than this for its turn, by the measured speed of the queue, is refused at
-    /// once, in milliseconds. 0: no such limit.
+    /// An InBetween call is refused at once if it would wait longer than this in the queue, by the queue's measured speed, in
+    /// milliseconds. 0: no limit.
     #[config(
         env = "TROUPE_MAX_QUEUE_MS",
         default = 250,
@@ -117,8 +132,8 @@ pub struct Config {
     )]
     pub max_queue_ms: u64,
 
-    /// A batch takes only what the engine can do in this time, by measure, so that no plan of a live character waits long for
-    /// its turn, in milliseconds. 0: no such limit.
+    /// Longest time of a batch, by the engine's measured speed, in milliseconds, so that no plan of a live character waits long
+    /// behind it. 0: no limit.
     #[config(
         env = "TROUPE_MAX_BATCH_MS",
         default = 66,
@@ -126,15 +141,14 @@ pub struct Config {
     )]
     pub max_batch_ms: u64,
 
-    /// How long an idle part of the engine stays awake for the next request after its last one, in microseconds: a lone
-    /// caller's requests then find core and network warm, for at most that much more CPU time a batch. Any thread that wants
-    /// the core goes first. 0: it sleeps at once.
+    /// How long an idle worker spins before it parks, in microseconds. A lone caller's next request then finds the core awake.
+    /// The spinning worker yields to any other thread. 0: it parks at once.
     #[config(
-        env = "TROUPE_LANE_SPIN_US",
+        env = "TROUPE_WORKER_SPIN_US",
         default = 800,
         layer_attr(arg(long, value_name = "US"))
     )]
-    pub lane_spin_us: u64,
+    pub worker_spin_us: u64,
 
     /// Most characters in one request.
     #[config(
@@ -190,7 +204,7 @@ pub struct Config {
     )]
     pub max_streams: usize,
 
-    /// Time without a command, step or stream after which a session that says nothing else expires, in milliseconds.
+    /// Time without a command, step or stream after which a session expires, in milliseconds. A session may set its own.
     #[config(
         env = "TROUPE_SESSION_TTL_MS",
         default = 60_000,
@@ -234,7 +248,7 @@ pub struct Config {
     )]
     pub max_calls_per_connection: u32,
 
-    /// A request that takes longer than this is given up, in milliseconds.
+    /// Timeout of a request, in milliseconds.
     #[config(
         env = "TROUPE_REQUEST_TIMEOUT_MS",
         default = 30_000,
@@ -250,7 +264,7 @@ pub struct Config {
     )]
     pub drain_timeout_ms: u64,
 
-    /// Silence after which a connection is asked for a sign of life, in milliseconds.
+    /// Silence after which a connection is pinged, in milliseconds.
     #[config(
         env = "TROUPE_KEEPALIVE_MS",
         default = 20_000,
@@ -357,6 +371,7 @@ impl Config {
             listen,
             packs: packs.to_owned(),
             onnx_runtime,
+            cache: Some(PathBuf::new()),
             ..defaults
         }
         .checked()

@@ -72,7 +72,7 @@ fn the_help_says_what_there_is() {
     let text = help(&mut command);
     for option in [
         "--engine <ENGINE>",
-        "--lanes <COUNT>",
+        "--workers <COUNT>",
         "--accuracy-check <MODE>",
         "doctor",
     ] {
@@ -97,20 +97,20 @@ fn the_doctor_has_flags_of_its_own_and_the_server_keeps_its() {
         "--json",
         "--engine",
         "openvino-bf16",
-        "--lanes",
+        "--workers",
         "3",
         "--packs",
         "p",
     ]);
     let config = Config::load_for_doctor(&args).unwrap();
     assert!(args.json);
-    assert_eq!((config.engine, config.lanes), (EngineChoice::OpenvinoBf16, 3));
+    assert_eq!((config.engine, config.workers), (EngineChoice::OpenvinoBf16, 3));
     assert_eq!(config.packs, Path::new("p"));
-    assert!(Cli::try_parse_from(["troupe-server", "--lanes", "2", "doctor"]).is_err());
+    assert!(Cli::try_parse_from(["troupe-server", "--workers", "2", "doctor"]).is_err());
     assert_eq!(
-        load(&["--engine", "cpu", "--lanes", "2", "--threads", "6"])
+        load(&["--engine", "cpu", "--workers", "2", "--threads", "6"])
             .unwrap()
-            .lanes()
+            .workers()
             .threads,
         3
     );
@@ -184,7 +184,7 @@ fn mistakes_name_the_option() {
         error(&["--max-batch", "4097"]),
         "max_batch is 4097; allowed: 0 to 4096"
     );
-    assert_eq!(error(&["--lanes", "65"]), "lanes is 65; allowed: 0 to 64");
+    assert_eq!(error(&["--workers", "65"]), "workers is 65; allowed: 0 to 64");
     assert_eq!(
         error(&["--max-connections", "0"]),
         "max_connections is 0; allowed: 1 or more"
@@ -218,8 +218,12 @@ fn mistakes_name_the_option() {
         "max_batch_ms is 60001; allowed: 0 to 60000"
     );
     assert_eq!(
-        error(&["--lane-spin-us", "10001"]),
-        "lane_spin_us is 10001; allowed: 0 to 10000"
+        error(&["--worker-spin-us", "10001"]),
+        "worker_spin_us is 10001; allowed: 0 to 10000"
+    );
+    assert_eq!(
+        error(&["--network-memory-mib", "1073741825"]),
+        "network_memory_mib is 1073741825; allowed: 0 to 1073741824"
     );
     assert!(error(&["--max-queued-characters", "10"]).contains("max_characters_per_request (256) or more"));
     assert!(error(&["--config", "/nowhere/troupe.toml"]).contains("/nowhere/troupe.toml"));

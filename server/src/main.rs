@@ -14,7 +14,7 @@ use troupe_server::health;
 use troupe_server::server::{ServerHandle, serve};
 
 /// The process's allocator, the C libraries' too: in one run of a network, ONNX Runtime and OpenVINO take and give back memory
-/// hundreds of times, and the C library's own took 5 % of a lane's time for it.
+/// hundreds of times, and the C library's own took 5 % of a worker's time for it.
 #[cfg(all(target_os = "linux", target_env = "gnu", target_arch = "x86_64"))]
 #[global_allocator]
 static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
@@ -95,9 +95,9 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     Ok(code)
 }
 
-/// Has this thread, when it wakes, take a free core or wait for the end of a time slice, but not push a lane off its core.
+/// Has this thread, when it wakes, take a free core or wait for the end of a time slice, but not push a worker off its core.
 ///
-/// A batch that is done wakes as many callers as it had characters. Where lanes keep all cores busy, each of them would drive a
+/// A batch that is done wakes as many callers as it had characters. Where workers keep all cores busy, each of them would drive a
 /// network out of the core's caches for a tenth of a millisecond of work.
 #[cfg(target_os = "linux")]
 #[allow(

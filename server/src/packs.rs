@@ -28,7 +28,7 @@ pub struct LoadedPack {
 
 /// A pack that is not loaded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no pack {name:?}; loaded: {}", loaded.join(", "))]
+#[error("unknown pack {name:?}; loaded: {}", loaded.join(", "))]
 pub struct UnknownPack {
     /// The name that was asked for.
     pub name: String,

@@ -49,7 +49,7 @@ pub struct PackSource {
     /// The pack.
     pub pack: Pack,
     /// Its workers: threads with a generator each, at least one.
-    pub lanes: usize,
+    pub workers: usize,
     /// Makes a worker's generator.
     pub generator: MakeGenerator,
     /// The engine that runs MotionBricks' stages, and why; nothing where the caller brings its own.
@@ -58,7 +58,7 @@ pub struct PackSource {
 
 impl PackSource {
     /// A MotionBricks pack whose stages `stages` makes.
-    pub fn of_stages(pack: Pack, lanes: usize, stages: StagesFactory, decision: Option<Decision>) -> Self {
+    pub fn of_stages(pack: Pack, workers: usize, stages: StagesFactory, decision: Option<Decision>) -> Self {
         let generator = move |pack: &Pack, max_batch| {
             let mut pipeline = Pipeline::new(pack.rig.dims, stages(pack)?, max_batch);
             pipeline.warm_up()?;
@@ -66,7 +66,7 @@ impl PackSource {
         };
         Self {
             pack,
-            lanes,
+            workers,
             generator: Box::new(generator),
             decision,
         }
@@ -141,10 +141,10 @@ pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
         })?;
         let (selector, engine) = (selector.clone(), decision.engine);
         let stages = move |pack: &Pack| Ok(Box::new(selector.load(pack, engine)?) as Box<dyn Stages>);
-        let lanes = decision.lanes.count;
+        let workers = decision.workers.count;
         sources.push(PackSource::of_stages(
             pack,
-            lanes,
+            workers,
             Box::new(stages),
             Some(decision),
         ));
@@ -249,7 +249,7 @@ async fn start(
     let (sources, store) = tokio::task::spawn_blocking(read).await.map_err(gone)??;
     let default = default_pack(&config, &sources)?;
     let loading = sources.into_iter().map(|source| load(&config, &service, source));
-    // All of them, for a library should not be left while another pack's lanes are still inside it.
+    // All of them, for a library should not be left while another pack's workers are still inside it.
     let loaded = join_all(loading).await.into_iter().collect::<Result<_, _>>()?;
     service.open(PackTable::new(loaded, default), store);
     api::set_serving(&health, true).await;
@@ -276,7 +276,7 @@ fn default_pack(config: &Config, sources: &[PackSource]) -> Result<String, Start
 async fn load(config: &Config, service: &Service, source: PackSource) -> Result<LoadedPack, StartError> {
     let PackSource {
         pack,
-        lanes,
+        workers,
         generator,
         decision,
     } = source;
@@ -301,15 +301,21 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         Ok(generator)
     });
     let limits = Limits {
-        workers: lanes,
+        workers,
         ..config.batch_limits(max_batch)
     };
-    let batcher = Batcher::start(pack.name(), limits, config.lane_spin(), metrics.clone(), factory)
-        .await
-        .map_err(|error| StartError::Engine {
-            pack: pack.name().to_owned(),
-            error,
-        })?;
+    let batcher = Batcher::start(
+        pack.name(),
+        limits,
+        config.worker_spin(),
+        metrics.clone(),
+        factory,
+    )
+    .await
+    .map_err(|error| StartError::Engine {
+        pack: pack.name().to_owned(),
+        error,
+    })?;
     if let Some(decision) = &decision {
         metrics.engine_chosen(decision);
     }

@@ -31,7 +31,7 @@ pub use generate::Generation;
 const INLINE_CHARACTERS: usize = 4;
 
 /// When the answer to a request should be there, from its arrival on. It is the same for all, so they are served in the
-/// order of their arrival; beside the plans of live characters their class's handicap comes on top.
+/// order of their arrival; beside the plans of live characters their class offset is added.
 const REQUEST_TARGET: Duration = Duration::from_millis(100);
 
 /// The state that all requests share. It starts without packs and serves once [`Service::open`] has given it some.

@@ -1,7 +1,7 @@
 //! A character's state machine: commands, ticks and plans in; requests for plans and frames out. It knows no clock, no
 //! thread and no engine, so the same events give the same frames.
 //!
-//! In a scene, [`Act`] has the first word about every frame, [`Footing`] lifts frames onto what is there to stand on, for the
+//! In a scene, [`Behaviour`] has the first word about every frame, [`Footing`] lifts frames onto what is there to stand on, for the
 //! buffer's heights count from a flat ground, and [`Carry`] bends an arm that carries something.
 
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use troupe_motion::robot::Fitted;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::behaviour::{Act, Body, Carry, Footing, Next, SetPlan};
+use super::behaviour::{Behaviour, Body, Carry, Footing, Next, SetPlan};
 use super::budget::Pace;
 use super::buffer::{Frames, MotionBuffer};
 use super::inbox::Inbox;
@@ -20,7 +20,7 @@ use super::request::{self, Context};
 use super::timeline::{Stop, Ticket, Timeline};
 use super::{
     Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
-    FrameOut, HeldObject, Intent, LivePlan, LiveShape, Meets, Peek, PlanFailed, PlanRecord, PlanRequest,
+    FrameOut, HeldObject, Intent, LivePlan, LiveShape, Peek, Pins, PlanFailed, PlanRecord, PlanRequest,
     Refusal, SUB_FRAMES, Start, Stats, Strain, View, WaitingCommand, World,
 };
 use crate::primitives::recipe::VELOCITY_FRAMES;
@@ -37,7 +37,7 @@ pub struct Character {
     rig: Arc<Rig>,
     options: CharacterOptions,
     /// What it does in its scene; none without one.
-    act: Option<Act>,
+    behaviour: Option<Behaviour>,
     /// What it stands on; none where that is the ground at height 0 always.
     footing: Option<Footing>,
     /// How it carries what is in its hand.
@@ -74,7 +74,7 @@ impl Character {
         world: Option<World>,
     ) -> Self {
         let moving = matches!(start, Start::Context { .. });
-        let under = |place, hips_m| move |world: &World| Act::floor_under(world, place, hips_m);
+        let under = |place, hips_m| move |world: &World| Behaviour::floor_under(world, place, hips_m);
         let level = |place, hips_m| world.as_ref().map_or(0.0, under(place, hips_m));
         let (context, level) = match start {
             Start::Standing(root) => (standing(&command.style, root), level(root.position, 0.0)),
@@ -109,7 +109,7 @@ impl Character {
             asked: None,
             newest: None,
             footing: world.is_some().then(|| Footing::new(&rig.skeleton, level)),
-            act: world.map(Act::new),
+            behaviour: world.map(Behaviour::new),
             carry: Carry::default(),
             rig,
             options,
@@ -151,8 +151,8 @@ impl Character {
     }
 
     /// What the character does in its scene, and what that works on.
-    fn acting(&mut self) -> Option<(&mut Act, Body<'_>)> {
-        let (act, footing) = (self.act.as_mut()?, self.footing.as_mut()?);
+    fn acting(&mut self) -> Option<(&mut Behaviour, Body<'_>)> {
+        let (act, footing) = (self.behaviour.as_mut()?, self.footing.as_mut()?);
         let body = Body {
             rig: &self.rig,
             options: &self.options,
@@ -178,19 +178,22 @@ impl Character {
 
     /// Moves what happened since the last call to the end of `into`, in order; to be called after every other call.
     pub fn take_events(&mut self, into: &mut Vec<CharacterEvent>) {
-        if let Some(act) = &mut self.act {
+        if let Some(act) = &mut self.behaviour {
             act.take_events(into);
         }
     }
 
     /// What the character is about.
     pub fn activity(&self) -> Activity {
-        self.act.as_ref().map(Act::activity).unwrap_or_default()
+        self.behaviour
+            .as_ref()
+            .map(Behaviour::activity)
+            .unwrap_or_default()
     }
 
     /// What is in its hand, where that is something.
     pub fn held(&self) -> Option<HeldObject> {
-        let act = self.act.as_ref().filter(|act| act.holds())?;
+        let act = self.behaviour.as_ref().filter(|act| act.holds())?;
         let mut rotations = Vec::new();
         let (root, _) = self.shown(self.timeline.cursor(), &mut rotations, &mut Fitted::default());
         let rotations = rotations.as_slice();
@@ -200,7 +203,7 @@ impl Character {
     /// Takes the character out of its scene for good, as its session ends: what it holds is put down, what it reserved is free.
     pub fn leave(&mut self) {
         let held = self.held().map(|held| held.transform);
-        if let Some(act) = self.act.take() {
+        if let Some(act) = self.behaviour.take() {
             act.leave(held);
         }
     }
@@ -283,12 +286,18 @@ impl Character {
         let sub_frames = i64::from(SUB_FRAMES);
         let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
         let part = rest as f32 / SUB_FRAMES as f32;
-        self.dress((frame, part), &mut root, rotations, fitted);
+        self.post_process((frame, part), &mut root, rotations, fitted);
         (root, contacts)
     }
 
     /// Makes a frame of the buffer, or what is `part` of the way (0 to 1) to the next, one that is shown.
-    fn dress(&self, (frame, part): (i64, f32), root: &mut Vec3, rotations: &mut [Quat], fitted: &mut Fitted) {
+    fn post_process(
+        &self,
+        (frame, part): (i64, f32),
+        root: &mut Vec3,
+        rotations: &mut [Quat],
+        fitted: &mut Fitted,
+    ) {
         let skeleton = &self.rig.skeleton;
         if let Some(footing) = &self.footing {
             footing.lift(skeleton, frame, part, root, rotations);
@@ -338,7 +347,7 @@ impl Character {
         let poses = rotations.chunks_exact_mut(self.rig.skeleton.joint_count());
         let mut fitted = Fitted::default();
         for (frame, (root, pose)) in (first..).zip(roots.iter_mut().zip(poses)) {
-            self.dress((frame, 0.0), root, pose, &mut fitted);
+            self.post_process((frame, 0.0), root, pose, &mut fitted);
         }
         Peek {
             first_frame: first as u64,
@@ -407,12 +416,12 @@ impl Character {
         let Some(ticket) = self.timeline.settle_for(Some(plan.wish)) else {
             return;
         };
-        if let Some(act) = &mut self.act {
+        if let Some(act) = &mut self.behaviour {
             act.asked(ticket.number);
         }
         let context = self.context(ticket.splice);
         self.unfinished = false;
-        self.send(ticket, context, plan.targets, Some(Arc::new(plan.meets)));
+        self.send(ticket, context, plan.targets, Some(Arc::new(plan.pins)));
     }
 
     /// Leaves the frame that the cursor is at to locomotion.
@@ -455,7 +464,7 @@ impl Character {
         self.send(ticket, context, targets, None);
     }
 
-    fn send(&mut self, ticket: Ticket, context: Context, targets: PlanTargets, meets: Option<Arc<Meets>>) {
+    fn send(&mut self, ticket: Ticket, context: Context, targets: PlanTargets, pins: Option<Arc<Pins>>) {
         let (item, shape) = request::build(&self.rig, &self.options, ticket.number, context, targets);
         let shape = Arc::new(shape);
         self.asked = Some((ticket, Arc::clone(&shape)));
@@ -464,7 +473,7 @@ impl Character {
             cause: ticket.cause,
             item,
             shape,
-            meets,
+            pins,
             splice_in_frames: (ticket.splice - ticket.asked_at) as u32,
             due_in_frames: (ticket.due - ticket.asked_at) as u32,
             spacing_frames: ticket.spacing.map(|frames| frames.max(0) as u32),

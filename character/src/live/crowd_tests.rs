@@ -19,7 +19,7 @@ const FPS: u64 = 30;
 /// Milliseconds of simulated time that pass at once.
 const STEP: u64 = 1;
 
-/// An engine of two lanes.
+/// An engine of two workers.
 #[derive(Debug, Clone, Copy)]
 struct Engine {
     /// Plans of 34 and of 64 frames a second, in large batches.
@@ -28,8 +28,8 @@ struct Engine {
     batch_ms: f32,
 }
 
-const LANES: usize = 2;
-/// Plans of a batch: as many as take a lane about 70 ms.
+const WORKERS: usize = 2;
+/// Plans of a batch: as many as take a worker about 70 ms.
 const MAX_BATCH: usize = 16;
 /// What two cores do with 32-bit floats, and with bf16.
 const F32: Engine = Engine {
@@ -43,7 +43,7 @@ const BF16: Engine = Engine {
 
 impl Engine {
     fn plan_ms(&self, frames: usize) -> f32 {
-        let of = |plans: f32| 1000.0 * LANES as f32 / plans - self.batch_ms / MAX_BATCH as f32;
+        let of = |plans: f32| 1000.0 * WORKERS as f32 / plans - self.batch_ms / MAX_BATCH as f32;
         let (usual, long) = (of(self.plans.0), of(self.plans.1));
         usual + (long - usual) * (frames.div_ceil(4) as f32 - 9.0) / 7.0
     }
@@ -80,7 +80,7 @@ struct Crowd {
     now_ms: u64,
     people: Vec<Somebody>,
     queue: Vec<Plan>,
-    lanes: [Option<(u64, f32, Vec<Plan>)>; LANES],
+    workers: [Option<(u64, f32, Vec<Plan>)>; WORKERS],
     load: PlanLoad,
     random: ChaCha8Rng,
     busy_ms: f32,
@@ -111,7 +111,7 @@ impl Crowd {
                 .map(|(p, seed)| somebody(seed, p, commands_every_s))
                 .collect(),
             queue: Vec::new(),
-            lanes: [const { None }; LANES],
+            workers: [const { None }; WORKERS],
             load: PlanLoad::default(),
             random: ChaCha8Rng::seed_from_u64(1),
             busy_ms: 0.0,
@@ -134,7 +134,7 @@ impl Crowd {
 
     fn tick(&mut self) {
         self.load
-            .read(self.start + Duration::from_millis(self.now_ms), LANES);
+            .read(self.start + Duration::from_millis(self.now_ms), WORKERS);
         self.pressures.push(self.load.pressure());
         let (dims, fps) = (dims(), FPS as f32);
         for who in 0..self.people.len() {
@@ -145,8 +145,10 @@ impl Crowd {
             if self.random.random::<f32>() < 1.0 / (of.commands_every_s * fps) {
                 of.timeline.command_changed();
             }
-            of.timeline
-                .expect(self.load.expected_frames(LANES, fps), self.load.lead_frames(fps));
+            of.timeline.expect(
+                self.load.expected_frames(WORKERS, fps),
+                self.load.lead_frames(fps),
+            );
             let pace = Pace::new(
                 stretch(self.load.pressure(), of.priority),
                 Some(9),
@@ -189,29 +191,29 @@ impl Crowd {
     }
 
     fn serve(&mut self) {
-        for lane in 0..LANES {
-            if self.lanes[lane]
+        for worker in 0..WORKERS {
+            if self.workers[worker]
                 .as_ref()
                 .is_some_and(|(end, ..)| *end <= self.now_ms)
-                && let Some((_, took_ms, plans)) = self.lanes[lane].take()
+                && let Some((_, took_ms, plans)) = self.workers[worker].take()
             {
                 self.land(took_ms, plans);
             }
         }
-        let idle = self.lanes.iter().filter(|lane| lane.is_none()).count();
+        let idle = self.workers.iter().filter(|worker| worker.is_none()).count();
         if idle == 0 || self.queue.is_empty() {
             return;
         }
         // At most one plan of each is with the engine.
-        let here = self.lanes.iter().flatten().flat_map(|(_, _, plans)| plans);
+        let here = self.workers.iter().flatten().flat_map(|(_, _, plans)| plans);
         let here: HashSet<usize> = here.map(|plan| plan.who).collect();
         let (held, mut ready): (Vec<Plan>, _) =
             self.queue.drain(..).partition(|plan| here.contains(&plan.who));
         // Last in the list is first to go.
         ready.sort_by_key(|plan| std::cmp::Reverse((plan.due_ms, plan.asked_ms)));
         let share = ready.len().div_ceil(idle).min(MAX_BATCH);
-        for lane in &mut self.lanes {
-            if lane.is_none() && !ready.is_empty() {
+        for worker in &mut self.workers {
+            if worker.is_none() && !ready.is_empty() {
                 let plans = ready.split_off(ready.len().saturating_sub(share));
                 let took_ms = self.engine.batch_ms
                     + plans
@@ -219,7 +221,7 @@ impl Crowd {
                         .map(|plan| self.engine.plan_ms(plan.frames))
                         .sum::<f32>();
                 self.busy_ms += took_ms;
-                *lane = Some((self.now_ms + took_ms.round() as u64, took_ms, plans));
+                *worker = Some((self.now_ms + took_ms.round() as u64, took_ms, plans));
             }
         }
         self.queue = ready;
@@ -302,7 +304,7 @@ impl Crowd {
             pressure: self.pressure(seconds),
             intervals: [0.0..=0.333, 0.333..=0.667, 0.667..=1.0].map(|band| self.interval(band, seconds)),
             plans_a_second: plans as f32 / seconds as f32,
-            busy: (self.busy_ms - busy) / (seconds * 1000 * LANES as u64) as f32,
+            busy: (self.busy_ms - busy) / (seconds * 1000 * WORKERS as u64) as f32,
         }
     }
 }

@@ -45,7 +45,7 @@ pub enum Intent {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// The session is in no scene.
-    #[error("the session is in no scene")]
+    #[error("the session has no scene; set `scene` when you create it")]
     NoScene,
     /// No such object in the scene.
     #[error("the scene has no object {id:?}")]
@@ -82,7 +82,7 @@ pub enum Refusal {
         there_are: Vec<String>,
     },
     /// Another character has reserved or holds the object.
-    #[error("object {id:?} is taken by {by}")]
+    #[error("object {id:?} is reserved or held by {by}")]
     Taken {
         /// The object.
         id: Arc<str>,
@@ -104,7 +104,7 @@ pub enum Refusal {
     )]
     TooManyCommands,
     /// The hand holds another object.
-    #[error("the character holds object {id:?}; allowed: to drop it first")]
+    #[error("the character already holds object {id:?}; drop it first")]
     HandFull {
         /// What it holds.
         id: Arc<str>,

@@ -23,9 +23,9 @@ const READING: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub struct PlanLoad {
     waiting: AtomicUsize,
-    /// Time of a lane for one plan of a batch, smoothed, microseconds.
+    /// Time of a worker for one plan of a batch, smoothed, microseconds.
     plan_us: AtomicU64,
-    /// Since the last reading: plans that came back, their time from asking to answer, and what they took of a lane's.
+    /// Since the last reading: plans that came back, their time from asking to answer, and what they took of a worker's.
     came: AtomicU64,
     delays_us: AtomicU64,
     work_us: AtomicU64,
@@ -73,7 +73,7 @@ impl PlanLoad {
         self.waiting.load(Ordering::Relaxed)
     }
 
-    /// Notes how long a plan took from asking to answer, and of the lanes' time.
+    /// Notes how long a plan took from asking to answer, and of the workers' time.
     pub fn measured(&self, delay: Duration, work: Duration) {
         let plan = work.as_micros() as u64;
         // Two at once may lose one of them; it is an estimate.
@@ -86,21 +86,21 @@ impl PlanLoad {
         self.work_us.fetch_add(plan, Ordering::Relaxed);
     }
 
-    /// Time until a plan asked for now has had its turn, where `lanes` serve.
-    fn turn(&self, lanes: usize) -> Duration {
+    /// Time until a plan asked for now has had its turn, where `workers` serve.
+    fn turn(&self, workers: usize) -> Duration {
         let waiting = self.waiting.load(Ordering::Relaxed) as u64 + 1;
         let us = waiting * self.plan_us.load(Ordering::Relaxed);
-        Duration::from_micros(us / lanes.max(1) as u64)
+        Duration::from_micros(us / workers.max(1) as u64)
     }
 
     /// Frames, rounded up, that a plan asked for now is expected to take.
-    pub fn expected_frames(&self, lanes: usize, fps: f32) -> u32 {
-        let turn = self.turn(lanes) * MARGIN as u32;
+    pub fn expected_frames(&self, workers: usize, fps: f32) -> u32 {
+        let turn = self.turn(workers) * MARGIN as u32;
         (turn.as_secs_f32() * fps).ceil() as u32
     }
 
     /// Has the controller read the load at `now`, where the last time is long enough ago; answers the pressure where it did.
-    pub fn read(&self, now: Instant, lanes: usize) -> Option<f32> {
+    pub fn read(&self, now: Instant, workers: usize) -> Option<f32> {
         let mut readings = match self.readings.try_lock() {
             Ok(readings) => readings,
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
@@ -117,8 +117,8 @@ impl PlanLoad {
         let work_us = self.work_us.swap(0, Ordering::Relaxed);
         let took_s = delays_us as f32 / came.max(1) as f32 / 1e6;
         let reading = Reading {
-            delay_s: took_s.max(self.turn(lanes).as_secs_f32()),
-            share: work_us as f32 / 1e6 / (passed.as_secs_f32() * lanes.max(1) as f32),
+            delay_s: took_s.max(self.turn(workers).as_secs_f32()),
+            share: work_us as f32 / 1e6 / (passed.as_secs_f32() * workers.max(1) as f32),
         };
         readings.controller.observe(passed.as_secs_f32(), reading);
         let target = readings.controller.lead_s();
@@ -156,7 +156,7 @@ mod tests {
         for _ in 0..24 {
             load.asked();
         }
-        // Twice 25 plans of 5 ms are 250 ms, and half of that where two lanes serve.
+        // Twice 25 plans of 5 ms are 250 ms, and half of that where two workers serve.
         assert_eq!(load.expected_frames(1, 30.0), 8);
         assert_eq!(load.expected_frames(2, 30.0), 4);
         for _ in 0..200 {
@@ -177,7 +177,7 @@ mod tests {
             let start = Instant::now();
             assert_eq!(load.read(start, 2), None);
             for step in 1..40u32 {
-                // 10 ms of a lane each.
+                // 10 ms of a worker each.
                 for _ in 0..plans {
                     load.measured(Duration::from_millis(200), plan_of(10));
                 }

@@ -10,7 +10,7 @@ mod event;
 mod inbox;
 mod intent;
 pub mod load;
-mod meet;
+mod pin;
 mod plan;
 mod policy;
 pub mod request;
@@ -24,7 +24,7 @@ pub use character::Character;
 pub use event::{Activity, CharacterEvent, EventKind, FailReason, HeldObject, KeyframeError};
 pub use inbox::MAX_WAITING_COMMANDS;
 pub use intent::{Intent, Refusal, World};
-pub use meet::Meets;
+pub use pin::Pins;
 pub use plan::finish_live;
 pub use types::{
     Advance, Arrival, CONTEXT_FRAMES, CharacterOptions, Clock, CommandOutcome, FrameOut, LivePlan, LiveShape,

@@ -98,7 +98,7 @@ pub(super) struct Timeline {
     flight: Option<Flight>,
     /// Decisions look at frames beyond the splice frame of a plan in flight.
     looks_ahead: bool,
-    /// A plan that the one in flight was asked for in the stead of. It comes where the networks had it already.
+    /// The plan that the one in flight replaced. It still comes if the networks had begun it.
     replaced: Option<Ticket>,
     last_splice: Option<i64>,
     /// What called for the plan that took over last.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use troupe_motion::robot::Fitted;
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 
-use super::{Intent, Meets};
+use super::{Intent, Pins};
 use crate::primitives::PlanTargets;
 use crate::primitives::object::KeyframeError;
 use troupe_motion::model::KeyframeTask;
@@ -65,7 +65,7 @@ pub enum Start {
     },
 }
 
-/// What became of a command.
+/// Result of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CommandOutcome {
     /// It holds, or will at its frame.
@@ -76,7 +76,7 @@ pub enum CommandOutcome {
     Late,
 }
 
-/// What became of a step of the cursor.
+/// Result of a step of the cursor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Advance {
     /// The cursor is where it should be.
@@ -111,7 +111,7 @@ pub struct PlanRequest {
     /// What it takes to turn the answer into frames.
     pub shape: Arc<LiveShape>,
     /// The keyframes that the answer is to meet; none for locomotion, whose targets are guidance.
-    pub meets: Option<Arc<Meets>>,
+    pub pins: Option<Arc<Pins>>,
     /// Frames until the plan is to take over; after that it is late.
     pub splice_in_frames: u32,
     /// Frames until it is missed: the scheduler's deadline.
@@ -165,7 +165,7 @@ pub struct PlanTrace {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlanFailed;
 
-/// What became of a plan that arrived.
+/// Result of a plan that arrived.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Arrival {
     /// It takes over at its splice frame, this many frames from now.

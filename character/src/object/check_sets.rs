@@ -151,7 +151,7 @@ fn check_keyframe(
     let gives_nothing = doc.place_m.is_none() && doc.heading_deg.is_none() && doc.height_m.is_none();
     if gives_nothing && points.is_empty() {
         return Err(path.error(
-            "gives nothing",
+            "is empty",
             "at least one of place_m, heading_deg, height_m, rotations and points",
         ));
     }

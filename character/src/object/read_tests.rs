@@ -306,7 +306,7 @@ const WRONG: &[(&str, &str, &str)] = &[
     (
         "{ height_m = 0.7 }",
         "{}",
-        "sets[2].keyframes[0]: gives nothing; allowed: at least one of place_m",
+        "sets[2].keyframes[0]: is empty; allowed: at least one of place_m",
     ),
     (
         "{ height_m = 0.7 }",

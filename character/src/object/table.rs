@@ -202,7 +202,7 @@ impl Definitions {
 fn rebind_all(definition: &Definition, scenes: &SceneTable) -> usize {
     let cells = scenes.all();
     let rebind = |cell: &crate::scene::SceneCell| {
-        // A scene without such objects is not published anew.
+        // A scene without such objects is not published again.
         let changed = cell.update(|scene| match scene.rebind(definition) {
             0 => Err(()),
             objects => Ok(objects),

@@ -92,7 +92,7 @@ impl<'a> Blend<'a> {
         let mut weights = [0.0; MAX_GAITS];
         let takes = |gait: &Gait, index: usize| !gait.stands() && only.is_none_or(|only| only == index);
         if bands(style, &x, takes, &mut weights) {
-            let pace = Pace::new(style, &weights, wanted);
+            let pace = SpeedMatch::new(style, &weights, wanted);
             blend.moving = pace.share();
             if blend.moving > 0.0 {
                 blend.rate = pace.rate();
@@ -275,7 +275,7 @@ impl Share {
 }
 
 /// The speed of a mix of moving gaits against the wanted one.
-struct Pace {
+struct SpeedMatch {
     /// Wanted and mixed speed over the ground with the turning in it, m/s.
     wanted_mps: f32,
     mixed_mps: f32,
@@ -283,7 +283,7 @@ struct Pace {
     backwards: bool,
 }
 
-impl Pace {
+impl SpeedMatch {
     fn new(style: &Style, weights: &[f32; MAX_GAITS], wanted: &Wanted) -> Self {
         let (mut speed, mut turn, mut left, mut forward) = (0.0, 0.0, 0.0, 0.0);
         let (mut period, mut timed) = (0.0, 0.0);

@@ -1,6 +1,6 @@
 //! The heading spring: a heading of its own that follows the commanded one from command to command.
 //!
-//! It is not started again from the character at every plan. Every plan's turn would ease in anew then, and a character that
+//! It is not started again from the character at every plan. Every plan's turn would ease in again then, and a character that
 //! plans three times a second would never finish a turn in time.
 
 use troupe_motion::root::wrap_angle;
@@ -38,7 +38,7 @@ impl HeadingSpring {
     }
 
     /// Draws it to `target` from `frame` on, the shorter way round. `None`: to where it comes to rest by itself.
-    pub(crate) fn aim(&mut self, frame: u64, fps: f32, target: Option<f32>) {
+    pub(crate) fn turn_to(&mut self, frame: u64, fps: f32, target: Option<f32>) {
         let (heading, omega) = self.at(frame, fps);
         // Whole turns are dropped here, so that the count stays small.
         self.heading = wrap_angle(heading);
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn a_quarter_turn_is_done_after_a_second() {
         let mut spring = HeadingSpring::new(100, 0.0);
-        spring.aim(100, FPS, Some(PI / 2.0));
+        spring.turn_to(100, FPS, Some(PI / 2.0));
         let (heading, _) = spring.at(130, FPS);
         // Equation 6: 1 - (1 + 8) e^-8 of the way.
         let want = PI / 2.0 * (1.0 - 9.0 * (-8.0f32).exp());
@@ -120,23 +120,23 @@ mod tests {
     #[test]
     fn it_goes_on_from_command_to_command() {
         let mut spring = HeadingSpring::new(0, 3.0);
-        spring.aim(0, FPS, Some(-3.0));
+        spring.turn_to(0, FPS, Some(-3.0));
         let (before, omega) = spring.at(5, FPS);
         assert!(before > 3.0 && omega > 0.0, "over the seam, the short way");
-        spring.aim(5, FPS, Some(0.0));
+        spring.turn_to(5, FPS, Some(0.0));
         let (after, same) = spring.at(5, FPS);
         assert!(wrap_angle(after - before).abs() < 1e-5 && (same - omega).abs() < 1e-5);
         // Aiming again at the same changes nothing.
         let (want, _) = spring.at(20, FPS);
-        spring.aim(11, FPS, Some(0.0));
+        spring.turn_to(11, FPS, Some(0.0));
         assert!(wrap_angle(spring.at(20, FPS).0 - want).abs() < 1e-4);
     }
 
     #[test]
     fn stopping_in_a_turn_never_swings_back() {
         let mut spring = HeadingSpring::new(0, 0.0);
-        spring.aim(0, FPS, Some(2.0));
-        spring.aim(6, FPS, None);
+        spring.turn_to(0, FPS, Some(2.0));
+        spring.turn_to(6, FPS, None);
         let mut before = spring.at(6, FPS).0;
         for frame in 7..60 {
             let (heading, omega) = spring.at(frame, FPS);
@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn a_plan_turns_no_farther_than_the_cap() {
         let mut spring = HeadingSpring::new(0, 0.0);
-        spring.aim(0, FPS, Some(3.1));
+        spring.turn_to(0, FPS, Some(3.1));
         let turn = spring.turn(4, FPS, 0.0);
         assert!((turn.at(10.0).0 - MAX_TURN).abs() < 1e-4);
         assert_eq!(turn.at(0.0), spring.at(4, FPS));
@@ -178,7 +178,7 @@ mod tests {
             for (wait, target) in commands {
                 frame += wait;
                 let (before, omega) = spring.at(frame, FPS);
-                spring.aim(frame, FPS, target);
+                spring.turn_to(frame, FPS, target);
                 let (after, same) = spring.at(frame, FPS);
                 prop_assert!(wrap_angle(after - before).abs() < 1e-3 && (same - omega).abs() < 1e-2);
                 prop_assert!(after.abs() <= PI + 1e-3 && (spring.target - after).abs() < 2.0 * PI);

@@ -125,7 +125,7 @@ impl Locomotion {
         self.feasible = reach::nearest(style, only, *velocity, target.unwrap_or(0.0));
         // A style that cannot move at all still turns to where it should go.
         self.heading
-            .aim(frame, self.fps, target.map(|_| self.feasible.facing));
+            .turn_to(frame, self.fps, target.map(|_| self.feasible.facing));
         self.turn = self.heading.remaining(frame, self.fps);
         self.commanded_at = frame;
         self.stand = match self.stand {

@@ -12,7 +12,7 @@ pub const TARGET_KEYS: usize = 1;
 pub const GAMMA: f32 = 8.0;
 /// Frames at 30 Hz over which the root's velocity at a plan's start is measured: enough to take the sway of a step out.
 pub const VELOCITY_FRAMES: usize = 10;
-/// How closely headings follow the spring: wholly. The root stage's own headings start every plan's turn anew, so that a
+/// How closely headings follow the spring: wholly. The root stage's own headings start every plan's turn again, so that a
 /// turn of 90° is 29° short after a second; with the spring's it is 1°.
 pub const HEADING_RATIO: f32 = 1.0;
 /// How closely heights follow those of the style's gait. The root stage is 1 to 3 cm off in styles with little data, so that

@@ -54,7 +54,7 @@ impl SceneCell {
     /// Frees all that `by` reserved or holds. How many objects that freed.
     pub fn free_all(&self, by: &Holder) -> usize {
         let changed = self.update(|scene| match scene.free_all(|holder| holder == by) {
-            // A scene in which there was nothing to free is not published anew.
+            // A scene in which there was nothing to free is not published again.
             0 => Err(()),
             freed => Ok(freed),
         });

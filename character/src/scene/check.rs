@@ -136,7 +136,7 @@ fn place(
         (Some(_), Some(_)) => {
             return Err(path
                 .field("rotation")
-                .error("is given beside heading_deg", "at most one of the two"));
+                .error("cannot be combined with heading_deg", "at most one of the two"));
         }
     };
     Ok(Transform::new(position, rotation))

@@ -33,7 +33,7 @@ pub enum SceneError {
         /// The id.
         id: String,
     },
-    /// An id that is nothing's.
+    /// No object has this id.
     #[error("the scene has no {what} {id:?}")]
     Unknown {
         /// `object` or `collider`.
@@ -50,7 +50,7 @@ pub enum SceneError {
         limit: usize,
     },
     /// Another character reserved or holds the object.
-    #[error("object {id:?} is taken by {by}")]
+    #[error("object {id:?} is reserved or held by {by}")]
     Taken {
         /// The object.
         id: String,

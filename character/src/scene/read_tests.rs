@@ -172,7 +172,7 @@ const WRONG: &[(&str, &str, &str)] = &[
     (
         "heading_deg = 90.0",
         "heading_deg = 90.0\nrotation = [1, 0, 0, 0]",
-        "line 10, column 12: colliders[0].rotation: is given beside heading_deg; allowed: at most one of the two",
+        "line 10, column 12: colliders[0].rotation: cannot be combined with heading_deg; allowed: at most one of the two",
     ),
     (
         "[2.0, 1.0, 0.1]",
@@ -371,7 +371,7 @@ fn the_examples_are_scenes() {
     let objects = object::load_folder(&root.join("examples/objects"), &rig).unwrap();
     let definitions = Definitions::new(objects).unwrap().snapshot();
     let scenes = load_folder(&root.join("examples/scenes"), &*definitions).unwrap();
-    assert_eq!(scenes.len(), 1);
+    assert_eq!(scenes.len(), 2);
     let NamedScene { name, scene } = &scenes[0];
     assert_eq!(
         (name.as_str(), scene.len(), scene.colliders().count()),

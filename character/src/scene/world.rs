@@ -215,7 +215,7 @@ impl Scene {
         slots.len()
     }
 
-    /// Reserves an object for `by`; again is as good as once. A shared one stays free, and one that `by` holds is held on.
+    /// Reserves an object for `by`; reserving again changes nothing. A shared one stays free, and one that `by` holds is held on.
     ///
     /// # Errors
     /// [`SceneError::Unknown`] or [`SceneError::Taken`].

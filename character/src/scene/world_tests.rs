@@ -28,7 +28,10 @@ fn reserve_hold_release() {
     scene.reserve("crate", &a).unwrap();
     scene.reserve("crate", &a).unwrap();
     let taken = scene.reserve("crate", &b).unwrap_err();
-    assert_eq!(taken.to_string(), "object \"crate\" is taken by session \"a\"");
+    assert_eq!(
+        taken.to_string(),
+        "object \"crate\" is reserved or held by session \"a\""
+    );
     assert!(matches!(scene.hold("crate", &b), Err(SceneError::Taken { .. })));
     // It may be moved under the one who reserved it.
     scene.move_to("crate", place(2.0, 0.5, 0.0)).unwrap();

@@ -43,7 +43,7 @@ pub enum StyleProblem {
     #[error("name is {0:?}, but a style file is named for its style")]
     Name(String),
     /// An added style has a name of the pack's own.
-    #[error("the pack has a style of this name; give the added one another")]
+    #[error("the pack has a style of this name; choose another name")]
     BuiltIn,
     /// More added styles than a pack may have.
     #[error("more than {0} added styles")]

@@ -66,7 +66,7 @@ pub enum PutError {
     #[error("the pack has {MAX_ADDED_STYLES} added styles, the most that it may have")]
     TooMany,
     /// It could not be written to the folder of added styles.
-    #[error("style {name:?} could not be kept: {cause}")]
+    #[error("style {name:?} cannot be written to its folder: {cause}")]
     Keep {
         /// The style.
         name: String,

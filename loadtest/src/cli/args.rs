@@ -67,7 +67,7 @@ pub(super) struct Run {
     pub(super) bounds: BoundArgs,
     #[command(flatten)]
     pub(super) output: Output,
-    /// Do it so many times; the report has each and the medians.
+    /// Number of runs; the report has each and the medians.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000), value_name = "TIMES")]
     pub(super) repeat: u32,
 }
@@ -86,7 +86,7 @@ pub(super) struct Search {
     /// 99 % of latencies must be at most this, milliseconds.
     #[arg(long, value_name = "MS")]
     pub(super) p99_ms: f64,
-    /// Each character must get so many plans a second at least, in the mean.
+    /// Fewest plans a second that each character must get on average.
     #[arg(long, default_value_t = 0.0, value_name = "PLANS")]
     pub(super) min_plans: f64,
     /// Share of requests that must be answered right.
@@ -136,7 +136,7 @@ pub(super) struct Overload {
     /// How long they take to find it.
     #[arg(long, default_value = "10s", value_name = "TIME")]
     pub(super) probe: Time1,
-    /// Arrivals come at so many times the capacity.
+    /// Arrivals as a multiple of the capacity.
     #[arg(long, default_value_t = 5.0, value_name = "TIMES")]
     pub(super) factor: f64,
     /// How long at 90 % of capacity.
@@ -157,10 +157,10 @@ pub(super) struct Overload {
     /// Live characters beside the requests, on one stream at 30 Hz.
     #[arg(long, default_value_t = 0, value_name = "CHARACTERS")]
     pub(super) beside_characters: u32,
-    /// p99 in the overload must be at most so many times that at 90 % of capacity.
+    /// Highest p99 under overload, as a multiple of the p99 at 90 % of capacity.
     #[arg(long, value_name = "TIMES", help_heading = BOUNDS)]
     pub(super) expect_p99_ratio: Option<f64>,
-    /// The server must have recovered within so many seconds.
+    /// Longest time until the server has recovered, seconds.
     #[arg(long, value_name = "SECONDS", help_heading = BOUNDS)]
     pub(super) expect_recovery_s: Option<f64>,
     /// No live character beside the requests may be slowed.
@@ -276,7 +276,7 @@ pub(super) struct ArrivalArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct LoadArgs {
-    /// A closed loop: so many clients that wait for their answers [default: 8].
+    /// Closed loop: number of clients, each of which waits for its answer [default: 8].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000), conflicts_with_all = ["rate", "stages", "client_stages"], value_name = "COUNT", help_heading = LOAD)]
     pub(super) clients: Option<u32>,
     /// A closed loop whose clients come and go: CLIENTS:SECONDS, FROM-TO:SECONDS, one after another.
@@ -285,7 +285,7 @@ pub(super) struct LoadArgs {
     /// Time from an answer to a client's next request.
     #[arg(long, default_value = "0s", value_name = "TIME", help_heading = LOAD)]
     pub(super) think: Time0,
-    /// An open loop: so many requests a second.
+    /// Open loop: requests a second.
     #[arg(long, conflicts_with = "stages", value_name = "RATE", help_heading = LOAD)]
     pub(super) rate: Option<f64>,
     /// An open loop whose rate changes: RATE:SECONDS, FROM-TO:SECONDS, one after another, such as 50:10,50-200:30.
@@ -318,7 +318,7 @@ pub(super) struct RequestArgs {
     /// Different requests, sent in turn.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536), value_name = "COUNT", help_heading = REQUESTS)]
     pub(super) variants: u32,
-    /// Decode and check every answer of so many whole, of live characters every tick of so many; 0: none. Of the others
+    /// Decode and check one answer in this many, or one tick of live characters in this many; 0: none. Of the others only
     /// status, frame count and timing are read.
     #[arg(long, default_value_t = 100, value_name = "COUNT", help_heading = REQUESTS)]
     pub(super) verify_every: u32,

@@ -50,7 +50,7 @@ fn scrape(at_s: f64, batches: u32) -> Scrape {
          troupe_batch_size_sum{{model=\"human\"}} {}\n\
          troupe_batch_size_count{{model=\"human\"}} {batches}\n\
          troupe_engine_info{{model=\"human\",engine=\"cpu\"}} 1\n\
-         troupe_engine_lanes{{model=\"human\"}} 2\n\
+         troupe_engine_workers{{model=\"human\"}} 2\n\
          process_cpu_seconds_total {}\n\
          process_resident_memory_bytes {}\n",
         4 * batches,

@@ -167,10 +167,10 @@ pub struct ServerFigures {
     pub padding: f64,
     /// Mean time of a batch in each stage, milliseconds.
     pub stage_ms: StageTimes,
-    /// Lanes of the engine, each of which runs one batch at a time; 0 where the server does not tell it.
-    pub lanes: f64,
+    /// Workers of the engine, each of which runs one batch at a time; 0 where the server does not tell it.
+    pub workers: f64,
     /// How many of them were busy in the mean: time in the networks, in tensors and out of them, over time.
-    pub busy_lanes: f64,
+    pub busy_workers: f64,
     /// Requests turned away or dropped before they ran.
     pub rejections: f64,
     /// Frames generated a second, those of plans included.

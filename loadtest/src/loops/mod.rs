@@ -2,10 +2,10 @@
 
 mod closed;
 mod open;
-mod pace;
 mod target;
+mod wait;
 
 pub use closed::{Clients, closed};
 pub use open::{open, open_on_a_thread};
-pub use pace::{OwnThread, Pace, Timer};
 pub use target::Target;
+pub use wait::{OwnThread, Timer, WaitUntil};

@@ -7,8 +7,8 @@ use tokio::runtime::Handle;
 use tokio::sync::{Semaphore, oneshot};
 use tokio::time::Instant;
 
-use super::pace::{OwnThread, Pace};
 use super::target::Target;
+use super::wait::{OwnThread, WaitUntil};
 use crate::failure::Failure;
 use crate::measure::{Call, Recorder};
 
@@ -16,7 +16,7 @@ use crate::measure::{Call, Recorder};
 ///
 /// Latency counts from the moment when a request was due. At most `max_in_flight` are on their way at once; what is due beyond
 /// is never sent, and recorded as dropped.
-pub async fn open<T: Target, P: Pace>(
+pub async fn open<T: Target, P: WaitUntil>(
     target: Arc<T>,
     recorder: Arc<Recorder>,
     arrivals: impl Iterator<Item = (u64, Duration)> + Send,

@@ -3,7 +3,7 @@
 use super::*;
 use crate::arrivals::{Process, Schedule};
 use crate::loops::closed::{Clients, closed};
-use crate::loops::pace::Timer;
+use crate::loops::wait::Timer;
 use crate::measure::{Answer, Clock, Harvest, Outcome};
 use crate::plan::Share;
 
@@ -14,7 +14,7 @@ struct Stalls {
 }
 
 impl Target for Stalls {
-    async fn call(&self, _lane: u64, _number: u64) -> Outcome {
+    async fn call(&self, _caller: u64, _number: u64) -> Outcome {
         let now = Instant::now();
         if now >= self.from && now < self.to {
             tokio::time::sleep_until(self.to).await;

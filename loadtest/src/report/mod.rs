@@ -46,7 +46,7 @@ pub struct Report {
     /// Of a search: its steps and what it found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchReport>,
-    /// Of an overload: what became of the server.
+    /// Of an overload: how the server did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overload: Option<OverloadReport>,
     /// Stated bounds, and whether they were kept.

@@ -248,11 +248,11 @@ fn server(rows: &mut Vec<(String, Option<Shown>)>, report: &Report) {
     row(rows, "padding", move |f| {
         format!("{:.1} %", of(f).padding * 100.0)
     });
-    row(rows, "lanes busy, mean", move |f| {
+    row(rows, "workers busy, mean", move |f| {
         let of = of(f);
-        match of.lanes {
-            0.0 => format!("{:.2}", of.busy_lanes),
-            lanes => format!("{:.2} of {lanes}", of.busy_lanes),
+        match of.workers {
+            0.0 => format!("{:.2}", of.busy_workers),
+            workers => format!("{:.2} of {workers}", of.busy_workers),
         }
     });
     if report.median.live.is_some() {

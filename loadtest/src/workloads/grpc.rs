@@ -38,8 +38,8 @@ impl Grpc {
         })
     }
 
-    async fn send(&self, lane: u64, item: &Item) -> Result<Outcome, Status> {
-        let channel = &self.channels[(lane % self.channels.len() as u64) as usize];
+    async fn send(&self, caller: u64, item: &Item) -> Result<Outcome, Status> {
+        let channel = &self.channels[(caller % self.channels.len() as u64) as usize];
         let mut rpc = tonic::client::Grpc::new(channel.clone()).max_decoding_message_size(MOST_ANSWER_BYTES);
         rpc.ready()
             .await
@@ -61,9 +61,9 @@ impl Grpc {
 }
 
 impl Target for Grpc {
-    async fn call(&self, lane: u64, number: u64) -> Outcome {
+    async fn call(&self, caller: u64, number: u64) -> Outcome {
         let item = self.set.item(number);
-        match tokio::time::timeout(self.timeout, self.send(lane, item)).await {
+        match tokio::time::timeout(self.timeout, self.send(caller, item)).await {
             Ok(Ok(outcome)) => outcome,
             Ok(Err(status)) => from_status(&status),
             Err(_) => wrong("TIMED_OUT", format!("no answer within {:?}", self.timeout)),

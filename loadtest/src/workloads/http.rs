@@ -169,7 +169,7 @@ fn plain(body: &Bytes, item: &Item) -> Outcome {
 }
 
 impl Target for Http {
-    async fn call(&self, _lane: u64, number: u64) -> Outcome {
+    async fn call(&self, _caller: u64, number: u64) -> Outcome {
         let item = self.set.item(number);
         match tokio::time::timeout(self.timeout, self.send(item)).await {
             Ok(Ok(outcome)) => outcome,

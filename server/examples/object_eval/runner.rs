@@ -158,8 +158,8 @@ impl Runner {
                     .map_err(|_| PlanFailed)
                     .and_then(|raw| finish_live(&raw, &request.shape, &self.pack.rig).map_err(|_| PlanFailed))
                     .map(|mut plan| {
-                        if let Some(meets) = &request.meets {
-                            meets.meet(&mut plan, &self.pack.rig.skeleton);
+                        if let Some(pins) = &request.pins {
+                            pins.pin_to_targets(&mut plan, &self.pack.rig.skeleton);
                         }
                         plan
                     });

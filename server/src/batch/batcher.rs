@@ -11,7 +11,7 @@ use troupe_engine::generator::{Generator, JobId};
 use troupe_engine::{EngineError, TrialRun};
 use troupe_motion::model::{Motion, Output, Task};
 
-use super::core::{Core, Orders, Outbox, Reply, Step};
+use super::core::{Core, Orders, Replies, Reply, Step};
 use super::metrics::PackMetrics;
 use super::order::Order;
 use super::parker::Parkers;
@@ -30,7 +30,7 @@ pub type GeneratorFactory = Arc<dyn Fn(usize) -> Result<Box<dyn Generator>, Engi
 #[non_exhaustive]
 pub enum SubmitError {
     /// The queue has no room for the request, or is so slow that it would wait for too long.
-    #[error("the server is busy: {pending_characters} characters are waiting")]
+    #[error("the queue is full: {pending_characters} characters are waiting; retry later")]
     QueueFull {
         /// Characters already waiting.
         pending_characters: usize,
@@ -38,16 +38,16 @@ pub enum SubmitError {
         retry_after: Duration,
     },
     /// A newer plan of the same owner took its place.
-    #[error("a newer plan of the same character took the place of this one")]
+    #[error("a newer plan of the same character replaced this one")]
     Superseded,
     /// It had not started at the moment from which on nobody would want the answer.
-    #[error("the request was given up after {} ms in the queue", waited.as_millis())]
+    #[error("the request timed out after {} ms in the queue", waited.as_millis())]
     DeadlinePassed {
         /// How long it waited.
         waited: Duration,
     },
     /// Its reader left too many parts of its answer waiting.
-    #[error("the answer was given up: its parts were not read in time")]
+    #[error("the answer was cancelled: its parts were not read in time")]
     ReaderSlow,
     /// Inference failed.
     #[error(transparent)]
@@ -129,7 +129,7 @@ impl Batcher {
             max_batch: limits.max_batch.max(1),
             ..limits
         };
-        metrics.lanes(limits.workers);
+        metrics.workers(limits.workers);
         let shared = Arc::new(Shared {
             core: Mutex::new(Core::new(limits, metrics.clone())),
             parkers: Parkers::new(limits.workers, spin),
@@ -219,20 +219,20 @@ impl Batcher {
 
 /// A request's place. Dropping it gives up the place.
 #[derive(Debug)]
-struct Place {
+struct PendingRequest {
     /// None where there is nothing to give up any more.
     shared: Option<Arc<Shared>>,
     request: RequestId,
 }
 
-impl Place {
+impl PendingRequest {
     /// The request is answered.
     fn settle(mut self) {
         self.shared = None;
     }
 }
 
-impl Drop for Place {
+impl Drop for PendingRequest {
     fn drop(&mut self) {
         if let Some(shared) = &self.shared {
             let mut core = shared.core();
@@ -247,7 +247,7 @@ impl Drop for Place {
 #[must_use = "dropping it gives up the request"]
 pub struct Answer {
     answer: oneshot::Receiver<Result<Served, SubmitError>>,
-    place: Option<Place>,
+    place: Option<PendingRequest>,
 }
 
 impl Future for Answer {
@@ -267,7 +267,7 @@ impl Future for Answer {
 #[must_use = "dropping it gives up the request"]
 pub struct Parts {
     parts: mpsc::Receiver<Result<Piece, SubmitError>>,
-    place: Option<Place>,
+    place: Option<PendingRequest>,
 }
 
 impl Parts {
@@ -303,27 +303,32 @@ impl Shared {
     }
 
     /// Puts a request in, and wakes a worker where one is idle.
-    fn admit(self: &Arc<Self>, tasks: Vec<Task>, order: Order, reply: Reply) -> Result<Place, SubmitError> {
+    fn admit(
+        self: &Arc<Self>,
+        tasks: Vec<Task>,
+        order: Order,
+        reply: Reply,
+    ) -> Result<PendingRequest, SubmitError> {
         let now = Instant::now();
-        let mut outbox = Outbox::default();
+        let mut replies = Replies::default();
         let mut core = self.core();
-        let admitted = core.admit(now, tasks, order, reply, &mut outbox);
-        self.release(core, &mut outbox);
-        admitted.map(|request| Place {
+        let admitted = core.admit(now, tasks, order, reply, &mut replies);
+        self.release(core, &mut replies);
+        admitted.map(|request| PendingRequest {
             shared: Some(Arc::clone(self)),
             request,
         })
     }
 
     /// Shows what waits, lets go of the lock, wakes who is to be woken and sends what is to be sent.
-    fn release(&self, mut core: MutexGuard<'_, Core>, outbox: &mut Outbox) {
+    fn release(&self, mut core: MutexGuard<'_, Core>, replies: &mut Replies) {
         self.show(&core);
         let wake = core.take_wake();
         drop(core);
         for worker in wake {
             self.parkers.unpark(worker);
         }
-        outbox.send();
+        replies.send();
     }
 
     /// A worker that is about to start tried how fast it is: that tells how long calls will wait until others are measured.
@@ -339,17 +344,17 @@ impl Shared {
         (room, is_idle): (usize, bool),
         mut step: Option<Step>,
         mut dropped: &[JobId],
-        outbox: &mut Outbox,
+        replies: &mut Replies,
     ) -> Option<Orders> {
         let spin_until = self.parkers.spin_until(Instant::now());
         loop {
             let mut core = self.core();
-            let orders = core.ready(worker, (room, is_idle), step.take(), dropped, outbox);
+            let orders = core.ready(worker, (room, is_idle), step.take(), dropped, replies);
             dropped = &[];
             let is_over = is_idle && orders.is_empty() && core.is_over();
             let spins = core.scheduler().wakes_next(worker) && Instant::now() < spin_until;
-            if !is_idle || !orders.is_empty() || is_over || !outbox.is_empty() {
-                self.release(core, outbox);
+            if !is_idle || !orders.is_empty() || is_over || !replies.is_empty() {
+                self.release(core, replies);
                 match (is_idle && orders.is_empty(), is_over) {
                     (false, _) => return Some(orders),
                     (true, true) => {
@@ -371,13 +376,13 @@ impl Shared {
 
     /// A worker's thread ends in a panic, with `held` unserved.
     pub(super) fn worker_lost(&self, worker: usize, held: &[JobId]) {
-        let mut outbox = Outbox::default();
+        let mut replies = Replies::default();
         let mut core = self.core();
-        core.lose(Instant::now(), worker, held, &mut outbox);
+        core.lose(Instant::now(), worker, held, &mut replies);
         let left = core.scheduler().workers();
         self.alive.store(left, Ordering::Relaxed);
-        self.metrics.lanes(left);
-        self.release(core, &mut outbox);
+        self.metrics.workers(left);
+        self.release(core, &mut replies);
         // It may have been the last with work, after the last batcher: those that are parked look whether they may end.
         self.parkers.unpark_all();
         tracing::error!(worker, left, "a worker is lost");

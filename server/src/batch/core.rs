@@ -1,5 +1,5 @@
 //! What callers and workers share: the scheduler, and the work behind its requests. Everything here is done under the lock,
-//! and nothing here takes long: what can wait (answers, log lines) goes into the [`Outbox`].
+//! and nothing here takes long: what can wait (answers, log lines) goes into the [`Replies`].
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
@@ -30,9 +30,9 @@ pub(super) enum Reply {
 
 /// Answers that are to be sent when the lock is free again, for a send wakes somebody.
 #[derive(Debug, Default)]
-pub(super) struct Outbox(Vec<(WholeReply, Result<Served, SubmitError>)>);
+pub(super) struct Replies(Vec<(WholeReply, Result<Served, SubmitError>)>);
 
-impl Outbox {
+impl Replies {
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -134,7 +134,7 @@ impl Core {
         tasks: Vec<Task>,
         order: Order,
         reply: Reply,
-        outbox: &mut Outbox,
+        replies: &mut Replies,
     ) -> Result<RequestId, SubmitError> {
         if self.scheduler.workers() == 0 {
             return Err(EngineError::Stopped.into());
@@ -158,13 +158,13 @@ impl Core {
             characters,
             order,
         };
-        self.step(now, arrived, outbox).map_or(Ok(request), Err)
+        self.step(now, arrived, replies).map_or(Ok(request), Err)
     }
 
     /// Forgets a request whose caller has gone, and has workers drop its jobs.
     pub(super) fn forget(&mut self, now: Instant, request: RequestId) {
         // It has no answer to send: nobody would get it.
-        self.step(now, Event::Gone { request }, &mut Outbox::default());
+        self.step(now, Event::Gone { request }, &mut Replies::default());
         if self.jobs.remove(&request).is_some_and(|job| job.has_started) {
             self.cancel(request);
         }
@@ -181,7 +181,7 @@ impl Core {
 
     /// Tells the scheduler how long a worker took for a batch of nobody's.
     pub(super) fn tried(&mut self, now: Instant, characters: usize, took: Duration) {
-        self.step(now, Event::Tried { characters, took }, &mut Outbox::default());
+        self.step(now, Event::Tried { characters, took }, &mut Replies::default());
     }
 
     /// A worker is between two steps: hands out what the last one made, and gives it new orders. `dropped` are jobs that it
@@ -192,7 +192,7 @@ impl Core {
         (room, is_idle): (usize, bool),
         step: Option<Step>,
         dropped: &[JobId],
-        outbox: &mut Outbox,
+        replies: &mut Replies,
     ) -> Orders {
         let mut finished = std::mem::take(&mut self.finished);
         finished.extend(dropped.iter().map(done));
@@ -203,7 +203,7 @@ impl Core {
                 if !matches!(progress, Progress::Part(_)) {
                     finished.push(done(&id));
                 }
-                self.deliver(id, progress, (step.started, step.ended), &step.report, outbox);
+                self.deliver(id, progress, (step.started, step.ended), &step.report, replies);
             }
         }
         let ready = Ready {
@@ -213,7 +213,7 @@ impl Core {
             took,
             finished: &finished,
         };
-        self.step(now, Event::Ready(ready), outbox);
+        self.step(now, Event::Ready(ready), replies);
         finished.clear();
         self.finished = finished;
         std::mem::take(&mut self.orders[worker])
@@ -230,22 +230,22 @@ impl Core {
     }
 
     /// A worker will step no more; `held` were with it.
-    pub(super) fn lose(&mut self, now: Instant, worker: usize, held: &[JobId], outbox: &mut Outbox) {
+    pub(super) fn lose(&mut self, now: Instant, worker: usize, held: &[JobId], replies: &mut Replies) {
         let ordered = std::mem::take(&mut self.orders[worker]);
         let ordered = ordered.jobs.iter().map(|(id, _)| id);
         let finished: Vec<Finished> = held.iter().chain(ordered).map(done).collect();
         for &Finished { request, .. } in &finished {
-            self.fail(now, request, EngineError::Stopped.into(), outbox);
+            self.fail(now, request, EngineError::Stopped.into(), replies);
         }
         let lost = Event::WorkerLost {
             worker,
             finished: &finished,
         };
-        self.step(now, lost, outbox);
+        self.step(now, lost, replies);
         if self.scheduler.workers() == 0 {
             let stranded: Vec<RequestId> = self.jobs.keys().copied().collect();
             for request in stranded {
-                self.fail(now, request, EngineError::Stopped.into(), outbox);
+                self.fail(now, request, EngineError::Stopped.into(), replies);
             }
         }
     }
@@ -257,7 +257,7 @@ impl Core {
         progress: Progress,
         (started, ended): (Instant, Instant),
         report: &StepReport,
-        outbox: &mut Outbox,
+        replies: &mut Replies,
     ) {
         let request = RequestId(id.request);
         let work = self.scheduler.character_time();
@@ -269,7 +269,7 @@ impl Core {
             Progress::Done(output) => (output, true),
             Progress::Failed(error) => {
                 tracing::error!(%error, "a character failed");
-                return self.fail(ended, request, error.into(), outbox);
+                return self.fail(ended, request, error.into(), replies);
             }
         };
         let begun = started.saturating_duration_since(job.arrived);
@@ -301,7 +301,7 @@ impl Core {
                     is_last,
                 };
                 if let Err(error) = parts.try_send(Ok(piece)) {
-                    return self.stop_reading(ended, request, &error, outbox);
+                    return self.stop_reading(ended, request, &error, replies);
                 }
             }
         }
@@ -310,7 +310,7 @@ impl Core {
             && let Reply::Whole(reply) = job.reply
         {
             job.served.outputs = job.outputs.into_iter().flatten().collect();
-            outbox.0.push((reply, Ok(job.served)));
+            replies.0.push((reply, Ok(job.served)));
         }
     }
 
@@ -320,28 +320,28 @@ impl Core {
         now: Instant,
         request: RequestId,
         error: &mpsc::error::TrySendError<T>,
-        outbox: &mut Outbox,
+        replies: &mut Replies,
     ) {
         if matches!(error, mpsc::error::TrySendError::Full(_)) {
             self.metrics.rejected(Rejection::ReaderSlow);
         }
-        self.step(now, Event::Gone { request }, outbox);
+        self.step(now, Event::Gone { request }, replies);
         // The channel ends without a last part, which tells the reader.
         self.jobs.remove(&request);
         self.cancel(request);
     }
 
     /// Fails a request, and forgets what of it still waits or runs.
-    fn fail(&mut self, now: Instant, request: RequestId, error: SubmitError, outbox: &mut Outbox) {
+    fn fail(&mut self, now: Instant, request: RequestId, error: SubmitError, replies: &mut Replies) {
         // Its answer comes before that of the event, and is the only one.
-        self.answer(request, error, outbox);
-        self.step(now, Event::Gone { request }, outbox);
+        self.answer(request, error, replies);
+        self.step(now, Event::Gone { request }, replies);
         self.cancel(request);
     }
 
-    fn answer(&mut self, request: RequestId, error: SubmitError, outbox: &mut Outbox) {
+    fn answer(&mut self, request: RequestId, error: SubmitError, replies: &mut Replies) {
         match self.jobs.remove(&request).map(|job| job.reply) {
-            Some(Reply::Whole(reply)) => outbox.0.push((reply, Err(error))),
+            Some(Reply::Whole(reply)) => replies.0.push((reply, Err(error))),
             Some(Reply::Parts(parts)) => {
                 // Where there is no room for it the channel's end tells of it.
                 let _ = parts.try_send(Err(error));
@@ -351,7 +351,7 @@ impl Core {
     }
 
     /// Tells the scheduler what happened, and does what it says. Gives the error where it refuses a request.
-    fn step(&mut self, now: Instant, event: Event<'_>, outbox: &mut Outbox) -> Option<SubmitError> {
+    fn step(&mut self, now: Instant, event: Event<'_>, replies: &mut Replies) -> Option<SubmitError> {
         let mut actions = std::mem::take(&mut self.actions);
         self.scheduler.step(now, event, &mut actions);
         let mut refused = None;
@@ -366,11 +366,11 @@ impl Core {
                 }
                 Action::Supersede { request } => {
                     self.metrics.rejected(Rejection::Superseded);
-                    self.answer(request, SubmitError::Superseded, outbox);
+                    self.answer(request, SubmitError::Superseded, replies);
                 }
                 Action::Expire { request, waited } => {
                     self.metrics.rejected(Rejection::Expired);
-                    self.answer(request, SubmitError::DeadlinePassed { waited }, outbox);
+                    self.answer(request, SubmitError::DeadlinePassed { waited }, replies);
                 }
                 // One that failed is answered already, and its caller is still there.
                 Action::Drop { request, .. } if self.jobs.contains_key(&request) => {

@@ -41,10 +41,10 @@ const REJECTIONS: Metric = Metric::new(
          gone, a newer plan of the character took the place, it had waited until nobody wanted the answer, or its reader \
          was too slow",
 );
-const LANES: Metric = Metric::new("troupe_engine_lanes", "Lanes of the engine that serve");
-const LANE_GAP: Metric = Metric::new(
-    "troupe_lane_gap_duration_seconds",
-    "From a batch's end to the start of the next on the same lane, where work waited",
+const WORKERS: Metric = Metric::new("troupe_engine_workers", "Workers of the engine that serve");
+const WORKER_GAP: Metric = Metric::new(
+    "troupe_worker_gap_duration_seconds",
+    "From a batch's end to the start of the next on the same worker, where work waited",
 );
 const FRAMES: Metric = Metric::new("troupe_frames_generated_total", "Frames generated");
 const LOAD_SECONDS: Metric = Metric::new(
@@ -104,8 +104,8 @@ impl Rejection {
 #[derive(Clone, Debug)]
 pub struct PackMetrics {
     queue: [Histogram; Class::ALL.len()],
-    lane_gap: Histogram,
-    lanes: Gauge,
+    worker_gap: Histogram,
+    workers: Gauge,
     assemble: Histogram,
     inference: [(&'static str, Histogram); 3],
     scatter: Histogram,
@@ -131,8 +131,8 @@ impl PackMetrics {
         Self {
             queue: Class::ALL
                 .map(|class| telemetry.histogram(&QUEUE_DURATION, &labels.with("class", class.label()))),
-            lane_gap: histogram(&LANE_GAP),
-            lanes: gauge(&LANES),
+            worker_gap: histogram(&WORKER_GAP),
+            workers: gauge(&WORKERS),
             assemble: histogram(&ASSEMBLE_DURATION),
             inference: Stage::ALL.map(|stage| {
                 let labels = labels.with("stage", stage.name());
@@ -157,14 +157,14 @@ impl PackMetrics {
         self.queue[class as usize].record(waited);
     }
 
-    /// A lane stood idle for so long between two batches, though work waited.
-    pub fn lane_gap(&self, gap: Duration) {
-        self.lane_gap.record(gap);
+    /// A worker stood idle for so long between two batches, though work waited.
+    pub fn worker_gap(&self, gap: Duration) {
+        self.worker_gap.record(gap);
     }
 
-    /// So many lanes serve.
-    pub fn lanes(&self, lanes: usize) {
-        self.lanes.set(lanes as f64);
+    /// So many workers serve.
+    pub fn workers(&self, workers: usize) {
+        self.workers.set(workers as f64);
     }
 
     /// What waits now.
@@ -225,12 +225,15 @@ impl PackMetrics {
     /// The engine of the pack was chosen.
     pub fn engine_chosen(&self, decision: &Decision) {
         let Decision {
-            engine, lanes, check, ..
+            engine,
+            workers,
+            check,
+            ..
         } = decision;
         let info = (self.labels)
             .with("engine", engine.name())
-            .with("lanes", lanes.count.to_string())
-            .with("threads", lanes.threads.to_string());
+            .with("workers", workers.count.to_string())
+            .with("threads", workers.threads.to_string());
         self.telemetry.gauge(&ENGINE_INFO, &info).set(1.0);
         if let Some(check) = check {
             let checked = self.labels.with("engine", check.engine.name());
@@ -255,7 +258,7 @@ mod tests {
     use super::*;
     use troupe_engine::accuracy::Accuracy;
     use troupe_engine::onnx::Batching;
-    use troupe_engine::{Check, EngineKind, Lanes};
+    use troupe_engine::{Check, EngineKind, Workers};
 
     #[test]
     fn metrics_carry_names_labels_and_buckets() {
@@ -272,7 +275,7 @@ mod tests {
         pack.scattered(Duration::from_micros(100), 64);
         pack.rejected(Rejection::QueueFull);
         pack.queued(Class::Live, Duration::from_millis(3));
-        pack.lanes(2);
+        pack.workers(2);
         pack.engine_chosen(&decision());
         let text = telemetry.render();
         for line in [
@@ -286,8 +289,8 @@ mod tests {
             r#"troupe_frames_generated_total{model="human",version="1.0"} 64"#,
             r#"troupe_rejections_total{model="human",version="1.0",reason="superseded"} 0"#,
             r#"troupe_queue_duration_seconds_bucket{model="human",version="1.0",class="live",le="0.004"} 1"#,
-            r#"troupe_engine_lanes{model="human",version="1.0"} 2"#,
-            r#"troupe_engine_info{model="human",version="1.0",engine="openvino-bf16",lanes="2",threads="1"} 1"#,
+            r#"troupe_engine_workers{model="human",version="1.0"} 2"#,
+            r#"troupe_engine_info{model="human",version="1.0",engine="openvino-bf16",workers="2",threads="1"} 1"#,
             r#"troupe_engine_difference{model="human",version="1.0",engine="openvino-bf16",figure="joint_mean_m"} 0.0005"#,
             "# TYPE troupe_pending_requests gauge",
         ] {
@@ -308,7 +311,7 @@ mod tests {
         };
         Decision {
             engine: EngineKind::OpenvinoBf16,
-            lanes: Lanes { count: 2, threads: 1 },
+            workers: Workers { count: 2, threads: 1 },
             batching: Batching::UNKNOWN,
             why: "it is fast".into(),
             check: Some(check),

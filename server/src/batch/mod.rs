@@ -9,7 +9,7 @@
 //! Why not a task with channels: where inference keeps all cores busy, whoever is to form the next batch first waits for a
 //! core, and the worker with it. Measured in four pairs of runs with 64 callers, an engine that spins for 20 ms a batch, and a
 //! load average of 13 on two cores: a worker stood idle for 7.2 to 9.3 ms between two batches (mean) where a task formed them,
-//! and for 0.7 to 1.2 ms where it does so itself. `troupe_lane_gap_duration_seconds` shows it in a running server.
+//! and for 0.7 to 1.2 ms where it does so itself. `troupe_worker_gap_duration_seconds` shows it in a running server.
 
 mod batcher;
 mod core;

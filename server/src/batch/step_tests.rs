@@ -19,7 +19,7 @@ struct Stepped {
     permits: blocking::Receiver<()>,
     held: Vec<u64>,
     steps: Arc<Mutex<Vec<Vec<u64>>>>,
-    /// Fails from this step on, after it has told what became of its jobs.
+    /// Fails from this step on, after it has told the result of its jobs.
     fails_at: usize,
 }
 

@@ -10,7 +10,7 @@ use troupe_engine::EngineError;
 use troupe_engine::generator::{Generator, JobId, Progress, StepReport};
 
 use super::batcher::{GeneratorFactory, Shared};
-use super::core::{Orders, Outbox, Step};
+use super::core::{Orders, Replies, Step};
 
 /// Makes the worker's generator, and steps it until there is nobody left to ask for anything.
 pub(super) fn run(
@@ -39,7 +39,7 @@ pub(super) fn run(
         generator,
         held: Vec::new(),
         dropped: Vec::new(),
-        outbox: Outbox::default(),
+        replies: Replies::default(),
     };
     worker.serve();
 }
@@ -53,7 +53,7 @@ struct Worker {
     held: Vec<JobId>,
     /// Jobs that were dropped since the last step, for nobody wants their answers.
     dropped: Vec<JobId>,
-    outbox: Outbox,
+    replies: Replies,
 }
 
 impl Worker {
@@ -64,7 +64,7 @@ impl Worker {
             let room = (self.generator.free(), self.generator.is_idle());
             let orders = self
                 .shared
-                .next(self.number, room, step.take(), &self.dropped, &mut self.outbox);
+                .next(self.number, room, step.take(), &self.dropped, &mut self.replies);
             self.dropped.clear();
             let Some(orders) = orders else { return };
             self.follow(orders, ended);
@@ -86,7 +86,7 @@ impl Worker {
         if let Some(reason) = orders.reason {
             metrics.dispatched(reason, orders.jobs.len());
             if let Some(ended) = ended {
-                metrics.lane_gap(ended.elapsed());
+                metrics.worker_gap(ended.elapsed());
             }
         }
         for part in orders.parts.iter().filter(|part| part.first == 0) {

@@ -56,7 +56,7 @@ async fn a_worker_that_dies_takes_its_batch_along_and_the_other_serves_on() {
     assert_eq!(waiting.await.unwrap().outputs.len(), 6);
     assert_eq!(marks(setup.submit(7..8).await.unwrap()), [7.0]);
     assert_eq!(setup.batcher.workers(), 1);
-    setup.shows("troupe_engine_lanes{model=\"test\",version=\"1\"} 1");
+    setup.shows("troupe_engine_workers{model=\"test\",version=\"1\"} 1");
 }
 
 #[tokio::test]

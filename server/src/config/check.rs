@@ -3,6 +3,9 @@
 use super::{Config, ConfigError};
 use crate::session::TTL_RANGE_MS;
 
+/// Most memory for networks, MiB: more than any machine has.
+const MOST_NETWORK_MIB: u64 = 1 << 30;
+
 /// The largest batch that may be asked for.
 const MOST_BATCH: usize = 4096;
 /// As many as a connection has room for, if each sends small frames (`server/connections.rs`).
@@ -32,7 +35,7 @@ impl Config {
         let at_most = [
             ("max_batch", self.max_batch, MOST_BATCH),
             ("threads", self.threads, 1024),
-            ("lanes", self.lanes, 64),
+            ("workers", self.workers, 64),
             ("max_connections", self.max_connections, 1_000_000),
             (
                 "max_calls_per_connection",
@@ -52,7 +55,8 @@ impl Config {
         let at_most = [
             ("max_queue_ms", self.max_queue_ms, 3_600_000),
             ("max_batch_ms", self.max_batch_ms, 60_000),
-            ("lane_spin_us", self.lane_spin_us, 10_000),
+            ("worker_spin_us", self.worker_spin_us, 10_000),
+            ("network_memory_mib", self.network_memory_mib, MOST_NETWORK_MIB),
         ];
         for (option, value, most) in at_most {
             if value > most {

@@ -67,12 +67,12 @@ pub struct DoctorArgs {
     /// The engine.
     #[arg(long, value_name = "ENGINE")]
     engine: Option<EngineChoice>,
-    /// Threads for inference over all lanes of a pack; 0 is automatic.
+    /// Threads for inference over all workers of a pack; 0 is automatic.
     #[arg(long, value_name = "COUNT")]
     threads: Option<usize>,
-    /// Lanes of a pack; 0 is automatic.
+    /// Workers of a pack; 0 is automatic.
     #[arg(long, value_name = "COUNT")]
-    lanes: Option<usize>,
+    workers: Option<usize>,
 }
 
 impl DoctorArgs {
@@ -83,7 +83,7 @@ impl DoctorArgs {
             onnx_runtime: self.onnx_runtime.clone(),
             engine: self.engine,
             threads: self.threads,
-            lanes: self.lanes,
+            workers: self.workers,
             ..Layer::empty()
         }
     }

@@ -1,5 +1,6 @@
 //! What the parts of the server get of its configuration.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use super::Config;
@@ -9,11 +10,14 @@ use crate::inbetween::RequestLimits;
 use crate::session::SessionLimits;
 use crate::world::Folders;
 use troupe_engine::machine::{Machine, available_cores};
-use troupe_engine::onnx::{Batching, Runtime};
-use troupe_engine::{EngineError, Lanes, Selector};
+use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
+use troupe_engine::{CheckCache, EngineError, Selector, Workers};
 
 /// Shortest time for which InBetween calls stay behind live plans.
 const MIN_AGEING: Duration = Duration::from_secs(2);
+
+/// Memory for networks of each pack, where nothing is said.
+const NETWORK_BYTES: u64 = 180 << 20;
 
 impl Config {
     /// Most characters in one batch of an engine.
@@ -38,8 +42,8 @@ impl Config {
     }
 
     /// How long an idle worker spins before it parks.
-    pub fn lane_spin(&self) -> Duration {
-        Duration::from_micros(self.lane_spin_us)
+    pub fn worker_spin(&self) -> Duration {
+        Duration::from_micros(self.worker_spin_us)
     }
 
     /// What InBetween calls wait for before they go in front of live plans: longer than any admitted one should have to
@@ -89,9 +93,9 @@ impl Config {
         }
     }
 
-    /// The lanes of each pack, on the cores that this process may use: container limits count, the host does not.
-    pub fn lanes(&self) -> Lanes {
-        Lanes::plan(self.lanes, self.threads, available_cores())
+    /// The workers of each pack, on the cores that this process may use: container limits count, the host does not.
+    pub fn workers(&self) -> Workers {
+        Workers::plan(self.workers, self.threads, available_cores())
     }
 
     /// What chooses the engine of each of `packs` packs.
@@ -99,15 +103,30 @@ impl Config {
     /// # Errors
     /// [`EngineError::Library`] where the library does not load.
     pub fn selector(&self, packs: usize) -> Result<Selector, EngineError> {
+        let machine = Machine::detect();
+        let network_bytes = match self.network_memory_mib {
+            0 => (packs as u64 * NETWORK_BYTES).min(machine.memory_bytes / 2),
+            mib => mib << 20,
+        };
         Ok(Selector {
             runtime: Runtime::new(self.onnx_runtime.as_deref())?,
-            machine: Machine::detect(),
+            machine,
             choice: self.engine,
             accuracy_check: self.accuracy_check,
-            lanes: self.lanes(),
+            workers: self.workers(),
             packs,
             spin: self.spin,
+            pool: NetworkPool::new(network_bytes),
+            growth: Growth::Background,
+            cache: CheckCache::new(self.cache_folder()),
         })
+    }
+
+    /// The folder of what is kept for the next start. None where nothing is.
+    fn cache_folder(&self) -> Option<PathBuf> {
+        let usual = || dirs::cache_dir().map(|folder| folder.join("troupe"));
+        let folder = self.cache.clone().or_else(usual);
+        folder.filter(|folder| !folder.as_os_str().is_empty())
     }
 
     /// [`Config::request_timeout_ms`] as a duration.

@@ -10,8 +10,9 @@ use serde::Serialize;
 use crate::config::Config;
 use crate::server::load_packs;
 use troupe_engine::machine::Machine;
+use troupe_engine::onnx::Growth;
 use troupe_engine::pack::Pack;
-use troupe_engine::{Decision, EngineError, EngineKind, Lanes, Selector};
+use troupe_engine::{CheckCache, Decision, EngineError, EngineKind, Selector, Workers};
 
 pub use trial::{Speed, Trial};
 
@@ -22,8 +23,8 @@ pub struct Report {
     pub version: &'static str,
     /// The machine.
     pub machine: Machine,
-    /// Lanes of each pack.
-    pub lanes: Lanes,
+    /// Workers of each pack.
+    pub workers: Workers,
     /// The library, where it loads.
     pub library: Option<Library>,
     /// Every engine, and what keeps it from serving.
@@ -81,7 +82,7 @@ impl Report {
         let mut report = Self {
             version: env!("CARGO_PKG_VERSION"),
             machine: Machine::detect(),
-            lanes: config.lanes(),
+            workers: config.workers(),
             library: None,
             engines: Vec::new(),
             packs: Vec::new(),
@@ -94,7 +95,10 @@ impl Report {
             Vec::new()
         });
         match config.selector(packs.len()) {
-            Ok(selector) => {
+            Ok(mut selector) => {
+                // What is measured must not change meanwhile, and what is said is looked at.
+                selector.growth = Growth::AtOnce;
+                selector.cache = CheckCache::default();
                 report.look_at_library(&selector);
                 let decisions = selector.choose_all(&packs);
                 for (pack, decision) in packs.iter().zip(decisions) {
@@ -112,7 +116,7 @@ impl Report {
     }
 
     fn warn_of_sizes(&mut self) {
-        let (threads, cores) = (self.lanes.count * self.lanes.threads, self.machine.cores);
+        let (threads, cores) = (self.workers.count * self.workers.threads, self.machine.cores);
         if threads > cores {
             self.warnings.push(format!(
                 "{threads} threads for {cores} cores: they get in each other's way; threads = 0 fits them"

@@ -43,10 +43,10 @@ impl Report {
             machine.memory_bytes as f64 / GIB,
             machine.host_memory_bytes as f64 / GIB
         )?;
-        let (lanes, threads) = (self.lanes.count, self.lanes.threads);
+        let (workers, threads) = (self.workers.count, self.workers.threads);
         writeln!(
             f,
-            "  lanes     {lanes} a pack, {threads} {} each",
+            "  workers     {workers} a pack, {threads} {} each",
             plural(threads, "thread")
         )
     }
@@ -113,13 +113,13 @@ impl Display for PackReport {
             "  speed     of the networks alone, {} frames a character",
             trial.frames
         )?;
-        writeln!(f, "    lanes  threads  batch  ms/batch  characters/s  frames/s")?;
+        writeln!(f, "    workers  threads  batch  ms/batch  characters/s  frames/s")?;
         for speed in &trial.speeds {
             writeln!(
                 f,
                 "    {:>5} {:>8} {:>6} {:>9.1} {:>13.0} {:>9.0}",
-                speed.lanes.count,
-                speed.lanes.threads,
+                speed.workers.count,
+                speed.workers.threads,
                 speed.batch,
                 speed.batch_ms,
                 speed.plans_per_s,

@@ -4,12 +4,12 @@ use crate::doctor::{Engine, Library, Speed, Trial};
 use troupe_engine::accuracy::Accuracy;
 use troupe_engine::machine::Machine;
 use troupe_engine::onnx::Batching;
-use troupe_engine::{Check, Decision, EngineKind, Lanes};
+use troupe_engine::{Check, Decision, EngineKind, Workers};
 
 use super::*;
 
 fn report() -> Report {
-    let lanes = Lanes { count: 2, threads: 1 };
+    let workers = Workers { count: 2, threads: 1 };
     let accuracy = Accuracy {
         characters: 48,
         joint_mean_m: 0.000_33,
@@ -38,7 +38,7 @@ fn report() -> Report {
             memory_bytes: 4 << 30,
             host_memory_bytes: 256 << 30,
         },
-        lanes,
+        workers,
         library: Some(Library {
             path: "/lib/libonnxruntime.so.1.24.1".into(),
             version: Some("1.24.1".into()),
@@ -57,7 +57,7 @@ fn report() -> Report {
                 parameters: 11_700_000,
                 decision: Some(Decision {
                     engine: EngineKind::Cpu,
-                    lanes,
+                    workers,
                     batching: Batching::UNKNOWN,
                     why: "openvino-bf16 fails".into(),
                     check: Some(check),
@@ -67,7 +67,7 @@ fn report() -> Report {
                     warm_up_s: 1.5,
                     frames: 36,
                     speeds: vec![Speed {
-                        lanes,
+                        workers,
                         batch: 8,
                         batch_ms: 28.1,
                         plans_per_s: 570.2,

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use troupe_engine::pack::Pack;
-use troupe_engine::{EngineError, EngineKind, Lanes, Pipeline, RawLoop, Selector};
+use troupe_engine::{EngineError, EngineKind, Pipeline, RawLoop, Selector, Workers};
 
 /// Time for one measurement.
 const MOMENT: Duration = Duration::from_millis(200);
@@ -18,26 +18,26 @@ const USUAL_FRAMES: usize = 36;
 /// What was measured of a pack.
 #[derive(Debug, Clone, Serialize)]
 pub struct Trial {
-    /// Until the networks of all lanes were loaded, seconds.
+    /// Until the networks of all workers were loaded, seconds.
     pub load_s: f64,
-    /// From there until all shapes had run on all lanes, seconds.
+    /// From there until all shapes had run on all workers, seconds.
     pub warm_up_s: f64,
     /// Frames of the plans that were made.
     pub frames: usize,
-    /// The networks alone, by lanes and batch size.
+    /// The networks alone, by workers and batch size.
     pub speeds: Vec<Speed>,
 }
 
 /// The speed of one size.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Speed {
-    /// The lanes.
-    pub lanes: Lanes,
+    /// The workers.
+    pub workers: Workers,
     /// Characters of a batch.
     pub batch: usize,
     /// Time of one batch, milliseconds.
     pub batch_ms: f64,
-    /// Characters a second, over all lanes.
+    /// Characters a second, over all workers.
     pub plans_per_s: f64,
 }
 
@@ -55,14 +55,14 @@ impl Trial {
             frames: USUAL_FRAMES.clamp(pack.rig.dims.min_frames(), pack.rig.dims.max_frames()),
             speeds: Vec::new(),
         };
-        let lanes = selector.lanes;
+        let workers = selector.workers;
         let loading = Instant::now();
-        let pipelines = on_lanes(0..lanes.count, |_| {
+        let pipelines = on_workers(0..workers.count, |_| {
             let stages = selector.load(pack, engine)?;
             Ok(Pipeline::new(pack.rig.dims, Box::new(stages), max_batch))
         })?;
         let warming = Instant::now();
-        let pipelines = on_lanes(pipelines, |mut pipeline| {
+        let pipelines = on_workers(pipelines, |mut pipeline| {
             pipeline.warm_up()?;
             Ok(pipeline)
         })?;
@@ -73,14 +73,14 @@ impl Trial {
             .into_iter()
             .map(|pipeline| RawLoop::new(&pack.rig.dims, pipeline.into_stages(), max_batch, trial.frames))
             .collect();
-        trial.measure(pack, lanes, loops, max_batch)?;
-        if lanes.count > 1 {
-            let one = Lanes {
+        trial.measure(pack, workers, loops, max_batch)?;
+        if workers.count > 1 {
+            let one = Workers {
                 count: 1,
-                threads: lanes.count * lanes.threads,
+                threads: workers.count * workers.threads,
             };
             let selector = Selector {
-                lanes: one,
+                workers: one,
                 ..selector.clone()
             };
             let stages = Box::new(selector.load(pack, engine)?);
@@ -93,30 +93,30 @@ impl Trial {
     fn measure(
         &mut self,
         pack: &Pack,
-        lanes: Lanes,
+        workers: Workers,
         mut loops: Vec<RawLoop>,
         max_batch: usize,
     ) -> Result<(), EngineError> {
         for batch in BATCHES.into_iter().filter(|&batch| batch <= max_batch) {
             let barrier = Barrier::new(loops.len());
-            let runs = on_lanes(loops.iter_mut(), |lane| {
-                lane.set_shape(&pack.rig.dims, batch, self.frames);
-                let warm = lane.run();
-                // Every lane comes here, whatever became of it.
+            let runs = on_workers(loops.iter_mut(), |worker| {
+                worker.set_shape(&pack.rig.dims, batch, self.frames);
+                let warm = worker.run();
+                // Every worker comes here, whatever became of it.
                 barrier.wait();
                 warm?;
                 let (started, mut runs) = (Instant::now(), 0);
                 while started.elapsed() < MOMENT {
-                    lane.run()?;
+                    worker.run()?;
                     runs += 1;
                 }
                 Ok(f64::from(runs) / started.elapsed().as_secs_f64())
             })?;
             let batches_per_s: f64 = runs.iter().sum();
             self.speeds.push(Speed {
-                lanes,
+                workers,
                 batch,
-                batch_ms: 1000.0 * lanes.count as f64 / batches_per_s,
+                batch_ms: 1000.0 * workers.count as f64 / batches_per_s,
                 plans_per_s: batches_per_s * batch as f64,
             });
         }
@@ -125,7 +125,7 @@ impl Trial {
 }
 
 /// Runs `work` on a thread for each item, all at the same time.
-fn on_lanes<I: Send, T: Send>(
+fn on_workers<I: Send, T: Send>(
     items: impl IntoIterator<Item = I>,
     work: impl Fn(I) -> Result<T, EngineError> + Sync,
 ) -> Result<Vec<T>, EngineError> {

@@ -232,7 +232,7 @@ fn check_counts(
     let mut allowed = vec![false; dims.counts()];
     match frames {
         Some(_) if !given.is_empty() => {
-            return Err(list.error("is given together with frame_count", "only one of the two"));
+            return Err(list.error("cannot be combined with frame_count", "only one of the two"));
         }
         Some(frames) => allowed[dims.tokens_for(frames) - dims.min_tokens] = true,
         None if given.is_empty() => allowed[low - dims.min_tokens..].fill(true),

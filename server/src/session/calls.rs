@@ -7,13 +7,13 @@ use tokio::sync::{Semaphore, watch};
 use troupe_proto::v1;
 
 use super::cell::SessionCell;
-use super::drive::{Place, Roster};
+use super::drive::{Roster, StreamPermit};
 use super::{CommandResult, LivePacks, Registry, SessionError, Stepped, TimeSource};
 use super::{commands, describe, metrics, options, peek, step};
 use crate::offload::offload;
 use crate::telemetry::{Gauge, Telemetry};
 use crate::wire::units;
-use crate::world::{Standing, Store};
+use crate::world::{CharacterPlace, Store};
 use troupe_character::Path;
 use troupe_character::live::Refusal;
 
@@ -115,12 +115,12 @@ impl Sessions {
     ///
     /// # Errors
     /// [`SessionError::TooManyStreams`], or [`SessionError::ShuttingDown`] while the server shuts down.
-    pub fn open_stream(self: &Arc<Self>) -> Result<Place, SessionError> {
+    pub fn open_stream(self: &Arc<Self>) -> Result<StreamPermit, SessionError> {
         if *self.draining.borrow() {
             return Err(SessionError::ShuttingDown);
         }
         match self.places.clone().try_acquire_owned() {
-            Ok(permit) => Ok(Place::new(permit, self.clone())),
+            Ok(permit) => Ok(StreamPermit::new(permit, self.clone())),
             Err(_) => Err(SessionError::TooManyStreams {
                 limit: self.limits.streams,
             }),
@@ -263,14 +263,14 @@ impl Sessions {
     ///
     /// # Errors
     /// [`SessionError`] where the session is not open, or in no scene.
-    pub fn standing(&self, id: &str, field: &str) -> Result<Standing, SessionError> {
+    pub fn standing(&self, id: &str, field: &str) -> Result<CharacterPlace, SessionError> {
         let cell = self.registry.get(id, self.time.now(), &|| field.to_owned())?;
         let live = cell.live();
         let resident = live.resident().ok_or_else(|| SessionError::Refused {
             refusal: Refusal::NoScene,
             field: field.to_owned(),
         })?;
-        Ok(Standing {
+        Ok(CharacterPlace {
             scene: resident.name().clone(),
             cell: resident.cell().clone(),
             root: live.character.view().root,

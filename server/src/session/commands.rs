@@ -25,18 +25,18 @@ const MAX_FRAMES_AHEAD: u64 = 100_000;
 /// Largest velocity along an axis, m/s.
 const MAX_VELOCITY_MPS: f32 = 1000.0;
 
-/// What became of a command.
+/// Result of a command.
 #[derive(Debug)]
 pub struct CommandResult {
     /// Its session's id, or the start of what the command gave as one.
     pub session_id: String,
     /// Its number.
     pub sequence: u64,
-    /// What became of it.
+    /// Result of it.
     pub outcome: Result<CommandOutcome, SessionError>,
 }
 
-/// Gives commands to their sessions and says what became of each, in order.
+/// Gives commands to their sessions and says the result of each, in order.
 pub(super) fn apply(registry: &Registry, time: &TimeSource, commands: &[v1::Command]) -> Vec<CommandResult> {
     let root = Path::root();
     let now = time.now();

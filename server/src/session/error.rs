@@ -25,7 +25,7 @@ pub enum SessionError {
     #[error(transparent)]
     World(#[from] WorldError),
     /// A session that ran out of its time to live.
-    #[error("the session {id:?} has expired: nobody commanded, stepped or streamed it within its ttl_ms")]
+    #[error("session {id:?} has expired: no command, step or stream within its ttl_ms")]
     Expired {
         /// Its id.
         id: String,
@@ -33,7 +33,7 @@ pub enum SessionError {
         field: String,
     },
     /// A session that is not open.
-    #[error("there is no session {id:?}")]
+    #[error("no session has the id {id:?}")]
     Unknown {
         /// Its id.
         id: String,
@@ -41,7 +41,7 @@ pub enum SessionError {
         field: String,
     },
     /// A session of that id is open already.
-    #[error("there is a session {id:?} already")]
+    #[error("a session with the id {id:?} exists already")]
     Exists {
         /// Its id.
         id: String,
@@ -49,7 +49,7 @@ pub enum SessionError {
         field: String,
     },
     /// Somebody else advances the session.
-    #[error("the session {id:?} is in the hands of {owner}")]
+    #[error("session {id:?} is being advanced by {owner}")]
     Busy {
         /// Its id.
         id: String,
@@ -103,7 +103,7 @@ pub enum SessionError {
         /// The field of the request that named it.
         field: String,
     },
-    /// A style that could not be kept.
+    /// A style that cannot be written to its folder.
     #[error("{0}")]
     StyleNotKept(String),
     /// The plans of a character fail.

@@ -35,7 +35,7 @@ const UNDERRUNS: Metric = Metric::new(
 );
 const INTERACTIONS: Metric = Metric::new(
     "troupe_interactions_total",
-    "Interactions with objects, by what became of them: started, done, failed or interrupted",
+    "Interactions with objects, by the result of them: started, done, failed or interrupted",
 );
 const FAILED_INTERACTIONS: Metric = Metric::new(
     "troupe_failed_interactions_total",

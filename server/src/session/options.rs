@@ -197,7 +197,7 @@ fn start(
         if given {
             return Err(path
                 .field(name)
-                .error("is given together with context", "only one of the two"));
+                .error("cannot be combined with context", "only one of the two"));
         }
     }
     let native: Vec<v1::Keyframe> = options

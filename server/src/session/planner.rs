@@ -11,7 +11,7 @@ use super::cell::SessionCell;
 use crate::batch::{Order, SubmitError};
 use crate::packs::LoadedPack;
 use troupe_character::live::{
-    Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, Meets, PlanFailed, PlanRequest, finish_live,
+    Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, Pins, PlanFailed, PlanRequest, finish_live,
 };
 use troupe_character::post::hold_live;
 use troupe_engine::EngineError;
@@ -25,7 +25,7 @@ const MIN_RETRY: Duration = Duration::from_millis(5);
 pub enum Patience {
     /// Ask again until there is a place: the character waits for this very plan.
     Waits,
-    /// Give up: the character asks anew at its next frame, from where it then is.
+    /// Give up: the character asks again at its next frame, from where it then is.
     Fails,
 }
 
@@ -38,7 +38,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let spare = (patience == Patience::Waits).then(|| request.item.clone());
     let order = Order::live(cell.owner_id(), deadline(&cell, &request));
     let place = (cell.pack().loaded.batcher).enqueue(vec![request.item.into()], order);
-    let (shape, meets) = (request.shape, request.meets);
+    let (shape, pins) = (request.shape, request.pins);
     tokio::spawn(async move {
         let mut result = match place {
             Ok(answer) => answer.await,
@@ -60,7 +60,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
                 let motion = served.into_motions().next();
                 motion.ok_or(EngineError::Stopped.into())
             })
-            .and_then(|raw| finish(&raw, &shape, meets.as_deref(), &cell.pack().loaded));
+            .and_then(|raw| finish(&raw, &shape, pins.as_deref(), &cell.pack().loaded));
         awaited.arrived(plan);
     });
 }
@@ -115,7 +115,7 @@ fn deadline(cell: &SessionCell, request: &PlanRequest) -> Instant {
 fn finish(
     raw: &Motion,
     shape: &LiveShape,
-    meets: Option<&Meets>,
+    pins: Option<&Pins>,
     pack: &LoadedPack,
 ) -> Result<LivePlan, SubmitError> {
     let mut plan = finish_live(raw, shape, &pack.pack.rig).map_err(|_| {
@@ -124,8 +124,8 @@ fn finish(
             problem: "frames that are not finite".to_owned(),
         })
     })?;
-    match meets {
-        Some(meets) => meets.meet(&mut plan, &pack.pack.rig.skeleton),
+    match pins {
+        Some(pins) => pins.pin_to_targets(&mut plan, &pack.pack.rig.skeleton),
         None => {
             let LivePlan {
                 roots,

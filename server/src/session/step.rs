@@ -94,7 +94,7 @@ pub(super) fn check(request: &v1::StepRequest, limits: &SessionLimits) -> Result
 }
 
 /// A character on its way.
-struct Walker {
+struct CharacterStep {
     /// Place in the request.
     slot: usize,
     held: Held,
@@ -113,7 +113,7 @@ struct Walker {
 pub struct Stepped {
     /// Frames, a block for each pack.
     pub blocks: Vec<v1::FrameBlock>,
-    /// What became of the commands.
+    /// Results of the commands.
     pub commands: Vec<CommandResult>,
     /// Sessions that could not be served, by place in the request.
     pub problems: Vec<SessionProblem>,
@@ -182,7 +182,7 @@ fn gather(
     ids: &[String],
     form: Form,
     problems: &mut Vec<SessionProblem>,
-) -> (Vec<Walker>, Vec<(Arc<LivePack>, usize)>) {
+) -> (Vec<CharacterStep>, Vec<(Arc<LivePack>, usize)>) {
     let now = time.now();
     let mut blocks: Vec<(Arc<LivePack>, usize)> = Vec::new();
     let mut walkers = Vec::with_capacity(ids.len());
@@ -211,7 +211,7 @@ fn gather(
             blocks.push((pack.clone(), 0));
             blocks.len() - 1
         });
-        walkers.push(Walker {
+        walkers.push(CharacterStep {
             slot,
             held,
             block,
@@ -226,7 +226,7 @@ fn gather(
 }
 
 /// Walkers that go on together: those of one scene, by name, and each of the others alone.
-fn groups(walkers: &[Walker]) -> Vec<Vec<usize>> {
+fn groups(walkers: &[CharacterStep]) -> Vec<Vec<usize>> {
     let mut groups = Vec::with_capacity(walkers.len());
     let mut scenes: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (index, walker) in walkers.iter().enumerate() {
@@ -243,14 +243,19 @@ fn groups(walkers: &[Walker]) -> Vec<Vec<usize>> {
 }
 
 /// How far a group goes next, frames of the step: `frames_at_once` beyond the one that is last. `None`: all are there.
-fn next_stop(walkers: &[Walker], group: &[usize], frames: usize, frames_at_once: usize) -> Option<usize> {
+fn next_stop(
+    walkers: &[CharacterStep],
+    group: &[usize],
+    frames: usize,
+    frames_at_once: usize,
+) -> Option<usize> {
     let going = group.iter().map(|&index| &walkers[index]);
     let going = going.filter(|walker| walker.trouble.is_none() && walker.done < frames);
     let last = going.map(|walker| walker.done).min()?;
     Some((last + frames_at_once).min(frames))
 }
 
-impl Walker {
+impl CharacterStep {
     /// Runs until the character has done `until` frames of the step, cannot be served, or needs a plan; answers whether it is the
     /// last.
     fn run(
@@ -312,7 +317,7 @@ fn trouble(failures: Option<&(u32, SubmitError)>) -> Option<SessionError> {
 }
 
 fn finish(
-    walkers: Vec<Walker>,
+    walkers: Vec<CharacterStep>,
     writers: Vec<BlockWriter>,
     blocks: &[(Arc<LivePack>, usize)],
     frames: usize,
@@ -340,7 +345,7 @@ fn finish(
 }
 
 /// Notes what happened to the session, and what is in its hand.
-fn report(walker: &Walker, stepped: &mut Stepped) {
+fn report(walker: &CharacterStep, stepped: &mut Stepped) {
     let cell = walker.held.cell();
     if cell.scene().is_none() {
         return;

@@ -26,7 +26,7 @@ pub(super) fn check_qpos(
         ));
     };
     if key.root.is_some() || key.pose.is_some() {
-        return Err(whole.error("is given together with root or pose", "qpos, or root and pose"));
+        return Err(whole.error("cannot be combined with root or pose", "qpos, or root and pose"));
     }
     let size = robot.qpos_len();
     if key.qpos.len() != size {

@@ -46,7 +46,7 @@ pub(crate) fn check(
                 .error("is missing", "root and pose in every context keyframe"));
         }
         _ if key.root.is_none() && key.velocity.is_none() && key.pose.is_none() => {
-            return Err(path.error("gives nothing", "at least one of root, velocity and pose"));
+            return Err(path.error("is empty", "at least one of root, velocity and pose"));
         }
         _ => {}
     }

@@ -16,7 +16,7 @@ use troupe_character::scene::{
 };
 use troupe_motion::model::Rig;
 
-/// What became of objects of a scene that were to be changed.
+/// Results of objects of a scene that were to be changed.
 #[derive(Debug)]
 pub struct ObjectsChanged {
     /// Of each, in the request's order.
@@ -25,7 +25,7 @@ pub struct ObjectsChanged {
     pub revision: u64,
 }
 
-/// What became of one object.
+/// Result of one object.
 #[derive(Debug)]
 pub struct ObjectOutcome {
     /// Its id, or the start of what the request gave as one.
@@ -293,7 +293,7 @@ fn at(path: &Path<'_>, error: SceneError) -> WorldError {
     }
 }
 
-/// Does `change` with each of `list`, all in one change of the scene, and says what became of each.
+/// Does `change` with each of `list`, all in one change of the scene, and says the result of each.
 fn change_each<T>(
     cell: &SceneCell,
     list: &[T],

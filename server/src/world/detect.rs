@@ -22,7 +22,7 @@ const MAX_AHEAD_M: f32 = 100.0;
 
 /// Where a session's character is.
 #[derive(Debug)]
-pub struct Standing {
+pub struct CharacterPlace {
     /// Name of its scene.
     pub scene: Arc<str>,
     /// Its scene.
@@ -54,7 +54,7 @@ impl Store {
     pub fn detect<E: From<WorldError>>(
         &self,
         request: &v1::DetectRequest,
-        standing: impl FnOnce(&str) -> Result<Standing, E>,
+        standing: impl FnOnce(&str) -> Result<CharacterPlace, E>,
     ) -> Result<v1::DetectResponse, E> {
         let root = Path::root();
         let question = match (&request.r#box, request.session_id.as_str()) {
@@ -111,7 +111,7 @@ impl Store {
 fn of_session(
     root: &Path<'_>,
     request: &v1::DetectRequest,
-    standing: Standing,
+    standing: CharacterPlace,
 ) -> Result<Question, FieldError> {
     let path = root.field("ahead");
     let unit = standing.convention.units_per_metre();

@@ -18,6 +18,6 @@ mod store;
 mod store_tests;
 
 pub use calls::{ObjectOutcome, ObjectsChanged};
-pub use detect::Standing;
+pub use detect::CharacterPlace;
 pub use error::WorldError;
 pub use store::{Folders, LoadError, Store, StoreError};

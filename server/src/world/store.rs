@@ -80,7 +80,7 @@ pub enum StoreError {
         bytes: usize,
     },
     /// It could not be written to its folder, or removed from there.
-    #[error("{what} {name:?} could not be kept: {cause}")]
+    #[error("{what} {name:?} cannot be written to its folder: {cause}")]
     Keep {
         /// What it is.
         what: &'static str,

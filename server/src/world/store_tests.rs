@@ -195,7 +195,10 @@ fn what_cannot_be_kept_is_not_there() {
     // A file where the folder should be.
     std::fs::write(folder.path().join("scenes"), "in the way").unwrap();
     let error = put_yard(&store, YARD).unwrap_err();
-    assert!(error.starts_with("scene \"yard\" could not be kept"), "{error}");
+    assert!(
+        error.starts_with("scene \"yard\" cannot be written to its folder"),
+        "{error}"
+    );
     assert!(store.scenes().get("yard").is_err());
     store.delete_definition("cup").unwrap();
 }

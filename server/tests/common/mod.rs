@@ -194,12 +194,12 @@ impl TestServer {
         server
     }
 
-    /// A server whose packs, of `config.lanes` lanes or one, take `load_time` to load.
+    /// A server whose packs, of `config.workers` workers or one, take `load_time` to load.
     pub async fn start_unready(change: impl FnOnce(&mut Config), load_time: Duration) -> Self {
         Self::start_also(change, load_time, |_| Vec::new()).await
     }
 
-    /// The same with more packs, which `more` makes for so many lanes.
+    /// The same with more packs, which `more` makes for so many workers.
     pub async fn start_also(
         change: impl FnOnce(&mut Config),
         load_time: Duration,
@@ -208,7 +208,7 @@ impl TestServer {
         let mut config = Config::local(Path::new("unused")).unwrap();
         config.default_pack = Some("toy".into());
         change(&mut config);
-        let lanes = config.lanes.max(1);
+        let workers = config.workers.max(1);
         let gate = Gate::default();
         let for_engine = gate.clone();
         let packs = move || {
@@ -221,10 +221,10 @@ impl TestServer {
                         gate: gate.clone(),
                     }) as Box<dyn Stages>)
                 };
-                PackSource::of_stages(pack(name), lanes, Box::new(stages), None)
+                PackSource::of_stages(pack(name), workers, Box::new(stages), None)
             };
             let mut packs = vec![source("toy"), source("other")];
-            packs.extend(more(lanes));
+            packs.extend(more(workers));
             Ok(packs)
         };
         let listener = TcpListener::bind(config.listen).await.unwrap();

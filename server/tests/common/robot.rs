@@ -188,7 +188,7 @@ impl Stages for Wobble {
 /// A ready server with the test packs and the G1.
 pub async fn start(folder: &Folder) -> TestServer {
     let path = folder.path().to_owned();
-    let more = move |lanes| {
+    let more = move |workers| {
         let pack = pack(&path);
         let skeleton = Arc::clone(&pack.rig.skeleton);
         let stages = move |pack: &Pack| {
@@ -199,7 +199,7 @@ pub async fn start(folder: &Folder) -> TestServer {
             let skeleton = Arc::clone(&skeleton);
             Ok(Box::new(Wobble { line, skeleton }) as Box<dyn Stages>)
         };
-        vec![PackSource::of_stages(pack, lanes, Box::new(stages), None)]
+        vec![PackSource::of_stages(pack, workers, Box::new(stages), None)]
     };
     let mut server = TestServer::start_also(|_| {}, Duration::ZERO, more).await;
     server.handle.ready().await.unwrap();

@@ -133,8 +133,8 @@ impl Actor<'_> {
                 let (mut answers, _) = studio.pipeline.run(std::slice::from_ref(&request.item)).unwrap();
                 let raw = answers.remove(0).unwrap();
                 let mut plan = finish_live(&raw, &request.shape, &studio.pack.rig).unwrap();
-                if let Some(meets) = &request.meets {
-                    meets.meet(&mut plan, &studio.pack.rig.skeleton);
+                if let Some(pins) = &request.pins {
+                    pins.pin_to_targets(&mut plan, &studio.pack.rig.skeleton);
                 }
                 self.character.plan_arrived(request.number, Ok(plan));
             }

@@ -90,14 +90,14 @@ fn an_engine_that_cannot_serve_is_explained() {
         text.contains("pack human: the engine tensorrt cannot serve"),
         "{text}"
     );
-    let text = complaint(&mut server(&["--lanes", "65"]));
-    assert!(text.contains("lanes is 65; allowed: 0 to 64"), "{text}");
+    let text = complaint(&mut server(&["--workers", "65"]));
+    assert!(text.contains("workers is 65; allowed: 0 to 64"), "{text}");
 }
 
 #[test]
 fn the_doctor_says_what_would_serve() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
-    command.args(["doctor", "--json", "--engine", "cpu", "--lanes", "1", "--packs"]);
+    command.args(["doctor", "--json", "--engine", "cpu", "--workers", "1", "--packs"]);
     let output = command.arg(pack_folder()).output().unwrap();
     assert!(output.status.success());
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -35,7 +35,7 @@ impl Networks {
         let pack = Pack::load(&pack_folder()).unwrap();
         let mut config = Config::local(Path::new("unused")).unwrap();
         // All threads for the one pipeline. The figures that tests compare with are f32's.
-        config.lanes = 1;
+        config.workers = 1;
         let stages = config.selector(1).unwrap().load(&pack, EngineKind::Cpu).unwrap();
         Self {
             styles: StyleTable::load(&pack.rig, &pack.folder, None).unwrap(),

@@ -184,10 +184,7 @@ async fn an_unknown_pack_is_not_found() {
         (client.get_pack(asked).await.unwrap_err(), "name"),
     ] {
         assert_eq!(status.code(), Code::NotFound);
-        assert_eq!(
-            status.message(),
-            r#"there is no pack "dragon"; loaded: other, toy"#
-        );
+        assert_eq!(status.message(), r#"unknown pack "dragon"; loaded: other, toy"#);
         let info = status.get_details_error_info().unwrap();
         assert_eq!(
             (info.reason.as_str(), info.metadata["allowed"].as_str()),
@@ -253,7 +250,7 @@ async fn grpc_bodies_that_are_no_request_are_the_callers_fault() {
     let (status, text) = raw_grpc(&server, truncated).await;
     assert_eq!(status, invalid);
     assert!(
-        text.contains("ends%20early") && text.contains("a%20whole%20message%20of%20at%20most"),
+        text.contains("is%20truncated") && text.contains("a%20whole%20message%20of%20at%20most"),
         "{text}"
     );
 
@@ -284,8 +281,8 @@ async fn http_bodies_that_are_no_request_are_the_callers_fault() {
     let server = TestServer::start().await;
     let json = serde_json::to_string(&request(1)).unwrap();
     let cases = [
-        (json[..json.len() / 2].to_owned(), "the body ends early: EOF"),
-        (String::new(), "the body ends early: EOF"),
+        (json[..json.len() / 2].to_owned(), "the body is truncated: EOF"),
+        (String::new(), "the body is truncated: EOF"),
         ("not json".to_owned(), "expected"),
         (format!("{json} more"), "trailing"),
         (json.replace("frame_count", "frames"), "unknown field `frames`"),
@@ -320,7 +317,7 @@ async fn an_http_body_shorter_than_its_length_is_answered() {
     assert!(answer.starts_with("HTTP/1.1 400"), "{answer:?}");
     for part in [
         "INVALID_ARGUMENT",
-        "ends early",
+        "is truncated",
         r#""field":"body""#,
         r#""allowed":"a whole message of at most "#,
     ] {

@@ -14,13 +14,13 @@ use crate::common::calls::{ids, options, walk};
 
 /// 200 plans a second; usual intervals of 9 frames would take 300.
 const ROW: Duration = Duration::from_millis(10);
-const LANES: usize = 2;
+const WORKERS: usize = 2;
 const CROWD: usize = 90;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_crowd_that_is_too_large_keeps_moving_and_the_important_are_planned_for_more_often() {
     let server = TestServer::start_with(|config| {
-        config.lanes = LANES;
+        config.workers = WORKERS;
         config.max_batch = 8;
     })
     .await;

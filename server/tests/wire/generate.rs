@@ -16,7 +16,7 @@ const WORDS: &str = "words";
 
 /// A server with a pack of the toy family beside those of MotionBricks.
 async fn server() -> TestServer {
-    let more = |lanes| {
+    let more = |workers| {
         let manifest = Manifest {
             family: troupe_engine::toy::FAMILY.to_owned(),
             capabilities: Capabilities {
@@ -31,7 +31,7 @@ async fn server() -> TestServer {
         let folder = std::path::Path::new(common::FOLDER);
         vec![PackSource {
             pack: Pack::from_manifest(manifest, folder).unwrap(),
-            lanes,
+            workers,
             generator: Box::new(|pack, max_batch| {
                 Ok(Box::new(Toy::new(pack.rig.dims, max_batch)) as Box<dyn Generator>)
             }),

@@ -16,7 +16,7 @@ use crate::common::{TestServer, request};
 
 /// Time of a row in the engine.
 const ROW: Duration = Duration::from_millis(10);
-const LANES: usize = 2;
+const WORKERS: usize = 2;
 /// Characters that the engine can do in a second.
 const CAPACITY: usize = 200;
 /// Longest expected wait of a call that is admitted.
@@ -25,7 +25,7 @@ const MAX_QUEUE: Duration = Duration::from_millis(150);
 /// A server of [`CAPACITY`].
 async fn slow_server() -> TestServer {
     let server = TestServer::start_with(|config| {
-        config.lanes = LANES;
+        config.workers = WORKERS;
         config.max_batch = 4;
         config.max_queue_ms = MAX_QUEUE.as_millis() as u64;
     })
@@ -34,7 +34,7 @@ async fn slow_server() -> TestServer {
     server
 }
 
-/// What became of the calls of a flood, and how long each took.
+/// Result of the calls of a flood, and how long each took.
 #[derive(Debug, Default)]
 struct Flood {
     served: Vec<Duration>,
@@ -157,7 +157,7 @@ async fn sessions_keep_their_place_beside_a_flood() {
         took
     };
     let (flood, took) = tokio::join!(flood(&server, 3 * CAPACITY, stop.clone()), walking);
-    // 10 plans take 50 ms of both lanes. Before them, each lane ends the batch that it has: 40 ms at most.
+    // 10 plans take 50 ms of both workers. Before them, each worker ends the batch that it has: 40 ms at most.
     assert!(took < Duration::from_millis(40 * 200), "{took:?}");
     assert!(!flood.served.is_empty() && !flood.refused.is_empty());
 

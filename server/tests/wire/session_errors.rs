@@ -127,7 +127,7 @@ async fn creation_names_field_and_range() {
 
 #[rustfmt::skip]
 const COMMANDS: &[Case<v1::Command>] = &[
-    Case { name: "unknown session", change: |c| c.session_id = "ghost".into(), field: "commands[1].session_id", says: "there is no session \"ghost\"" },
+    Case { name: "unknown session", change: |c| c.session_id = "ghost".into(), field: "commands[1].session_id", says: "no session has the id \"ghost\"" },
     Case { name: "sequence 0", change: |c| c.sequence = 0, field: "commands[1].sequence", says: "1 or more" },
     Case { name: "no intent", change: |c| c.intent = None, field: "commands[1].intent", says: "locomote" },
     Case { name: "priority", change: |c| c.priority = Some(-0.1), field: "commands[1].priority", says: "0 to 1" },

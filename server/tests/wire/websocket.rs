@@ -201,7 +201,7 @@ async fn what_makes_no_sense_closes_with_a_clear_reason() {
             "message.open.rate",
             "unknown field `rate`",
         ),
-        (Message::Text("{\"message\":".into()), "body", "ends early"),
+        (Message::Text("{\"message\":".into()), "body", "is truncated"),
         (
             Message::Text("{\"message\":{\"attach\":{}}}".into()),
             "message",

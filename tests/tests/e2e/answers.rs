@@ -216,7 +216,7 @@ async fn characters_of_one_request_come_back_in_order() {
         (answers.pack.as_str(), answers.pack_version.as_str()),
         (pack.name(), &*pack.description().version)
     );
-    // Parts that ran on two lanes at the same time add up to more than the whole took.
+    // Parts that ran on two workers at the same time add up to more than the whole took.
     assert!(answers.timing.total_us > 0 && answers.timing.inference_us > 0);
     for (i, (answer, gap)) in answers.characters.iter().zip(&gaps).enumerate() {
         assert_eq!(answer.id, format!("walker {i}"));

@@ -84,7 +84,7 @@ async fn a_body_that_ends_early_is_refused_on_a_connection_that_stays() {
     let length = stream.read(&mut answer).await.unwrap();
     let answer = String::from_utf8_lossy(&answer[..length]).into_owned();
     assert!(
-        answer.starts_with("HTTP/1.1 400") && answer.contains("ends early"),
+        answer.starts_with("HTTP/1.1 400") && answer.contains("is truncated"),
         "{answer}"
     );
 }

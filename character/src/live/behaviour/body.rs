@@ -70,7 +70,7 @@ impl Body<'_> {
         GlobalRoot::of_pose(posed.root, pelvis, self.rig.skeleton.left_axis)
     }
 
-    /// Locomotion goes by `command` from `frame` on: further on its way, or anew from wherever something else has brought the
+    /// Locomotion goes by `command` from `frame` on: further on its way, or again from wherever something else has brought the
     /// character.
     pub(super) fn move_on(&mut self, frame: i64, command: LocomotionCommand, further: bool) {
         if further {

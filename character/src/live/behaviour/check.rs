@@ -9,7 +9,7 @@ use troupe_motion::Vec3;
 use super::super::{EventKind, FailReason, Refusal};
 use super::hand::Refused;
 use super::using::Using;
-use super::{Act, Body, Doing};
+use super::{Behaviour, Body, Doing};
 use crate::object::{Action, Definition};
 use crate::primitives::object::Interaction;
 use crate::scene::{Instance, Scene, SceneError, State};
@@ -23,7 +23,7 @@ pub(super) struct Checked {
     approach: Option<usize>,
 }
 
-impl Act {
+impl Behaviour {
     /// The seed of the next interaction: every one has its own.
     pub(super) fn seed(&self, body: &Body<'_>) -> u64 {
         let mut generator = ChaCha8Rng::seed_from_u64(body.options.seed);
@@ -127,7 +127,7 @@ impl Act {
             Ok(checked) => checked,
             Err(Refused { reason, message }) => {
                 let instance = Arc::clone(id);
-                self.tell(
+                self.emit(
                     frame,
                     EventKind::Failed {
                         instance,
@@ -141,7 +141,7 @@ impl Act {
         self.begun += 1;
         let scene = self.world.scene.snapshot();
         let using = checked.using(&scene, root, body, frame);
-        self.tell(
+        self.emit(
             frame,
             EventKind::Started {
                 instance: Arc::clone(id),

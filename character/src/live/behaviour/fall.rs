@@ -9,7 +9,7 @@ use super::super::{CROSSFADE_FRAMES, EventKind, FailReason};
 use super::carry::RAMP_FRAMES;
 use super::footing::DEEPEST_M;
 use super::hand::Refused;
-use super::{Act, Body, Doing, Next};
+use super::{Behaviour, Body, Doing, Next};
 use crate::primitives::recipe::STANDING_MPS;
 use crate::scene::{RayHit, Scene};
 
@@ -42,7 +42,7 @@ pub(super) struct Fall {
     impact_mps: f32,
 }
 
-impl Act {
+impl Behaviour {
     /// Writes the fall into the buffer, from frame `frame` on. Answers whether there is one: not where nothing is below.
     pub(super) fn begin_fall(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
         let (fps, level) = (body.rig.fps, body.footing.level());
@@ -89,7 +89,7 @@ impl Act {
         body.carry.rest(frame, RAMP_FRAMES);
         let height_m = level - floor;
         let up = up_again(&fall);
-        self.tell(
+        self.emit(
             frame,
             EventKind::Fell {
                 height_m: Some(height_m),
@@ -132,7 +132,7 @@ impl Act {
         let fall = *fall;
         if lands {
             let (height_m, speed_mps) = (fall.height_m, fall.impact_mps);
-            self.tell(fall.touches, EventKind::Landed { height_m, speed_mps });
+            self.emit(fall.touches, EventKind::Landed { height_m, speed_mps });
         }
         let command = body.locomotion.command();
         let moves = command.velocity.length() >= STANDING_MPS && self.waiting.is_none();

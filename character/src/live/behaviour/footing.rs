@@ -109,7 +109,7 @@ pub(in crate::live) struct Footing {
     lifts: Vec<Lift>,
     /// Height of what it stands on at the frame that was settled last, metres.
     level: f32,
-    /// The frame behind which lifts are to be worked out anew.
+    /// The frame behind which lifts are to be worked out again.
     stale: Option<i64>,
     /// Where it stood on its feet last, and the revision of the scene then.
     stood: Option<(Vec3, u64)>,
@@ -243,7 +243,7 @@ impl Footing {
         self.stale = Some(self.stale.map_or(shown, |stale| stale.min(shown)));
     }
 
-    /// The frame behind which lifts are to be worked out anew, once.
+    /// The frame behind which lifts are to be worked out again, once.
     pub(super) fn take_changed(&mut self) -> Option<i64> {
         self.stale.take()
     }

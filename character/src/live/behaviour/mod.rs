@@ -7,21 +7,21 @@
 //!     └──── ground ends ────┴──────► Falling ──── landed and up again ───────► Locomotion
 //! ```
 //!
-//! Who breaks off in a low pose stands up first ([`rise`]): the networks know no such poses.
+//! Who breaks off in a low pose stands up first ([`getting_up`]): the networks know no such poses.
 //!
 //! This is the only place that knows both the timeline and the primitives of [`crate::primitives::object`]. Every frame is
-//! settled here first ([`Act::settle`]); what is left to locomotion goes its usual way. The scene is read through snapshots, and
+//! settled here first ([`Behaviour::settle`]); what is left to locomotion goes its usual way. The scene is read through snapshots, and
 //! changed only where an object is reserved, taken, put down or let go.
 
-mod aim;
+mod alignment;
 mod body;
 mod carry;
 mod check;
+mod events;
 mod fall;
 mod footing;
+mod getting_up;
 mod hand;
-mod happen;
-mod rise;
 mod sets;
 mod using;
 
@@ -47,7 +47,7 @@ use troupe_motion::ik::Posed;
 
 use super::timeline::Wish;
 use super::{
-    Activity, CharacterEvent, EventKind, FailReason, HeldObject, Intent, Meets, Refusal, SUB_FRAMES, World,
+    Activity, CharacterEvent, EventKind, FailReason, HeldObject, Intent, Pins, Refusal, SUB_FRAMES, World,
 };
 use crate::primitives::object::KeyframeError;
 use crate::primitives::{LocomotionCommand, PlanTargets};
@@ -76,19 +76,19 @@ pub(super) enum Next {
 pub(super) struct SetPlan {
     pub(super) wish: Wish,
     pub(super) targets: PlanTargets,
-    pub(super) meets: Meets,
+    pub(super) pins: Pins,
 }
 
 /// What a character is about in its scene.
 #[derive(Debug)]
-pub(super) struct Act {
+pub(super) struct Behaviour {
     world: World,
     doing: Doing,
     hand: Option<Hand>,
     /// An interaction has left the character in whatever pose it was in.
     left_off: bool,
     /// It stands up until this frame.
-    rises_until: Option<i64>,
+    gets_up_until: Option<i64>,
     /// What a command asked for during a fall.
     waiting: Option<Intent>,
     events: Vec<CharacterEvent>,
@@ -105,14 +105,14 @@ enum Doing {
     Falling(Fall),
 }
 
-impl Act {
+impl Behaviour {
     pub(super) fn new(world: World) -> Self {
         Self {
             world,
             doing: Doing::Locomotion,
             hand: None,
             left_off: false,
-            rises_until: None,
+            gets_up_until: None,
             waiting: None,
             events: Vec::new(),
             told: 0,
@@ -138,7 +138,7 @@ impl Act {
     }
 
     /// Events are told in the order of their frames: keyframes of a set, which are told with its last, may have been overtaken.
-    fn tell(&mut self, frame: i64, kind: EventKind) {
+    fn emit(&mut self, frame: i64, kind: EventKind) {
         let frame = self.told.max(frame.max(0) as u64);
         self.told = frame;
         self.events.push(CharacterEvent { frame, kind });
@@ -283,7 +283,7 @@ impl Act {
             return false;
         }
         let instance = Arc::clone(using.instance());
-        self.tell(frame, EventKind::Interrupted { instance });
+        self.emit(frame, EventKind::Interrupted { instance });
         self.stop_using(frame, body, command);
         true
     }
@@ -302,7 +302,7 @@ impl Act {
             return;
         };
         let instance = Arc::clone(using.instance());
-        self.tell(
+        self.emit(
             frame,
             EventKind::Failed {
                 instance,
@@ -333,7 +333,7 @@ impl Act {
             .instance(instance)
             .is_some_and(|it| it.state.holder() == Some(holder))
         {
-            // A scene in which there was nothing to free is not published anew.
+            // A scene in which there was nothing to free is not published again.
             let _ = scene.update(|scene| match scene.unreserve(instance, holder) {
                 true => Ok(()),
                 false => Err(()),
@@ -362,7 +362,7 @@ impl Act {
                 }
             }
         };
-        self.tell(frame, kind);
+        self.emit(frame, kind);
     }
 
     /// Lets go of what is in the hand, wherever it then comes to lie.
@@ -371,7 +371,7 @@ impl Act {
         let at = hand.transform(&body.rig.skeleton, frame as f64, body.shown(frame).posed());
         if let Some(transform) = hand.let_go(&self.world, at) {
             let instance = Arc::clone(&hand.instance);
-            self.tell(frame, EventKind::Released { instance, transform });
+            self.emit(frame, EventKind::Released { instance, transform });
         }
     }
 
@@ -405,7 +405,7 @@ impl Act {
         }
     }
 
-    /// What was taken out of the scene, or put there anew, is in nobody's hand any more; that ends its use too.
+    /// What was taken out of the scene, or put there again, is in nobody's hand any more; that ends its use too.
     fn watch_hand(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) {
         let lost = |hand: &mut Hand| {
             let there = scene.instance(&hand.instance);
@@ -420,7 +420,7 @@ impl Act {
             Doing::Using(using) if *using.instance() == instance => {
                 self.fail(frame, body, Refused { reason, message });
             }
-            _ => self.tell(
+            _ => self.emit(
                 frame,
                 EventKind::Failed {
                     instance,

@@ -8,7 +8,7 @@ use troupe_motion::root::wrap_angle;
 use troupe_motion::stance::stance_transition;
 
 use super::super::buffer::Frames;
-use super::super::{FailReason, Meets};
+use super::super::{FailReason, Pins};
 use super::footing::{Support, support};
 use super::hand::{Hand, Refused};
 use super::using::Using;
@@ -216,7 +216,7 @@ impl Prepared {
                 still,
             },
             targets: targets(set, &self.keys, body.rig, &way),
-            meets: Meets {
+            pins: Pins {
                 keys: self.keys.clone(),
                 settles: set.comes_to_rest(),
                 legs: Arc::clone(body.footing.legs()),

@@ -155,9 +155,9 @@ fn a_hard_keyframe_is_met_at_its_frame() {
     let asked = rig
         .requests
         .iter()
-        .find(|request| request.meets.is_some())
+        .find(|request| request.pins.is_some())
         .unwrap();
-    let key = asked.meets.as_ref().unwrap().keys[0].clone();
+    let key = asked.pins.as_ref().unwrap().keys[0].clone();
     let frame = reached(&rig)[0].0 as usize;
     let shown = &rig.frames[frame - 1];
     assert_eq!(shown.frame, frame as u64);
@@ -206,7 +206,7 @@ fn low_poses_are_made_without_the_networks() {
     let plans = rig
         .requests
         .iter()
-        .filter(|request| request.meets.is_some())
+        .filter(|request| request.pins.is_some())
         .count();
     assert_eq!(plans, 0, "it stopped where the turn has its keyframe");
     let index = rig.frames.len() - 1;
@@ -388,7 +388,10 @@ fn two_want_one_cup() {
         second.events
     );
     let refused = second.interact("cup", "right").unwrap_err();
-    assert_eq!(refused.to_string(), "object \"cup\" is taken by session \"a\"");
+    assert_eq!(
+        refused.to_string(),
+        "object \"cup\" is reserved or held by session \"a\""
+    );
     // What is free again may be had.
     first.give(Intent::Cancel).unwrap();
     first.run(1);
@@ -647,7 +650,7 @@ fn plans_that_fail_are_asked_for_again_three_times() {
     let tries = rig
         .requests
         .iter()
-        .filter(|request| request.meets.is_some())
+        .filter(|request| request.pins.is_some())
         .count();
     assert_eq!(tries, 3);
     rig.run(40);

@@ -8,7 +8,7 @@ use troupe_motion::rotation::angle_between;
 use super::super::{Activity, FailReason};
 use super::hand::{Hand, Refused};
 use super::sets::Prepared;
-use super::{Act, Body, Doing, Next};
+use super::{Behaviour, Body, Doing, Next};
 use crate::object::{Definition, Hold, Origin, Set};
 use crate::primitives::object::recipe::REPLAN_LEFT_FRAMES;
 use crate::primitives::object::{
@@ -85,7 +85,7 @@ impl Using {
         body: &Body<'_>,
     ) -> Self {
         let mut using = Self::idle(Arc::clone(&instance.id), interaction, wanted_approach);
-        let entry = using.aim(scene, instance.transform, root, body);
+        let entry = using.align(scene, instance.transform, root, body);
         let style = Arc::clone(&body.locomotion.command().style);
         using.approach = Some(Approach::new(entry, style, frame));
         using
@@ -267,7 +267,7 @@ fn has_moved(from: Transform, to: Transform) -> bool {
     from.position.distance(to.position) > metres || angle_between(from.rotation, to.rotation) > radians
 }
 
-impl Act {
+impl Behaviour {
     /// Carries out an interaction at the frame that the cursor is at.
     pub(super) fn settle_using(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> Next {
         match self.go_on_using(scene, frame, body) {
@@ -329,7 +329,7 @@ impl Using {
         }
     }
 
-    /// Follows the object, where it has moved: the approach leads elsewhere, or the motion to its keyframes is made anew.
+    /// Follows the object, where it has moved: the approach leads elsewhere, or the motion to its keyframes is made again.
     fn follow(
         &mut self,
         scene: &Scene,
@@ -342,7 +342,7 @@ impl Using {
         }
         if self.approaches() {
             let root = body.timeline.buffer().root(frame);
-            let entry = self.aim(scene, there.transform, root, body);
+            let entry = self.align(scene, there.transform, root, body);
             if let Some(approach) = &mut self.approach {
                 approach.redirect(entry);
             }
@@ -371,7 +371,7 @@ impl Using {
             return Err(moved("too late to follow it"));
         }
         self.interaction.on(Input::Again, &mut self.outputs);
-        // Where the set before is under way too, the next look has it made anew as well.
+        // Where the set before is under way too, the next look has it made again as well.
         if self.follows().is_none() {
             self.object = there.transform;
         }
@@ -416,7 +416,7 @@ impl Using {
                         .is_some_and(|approach| approach.entry().anywhere);
                     if let Some(there) = scene.instance(&self.instance).filter(|_| anywhere) {
                         // It may have come to stand on another side than it was on.
-                        self.aim(scene, there.transform, here.root.position, body);
+                        self.align(scene, there.transform, here.root.position, body);
                     }
                 }
                 Ok(!self.approaches())

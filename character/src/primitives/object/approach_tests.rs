@@ -9,7 +9,7 @@ use crate::style::testing::walker_style;
 const FPS: f32 = 30.0;
 
 /// A point that takes up every command at once, within its acceleration.
-struct Walker {
+struct TestWalker {
     approach: Approach,
     frame: Frame,
     place: Vec3,
@@ -21,7 +21,7 @@ struct Walker {
     commands: Vec<LocomotionCommand>,
 }
 
-impl Walker {
+impl TestWalker {
     fn new(entry: Entry, place: Vec3, velocity: Vec3) -> Self {
         Self {
             approach: Approach::new(entry, Arc::new(walker_style()), 0),
@@ -82,7 +82,7 @@ fn entry(x: f32, z: f32, heading: f32) -> Entry {
 
 #[test]
 fn one_that_walks_hands_over_on_the_way() {
-    let mut walker = Walker::new(entry(0.0, 6.0, PI), Vec3::ZERO, Vec3::ZERO);
+    let mut walker = TestWalker::new(entry(0.0, 6.0, PI), Vec3::ZERO, Vec3::ZERO);
     assert_eq!(walker.go(), Going::HandOver);
     let (left, speed) = (6.0 - walker.place.z, walker.velocity.length());
     assert!(
@@ -95,7 +95,7 @@ fn one_that_walks_hands_over_on_the_way() {
 
 #[test]
 fn a_run_is_slowed_down_in_time() {
-    let mut walker = Walker::new(entry(0.0, 9.0, 0.0), Vec3::ZERO, Vec3::Z * 3.5);
+    let mut walker = TestWalker::new(entry(0.0, 9.0, 0.0), Vec3::ZERO, Vec3::Z * 3.5);
     assert_eq!(walker.go(), Going::HandOver);
     assert!(walker.velocity.length() < NEAR_MPS + 0.05, "{}", walker.velocity);
 }
@@ -109,7 +109,7 @@ fn one_that_runs_past_turns_around_first() {
         (Vec3::Z * 4.0, Vec3::Z * 1.5),
         (Vec3::X * 1.5, Vec3::Z * 2.6),
     ] {
-        let mut walker = Walker::new(entry(0.0, 3.0, 0.0), place, velocity);
+        let mut walker = TestWalker::new(entry(0.0, 3.0, 0.0), place, velocity);
         assert_eq!(walker.go(), Going::HandOver);
         let left = Vec3::Z * 3.0 - walker.place;
         let (speed, off) = (walker.velocity.length(), walker.velocity.angle_between(left));
@@ -144,17 +144,17 @@ fn one_that_cannot_slow_down_stops() {
 
 #[test]
 fn one_that_is_there_begins_at_once() {
-    let mut walker = Walker::new(entry(0.1, 0.0, 2.0), Vec3::ZERO, Vec3::ZERO);
+    let mut walker = TestWalker::new(entry(0.1, 0.0, 2.0), Vec3::ZERO, Vec3::ZERO);
     assert_eq!((walker.go(), walker.frame), (Going::HandOver, 0));
     // Not while it walks past.
-    let mut walker = Walker::new(entry(0.0, 0.1, 0.0), Vec3::ZERO, Vec3::Z * 1.2);
+    let mut walker = TestWalker::new(entry(0.0, 0.1, 0.0), Vec3::ZERO, Vec3::Z * 1.2);
     assert_eq!(walker.go(), Going::HandOver);
 }
 
 #[test]
 fn one_that_stands_near_goes_there_and_stops() {
     for (x, z) in [(0.5, 0.3), (-0.9, 0.0), (0.0, -0.4)] {
-        let mut walker = Walker::new(entry(x, z, 2.0), Vec3::ZERO, Vec3::ZERO);
+        let mut walker = TestWalker::new(entry(x, z, 2.0), Vec3::ZERO, Vec3::ZERO);
         assert_eq!(walker.go(), Going::HandOver);
         let left = walker.place.distance(Vec3::new(x, 0.0, z));
         assert!(left < 0.15 && walker.velocity.length() < STOPPED_MPS, "{left} m");
@@ -168,7 +168,7 @@ fn a_set_may_ask_for_a_stop() {
         from_stand: true,
         ..entry(0.0, 5.0, PI)
     };
-    let mut walker = Walker::new(stops, Vec3::ZERO, Vec3::ZERO);
+    let mut walker = TestWalker::new(stops, Vec3::ZERO, Vec3::ZERO);
     assert_eq!(walker.go(), Going::HandOver);
     assert!(walker.velocity.length() < STOPPED_MPS && (walker.place.z - 5.0).abs() < 0.1);
     assert_eq!(walker.commands.last().unwrap().velocity, Vec3::ZERO);
@@ -180,9 +180,9 @@ fn where_any_place_will_do_it_only_stops() {
         anywhere: true,
         ..entry(50.0, 50.0, 1.0)
     };
-    let mut walker = Walker::new(anywhere, Vec3::ZERO, Vec3::ZERO);
+    let mut walker = TestWalker::new(anywhere, Vec3::ZERO, Vec3::ZERO);
     assert_eq!((walker.go(), walker.frame), (Going::HandOver, 0));
-    let mut walker = Walker::new(anywhere, Vec3::ZERO, Vec3::Z * 1.5);
+    let mut walker = TestWalker::new(anywhere, Vec3::ZERO, Vec3::Z * 1.5);
     assert_eq!(walker.go(), Going::HandOver);
     assert!(walker.velocity.length() < STOPPED_MPS && walker.frame >= STOP_FRAMES.0);
     assert_eq!(walker.heading, 0.0, "it does not turn");
@@ -195,11 +195,11 @@ fn it_passes_the_place_on_the_way() {
         via: Some(via),
         ..entry(3.0, 5.0, 0.0)
     };
-    let mut walker = Walker::new(around, Vec3::ZERO, Vec3::ZERO);
+    let mut walker = TestWalker::new(around, Vec3::ZERO, Vec3::ZERO);
     let mut nearest = f32::INFINITY;
     while walker.approach.step(&walker.here()) != Going::HandOver && walker.frame < 400 {
         // The same steps as `go` takes, one by one.
-        let mut one = Walker {
+        let mut one = TestWalker {
             approach: walker.approach.clone(),
             commands: Vec::new(),
             ..walker
@@ -221,14 +221,14 @@ fn it_passes_the_place_on_the_way() {
 
 #[test]
 fn it_gives_up() {
-    let mut walker = Walker::new(entry(0.0, 5000.0, 0.0), Vec3::ZERO, Vec3::ZERO);
+    let mut walker = TestWalker::new(entry(0.0, 5000.0, 0.0), Vec3::ZERO, Vec3::ZERO);
     assert_eq!(walker.go(), Going::TimedOut);
     assert_eq!(walker.frame, APPROACH_FRAMES + 1);
 }
 
 #[test]
 fn it_follows_an_object_that_moves() {
-    let mut walker = Walker::new(entry(0.0, 6.0, 0.0), Vec3::ZERO, Vec3::ZERO);
+    let mut walker = TestWalker::new(entry(0.0, 6.0, 0.0), Vec3::ZERO, Vec3::ZERO);
     for _ in 0..20 {
         walker.approach.step(&walker.here());
         walker.frame += 1;
@@ -247,7 +247,7 @@ proptest! {
         from_stand: bool,
     ) {
         let entry = Entry { from_stand, ..entry(x, z, heading) };
-        let mut walker = Walker::new(entry, Vec3::ZERO, Vec3::new(vx, 0.0, vz));
+        let mut walker = TestWalker::new(entry, Vec3::ZERO, Vec3::new(vx, 0.0, vz));
         prop_assert_eq!(walker.go(), Going::HandOver);
         prop_assert!(walker.frame < APPROACH_FRAMES);
     }

@@ -297,7 +297,7 @@ impl Interaction {
                     again: false,
                 }
             }
-            // What takes over later is planned anew, or what goes on now.
+            // What takes over later is planned again, or what goes on now.
             (
                 State::In {
                     now,

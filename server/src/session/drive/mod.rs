@@ -31,12 +31,12 @@ const MAX_CATCH_UP: Duration = Duration::from_secs(1);
 
 /// A place among the server's streams; dropping it makes room for another.
 #[derive(Debug)]
-pub struct Place {
+pub struct StreamPermit {
     _permit: OwnedSemaphorePermit,
     sessions: Arc<Sessions>,
 }
 
-impl Place {
+impl StreamPermit {
     pub(super) fn new(permit: OwnedSemaphorePermit, sessions: Arc<Sessions>) -> Self {
         sessions.streams_changed(0);
         Self {
@@ -93,7 +93,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for StreamPermit {
     fn drop(&mut self) {
         // The permit itself goes after this.
         self.sessions.streams_changed(1);

@@ -11,7 +11,7 @@ use troupe_character::FieldError;
 /// What a stream says, apart from frames.
 #[derive(Debug)]
 pub enum Said {
-    /// What became of sessions that were to join.
+    /// Result of sessions that were to join.
     Attached(Attached),
     /// Sessions that left.
     Left(Vec<Departure>),
@@ -23,7 +23,7 @@ pub enum Said {
     Closing(Closing),
 }
 
-/// What became of sessions that were to join a stream.
+/// Result of sessions that were to join a stream.
 #[derive(Debug, Default)]
 pub struct Attached {
     /// Those that joined.

@@ -152,7 +152,7 @@ impl Harness {
             return;
         }
         let plan = match self.plans {
-            Plans::Never if request.meets.is_some() => Err(PlanFailed),
+            Plans::Never if request.pins.is_some() => Err(PlanFailed),
             _ => Ok(straight(request, &self.rig)),
         };
         let number = request.number;
@@ -260,7 +260,7 @@ pub(crate) fn straight(request: &PlanRequest, rig: &Rig) -> LivePlan {
     let frames = shape.targets.frames.unwrap_or(tokens * rig.dims.frames_per_token);
     let joints = rig.skeleton.joint_count();
     let (start, end) = (shape.context_roots[3], target.root.unwrap());
-    let off = match request.meets {
+    let off = match request.pins {
         Some(_) => Vec3::new(0.03, 0.01, -0.04),
         None => Vec3::ZERO,
     };
@@ -268,7 +268,7 @@ pub(crate) fn straight(request: &PlanRequest, rig: &Rig) -> LivePlan {
     let mut rotations = shape.context_rotations.clone();
     let from = shape.context_rotations[3 * joints..].to_vec();
     let to = target.rotations.clone().unwrap();
-    let tilt = if request.meets.is_some() { 0.05 } else { 0.0 };
+    let tilt = if request.pins.is_some() { 0.05 } else { 0.0 };
     for frame in 4..frames {
         let part = (frame - 3) as f32 / (frames - 4) as f32;
         roots.push(start.lerp(end.position + off, part));
@@ -280,7 +280,7 @@ pub(crate) fn straight(request: &PlanRequest, rig: &Rig) -> LivePlan {
     let moves = (end.position - start).with_y(0.0).length() > 0.3;
     // One foot after the other, by where it is on the way.
     let steps = |root: &Vec3| 1 << (((root.x + root.z) / 0.4).floor() as i32).rem_euclid(2);
-    let contacts = match (moves, &request.meets) {
+    let contacts = match (moves, &request.pins) {
         (false, _) => vec![3; frames],
         (true, Some(_)) => vec![0; frames],
         (true, None) => roots.iter().map(steps).collect(),
@@ -291,8 +291,8 @@ pub(crate) fn straight(request: &PlanRequest, rig: &Rig) -> LivePlan {
         rotations,
         trace: PlanTrace::default(),
     };
-    if let Some(meets) = &request.meets {
-        meets.meet(&mut plan, &rig.skeleton);
+    if let Some(pins) = &request.pins {
+        pins.pin_to_targets(&mut plan, &rig.skeleton);
     }
     plan
 }

@@ -7,19 +7,19 @@ use troupe_motion::rotation::yaw;
 use troupe_motion::stance::stance_transition;
 
 use super::super::buffer::Frames;
-use super::{Act, Body, Doing};
+use super::{Behaviour, Body, Doing};
 use crate::primitives::object::recipe::LOW_STANCE;
 use crate::scene::Scene;
 
-impl Act {
+impl Behaviour {
     /// Whether the character is busy standing up, or has to. When it is done its locomotion goes on.
     pub(super) fn settle_rise(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
         let splice = frame + body.timeline.look_ahead();
-        if let Some(until) = self.rises_until {
+        if let Some(until) = self.gets_up_until {
             if splice < until {
                 return true;
             }
-            self.rises_until = None;
+            self.gets_up_until = None;
             let command = body.locomotion.command().clone();
             body.move_on(frame, command, false);
             return false;
@@ -36,9 +36,9 @@ impl Act {
         }
         body.timeline.forget_flight();
         body.carry.due(splice);
-        let upright = body.rise(splice);
+        let upright = body.get_up(splice);
         body.renew_footing(splice, scene);
-        self.rises_until = Some(upright);
+        self.gets_up_until = Some(upright);
         true
     }
 }
@@ -52,7 +52,7 @@ impl Body<'_> {
     }
 
     /// Writes the way up from frame `splice` on; the frame at which the character is upright.
-    fn rise(&mut self, splice: i64) -> i64 {
+    fn get_up(&mut self, splice: i64) -> i64 {
         let skeleton = &self.rig.skeleton;
         let idle = self.locomotion.command().style.idle();
         let root = self.root(splice);

@@ -26,21 +26,21 @@ impl Using {
     /// Chooses side and approach for an object at `object` and a character at `root`: where that leads. The side that it is on, or,
     /// where the way there is blocked and the object may be used from others, the nearest that is free: a cup on a table
     /// is taken over the table's edge.
-    pub(super) fn aim(&mut self, scene: &Scene, object: Transform, root: Vec3, body: &Body<'_>) -> Entry {
+    pub(super) fn align(&mut self, scene: &Scene, object: Transform, root: Vec3, body: &Body<'_>) -> Entry {
         let natural = self.definition().side_of(object, root);
         let level = body.footing.level();
         if !self.any_side() {
-            return self.aim_from(natural, object, body);
+            return self.align_from(natural, object, body);
         }
         let sides = (1..=SIDE_STEPS).flat_map(|step| [step, -step]);
         let sides = std::iter::once(0).chain(sides);
         for side in sides.map(|step| natural + step as f32 * SIDE_STEP) {
-            let entry = self.aim_from(side, object, body);
+            let entry = self.align_from(side, object, body);
             if self.blocked_to(&entry, scene, root, level).is_none() {
                 return entry;
             }
         }
-        self.aim_from(natural, object, body)
+        self.align_from(natural, object, body)
     }
 
     /// Whether it makes a difference from which side the character comes.
@@ -49,7 +49,7 @@ impl Using {
         !self.definition().approaches.is_empty() || self.interaction.coming().is_some_and(pivots)
     }
 
-    fn aim_from(&mut self, side: f32, object: Transform, body: &Body<'_>) -> Entry {
+    fn align_from(&mut self, side: f32, object: Transform, body: &Body<'_>) -> Entry {
         let definition = Arc::clone(self.definition());
         let choice = definition.approach_by(self.wanted_approach, side);
         (self.object, self.side, self.approach_index) = (object, choice.side, choice.index);

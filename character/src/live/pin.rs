@@ -26,7 +26,7 @@ const STEP_OVER_M: f32 = 0.06;
 
 /// What an answer is to meet.
 #[derive(Debug, Clone)]
-pub struct Meets {
+pub struct Pins {
     /// The last frames, in the plan's own space: heights count from what the character stands on.
     pub keys: Vec<Key>,
     /// Whether the last is a pose to come to rest in.
@@ -35,10 +35,10 @@ pub struct Meets {
     pub legs: Arc<[Leg]>,
 }
 
-impl Meets {
+impl Pins {
     /// Draws the last frames of `plan` to the keyframes; notes in its trace how far off they were. A plan that is too short
     /// for context and keyframes stays as it is.
-    pub fn meet(&self, plan: &mut LivePlan, skeleton: &Skeleton) {
+    pub fn pin_to_targets(&self, plan: &mut LivePlan, skeleton: &Skeleton) {
         let joints = skeleton.joint_count();
         let frames = plan.roots.len();
         let first = frames.saturating_sub(self.keys.len());
@@ -182,5 +182,5 @@ fn step_over(leg: &Leg, swing: Range<usize>, plan: &mut LivePlan, skeleton: &Ske
 }
 
 #[cfg(test)]
-#[path = "meet_tests.rs"]
+#[path = "pin_tests.rs"]
 mod tests;

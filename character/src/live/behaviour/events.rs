@@ -5,17 +5,17 @@ use std::sync::Arc;
 use super::super::EventKind;
 use super::hand::{Hand, Refused};
 use super::using::Using;
-use super::{Act, Body, Doing};
+use super::{Behaviour, Body, Doing};
 use crate::object::{Action, Moment};
 use crate::primitives::object::{Input, Output};
 
-impl Act {
+impl Behaviour {
     /// What has happened up to a frame: events, and what they do with the object.
     pub(super) fn pass(&mut self, frame: i64, body: &mut Body<'_>) -> Result<(), Refused> {
         self.pass_to(frame, frame, body)
     }
 
-    /// [`Act::pass`], up to a frame that may be to come; nothing happens later than at frame `now`.
+    /// [`Behaviour::pass`], up to a frame that may be to come; nothing happens later than at frame `now`.
     pub(super) fn pass_to(&mut self, frame: i64, now: i64, body: &mut Body<'_>) -> Result<(), Refused> {
         let Doing::Using(using) = &mut self.doing else {
             return Ok(());
@@ -30,13 +30,13 @@ impl Act {
                         set: using.set_name(set),
                     };
                     self.tell_of(at, event);
-                    self.happen(set, Moment::Start, at, body)?;
+                    self.run_events(set, Moment::Start, at, body)?;
                 }
                 Output::Reached(at, set) => {
                     self.tell_reached(at, set, body);
-                    self.happen(set, Moment::Reached, at, body)?;
+                    self.run_events(set, Moment::Reached, at, body)?;
                 }
-                Output::Left(at, set) => self.happen(set, Moment::End, at, body)?,
+                Output::Left(at, set) => self.run_events(set, Moment::End, at, body)?,
                 Output::Over(at) => {
                     self.tell_of(at, |using| EventKind::Done {
                         instance: Arc::clone(&using.instance),
@@ -58,7 +58,7 @@ impl Act {
     fn tell_of(&mut self, at: i64, event: impl FnOnce(&Using) -> EventKind) {
         if let Doing::Using(using) = &self.doing {
             let event = event(using);
-            self.tell(at, event);
+            self.emit(at, event);
         }
     }
 
@@ -92,12 +92,12 @@ impl Act {
             })
             .collect();
         for (frame, kind) in told {
-            self.tell(frame, kind);
+            self.emit(frame, kind);
         }
     }
 
     /// Does what a set has happen at a moment.
-    fn happen(&mut self, set: usize, moment: Moment, at: i64, body: &Body<'_>) -> Result<(), Refused> {
+    fn run_events(&mut self, set: usize, moment: Moment, at: i64, body: &Body<'_>) -> Result<(), Refused> {
         let Doing::Using(using) = &self.doing else {
             return Ok(());
         };
@@ -128,7 +128,7 @@ impl Act {
                         .unwrap_or_default();
                     self.hand = Some(taken);
                     let instance = Arc::clone(&instance);
-                    self.tell(at, EventKind::Attached { instance, socket });
+                    self.emit(at, EventKind::Attached { instance, socket });
                 }
                 Action::Release => {
                     let Some(hand) = &self.hand else { continue };
@@ -136,7 +136,7 @@ impl Act {
                     let transform = hand.put_down(&self.world, from)?;
                     let instance = Arc::clone(&hand.instance);
                     self.hand = None;
-                    self.tell(at, EventKind::Released { instance, transform });
+                    self.emit(at, EventKind::Released { instance, transform });
                 }
                 Action::Attach(_) => {}
             }

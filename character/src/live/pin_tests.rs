@@ -31,8 +31,8 @@ fn key(x: f32, y: f32, z: f32, heading: f32, bend: f32) -> Key {
     }
 }
 
-fn meets(keys: Vec<Key>, settles: bool) -> Meets {
-    Meets {
+fn pins(keys: Vec<Key>, settles: bool) -> Pins {
+    Pins {
         keys,
         settles,
         legs: legs(&doll()).into(),
@@ -42,18 +42,18 @@ fn meets(keys: Vec<Key>, settles: bool) -> Meets {
 #[test]
 fn a_plan_that_is_too_short_stays_as_it_is() {
     let mut plan = walk(5);
-    meets(vec![key(0.0, 0.9, 0.0, 0.0, 0.0); 2], true).meet(&mut plan, &doll());
+    pins(vec![key(0.0, 0.9, 0.0, 0.0, 0.0); 2], true).pin_to_targets(&mut plan, &doll());
     assert_eq!(plan, walk(5));
 }
 
 #[test]
 fn one_that_settles_comes_to_rest() {
     let mut plan = walk(40);
-    meets(vec![key(0.1, 0.9, 1.0, 0.2, 0.4)], true).meet(&mut plan, &doll());
+    pins(vec![key(0.1, 0.9, 1.0, 0.2, 0.4)], true).pin_to_targets(&mut plan, &doll());
     let step = |frame: usize| plan.roots[frame].distance(plan.roots[frame - 1]);
     assert!(step(39) < 0.002 && step(20) > 0.02, "{} {}", step(39), step(20));
     let mut soft = walk(40);
-    meets(vec![key(0.1, 0.9, 1.0, 0.2, 0.4)], false).meet(&mut soft, &doll());
+    pins(vec![key(0.1, 0.9, 1.0, 0.2, 0.4)], false).pin_to_targets(&mut soft, &doll());
     assert!(soft.roots[39].distance(soft.roots[38]) > 0.02);
 }
 
@@ -68,7 +68,7 @@ fn feet_that_stand_do_not_slide() {
         joint_transform(&doll(), plan.roots[frame], rotations, 12).0
     };
     let first = foot(&plan, 3);
-    meets(vec![key(0.0, 0.85, 0.0, 0.0, 0.3)], true).meet(&mut plan, &doll());
+    pins(vec![key(0.0, 0.85, 0.0, 0.0, 0.3)], true).pin_to_targets(&mut plan, &doll());
     for frame in 4..36 {
         assert!(foot(&plan, frame).distance(first) < 0.03, "frame {frame}");
     }
@@ -85,7 +85,7 @@ proptest! {
             plan.contacts.fill(3);
         }
         let keys: Vec<Key> = (0..count).map(|nth| key(x + 0.02 * nth as f32, 0.85, z, heading, bend)).collect();
-        meets(keys.clone(), settles).meet(&mut plan, &doll());
+        pins(keys.clone(), settles).pin_to_targets(&mut plan, &doll());
         prop_assert_eq!(&plan.roots[..4], &walk(frames).roots[..4]);
         prop_assert_eq!(&plan.rotations[..64], &walk(frames).rotations[..64]);
         for (nth, key) in keys.iter().enumerate() {

@@ -5,7 +5,7 @@ use std::future::Future;
 use tokio::time::Instant;
 
 /// Waits for moments.
-pub trait Pace: Send {
+pub trait WaitUntil: Send {
     /// Returns at the moment, or at once where it has passed.
     fn until(&mut self, due: Instant) -> impl Future<Output = ()> + Send;
 }
@@ -14,7 +14,7 @@ pub trait Pace: Send {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timer;
 
-impl Pace for Timer {
+impl WaitUntil for Timer {
     async fn until(&mut self, due: Instant) {
         tokio::time::sleep_until(due).await;
     }
@@ -24,7 +24,7 @@ impl Pace for Timer {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct OwnThread;
 
-impl Pace for OwnThread {
+impl WaitUntil for OwnThread {
     async fn until(&mut self, due: Instant) {
         let left = due.saturating_duration_since(Instant::now());
         if !left.is_zero() {
