@@ -24,9 +24,13 @@ lint: python-env
 	.venv/bin/mypy
 	cd training && ../.venv/bin/lint-imports --no-logo
 
-# Real clips are used where they are at hand; the tests make their own motion besides.
-rust-test: runtime real-clips
-	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; cargo test --workspace --features troupe-cli/evaluator --locked
+# Real clips are used where they are at hand; the tests make their own motion besides. Tests that share a loaded server run as one
+# process, the others as one each.
+CARGO_TEST := --workspace --features troupe-cli/evaluator --locked
+rust-test: runtime real-clips python-env
+	if [ -d $(REAL_CLIPS) ]; then export TROUPE_DATA="$(CURDIR)/$(REAL_CLIPS)"; fi; \
+	scripts/tool.sh cargo-nextest nextest run $(CARGO_TEST) -E 'not (binary(e2e) or binary(packs))' && \
+	cargo test $(CARGO_TEST) --test e2e --test packs && cargo test $(CARGO_TEST) --doc
 
 python-test: python-env
 	cd training && ../.venv/bin/python -m pytest --quiet

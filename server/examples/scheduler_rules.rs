@@ -1,4 +1,5 @@
-//! What two rules of the scheduler are worth: idle workers share what waits, and a batch is capped by its time. A
+//! What three rules of the scheduler are worth: idle workers share what waits, a batch is capped by its time, and where the
+//! engine cuts batches into calls it has whole ones. A
 //! simulation of the scheduler itself with modelled workers: every run gives the same figures, on every machine.
 //!
 //! A batch of n characters takes a + b·n. One step a batch, two workers.
@@ -28,6 +29,21 @@ const MEASURED: Duration = Duration::from_secs(60);
 const WARM_UP: Duration = Duration::from_secs(5);
 /// A plan is asked for so long before it is to take over.
 const LOOK_AHEAD: Duration = Duration::from_millis(266);
+
+/// Sizes of the calls that an engine cuts batches into.
+const CALLS: [usize; 3] = [8, 4, 1];
+/// What such a call costs, and each of its rows.
+const CALL_MS: f64 = 0.9;
+const ROW_MS: f64 = 0.65;
+
+/// What batches cost.
+#[derive(Debug, Clone, Copy)]
+enum Model {
+    /// [`BATCH_MS`], and so much a character.
+    Linear(f64),
+    /// As its calls of an engine that cuts batches.
+    Calls,
+}
 
 /// Whoever asks.
 #[derive(Debug, Clone, Copy)]
@@ -76,7 +92,7 @@ struct Figures {
 
 struct Simulation {
     scheduler: Scheduler,
-    character_ms: f64,
+    model: Model,
     /// Without, the scheduler hears of one idle worker at a time, which then takes all that fits.
     shares: bool,
     callers: Vec<Caller>,
@@ -90,10 +106,10 @@ struct Simulation {
 }
 
 impl Simulation {
-    fn new(limits: Limits, character_ms: f64, shares: bool, callers: Vec<Caller>) -> Self {
+    fn new(limits: Limits, model: Model, shares: bool, callers: Vec<Caller>) -> Self {
         let mut simulation = Self {
             scheduler: Scheduler::new(limits),
-            character_ms,
+            model,
             shares,
             workers: (0..WORKERS).map(|_| Worker::default()).collect(),
             events: BTreeMap::new(),
@@ -254,7 +270,18 @@ impl Simulation {
     }
 
     fn batch_time(&self, characters: usize) -> Duration {
-        MS.mul_f64(BATCH_MS + self.character_ms * characters as f64)
+        let model_ms = match self.model {
+            Model::Linear(character_ms) => BATCH_MS + character_ms * characters as f64,
+            Model::Calls => {
+                let (mut left, mut sum_ms) = (characters, 0.0);
+                while let Some(rows) = CALLS.into_iter().find(|&rows| rows <= left) {
+                    left -= rows;
+                    sum_ms += CALL_MS + ROW_MS * rows as f64;
+                }
+                sum_ms
+            }
+        };
+        MS.mul_f64(model_ms)
     }
 
     fn begin(&mut self, batch: &Batch) {
@@ -302,7 +329,12 @@ fn lone_requests() {
     println!("|--:|--:|--:|--:|");
     for characters in [1, 2, 4, 8, 16, 32] {
         let [shared, alone] = [true, false].map(|shares| {
-            let simulation = Simulation::new(limits(), FAST_MS, shares, vec![Caller::Once(characters)]);
+            let simulation = Simulation::new(
+                limits(),
+                Model::Linear(FAST_MS),
+                shares,
+                vec![Caller::Once(characters)],
+            );
             simulation.run(MEASURED).calls[0]
         });
         let saved = 100.0 * (1.0 - shared.as_secs_f64() / alone.as_secs_f64());
@@ -321,13 +353,36 @@ fn closed_loops() {
             let mut row = format!("| {callers} | {characters} |");
             for shares in [true, false] {
                 let callers = vec![Caller::Calls(characters); callers];
-                let mut figures = Simulation::new(limits(), FAST_MS, shares, callers).run(WARM_UP + MEASURED);
+                let mut figures = Simulation::new(limits(), Model::Linear(FAST_MS), shares, callers)
+                    .run(WARM_UP + MEASURED);
                 let rate = figures.characters as f64 / MEASURED.as_secs_f64();
                 let [median, p99] = [0.5, 0.99].map(|share| ms(quantile(&mut figures.calls, share)));
                 row += &format!(" {rate:.0} | {median} | {p99} |");
             }
             println!("{row}");
         }
+    }
+}
+
+fn whole_calls() {
+    println!("\n## Whole calls, in batches of up to 16: characters/s, median and p99 in ms\n");
+    println!("| callers | whole calls: characters/s | median | p99 | not: characters/s | median | p99 |");
+    println!("|--:|--:|--:|--:|--:|--:|--:|");
+    for callers in [4, 8, 12, 16, 24, 32, 48, 64] {
+        let mut row = format!("| {callers} |");
+        for call_rows in [CALLS[0], 0] {
+            let limits = Limits {
+                max_batch: 16,
+                call_rows,
+                ..limits()
+            };
+            let callers = vec![Caller::Calls(1); callers];
+            let mut figures = Simulation::new(limits, Model::Calls, true, callers).run(WARM_UP + MEASURED);
+            let rate = figures.characters as f64 / MEASURED.as_secs_f64();
+            let [median, p99] = [0.5, 0.99].map(|share| ms(quantile(&mut figures.calls, share)));
+            row += &format!(" {rate:.0} | {median} | {p99} |");
+        }
+        println!("{row}");
     }
 }
 
@@ -349,7 +404,7 @@ fn time_cap() {
                 max_batch_time,
                 ..limits()
             };
-            let simulation = Simulation::new(limits, SLOW_MS, true, callers.collect());
+            let simulation = Simulation::new(limits, Model::Linear(SLOW_MS), true, callers.collect());
             let mut figures = simulation.run(WARM_UP + MEASURED);
             let [median, p99] = [0.5, 0.99].map(|share| ms(quantile(&mut figures.plans, share)));
             let cap = match max_batch_time {
@@ -368,9 +423,11 @@ fn time_cap() {
 
 fn main() {
     println!(
-        "{WORKERS} workers; a batch takes {BATCH_MS} ms + {FAST_MS} ms a character; slow model: {SLOW_MS} ms a character.\n"
+        "{WORKERS} workers; a batch takes {BATCH_MS} ms + {FAST_MS} ms a character; slow model: {SLOW_MS} ms a character.\nA \
+         call of n rows takes {CALL_MS} ms + {ROW_MS} ms a row.\n"
     );
     lone_requests();
     closed_loops();
+    whole_calls();
     time_cap();
 }

@@ -302,6 +302,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     });
     let limits = Limits {
         workers,
+        call_rows: batching.call_rows,
         ..config.batch_limits(max_batch)
     };
     let batcher = Batcher::start(

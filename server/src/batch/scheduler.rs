@@ -10,8 +10,8 @@
 //! # Batches
 //! A worker that is at the end of a step says how many more jobs it has room for, and gets up to so many characters: a batch of
 //! a family with one step, new jobs beside those that go on of a family with several. A batch is capped at
-//! [`Limits::max_batch`], and at what a worker does in [`Limits::max_batch_time`]. Idle workers share what waits evenly. A
-//! request may be split, over workers as well.
+//! [`Limits::max_batch`], and at what a worker does in [`Limits::max_batch_time`]. Idle workers share what waits evenly. What is
+//! more than a call of the engine is taken in [whole calls](Limits::call_rows). A request may be split, over workers as well.
 //!
 //! # Owners
 //! At most one plan of an owner is with a worker. One more may wait. A newer one replaces it and inherits its virtual deadline
@@ -382,7 +382,7 @@ impl Scheduler {
         let others = self.workers.iter().enumerate();
         let idle = others.filter(|&(other, state)| other != worker && state.room().is_some());
         let even = self.queue.ready().div_ceil(idle.count() + 1);
-        room.min(cap).min(even)
+        self.limits.whole_calls(room.min(cap).min(even))
     }
 
     /// Takes up to `wanted` characters off the queue.

@@ -229,6 +229,10 @@ impl Model {
         let others = self.at_hand().iter().filter(|&&other| other != worker).count();
         let even = self.ready_characters().div_ceil(others + 1);
         let mut wanted = room.min(time_cap).min(even);
+        let rows = self.limits.call_rows;
+        while rows > 0 && wanted > rows && !wanted.is_multiple_of(rows) {
+            wanted -= 1;
+        }
         let (mut actions, mut parts) = (Vec::new(), Vec::new());
         let mut expires = false;
         while wanted > 0

@@ -65,17 +65,28 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 
 fn some_limits() -> impl Strategy<Value = Limits> {
     let ms = || prop_oneof![Just(0u64), 1u64..200];
-    (1usize..5, 1usize..20, 0usize..40, 0u64..400, ms(), ms()).prop_map(
-        |(workers, max_batch, spare, ageing_ms, batch_ms, wait_ms)| Limits {
-            workers,
-            max_batch,
-            max_batch_time: Duration::from_millis(batch_ms),
-            max_queued: 12 + spare,
-            max_live: 3 + spare,
-            max_wait: Duration::from_millis(wait_ms),
-            ageing: Duration::from_millis(ageing_ms),
-        },
+    let call_rows = prop_oneof![Just(0usize), 1usize..10];
+    (
+        1usize..5,
+        1usize..20,
+        call_rows,
+        0usize..40,
+        0u64..400,
+        ms(),
+        ms(),
     )
+        .prop_map(
+            |(workers, max_batch, call_rows, spare, ageing_ms, batch_ms, wait_ms)| Limits {
+                workers,
+                max_batch,
+                call_rows,
+                max_batch_time: Duration::from_millis(batch_ms),
+                max_queued: 12 + spare,
+                max_live: 3 + spare,
+                max_wait: Duration::from_millis(wait_ms),
+                ageing: Duration::from_millis(ageing_ms),
+            },
+        )
 }
 
 /// A scheduler and its model, side by side.

@@ -7,6 +7,7 @@ fn limits(workers: usize, max_batch: usize) -> Limits {
     Limits {
         workers,
         max_batch,
+        call_rows: 0,
         max_batch_time: Duration::ZERO,
         max_queued: 100,
         max_live: 100,
@@ -455,4 +456,19 @@ fn the_loss_of_a_worker_lets_the_next_plan_of_an_owner_in() {
     setup.lose(0);
     assert_eq!(setup.woken, [0, 1]);
     assert_eq!(setup.ready(1), [(next, 1)]);
+}
+
+#[test]
+fn more_than_a_call_is_taken_in_whole_calls() {
+    let limits = Limits {
+        call_rows: 8,
+        ..limits(1, 16)
+    };
+    let whole = [3, 8, 9, 15, 16].map(|characters| limits.whole_calls(characters));
+    assert_eq!(whole, [3, 8, 8, 8, 16]);
+    let any = Limits {
+        call_rows: 0,
+        ..limits
+    };
+    assert_eq!(any.whole_calls(15), 15);
 }

@@ -33,6 +33,7 @@ impl Config {
         Limits {
             workers: 1,
             max_batch,
+            call_rows: 0,
             max_batch_time: Duration::from_millis(self.max_batch_ms),
             max_queued: self.max_queued_characters,
             max_live: self.max_sessions,

@@ -14,6 +14,9 @@ pub struct Limits {
     pub workers: usize,
     /// Most characters that a worker takes at once.
     pub max_batch: usize,
+    /// Rows of the engine's largest call, where it cuts batches into calls; else 0. More than a call is taken in whole calls: rows
+    /// beyond them would run in small ones, which cost more a row.
+    pub call_rows: usize,
     /// Longest time of what a worker takes at once, by measure; zero for no such limit.
     pub max_batch_time: Duration,
     /// Most characters of calls that may wait.
@@ -32,6 +35,7 @@ impl Default for Limits {
         Self {
             workers: 1,
             max_batch: 64,
+            call_rows: 0,
             // Two frames at 30 Hz: half of the usual look-ahead of a plan is left for its own batch.
             max_batch_time: Duration::from_millis(66),
             max_queued: 1024,
@@ -48,6 +52,14 @@ impl Limits {
         match class {
             Class::Live => Duration::ZERO,
             Class::Request => self.ageing,
+        }
+    }
+
+    /// The most of so many characters that fill whole calls; all of them if they are less than one.
+    pub fn whole_calls(&self, characters: usize) -> usize {
+        match characters.checked_rem(self.call_rows) {
+            Some(rest) if characters > self.call_rows => characters - rest,
+            _ => characters,
         }
     }
 
