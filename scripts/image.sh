@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Builds the image of the Dockerfile, runs it and checks what docs/docker.md promises. Prints a table of what it proved, and
-# exits with 1 where a check fails. RUNTIME=cpu|openvino|gpu chooses the runtime.
+# exits with 1 where a check fails. RUNTIME=cpu|openvino|gpu chooses the runtime. `image.sh --prepare` only gets what it needs, and
+# fails where that is not to be had.
 #
 # It needs no container engine and pulls no image: buildah builds and runs in a chroot, on stand-ins that have the names of the
 # Dockerfile's base images. They are made from Debian's packages and the Rust toolchain at hand. Root and Debian's apt are
@@ -87,14 +88,21 @@ stand_in_rust() {
     bud commit --quiet --rm --format docker "$container" "$name" >/dev/null
 }
 
-build() {
-    local base rust registry=${CARGO_HOME:-$HOME/.cargo}/registry certificates=/etc/ssl/certs/ca-certificates.crt
+# The tools and the stand-ins, and whether namespaces are to be had.
+prepare() {
+    local base rust
+    install_tools
     base=$(default_of BASE_IMAGE) rust=$(default_of RUST_IMAGE)
     # What a run has left that was killed.
     bud rm --all >/dev/null 2>&1 || true
     rm -rf --one-file-system "$TMPDIR"/buildah[0-9]*
     stand_in_base "$base"
     stand_in_rust "$rust" "$base"
+    unshare --net --mount --pid --fork --kill-child --mount-proc true || fail "this machine gives no namespaces"
+}
+
+build() {
+    local registry=${CARGO_HOME:-$HOME/.cargo}/registry certificates=/etc/ssl/certs/ca-certificates.crt
     # The crates that cargo has already fetched here.
     mkdir -p "$registry"
     ln -sfn "$registry" "$TMPDIR/buildah-cache/troupe-cargo"
@@ -267,7 +275,8 @@ if [ "${1:-}" = --check ]; then
     check
     exit 0
 fi
-install_tools
+prepare
+[ "${1:-}" != --prepare ] || exit 0
 build
 note "checking $image"
 unshare --net --mount --pid --fork --kill-child --mount-proc "$PWD/scripts/image.sh" --check
