@@ -84,7 +84,7 @@ impl EngineChoice {
 /// Most workers that are taken by themselves: beyond, threads go into workers that exist.
 const AUTO_WORKERS: usize = 8;
 
-/// The workers of a pack: each is a thread with networks of its own, which runs one batch at a time.
+/// The workers of a pack: each is a thread that owns a generator and runs one batch at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Workers {
     /// How many there are.

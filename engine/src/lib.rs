@@ -1,5 +1,5 @@
 //! Inference: the three stages of a pack behind the [`Stages`] trait, and the [`Pipeline`] that takes a batch of
-//! characters through them. One thread owns a pipeline; nothing here is shared or locked.
+//! characters through them. One thread owns a pipeline. Only networks of OpenVINO are shared: see [`onnx::NetworkPool`].
 //!
 //! [`onnx::OnnxStages`] runs the stages on ONNX Runtime. Other engines (and tests) implement [`Stages`].
 

@@ -73,7 +73,7 @@ pub struct Config {
     )]
     pub threads: usize,
 
-    /// Workers of a pack. A worker is a thread with networks and runs one batch at a time. 0: one for each thread, up to 8.
+    /// Workers of a pack. A worker is a thread that runs one batch at a time. 0: one for each thread, up to 8.
     #[config(
         env = "TROUPE_WORKERS",
         default = 0,

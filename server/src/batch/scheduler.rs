@@ -34,9 +34,6 @@ use super::order::{Class, Order};
 
 pub use limits::{Limits, Refusal};
 
-/// A batch is not made smaller than this to end in time: it would cost more than it gives.
-const MIN_BATCH: usize = 4;
-
 /// Names a request for as long as it is known to the scheduler. Never reused, and rising with the arrivals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct RequestId(pub u64);
@@ -377,7 +374,7 @@ impl Scheduler {
     fn share(&self, worker: usize, room: usize) -> usize {
         let cap = match self.limits.max_batch_time {
             Duration::ZERO => usize::MAX,
-            time => self.meter.within(time).max(MIN_BATCH),
+            time => self.meter.within(time).max(1),
         };
         let others = self.workers.iter().enumerate();
         let idle = others.filter(|&(other, state)| other != worker && state.room().is_some());

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use super::super::{Action, Batch, BatchReason, Finished, Limits, MIN_BATCH, Part, RequestId};
+use super::super::{Action, Batch, BatchReason, Finished, Limits, Part, RequestId};
 use crate::batch::order::{Class, Order, OwnerId};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -220,7 +220,7 @@ impl Model {
         }
         let cap = self.limits.max_batch_time.as_secs_f64() / (time_s / characters).max(1e-6);
         let rounded = [cap * (1.0 - 1e-6), cap * (1.0 + 1e-6)];
-        rounded.map(|cap| (cap as usize).max(MIN_BATCH)).to_vec()
+        rounded.map(|cap| (cap as usize).max(1)).to_vec()
     }
 
     /// A worker is between two steps: gives what it is to be told.

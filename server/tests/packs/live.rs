@@ -71,7 +71,7 @@ struct Real {
     skate_mm: f64,
 }
 
-/// Walks of real clips, where there are any: see `motion/tests/real_clips.rs` for the folder.
+/// Walks of real clips, where there are any: see `motion/tests/real/clips.rs` for the folder.
 fn real_walks(networks: &Networks) -> Option<Real> {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/data/bandai-namco");
     let folder = std::env::var_os("TROUPE_DATA").map_or(default, Into::into);
