@@ -1,8 +1,9 @@
 """The command line: one command a step, and `pack`, which does all in one go."""
 
 import argparse
+from typing import Any
 
-from troupe_training.cli import evaluate, train  # noqa: F401 - their commands register themselves
+from troupe_training.cli import evaluate, train, unimogen  # noqa: F401 - their commands register themselves
 from troupe_training.cli.options import COMMANDS
 
 
@@ -11,10 +12,16 @@ def main(argv: list[str] | None = None) -> int:
     defaults = argparse.ArgumentDefaultsHelpFormatter
     parser = argparse.ArgumentParser(prog="troupe-train", description=__doc__, formatter_class=defaults)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    groups: dict[str, Any] = {"": commands}
     for name, (run, add_options) in COMMANDS.items():
         about = run.__doc__
-        add_options(commands.add_parser(name, help=about, description=about, formatter_class=defaults))
-        commands.choices[name].set_defaults(command=run)
+        group, _, own = name.rpartition(" ")
+        if group not in groups:
+            family = commands.add_parser(group, help=f"commands of the family {group}", formatter_class=defaults)
+            groups[group] = family.add_subparsers(required=True, metavar="COMMAND")
+        parser_of = groups[group].add_parser(own, help=about, description=about, formatter_class=defaults)
+        add_options(parser_of)
+        parser_of.set_defaults(command=run)
     args = parser.parse_args(argv)
     status: int = args.command(args)
     return status

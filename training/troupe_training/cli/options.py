@@ -115,8 +115,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
 COMMANDS: dict[str, tuple[Run, Callable[[argparse.ArgumentParser], None]]] = {}
 
 
-def command(*names: str | tuple[str, ...], required: tuple[str, ...] = (), **defaults: Any) -> Callable[[Run], Run]:
-    """Makes a function a command of its name; its docstring is the help.
+def command(
+    *names: str | tuple[str, ...], required: tuple[str, ...] = (), group: str | None = None, **defaults: Any
+) -> Callable[[Run], Run]:
+    """Makes a function a command of its name, or of ``GROUP NAME``; its docstring is the help.
 
     ``names`` are of `OPTIONS`, those in a tuple exclude each other; ``defaults`` replace theirs.
     """
@@ -133,7 +135,8 @@ def command(*names: str | tuple[str, ...], required: tuple[str, ...] = (), **def
                 add(group, one)
 
     def register(run: Run) -> Run:
-        COMMANDS[run.__name__.replace("_", "-")] = run, add_all
+        name = run.__name__.replace("_", "-")
+        COMMANDS[f"{group} {name}" if group else name] = run, add_all
         return run
 
     return register

@@ -62,7 +62,7 @@ class Loaded:
     dropped: str | None = None
 
 
-def _load(path: Path, source: MotionSource) -> Loaded:
+def load_file(path: Path, source: MotionSource) -> Loaded:
     try:
         motion = source.load(path)
         clips, notes = cut(path.name, motion)
@@ -71,7 +71,7 @@ def _load(path: Path, source: MotionSource) -> Loaded:
     return Loaded(path.name, motion.names, motion.parents, motion.offsets, clips, notes)
 
 
-def _files(folder: Path, source: MotionSource, include: str | None) -> list[Path]:
+def files_of(folder: Path, source: MotionSource, include: str | None) -> list[Path]:
     files = sorted(p for p in folder.rglob("*") if p.suffix.lower() == source.suffix)
     if not files:
         hint = "; CSV files need their robot's --urdf" if any(folder.rglob("*.csv")) else ""
@@ -82,7 +82,7 @@ def _files(folder: Path, source: MotionSource, include: str | None) -> list[Path
     return files
 
 
-def _drop_odd_skeletons(loaded: list[Loaded]) -> None:
+def drop_odd_skeletons(loaded: list[Loaded]) -> None:
     """Drops the files whose joints or bones are not those of the others."""
     kept = [one for one in loaded if one.dropped is None]
     for one in kept:
@@ -109,13 +109,13 @@ def prepare(
     ``split_list`` also gets the names of the test files, one a line.
     """
     source, choice = source or BvhSource(), choice or Choice()
-    files = _files(folder, source, choice.include)
+    files = files_of(folder, source, choice.include)
     with ProcessPoolExecutor(workers) as pool:
-        results = pool.map(partial(_load, source=source), files, chunksize=1 + len(files) // (16 * workers))
+        results = pool.map(partial(load_file, source=source), files, chunksize=1 + len(files) // (16 * workers))
         loaded = list(tqdm(results, total=len(files), desc="prepare"))
     if all(one.dropped for one in loaded):
         raise SystemExit(f"none of {len(files)} files can be used, e.g. {loaded[0].file}: {loaded[0].dropped}")
-    _drop_odd_skeletons(loaded)
+    drop_odd_skeletons(loaded)
     kept = [one for one in loaded if one.dropped is None]
     clips = [clip for one in kept for clip in one.clips]
     offsets = np.median([one.offsets for one in kept], axis=0)
