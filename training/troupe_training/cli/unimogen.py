@@ -5,18 +5,29 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from troupe_training.cli.options import OPTIONS, command
+import torch
+
+from troupe_training.cli.options import OPTIONS, STOPPED, command
+from troupe_training.data.bodies_store import BALANCE
 from troupe_training.data.bvh_source import BvhSource
 from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
 from troupe_training.data.corpus import Wanted, make_corpus
+from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.robots.source import RobotSource
+from troupe_training.train.trainer import Budget
+from troupe_training.train.unimogen.stage import STAGE, Training
+from troupe_training.train.unimogen.stage import train as train_network
 
 GROUP = "unimogen"
-CACHE = Path("runs/unimogen-cache")
+CACHE, RUN = Path("runs/unimogen-cache"), Path("runs/unimogen")
+MINUTES = 480.0  # of training, where neither minutes nor steps are given
 OPTIONS["--bodies"] = {"type": Path, "help": "TOML list of bodies and their motion, as training/bodies.toml is one"}
 OPTIONS["--data"] = {"type": Path, "default": Path(), "help": "folder that the list's paths of motion are relative to"}
 OPTIONS["--source"] = {"type": Path, "help": "one folder of BVH, CSV (with --urdf) or glb files instead of a list"}
+OPTIONS["--trained-bodies"] = {"nargs": "+", "help": "train on these bodies of the cache alone"}
+OPTIONS["--unimogen-preset"] = {"choices": PRESETS, "default": "default", "help": "network sizes"}
+OPTIONS["--rows-per-step"] = {"type": int, "default": 13000, "help": "rows times frames in one update"}
 OPTIONS["--cells"] = {"type": Path, "help": "list of cells CONTENT_STYLE that are held out"}
 
 
@@ -79,3 +90,44 @@ def _own(args: argparse.Namespace) -> Wanted:
         raise SystemExit(f"no .bvh or .glb file under {args.source}{hint}")
     cells = read_cells(args.cells) if args.cells else frozenset()
     return Wanted(args.name, args.source, reader, args.test_name, True, cells, args.licence, args.credit)
+
+
+@command(
+    *(
+        "--cache",
+        "--run",
+        "--unimogen-preset",
+        "--trained-bodies",
+        "--balance",
+        "--minutes",
+        "--steps",
+        "--rows-per-step",
+    ),
+    *("--rate", "--fresh-schedule", "--seed", "--device", "--threads"),
+    group=GROUP,
+    cache=CACHE,
+    run=RUN,
+    balance=BALANCE,
+    seed=29,
+    rate=8e-4,
+)
+def train(args: argparse.Namespace) -> int:
+    """Trains the network on all bodies of a cache; stops at any moment (ctrl-c) and resumes from its checkpoint."""
+    torch.set_num_threads(args.threads)
+    minutes = args.minutes if args.minutes or args.steps else MINUTES
+    training = Training(
+        args.cache,
+        args.run,
+        Budget(minutes=minutes, steps=args.steps, learning_rate=args.rate),
+        PRESETS[args.unimogen_preset],
+        args.rows_per_step,
+        args.seed,
+        args.device,
+        args.trained_bodies,
+        args.balance,
+        fresh_schedule=args.fresh_schedule,
+    )
+    if train_network(training):
+        return 0
+    print(f"{STAGE}: stopped; the same command goes on from the checkpoint")
+    return STOPPED

@@ -55,9 +55,20 @@ class Budget:
 class Trainer(Generic[M]):
     """Minimises a `Loss` and keeps ``STAGE.pt`` and ``STAGE.json`` in the run folder."""
 
-    def __init__(self, run: Path, stage: str, model: M, budget: Budget, meta: dict[str, Any], seed: int, device: str):
+    def __init__(
+        self,
+        run: Path,
+        stage: str,
+        model: M,
+        budget: Budget,
+        meta: dict[str, Any],
+        seed: int,
+        device: str,
+        half: bool = True,
+    ):
         self.run, self.stage, self.model, self.budget = run, stage, model, budget
         self.meta, self.seed, self.device = meta, seed, device
+        self.half = half  # trunks in bfloat16, which pays where products are large
         self.run.mkdir(parents=True, exist_ok=True)
         self.average = copy.deepcopy(model).eval()
         self.optimizer = torch.optim.AdamW(
@@ -165,7 +176,7 @@ class Trainer(Generic[M]):
         for group in self.optimizer.param_groups:
             group["lr"] = self.budget.rate(self.step - self.schedule_step, progress)
         self.model.train()
-        with torch.autocast(torch.device(self.device).type, torch.bfloat16):
+        with torch.autocast(torch.device(self.device).type, torch.bfloat16, enabled=self.half):
             terms = loss_fn(self.model, generator, progress)
         minimised = (value for name, value in terms.items() if not name.startswith("_"))
         total = sum(minimised, torch.zeros((), device=self.device))

@@ -1,0 +1,1 @@
+"""UniMoGen: one diffusion model for many bodies."""

@@ -1,0 +1,97 @@
+"""The training of a UniMoGen network: build, resume, fit, load."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from troupe_training.data.bodies_store import BALANCE, Corpus, words_in
+from troupe_training.models.unimogen.config import UniMoGenConfig
+from troupe_training.models.unimogen.network import UniMoGen
+from troupe_training.models.unimogen.state import Range
+from troupe_training.train.checkpoints import Checkpoint, read_checkpoint
+from troupe_training.train.trainer import Budget, Trainer
+from troupe_training.train.unimogen.diffusion import Recipe, diffusion_loss, offset_range
+
+STAGE = "unimogen"
+
+
+@dataclass
+class Training:
+    """What a training is given. ``bodies``: those that are trained on, all of the cache where None."""
+
+    cache: Path
+    run: Path
+    budget: Budget
+    config: UniMoGenConfig
+    rows_per_step: int
+    seed: int
+    device: str = "cpu"
+    bodies: list[str] | None = None
+    balance: float = BALANCE
+    mirror: bool = True
+    recipe: Recipe | None = None
+    fresh_schedule: bool = False
+
+
+@dataclass
+class Trained:
+    """A network with what belongs to it."""
+
+    model: UniMoGen
+    words: list[str]  # of the style vector
+    bodies: list[str]  # that it was trained on
+    limits: Range
+    state: Checkpoint
+
+
+def train(training: Training) -> bool:
+    """Trains a network, resuming its checkpoint; true when the budget is spent."""
+    torch.manual_seed(training.seed)
+    path = training.run / f"{STAGE}.pt"
+    told: dict[str, Any] = read_checkpoint(path)["meta"] if path.exists() else {}
+    bodies = told.get("bodies", training.bodies)
+    words = told.get("words")
+    corpus = Corpus(training.cache, "train", bodies, words, training.balance, training.mirror)
+    limits = _range(told["range"]) if told else offset_range(corpus)
+    model = UniMoGen(training.config, len(corpus.words)).to(training.device)
+    meta = {
+        "model": asdict(training.config),
+        "words": corpus.words,
+        "bodies": corpus.names,
+        "range": [limits.low.tolist(), limits.high.tolist()],
+        "seed": training.seed,
+        "rows_per_step": training.rows_per_step,
+        "mirror": training.mirror,
+        "balance": training.balance,
+    }
+    trainer = Trainer(training.run, STAGE, model, training.budget, meta, training.seed, training.device)
+    if trainer.resume():
+        if training.fresh_schedule:
+            trainer.start_schedule()
+        print(f"{STAGE}: going on from step {trainer.step}", flush=True)
+    recipe = training.recipe or Recipe()
+    return trainer.fit(diffusion_loss(corpus, limits, training.rows_per_step, recipe))
+
+
+def _range(told: list[list[float]]) -> Range:
+    low, high = (torch.tensor(values) for values in told)
+    return Range(low, high)
+
+
+def load(run: Path) -> Trained:
+    """The averaged weights of a run, ready for use; ends the command where there are none."""
+    path = run / f"{STAGE}.pt"
+    if not path.exists():
+        raise SystemExit(f"{path} is missing: `troupe-train unimogen train` makes it")
+    state = read_checkpoint(path)
+    meta = state["meta"]
+    model = UniMoGen(UniMoGenConfig(**meta["model"]), len(meta["words"]))
+    model.load_state_dict(state["average"])
+    return Trained(model.eval().requires_grad_(False), meta["words"], meta["bodies"], _range(meta["range"]), state)
+
+
+def words_of_bodies(cache: Path, bodies: list[str]) -> list[str]:
+    """What the clips of some bodies show."""
+    return words_in(cache, bodies)
