@@ -63,8 +63,7 @@ def write_manifest(
         f'content_hash = "sha256:{digest}"',
         *("", "[capabilities]"),
         *(f"{name} = true" for name in family.capabilities),
-        *_skeleton_lines(skeleton),
-        *_robot_lines(skeleton.robot),
+        *skeleton_lines(skeleton),
         *("", "[training]"),
         *(f"{key} = {json.dumps(value)}" for key, value in about.training.items()),
         *("", "# Largest difference between ONNX Runtime and PyTorch.", "[training.onnx_check]"),
@@ -73,7 +72,8 @@ def write_manifest(
     (pack / "pack.toml").write_text("\n".join(lines) + "\n")
 
 
-def _skeleton_lines(skeleton: Skeleton) -> list[str]:
+def skeleton_lines(skeleton: Skeleton) -> list[str]:
+    """A skeleton's tables, and those of its robot."""
     lines = [
         "",
         "[skeleton]",
@@ -94,7 +94,7 @@ def _skeleton_lines(skeleton: Skeleton) -> list[str]:
             f"parent = {json.dumps(skeleton.names[parent] if parent >= 0 else '')}",
             f"offset_m = {json.dumps(offset)}",
         ]
-    return lines
+    return lines + _robot_lines(skeleton.robot)
 
 
 def _robot_lines(robot: RobotTable | None) -> list[str]:
