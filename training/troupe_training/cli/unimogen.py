@@ -1,25 +1,36 @@
 """Commands of the family UniMoGen: one diffusion model for many bodies."""
 
 import argparse
+import json
 import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from troupe_training.cli.options import OPTIONS, STOPPED, command
-from troupe_training.data.bodies_store import BALANCE
+from troupe_training.data.bodies import Body
+from troupe_training.data.bodies_store import BALANCE, Corpus
 from troupe_training.data.bvh_source import BvhSource
 from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
+from troupe_training.data.conventions import FPS
 from troupe_training.data.corpus import Wanted, make_corpus
+from troupe_training.evaluate.unimogen import Setting, captured, frozen, measure, of_network, table
+from troupe_training.export.manifest import About
+from troupe_training.export.unimogen.pack import export_run, network_of
 from troupe_training.models.unimogen.config import PRESETS
+from troupe_training.models.unimogen.sampler import Character
+from troupe_training.models.unimogen.sampler import sample as sample_rows
+from troupe_training.models.unimogen.state import BodyKinematics, Path2D, decode
 from troupe_training.robots.source import RobotSource
 from troupe_training.train.trainer import Budget
-from troupe_training.train.unimogen.stage import STAGE, Training
+from troupe_training.train.unimogen.stage import STAGE, Training, load
 from troupe_training.train.unimogen.stage import train as train_network
 
 GROUP = "unimogen"
+ABOUT = ("--out", "--name", "--version", "--licence", "--credit")
 CACHE, RUN = Path("runs/unimogen-cache"), Path("runs/unimogen")
 MINUTES = 480.0  # of training, where neither minutes nor steps are given
 OPTIONS["--bodies"] = {"type": Path, "help": "TOML list of bodies and their motion, as training/bodies.toml is one"}
@@ -28,6 +39,20 @@ OPTIONS["--source"] = {"type": Path, "help": "one folder of BVH, CSV (with --urd
 OPTIONS["--trained-bodies"] = {"nargs": "+", "help": "train on these bodies of the cache alone"}
 OPTIONS["--unimogen-preset"] = {"choices": PRESETS, "default": "default", "help": "network sizes"}
 OPTIONS["--rows-per-step"] = {"type": int, "default": 13000, "help": "rows times frames in one update"}
+OPTIONS["--body"] = {"default": "human", "help": "body of the cache"}
+OPTIONS["--words"] = {
+    "nargs": "*",
+    "default": [],
+    "metavar": "WORD[=WEIGHT]",
+    "help": "style: words with weights, e.g. walk old=0.5",
+}
+OPTIONS["--speed"] = {"type": float, "default": 1.2, "help": "metres a second ahead"}
+OPTIONS["--turn"] = {"type": float, "default": 0.0, "help": "degrees a second to the left"}
+OPTIONS["--frames"] = {"type": int, "default": 68, "help": "frames of a window, a multiple of 4"}
+OPTIONS["--sampler-steps"] = {"type": int, "default": 4, "help": "calls of the network for a motion, 1 to 50"}
+OPTIONS["--guidance"] = {"type": float, "default": 1.0, "help": "weight of the style: 1 as trained, more exaggerates"}
+OPTIONS["--parts"] = {"nargs": "+", "default": ["test", "cell"], "help": "splits of the cache to measure"}
+OPTIONS["--packs"] = {"type": Path, "help": "folder of packs whose evaluator.onnx measures FID, by the body's name"}
 OPTIONS["--cells"] = {"type": Path, "help": "list of cells CONTENT_STYLE that are held out"}
 
 
@@ -131,3 +156,94 @@ def train(args: argparse.Namespace) -> int:
         return 0
     print(f"{STAGE}: stopped; the same command goes on from the checkpoint")
     return STOPPED
+
+
+@command("--run", "--cache", *ABOUT, group=GROUP, cache=CACHE, run=RUN, out=Path("models/unimogen"), name="unimogen")
+def export(args: argparse.Namespace) -> int:
+    """A checkpoint -> a pack: one ONNX file with ragged rows, checked against PyTorch, and a file a body."""
+    export_run(args.run, args.cache, args.out, About(args.name, args.version, args.licence, args.credit))
+    return 0
+
+
+SAMPLING = ("--sampler-steps", "--guidance", "--seed", "--threads")
+
+
+@command(
+    *("--run", "--cache", "--body", "--words", "--speed", "--turn", "--frames", *SAMPLING, "--out"),
+    group=GROUP,
+    cache=CACHE,
+    run=RUN,
+    out=Path("motion.npz"),
+    seed=1,
+)
+def sample(args: argparse.Namespace) -> int:
+    """One motion from nothing along a straight path or an arc, as NumPy arrays: joint positions, rotations, the path."""
+    torch.set_num_threads(args.threads)
+    trained, body = load(args.run), Body.load(args.cache / args.body / "body.json")
+    style = style_vector(args.words, trained.words)
+    time = torch.arange(args.frames) / FPS
+    heading = torch.deg2rad(torch.tensor(args.turn)) * time
+    step = args.speed / FPS * torch.stack([torch.sin(heading), torch.cos(heading)], -1)
+    path = Path2D(step.cumsum(0)[None], heading[None])
+    character = Character(body, path.features(body.size_m)[0].numpy(), style, args.seed, guidance=args.guidance)
+    rows = torch.from_numpy(sample_rows(network_of(trained.model), [character], args.sampler_steps)[0])
+    root, bends = decode(body, rows[None], path, trained.limits)
+    kinematics = BodyKinematics(body)
+    turned = kinematics.turned(bends)
+    positions = kinematics.positions(root, turned)[0].numpy()
+    np.savez(
+        args.out, positions=positions, rotations=kinematics.rotations(turned)[0].numpy(), path=path.points[0].numpy()
+    )
+    off = np.linalg.norm(positions[:, 0, [0, 2]] - path.points[0].numpy(), axis=-1)
+    print(f"{args.out}: {args.frames} frames of {body.name}, root {off.mean():.3f} m off the path in the mean")
+    return 0
+
+
+def style_vector(words: list[str], known: list[str]) -> np.ndarray:
+    """``walk old=0.5`` as weights ``[K]``; ends the command at a word that the network does not know."""
+    style = np.zeros(len(known), np.float32)
+    for text in words:
+        word, _, weight = text.partition("=")
+        if word not in known:
+            raise SystemExit(f"no motion shows {word!r}; known: {', '.join(known)}")
+        style[known.index(word)] = float(weight or 1.0)
+    return style
+
+
+@command(
+    *("--run", "--cache", "--trained-bodies", "--parts", "--frames", "--stride", "--max-windows", *SAMPLING),
+    *("--packs", "--json", "--markdown"),
+    group=GROUP,
+    cache=CACHE,
+    run=RUN,
+    seed=1,
+    stride=32,
+    max_windows=128,
+)
+def evaluate(args: argparse.Namespace) -> int:
+    """Path, feet and distance to captures of a network on test clips and held-out cells, beside captures and a frozen pose."""
+    torch.set_num_threads(args.threads)
+    trained = load(args.run)
+    setting = Setting(args.frames, args.stride, args.max_windows, args.sampler_steps, args.guidance, args.seed)
+    report: dict[str, dict[str, dict[str, float]]] = {}
+    for part in args.parts:
+        corpus = Corpus(args.cache, part, args.trained_bodies, trained.words)
+        for name, store in corpus.stores.items():
+            methods = {
+                "captured": captured(store.body),
+                "frozen pose": frozen(store.body, trained.limits),
+                "unimogen": of_network(store.body, network_of(trained.model), trained.limits, setting),
+            }
+            report[f"{name}, {part}"] = measure(store, methods, setting, _evaluator_of(args.packs, name))
+    text = table(report)
+    print(text)
+    if args.markdown:
+        args.markdown.write_text(text)
+    if args.json:
+        args.json.write_text(json.dumps({"step": trained.state["step"], "figures": report}, indent=1) + "\n")
+    return 0
+
+
+def _evaluator_of(packs: Path | None, body: str) -> Path | None:
+    path = packs / body / "evaluator.onnx" if packs else None
+    return path if path and path.exists() else None

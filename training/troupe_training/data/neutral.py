@@ -122,9 +122,8 @@ def straightened(skeleton: Skeleton, pose: np.ndarray) -> np.ndarray:
         out[j] = out[parent] @ pose[parent].T @ pose[j]
         if len(children) == 0:
             continue
-        bone = np.mean(
-            [np.array(skeleton.offsets[k]) for k in children if (k in sided) == (j in sided)] or [[0, 0, 0]], 0
-        )
+        bones = [np.array(skeleton.offsets[k]) for k in children if (k in sided) == (j in sided)]
+        bone = np.mean(bones, 0) if bones else np.zeros(3)
         if np.linalg.norm(bone) < 1e-6:
             continue
         direction = out[j] @ bone / np.linalg.norm(bone)

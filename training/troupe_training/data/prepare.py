@@ -63,6 +63,7 @@ class Loaded:
 
 
 def load_file(path: Path, source: MotionSource) -> Loaded:
+    """One file's clips, or why it has none."""
     try:
         motion = source.load(path)
         clips, notes = cut(path.name, motion)
@@ -72,6 +73,7 @@ def load_file(path: Path, source: MotionSource) -> Loaded:
 
 
 def files_of(folder: Path, source: MotionSource, include: str | None) -> list[Path]:
+    """The files that a source reads, in all of a folder; ends the command where there are none."""
     files = sorted(p for p in folder.rglob("*") if p.suffix.lower() == source.suffix)
     if not files:
         hint = "; CSV files need their robot's --urdf" if any(folder.rglob("*.csv")) else ""

@@ -27,7 +27,7 @@ from troupe_training.export.onnx import Axes, Session, graph_of, round_to_half, 
 from troupe_training.models.unimogen.config import DIFFUSION_STEPS, RATE, SAMPLER_STEPS
 from troupe_training.models.unimogen.diffusion import cosine_signal
 from troupe_training.models.unimogen.network import UniMoGen
-from troupe_training.models.unimogen.sampler import INPUTS, Arrays, Batch, Character
+from troupe_training.models.unimogen.sampler import INPUTS, Arrays, Batch, Character, Denoiser
 from troupe_training.models.unimogen.state import BEND_GAIN, MAX_TURN, Range
 from troupe_training.train.plots import plot_curves
 from troupe_training.train.unimogen.stage import STAGE, Trained, load
@@ -66,7 +66,9 @@ def _seen(folder: Path) -> tuple[int, int, list[str]]:
     return len(clips), sum(c["frames"] for c in clips), sorted({word for c in clips for word in c["words"]})
 
 
-def export_pack(out: Path, about: About, trained: Trained, bodies: dict[str, Body], words: dict[str, list[str]]) -> None:
+def export_pack(
+    out: Path, about: About, trained: Trained, bodies: dict[str, Body], words: dict[str, list[str]]
+) -> None:
     """Writes the pack folder and fails where the file differs from PyTorch by more than `TOLERANCE`.
 
     The first of ``bodies`` that is a biped without hinges, or else the first, is the manifest's own skeleton.
@@ -106,7 +108,9 @@ def export_pack(out: Path, about: About, trained: Trained, bodies: dict[str, Bod
 
 def _family_lines(words: list[str], bodies: list[str], main: str, limits: Range) -> list[str]:
     """What the family's runner goes by, besides the graph."""
-    rounded = {name: [round(float(v), 6) for v in values] for name, values in (("low", limits.low), ("high", limits.high))}
+    rounded = {
+        name: [round(float(v), 6) for v in values] for name, values in (("low", limits.low), ("high", limits.high))
+    }
     return [
         "",
         "# How rows, paths and noise are made: training/troupe_training/models/unimogen (state.py, diffusion.py, sampler.py).",
@@ -190,3 +194,27 @@ def check_network(model: UniMoGen, path: Path, bodies: Sequence[Body]) -> float:
             expected = model(*inputs.values())
         worst = max(worst, float((session.run(inputs)["clean"] - expected).abs().max()))
     return worst
+
+
+def denoiser_of(path: Path, threads: int = 1) -> Denoiser:
+    """A pack's network at work in ONNX Runtime."""
+    session = Session(path, threads)
+
+    def run(arrays: Arrays) -> np.ndarray:
+        inputs = {name: torch.from_numpy(np.ascontiguousarray(arrays[name])) for name in INPUTS}
+        clean: np.ndarray = session.run(inputs)["clean"].numpy()
+        return clean
+
+    return run
+
+
+def network_of(model: UniMoGen) -> Denoiser:
+    """A network at work in PyTorch."""
+
+    def run(arrays: Arrays) -> np.ndarray:
+        inputs = (torch.from_numpy(np.ascontiguousarray(arrays[name])) for name in INPUTS)
+        with torch.no_grad():
+            clean: np.ndarray = model(*inputs).numpy()
+        return clean
+
+    return run

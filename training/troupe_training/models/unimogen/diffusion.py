@@ -48,8 +48,8 @@ def mix64(z: np.ndarray) -> np.ndarray:
 def row_noise(seed: int, row: int, frames: int) -> np.ndarray:
     """Standard normal noise ``[frames, 6]`` of one row of one character, 32 bits.
 
-    Row 0 is the root's place, whose last three channels are 0; row ``j + 1`` is joint ``j``. A number depends on the seed, the row,
-    the frame and the channel alone, never on the window's length or on who else is in the batch:
+    Row 0 is the root's place, whose last three channels are 0; row ``j + 1`` is joint ``j``. A number depends on the seed, the
+    row, the frame and the channel alone, never on the window's length or on who else is in the batch:
 
     - ``key = mix64(seed + GOLDEN (row + 1))``, ``u = mix64(key + GOLDEN (p + 1))`` with ``p = (6 frame + channel) / 2``, all
       modulo 2^64;

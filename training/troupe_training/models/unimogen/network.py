@@ -11,8 +11,10 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from troupe_training.data.bodies import DESCRIPTION, SLOTS
+from troupe_training.data.conventions import CONTEXT_FRAMES
 from troupe_training.data.precision import full_precision
 from troupe_training.models.unimogen.config import PATH_FEATURES, RATE, ROW_CHANNELS, UniMoGenConfig
+from troupe_training.models.unimogen.diffusion import cosine_signal
 
 TIME_WAVES = 32  # sine and cosine of the diffusion step
 PLACE_CHANNELS = 3
@@ -37,8 +39,8 @@ class Convolution(nn.Module):
 class Block(nn.Module):
     """Two convolutions around a residual; condition enters as scale and shift (FiLM) after the first norm.
 
-    Each frame is normalised over its channels (a group norm of one group that does not look along time), so that a window's length
-    does not change what a frame means.
+    Each frame is normalised over its channels (a group norm of one group that does not look along time), so that a window's
+    length does not change what a frame means.
     """
 
     def __init__(self, inputs: int, channels: int, condition: int):
@@ -169,6 +171,40 @@ def waves(values: Tensor, count: int, longest: float) -> Tensor:
     return torch.cat([torch.sin(phase), torch.cos(phase)], -1)
 
 
+class Carried(nn.Module):
+    """What the answer starts from: the given frames' own values, carried on by learnt shares, and what is seen through the noise.
+
+    A narrow network can hardly repeat a pose that it is given, and every seam shows it. So a row's answer is the network's plus
+    shares of its last past frame and of its velocity there, of its last frame where that is given (each for every distance in
+    frames, apart for joints and the root's place), and of the noisy row itself (for every diffusion step).
+    """
+
+    CARRIED_FRAMES = 64
+
+    def __init__(self) -> None:
+        super().__init__()
+        d = torch.arange(self.CARRIED_FRAMES + 1, dtype=torch.float32)
+        shares = torch.stack([torch.exp(-d / 4), d * torch.exp(-d / 2), torch.exp(-d / 4)])
+        self.shares = nn.Parameter(shares.repeat(2, 1, 1))  # [joint or place, value, velocity or last, distance]
+        signal = torch.from_numpy(cosine_signal()).float()
+        spread = 0.2  # power of a row's deviation
+        self.seen = nn.Parameter(signal.sqrt() * spread / (signal * spread + 1 - signal))
+
+    def forward(self, x: Tensor, given: Tensor, step: Tensor, place: Tensor) -> Tensor:
+        """``x`` ``[R, T, 6]``, ``given`` ``[R, T]``, ``step`` ``[R]``, ``place`` ``[R, 1, 1]`` -> ``[R, T, 6]``."""
+        anchor, frames = CONTEXT_FRAMES - 1, x.shape[1]
+        time = torch.arange(frames, device=x.device)
+        after = (time - anchor).clamp(0, self.CARRIED_FRAMES)
+        before = (frames - 1 - time).clamp_max(self.CARRIED_FRAMES)
+        share = (1.0 - place[..., None]) * self.shares[0] + place[..., None] * self.shares[1]  # [R, 1, 3, D]
+        past, velocity, last = share[:, 0].unbind(1)
+        has_past, has_last = given[:, anchor, None, None], given[:, -1, None, None]
+        held, moved = x[:, anchor, None], x[:, anchor, None] - x[:, anchor - 1, None]
+        carried = has_past * (past[:, after, None] * held + velocity[:, after, None] * moved)
+        carried = carried + has_last * last[:, before, None] * x[:, -1, None]
+        return carried + self.seen[step.long()][:, None, None] * (1.0 - given[..., None]) * x
+
+
 class UniMoGen(nn.Module):
     """Noisy rows, path, diffusion step and style to clean rows. ``words`` is the length K of the style vector."""
 
@@ -200,6 +236,7 @@ class UniMoGen(nn.Module):
         self.up = nn.ModuleList([nn.Linear(4 * c, 4 * c), nn.Linear(2 * c, 2 * c)])
         self.decoder = nn.ModuleList([Block(4 * c, 2 * c, e), Block(2 * c, c, e)])
         self.norm = nn.LayerNorm(c)
+        self.carried = Carried()
         self.joint_out, self.place_out = nn.Linear(c, ROW_CHANNELS), nn.Linear(c, ROW_CHANNELS)
 
     def forward(
@@ -246,7 +283,12 @@ class UniMoGen(nn.Module):
             deep = module(torch.cat([deep, skip], -1) if i == 0 else deep, condition, tokens, rows, reads, slot_of)
         half = self.decoder[0](torch.cat([self.up[0](deep).unflatten(-1, (2, -1)).flatten(1, 2), half], -1), condition)
         full = self.decoder[1](torch.cat([self.up[1](half).unflatten(-1, (2, -1)).flatten(1, 2), full], -1), condition)
-        return self._read_out(full, place)
+        return self._read_out(full, place) + self._carry(x, given[owner], step[owner], place)
+
+    @full_precision
+    def _carry(self, x: Tensor, given: Tensor, step: Tensor, place: Tensor) -> Tensor:
+        carried: Tensor = self.carried(x, given, step, place)
+        return carried
 
     @full_precision
     def _read_out(self, full: Tensor, place: Tensor) -> Tensor:

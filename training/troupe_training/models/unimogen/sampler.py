@@ -66,7 +66,9 @@ class Batch:
             "style": np.stack(style).astype(np.float32),
             "description": np.concatenate([c.body.description() for c in shown]),
             "owner": np.repeat(np.arange(len(shown)), [c.rows for c in shown]),
-            "rows": np.concatenate([r + first for r, first in zip(rows, self.first[:-1], strict=True)]).reshape(-1, SLOTS),
+            "rows": np.concatenate([r + first for r, first in zip(rows, self.first[:-1], strict=True)]).reshape(
+                -1, SLOTS
+            ),
             "reads": np.concatenate(reads).astype(np.float32),
         }
 
@@ -99,4 +101,3 @@ def sample(denoiser: Denoiser, characters: Sequence[Character], steps: int = SAM
             known = character.given > 0
             state[:, known] = character.known[:, known]
     return batch.state
-

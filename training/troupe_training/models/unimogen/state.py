@@ -1,7 +1,7 @@
 """From motion to what the network denoises, and back.
 
-Every frame is told in the frame of its path: the path's point ``p`` on the ground and heading ``psi``. With lengths as shares of the
-body's size and ``Y(psi)`` the rotation about +Y:
+Every frame is told in the frame of its path: the path's point ``p`` on the ground and heading ``psi``. With lengths as shares of
+the body's size and ``Y(psi)`` the rotation about +Y:
 
 - row 0: ``Y(-psi) (root - p)`` for x and z, and ``(root height - neutral height)``, min-max normalised to -1..1;
 - row 1 (the root joint): the columns of ``Y(-psi) D[root]``, others: the columns of the bend ``L``; less those of the identity,
@@ -33,7 +33,10 @@ class Path2D:
     heading: Tensor
 
     def features(self, size_m: float) -> Tensor:
-        """What the network is told: ``[B, T, 3]``, velocity to the left and ahead in sizes a second, turn rate; frame 0 as frame 1."""
+        """What the network is told ``[B, T, 3]``: velocity to the left and ahead in sizes a second, turn rate in radians.
+
+        Frame 0 has that of frame 1.
+        """
         step = (self.points[:, 1:] - self.points[:, :-1]) * (FPS / size_m)
         c, s = torch.cos(self.heading[:, 1:]), torch.sin(self.heading[:, 1:])
         left = c * step[..., 0] - s * step[..., 1]

@@ -81,7 +81,7 @@ def noised(rows: Tensor, given: Tensor, signal: Tensor, generator: Generator) ->
 
 
 def offset_range(corpus: Corpus, frames: int = 36, seed: int = 99) -> Range:
-    """Min-max range of root offsets over training windows of all bodies (paper, section 4.1), without the outermost thousandths."""
+    """Min-max range of root offsets over training windows of all bodies (paper, section 4.1), without the outermost."""
     generator = Generator().manual_seed(seed)
     found = []
     for _ in range(RANGE_SAMPLES * len(corpus.names)):

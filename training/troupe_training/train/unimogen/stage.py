@@ -6,7 +6,7 @@ from typing import Any
 
 import torch
 
-from troupe_training.data.bodies_store import BALANCE, Corpus, words_in
+from troupe_training.data.bodies_store import BALANCE, Corpus
 from troupe_training.models.unimogen.config import UniMoGenConfig
 from troupe_training.models.unimogen.network import UniMoGen
 from troupe_training.models.unimogen.state import Range
@@ -90,8 +90,3 @@ def load(run: Path) -> Trained:
     model = UniMoGen(UniMoGenConfig(**meta["model"]), len(meta["words"]))
     model.load_state_dict(state["average"])
     return Trained(model.eval().requires_grad_(False), meta["words"], meta["bodies"], _range(meta["range"]), state)
-
-
-def words_of_bodies(cache: Path, bodies: list[str]) -> list[str]:
-    """What the clips of some bodies show."""
-    return words_in(cache, bodies)
