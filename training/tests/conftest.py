@@ -9,6 +9,7 @@ import torch
 
 from troupe_training.cli.options import OPTIONS
 from troupe_training.data.prepare import prepare
+from unimogen_support import make_cache
 
 # Networks this small gain nothing from a second thread, and lose much on a busy machine.
 torch.set_num_threads(1)
@@ -104,3 +105,9 @@ def cache(bvh_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cache")
     prepare(bvh_folder, folder)
     return folder
+
+
+@pytest.fixture(scope="session")
+def corpus_cache(bvh_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A corpus of two bodies."""
+    return make_cache(tmp_path_factory.mktemp("corpus"), bvh_folder)

@@ -13,8 +13,7 @@ from torch.nn import functional as F
 from troupe_training.data.bodies import DESCRIPTION, SLOTS
 from troupe_training.data.conventions import CONTEXT_FRAMES
 from troupe_training.data.precision import full_precision
-from troupe_training.models.unimogen.config import PATH_FEATURES, RATE, ROW_CHANNELS, UniMoGenConfig
-from troupe_training.models.unimogen.diffusion import cosine_signal
+from troupe_training.models.unimogen.config import DIFFUSION_STEPS, PATH_FEATURES, RATE, ROW_CHANNELS, UniMoGenConfig
 
 TIME_WAVES = 32  # sine and cosine of the diffusion step
 PLACE_CHANNELS = 3
@@ -186,9 +185,8 @@ class Carried(nn.Module):
         d = torch.arange(self.CARRIED_FRAMES + 1, dtype=torch.float32)
         shares = torch.stack([torch.exp(-d / 4), d * torch.exp(-d / 2), torch.exp(-d / 4)])
         self.shares = nn.Parameter(shares.repeat(2, 1, 1))  # [joint or place, value, velocity or last, distance]
-        signal = torch.from_numpy(cosine_signal()).float()
-        spread = 0.2  # power of a row's deviation
-        self.seen = nn.Parameter(signal.sqrt() * spread / (signal * spread + 1 - signal))
+        # Noise is white and motion smooth, so that nothing of the noisy row is let through to begin with.
+        self.seen = nn.Parameter(torch.zeros(DIFFUSION_STEPS))
 
     def forward(self, x: Tensor, given: Tensor, step: Tensor, place: Tensor) -> Tensor:
         """``x`` ``[R, T, 6]``, ``given`` ``[R, T]``, ``step`` ``[R]``, ``place`` ``[R, 1, 1]`` -> ``[R, T, 6]``."""

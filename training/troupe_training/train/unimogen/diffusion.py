@@ -22,6 +22,7 @@ LENGTHS = ((20, 0.15), (36, 0.5), (68, 0.35))
 STYLE_DROP, WORD_DROP, PAST_DROP = 0.1, 0.1, 0.5  # all words (paper), each word alone, the past (paper)
 TARGET_SHARE = 0.25  # of the windows whose last frames are given as well
 RANGE_SAMPLES, RANGE_TAIL = 24, 0.001  # batches of each body; share of the offsets beyond -1 and 1
+MIN_RANGE = 0.1  # body sizes
 
 
 @dataclass
@@ -94,7 +95,9 @@ def offset_range(corpus: Corpus, frames: int = 36, seed: int = 99) -> Range:
     low = torch.quantile(offsets[:: 1 + len(offsets) // 1_000_000], RANGE_TAIL, 0)
     high = torch.quantile(offsets[:: 1 + len(offsets) // 1_000_000], 1 - RANGE_TAIL, 0)
     side = torch.maximum(-low[0], high[0])
-    return Range(torch.stack([-side, low[1], low[2]]), torch.stack([side, high[1], high[2]]))
+    low, high = torch.stack([-side, low[1], low[2]]), torch.stack([side, high[1], high[2]])
+    spare = (MIN_RANGE - (high - low)).clamp_min(0) / 2  # roots that never leave their path
+    return Range(low - spare, high + spare)
 
 
 @dataclass

@@ -1,0 +1,83 @@
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from troupe_training.cli.main import main
+from troupe_training.data.bodies_store import Corpus
+from troupe_training.data.corpus import words_of
+from troupe_training.data.rotations import wrap_angle
+
+
+@pytest.mark.parametrize(
+    ("clip", "words"),
+    [
+        ("dataset-2_walk-turn-left_active_041.bvh", ["walk-turn-left", "active"]),
+        ("dataset-1_run_masculinity_001.bvh", ["run", "masculine"]),
+        ("fallAndGetUp2_subject3_part4.csv", ["fall-and-get-up"]),
+        ("Walk RM", ["walk-rm"]),
+        ("lay_to_idle", ["lay-to-idle"]),
+    ],
+)
+def test_names_tell_what_a_clip_shows(clip: str, words: list[str]):
+    assert words_of(clip) == words
+
+
+def test_every_clip_is_in_and_comes_back_within_a_millimetre(corpus_cache: Path):
+    for name, clips in (("walker", 30), ("toy", 16)):
+        told = json.loads((corpus_cache / name / "clips.json").read_text())
+        assert len(told["clips"]) == clips
+        assert told["round_trip_m"] < 1e-3
+    assert list(json.loads((corpus_cache / "walker" / "clips.json").read_text())["dropped"]) == ["broken.bvh"]
+    assert "broken.bvh" in (corpus_cache / "report.md").read_text()
+
+
+def test_a_cached_body_is_not_made_again(bvh_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    argv = [
+        "unimogen",
+        "prepare",
+        "--source",
+        str(bvh_folder),
+        "--name",
+        "own",
+        "--cache",
+        str(tmp_path),
+        "--workers",
+        "1",
+    ]
+    assert main(argv) == 0
+    before = (tmp_path / "own" / "bends.npy").stat().st_mtime_ns
+    assert main(argv) == 0
+    assert "own: cached" in capsys.readouterr().out
+    assert (tmp_path / "own" / "bends.npy").stat().st_mtime_ns == before
+    assert main([*argv, "--test-name", "walk_0"]) == 0
+    assert (tmp_path / "own" / "bends.npy").stat().st_mtime_ns != before
+
+
+def test_windows_are_drawn_from_the_split_and_body(corpus_cache: Path):
+    corpus = Corpus(corpus_cache, "train", mirror=True)
+    assert corpus.names == ["toy", "walker"]
+    generator = torch.Generator().manual_seed(0)
+    windows = corpus.stores["toy"].draw(6, 36, generator)
+    assert windows.bends.shape == (6, 36, 14, 6)
+    assert (windows.words.sum(1) == 1).all()
+    drawn = {corpus.draw_body(36, generator) for _ in range(30)}
+    assert drawn == {"toy", "walker"}
+    tested = Corpus(corpus_cache, "test", words=corpus.words)
+    assert {c["name"][:6] for c in tested.stores["toy"].clips} <= {f"walk{i:02}" for i in range(0, 16, 4)}
+
+
+def test_headings_are_those_of_the_walks(corpus_cache: Path):
+    store = Corpus(corpus_cache, "train").stores["walker"]
+    starts, owners = store.every(40, 1000)
+    windows = store.windows(starts, 40, owners)
+    ahead = windows.root[:, -1] - windows.root[:, 0]
+    off = wrap_angle(windows.heading[:, 0] - torch.atan2(ahead[:, 0], ahead[:, 2]))
+    assert float(off.abs().max()) < 0.05
+
+
+def test_folders_without_motion_are_refused(tmp_path: Path):
+    (tmp_path / "walk.csv").write_text("")
+    with pytest.raises(SystemExit, match="CSV files need their robot's --urdf"):
+        main(["unimogen", "prepare", "--source", str(tmp_path)])
