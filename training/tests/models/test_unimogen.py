@@ -84,12 +84,12 @@ def test_gathered_and_dense_joint_attention_agree():
     torch.testing.assert_close(model(*inputs), model(*inputs, slot_of=slot_matrix(rows, reads)), atol=1e-5, rtol=1e-4)
 
 
-def test_company_changes_nothing():
+def test_company_changes_no_more_than_rounding():
     run = denoiser(network())
     wanted = [character(1), character(2, guidance=2.5, body_seed=4), character(3)]
     together = sample(run, wanted, 2)
     for one, rows in zip([character(1), character(2, guidance=2.5, body_seed=4), character(3)], together, strict=True):
-        np.testing.assert_allclose(sample(run, [one], 2)[0], rows, atol=2e-6)
+        np.testing.assert_allclose(sample(run, [one], 2)[0], rows, atol=1e-5)
 
 
 def test_guidance_of_one_needs_no_second_rows():
