@@ -14,7 +14,7 @@ from troupe_training.train.checkpoints import read_checkpoint, write_checkpoint
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_says_what_it_does(name: str, capsys: pytest.CaptureFixture):
     with pytest.raises(SystemExit, match="0"):
-        command_line.main([name, "--help"])
+        command_line.main([*name.split(), "--help"])
     assert " ".join((COMMANDS[name][0].__doc__ or "").split())[:60] in " ".join(capsys.readouterr().out.split())
 
 
@@ -22,7 +22,7 @@ def test_every_option_is_some_commands(capsys: pytest.CaptureFixture):
     helps = ""
     for name in COMMANDS:
         with pytest.raises(SystemExit):
-            command_line.main([name, "--help"])
+            command_line.main([*name.split(), "--help"])
         helps += capsys.readouterr().out
     assert [option for option in OPTIONS if option.startswith("--") and f"{option} " not in helps + " "] == []
 

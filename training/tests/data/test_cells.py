@@ -3,7 +3,10 @@ from pathlib import Path
 
 import pytest
 
+from conftest import write_walk
 from troupe_training.data.cells import cell_of, choose_cells, mirrored_cell, read_cells
+from troupe_training.data.prepare import Choice, prepare
+from troupe_training.data.store import ClipStore
 
 SPLITS = Path(__file__).parents[2] / "splits"
 CONTENTS = [
@@ -45,3 +48,15 @@ def test_mirrored_cells_swap_sides():
     assert mirrored_cell("raise-up-right-hand_elderly") == "raise-up-left-hand_elderly"
     assert mirrored_cell("run_masculine") == "run_masculine"
     assert not re.search("left", mirrored_cell("wave-left-hand_feminine"))
+
+
+def test_prepare_holds_cells_out_of_training(tmp_path: Path):
+    for i, cell in enumerate(["run_old", "run_happy", "walk_old", "walk_happy"]):
+        write_walk(tmp_path / f"dataset-2_{cell}_00{i}.bvh", 40, 1.0, 0.0, 1.0)
+    prepare(tmp_path, tmp_path / "cache", choice=Choice(test_name="run_happy", cells=["walk_old", "run_happy"]))
+    names = {
+        split: [c["name"] for c in ClipStore(tmp_path / "cache", split).clips] for split in ("train", "test", "cell")
+    }
+    assert names["train"] == ["dataset-2_run_old_000.bvh", "dataset-2_walk_happy_003.bvh"]
+    assert names["test"] == ["dataset-2_run_happy_001.bvh"]
+    assert names["cell"] == ["dataset-2_run_happy_001.bvh", "dataset-2_walk_old_002.bvh"]

@@ -56,6 +56,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "help": "regular expression: the test split is the files whose name it finds, not 5 %% by a hash",
     },
     "--split-list": {"type": Path, "help": "also write the names of the test files here, one a line"},
+    "--cells": {
+        "type": Path,
+        "help": "list of cells CONTENT_STYLE to hold out, as splits/bandai-namco-cells.txt is one",
+    },
     "--mirror": {"action": "store_true", "help": "also train on every clip with left and right swapped"},
     "--workers": {"type": int, "default": os.cpu_count(), "help": "parsing processes"},
     # folders
@@ -99,7 +103,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--gaps": {"type": int, "nargs": "+", "default": [15, 30, 45], "help": "frames to fill"},
     "--stride": {"type": int, "default": 20, "help": "frames between windows"},
     "--max-windows": {"type": int, "help": "most windows for each gap, spread evenly"},
-    "--split": {"choices": ("test", "train"), "default": "test"},
+    "--split": {"choices": ("test", "train", "cell"), "default": "test"},
     "--pinned": {"action": "store_true", "help": "pin answers to their keyframes as the server does"},
     "--delta": {"type": Path, "help": "run folder of a trained deterministic transformer"},
     "--single-head": {"type": Path, "help": "run or pack folder of the single-head tokenizer ablation"},

@@ -9,6 +9,7 @@ import torch
 
 from troupe_training.cli.options import OPTIONS, STOPPED, command
 from troupe_training.data.bvh_source import BvhSource
+from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
 from troupe_training.data.prepare import Choice
 from troupe_training.data.prepare import prepare as prepare_cache
@@ -35,7 +36,7 @@ DEFAULTS = {
 }
 OPTIONS["stage"] = {"choices": DEFAULTS}
 FILES = ("source", "--contact-joints", "--scale", "--urdf", "--end-effector", "--fps", "--include", "--test-name")
-DATA = (*FILES, "--split-list", "--mirror", "--workers", "--cache")
+DATA = (*FILES, "--split-list", "--cells", "--mirror", "--workers", "--cache")
 COMPUTING = ("--minutes", "--steps", "--frames-per-step", "--seed", "--device", "--threads")
 TRAINING = ("--run", "--preset", "--balance", *COMPUTING)
 ABOUT = ("--out", "--name", "--version", "--licence", "--credit")
@@ -49,7 +50,8 @@ def prepare(args: argparse.Namespace) -> int:
 
 
 def _choice(args: argparse.Namespace) -> Choice:
-    return Choice(args.include, args.test_name, args.mirror)
+    cells = sorted(read_cells(args.cells)) if args.cells else []
+    return Choice(args.include, args.test_name, args.mirror, cells)
 
 
 def _source(args: argparse.Namespace) -> MotionSource:

@@ -53,7 +53,6 @@ OPTIONS["--sampler-steps"] = {"type": int, "default": 4, "help": "calls of the n
 OPTIONS["--guidance"] = {"type": float, "default": 1.0, "help": "weight of the style: 1 as trained, more exaggerates"}
 OPTIONS["--parts"] = {"nargs": "+", "default": ["test", "cell"], "help": "splits of the cache to measure"}
 OPTIONS["--packs"] = {"type": Path, "help": "folder of packs whose evaluator.onnx measures FID, by the body's name"}
-OPTIONS["--cells"] = {"type": Path, "help": "list of cells CONTENT_STYLE that are held out"}
 
 
 @command(

@@ -17,6 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from troupe_training.data.bvh_source import BvhSource
+from troupe_training.data.cells import cell_of, mirrored_cell
 from troupe_training.data.clips import (
     MAX_FLOOR_ERROR_M,
     Clip,
@@ -43,10 +44,18 @@ class Choice:
     include: str | None = None  # only files whose name this expression finds
     test_name: str | None = None  # finds the names of the test split; a hash of the name tells where left out
     mirror: bool = False  # adds the mirror image of every training clip
+    cells: list[str] = field(
+        default_factory=list
+    )  # combinations of content and style that are held out (`data/cells.py`)
 
     def tests(self, clip: Clip) -> bool:
         """True for clips kept for testing."""
         return in_test_split(clip.file, self.test_name)
+
+    def holds_out(self, clip: Clip) -> bool:
+        """True for clips of a held-out cell, and for mirrored ones that show one."""
+        cell = cell_of(clip.file)
+        return cell is not None and (mirrored_cell(cell) if clip.mirrored else cell) in self.cells
 
 
 @dataclass
@@ -125,10 +134,11 @@ def prepare(
     try:
         skeleton = source.skeleton(kept[0].names, kept[0].parents, offsets, clips)
         if choice.mirror:
-            trained = [c for c in clips if not choice.tests(c)]
+            trained = [c for c in clips if not choice.tests(c) and not choice.holds_out(c)]
             mirroring = mirror_of(skeleton, trained)
             notes |= {"mirror": mirroring.notes} if mirroring.notes else {}
-            clips += [mirroring.clip(c) for c in trained]
+            mirrored = (mirroring.clip(c) for c in trained)
+            clips += [c for c in mirrored if not choice.holds_out(c)]
     except ValueError as error:
         raise SystemExit(str(error)) from error
 
@@ -139,10 +149,15 @@ def prepare(
     dropped = {one.file: one.dropped for one in loaded if one.dropped is not None}
     tested = [choice.tests(c) for c in clips]
     about = {"source": str(folder.resolve()), "options": source.options() | asdict(choice)}
-    _write(cache, skeleton, clips, tested, about | {"dropped": dropped, "notes": notes})
+    held_out = [choice.holds_out(c) for c in clips]
+    _write(cache, skeleton, clips, tested, held_out, about | {"dropped": dropped, "notes": notes})
     if split_list is not None:
         names = sorted({c.file for c, test in zip(clips, tested, strict=True) if test})
         split_list.write_text("".join(name + "\n" for name in names))
+    if any(held_out):
+        print(
+            f"{sum(held_out)} clips are of held-out cells: neither trained on nor, but for the test clips among them, tested"
+        )
     _report(clips, sum(tested), dropped, notes)
 
 
@@ -162,7 +177,9 @@ def _report(clips: list[Clip], tested: int, dropped: dict[str, str], notes: dict
             print(f"note {name}: and {len(texts) - NOTES_SHOWN} more, all in clips.json")
 
 
-def _write(cache: Path, skeleton: Skeleton, clips: list[Clip], tested: list[bool], about: dict[str, Any]) -> None:
+def _write(
+    cache: Path, skeleton: Skeleton, clips: list[Clip], tested: list[bool], held_out: list[bool], about: dict[str, Any]
+) -> None:
     cache.mkdir(parents=True, exist_ok=True)
     skeleton.save(cache / "skeleton.json")
     left = np.array(skeleton.left_axis)
@@ -172,11 +189,13 @@ def _write(cache: Path, skeleton: Skeleton, clips: list[Clip], tested: list[bool
     np.save(cache / "headings.npy", turned.astype(np.float32))
     np.save(cache / "contacts.npy", np.concatenate([detect_contacts(c.positions, skeleton) for c in clips]))
     start, index = 0, []
-    for clip, test in zip(clips, tested, strict=True):
+    for clip, test, held in zip(clips, tested, held_out, strict=True):
         frames = len(clip.positions)
         entry: ClipEntry = {"name": clip.name, "start": start, "frames": frames, "test": test}
         if clip.name != clip.file:
             entry |= {"file": clip.file, "first_frame": clip.first_frame, "mirrored": clip.mirrored}
+        if held:
+            entry["held_out"] = True
         index.append(entry)
         start += frames
     (cache / "clips.json").write_text(json.dumps(about | {"clips": index}, indent=1))

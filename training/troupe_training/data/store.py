@@ -40,6 +40,7 @@ class ClipEntry(TypedDict):
     file: NotRequired[str]  # these three where the clip is not a whole file as it was read
     first_frame: NotRequired[int]
     mirrored: NotRequired[bool]
+    held_out: NotRequired[bool]  # of a held-out cell (`data/cells.py`): in no training
 
 
 @dataclass
@@ -76,6 +77,14 @@ class SegmentSource(Protocol):
         """A random batch of about ``frames_budget`` frames, all segments of one length, random where not given."""
 
 
+def in_split(clip: ClipEntry, split: str) -> bool:
+    """True for clips of ``train``, ``test``, or ``cell``: held-out cells, whose clips may be test clips and are in no training."""
+    held_out = clip.get("held_out", False)
+    if split == "cell":
+        return held_out
+    return clip["test"] if split == "test" else not clip["test"] and not held_out
+
+
 def kind_of(name: str) -> str:
     """What a clip shows: its file name without the take's number, ``walk_old_002.bvh`` to ``walk_old``."""
     return re.sub(r"[\W_]*\d*$", "", Path(name).with_suffix("").as_posix())
@@ -91,7 +100,7 @@ class ClipStore:
     def __init__(self, cache: Path, split: str, device: str = "cpu", balance: float = BALANCE):
         self.skeleton = Skeleton.load(cache / "skeleton.json")
         index: list[ClipEntry] = json.loads((cache / "clips.json").read_text())["clips"]
-        self.clips = [c for c in index if c["test"] == (split == "test")]
+        self.clips = [c for c in index if in_split(c, split)]
         self.device = device
         self.positions, self.six_d, self.headings, self.contacts = (
             torch.from_numpy(np.load(cache / f"{name}.npy")).to(device)

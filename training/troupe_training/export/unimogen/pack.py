@@ -35,6 +35,8 @@ from troupe_training.train.unimogen.stage import STAGE, Trained, load
 FAMILY = Family("unimogen", ("inbetween", "live", "path"))
 FILE = "denoiser.onnx"
 OPSET = 20
+LICENCES = ("CC0 1.0", "CC BY 4.0", "CC BY-NC 4.0", "CC BY-NC-ND 4.0")  # of motion, the strictest last
+METHOD = "UniMoGen (Khani et al. 2025) for the method"
 TOLERANCE = 1e-3
 MIN_TOKENS, MAX_TOKENS = 5, 17  # of four frames: what training windows have, past and all
 CHECKED = (((0,), 20), ((0, 1), 36), ((2, 0, 1, 0), 68), ((1, 1, 2), 64))  # bodies by their place, and frames
@@ -55,8 +57,20 @@ def export_run(run: Path, cache: Path, out: Path, about: About) -> None:
     if state["history"]:
         training["unimogen_final_loss"] = state["history"][-1]["total"]
     words = {name: words for name, (_, _, words) in seen.items()}
-    export_pack(out, replace(about, training=training), trained, bodies, words)
+    licence, credits = _terms(cache, list(bodies))
+    licence = licence if about.licence == "unknown" else about.licence
+    told = replace(about, training=training, licence=licence, credits=about.credits or credits)
+    export_pack(out, told, trained, bodies, words)
     plot_curves(run, [STAGE], out / "curves.png")
+
+
+def _terms(cache: Path, bodies: list[str]) -> tuple[str, list[str]]:
+    """The strictest licence of the bodies' motion, and whom to credit."""
+    told = [json.loads((cache / name / "clips.json").read_text())["options"] for name in bodies]
+    licences = {one["licence"] for one in told}
+    known = licences <= set(LICENCES)
+    credits = list(dict.fromkeys(credit for one in told for credit in one["credits"]))
+    return max(licences, key=LICENCES.index) if known else "unknown", [*credits, METHOD]
 
 
 def _seen(folder: Path) -> tuple[int, int, list[str]]:
