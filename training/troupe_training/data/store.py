@@ -78,7 +78,7 @@ class SegmentSource(Protocol):
 
 
 def in_split(clip: ClipEntry, split: str) -> bool:
-    """True for clips of ``train``, ``test``, or ``cell``: held-out cells, whose clips may be test clips and are in no training."""
+    """True for clips of ``train``, ``test``, or ``cell``: held-out cells, which may hold test clips and are in no training."""
     held_out = clip.get("held_out", False)
     if split == "cell":
         return held_out
