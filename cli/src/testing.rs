@@ -16,6 +16,23 @@ pub(crate) fn lone_hips() -> Arc<Skeleton> {
     Arc::new(Skeleton::new(vec![joint], Vec3::X, 0.0, None).unwrap())
 }
 
+/// A skeleton of hips, spine, head and two feet.
+pub(crate) fn doll() -> Arc<Skeleton> {
+    let joint = |name: &str, parent, offset_m| Joint {
+        name: name.to_owned(),
+        parent,
+        offset_m,
+    };
+    let joints = vec![
+        joint("Hips", None, Vec3::ZERO),
+        joint("Spine", Some(0), Vec3::Y * 0.5),
+        joint("Head", Some(1), Vec3::Y * 0.3),
+        joint("Foot_L", Some(0), Vec3::new(0.1, -0.9, 0.0)),
+        joint("Foot_R", Some(0), Vec3::new(-0.1, -0.9, 0.0)),
+    ];
+    Arc::new(Skeleton::new(joints, Vec3::X, 0.0, None).unwrap())
+}
+
 /// A pack of two joints, hips and a foot, as a server describes it.
 pub(crate) fn pair() -> v1::Pack {
     let joint = |name: &str, parent, y| v1::Joint {

@@ -6,6 +6,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`telemetry`] | the registry of metrics; each layer owns its handles |
+//! | `offload` | work that takes long, away from the threads of I/O |
 //! | [`batch`] | queues, scheduling, the threads that own engines |
 //! | [`packs`] | the packs that are loaded, each with its engine and styles |
 //! | [`wire`] | values of messages: checks, units, axes, keyframes |

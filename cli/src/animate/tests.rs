@@ -1,30 +1,16 @@
 //! The moving picture, without a server.
 
-use std::sync::Arc;
-
 use glam::{Quat, Vec3};
 use troupe_motion::clip::Clip;
-use troupe_motion::skeleton::{Joint, Skeleton};
 
 use super::picture::Picture;
 use crate::stage::Stage;
 use crate::take::{CrowdTake, Recorded};
+use crate::testing::doll;
 
 /// A character that walks ahead from a place.
 fn walker(from: Vec3, frames: usize) -> Recorded {
-    let joint = |name: &str, parent, offset_m| Joint {
-        name: name.to_owned(),
-        parent,
-        offset_m,
-    };
-    let joints = vec![
-        joint("Hips", None, Vec3::ZERO),
-        joint("Spine", Some(0), Vec3::Y * 0.5),
-        joint("Head", Some(1), Vec3::Y * 0.3),
-        joint("Foot_L", Some(0), Vec3::new(0.1, -0.9, 0.0)),
-        joint("Foot_R", Some(0), Vec3::new(-0.1, -0.9, 0.0)),
-    ];
-    let skeleton = Arc::new(Skeleton::new(joints, Vec3::X, 0.0, None).unwrap());
+    let skeleton = doll();
     let roots = (0..frames).map(|frame| from + Vec3::new(0.0, 0.9, 0.02 * frame as f32));
     let rotations = vec![Quat::IDENTITY; 5 * frames];
     Recorded {

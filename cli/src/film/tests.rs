@@ -1,33 +1,19 @@
 //! The film, without a server.
 
-use std::f32::consts::PI;
-use std::sync::Arc;
-
 use glam::{Quat, Vec2, Vec3};
+use std::f32::consts::PI;
 use troupe_motion::clip::Clip;
-use troupe_motion::skeleton::{Joint, Skeleton};
 use troupe_proto::v1;
 use troupe_proto::v1::session_event::Kind;
 
 use super::picture::{Picture, WIDTH};
 use crate::stage::{Solid, Stage};
 use crate::take::{Event, Moved, Order, Take};
+use crate::testing::doll;
 
 /// A figure that walks half a circle.
 fn take(frames: usize, styles: &[&str]) -> Take {
-    let joint = |name: &str, parent, offset_m| Joint {
-        name: name.to_owned(),
-        parent,
-        offset_m,
-    };
-    let joints = vec![
-        joint("Hips", None, Vec3::ZERO),
-        joint("Spine", Some(0), Vec3::Y * 0.5),
-        joint("Head", Some(1), Vec3::Y * 0.3),
-        joint("Foot_L", Some(0), Vec3::new(0.1, -0.9, 0.0)),
-        joint("Foot_R", Some(0), Vec3::new(-0.1, -0.9, 0.0)),
-    ];
-    let skeleton = Arc::new(Skeleton::new(joints, Vec3::X, 0.0, None).unwrap());
+    let skeleton = doll();
     let angle = |f: usize| PI * f as f32 / frames.max(2) as f32;
     let roots = (0..frames).map(|f| Vec3::new(2.0 - 2.0 * angle(f).cos(), 0.9, 2.0 * angle(f).sin()));
     let turns = (0..frames).flat_map(|f| {

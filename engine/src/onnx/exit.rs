@@ -16,7 +16,7 @@ pub(super) fn enter() -> RwLockReadGuard<'static, ()> {
 }
 
 /// Registers the handler. Handlers and destructors run in reverse order of what they are registered in, and libraries make objects
-/// as they first run: to be called after each new network has run.
+/// as they first run: to be called once a network of a new shape has run.
 pub(super) fn register() {
     #[allow(unsafe_code, reason = "the standard library has no exit handlers")]
     // SAFETY: the handler does not unwind.

@@ -53,11 +53,6 @@ impl NetworkPool {
         }
     }
 
-    /// Bytes that open networks take, by estimate.
-    pub fn used_bytes(&self) -> u64 {
-        self.networks.lock().used_bytes
-    }
-
     /// The budget.
     pub fn budget_bytes(&self) -> u64 {
         self.networks.budget_bytes

@@ -136,7 +136,9 @@ impl Networks {
         let mut state = self.lock();
         let result = match opened {
             Ok(Some(network)) => {
-                state.opened(key, network, Instant::now());
+                if state.opened(key, network, Instant::now()) {
+                    exit::register();
+                }
                 Ok(())
             }
             Ok(None) => {
@@ -185,7 +187,6 @@ impl Networks {
             let together = sample.run(&mut network, 0..key.rows).map_err(run)?;
             alone[..key.rows] == together
         };
-        exit::register();
         let Key { length, rows, .. } = key;
         let (stage, took) = (graph.stage.name(), started.elapsed());
         tracing::debug!(stage, length, rows, ?took, same, "network opened");

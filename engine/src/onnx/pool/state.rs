@@ -94,12 +94,14 @@ impl<N> State<N> {
         }
     }
 
-    /// Takes in a network that was opened.
-    pub(super) fn opened(&mut self, key: Key, network: N, now: Instant) {
-        if let Some(shape) = self.shapes.get_mut(&key) {
-            shape.idle.push(network);
-            (shape.misses, shape.used) = (0, Some(now));
-        }
+    /// Takes in a network that was opened. True where it is the first of its shape.
+    pub(super) fn opened(&mut self, key: Key, network: N, now: Instant) -> bool {
+        let Some(shape) = self.shapes.get_mut(&key) else {
+            return false;
+        };
+        shape.idle.push(network);
+        shape.misses = 0;
+        shape.used.replace(now).is_none()
     }
 
     /// Removes a graph and gives its networks.
