@@ -18,6 +18,8 @@ gpu) most_mb=450 ;;
 *) echo "RUNTIME is $runtime; allowed: cpu, openvino, gpu" >&2; exit 2 ;;
 esac
 image=troupe:$runtime
+# Least gigabytes that the disk must have free: the build's layers and caches are copies.
+least_free_gb=6
 # Most seconds until the server is ready, and until it has stopped: its default drain_timeout_ms and some more.
 most_ready_s=60
 most_stop_s=12
@@ -88,9 +90,19 @@ stand_in_rust() {
     bud commit --quiet --rm --format docker "$container" "$name" >/dev/null
 }
 
+# The disk has room, or an earlier build is there to go on with.
+check_room() {
+    local free_gb used_gb
+    free_gb=$(df --output=avail --block-size=1G "$work" | tail -n 1)
+    used_gb=$(du -s --block-size=1G "$work" | cut -f1)
+    [ $((free_gb + used_gb)) -ge "$least_free_gb" ] ||
+        fail "the disk has ${free_gb// /} GB free; building the image needs $least_free_gb GB"
+}
+
 # The tools and the stand-ins, and whether namespaces are to be had.
 prepare() {
     local base rust
+    check_room
     install_tools
     base=$(default_of BASE_IMAGE) rust=$(default_of RUST_IMAGE)
     # What a run has left that was killed.
