@@ -187,7 +187,8 @@ pub async fn serve_packs_at(
     let internal = |error: &dyn std::fmt::Display| StartError::Internal(error.to_string());
     let address = listener.local_addr().map_err(StartError::Listen)?;
     let telemetry = Telemetry::new().map_err(|error| internal(&error))?;
-    let sessions = Sessions::new(config.session_limits(), time, &telemetry);
+    let sessions =
+        Sessions::new(config.session_limits(), time, &telemetry).map_err(|error| internal(&error))?;
     let service = Arc::new(Service::new(
         config.request_limits(),
         config.request_timeout(),

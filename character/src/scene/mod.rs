@@ -82,6 +82,9 @@ pub const MAX_COLLIDERS: usize = 1024;
 pub const MAX_INSTANCES: usize = 4096;
 /// Most bytes of an instance's or collider's id, or of a scene's name.
 pub const MAX_ID_BYTES: usize = 128;
+/// Most volumes that one question to a scene looks at: those that the tree of their bounds gives first. A question in ordinary scenes
+/// meets a few; thousands in one place would cost more than a frame has.
+pub const MAX_CANDIDATES: usize = 256;
 /// Most scenes of a server.
 pub const MAX_SCENES: usize = 256;
 /// How far a rotation's length may be from 1.

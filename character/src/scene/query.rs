@@ -8,7 +8,7 @@ use troupe_motion::Vec3;
 
 use super::convert::{vec3, vector};
 use super::heightfield;
-use super::{BoxTrace, Instance, Scene, Transform, Volume};
+use super::{BoxTrace, Instance, MAX_CANDIDATES, Scene, Transform, Volume};
 
 /// An object whose trigger volume a box trace meets.
 #[derive(Debug, Clone)]
@@ -72,7 +72,11 @@ impl Scene {
     pub fn detect_into(&self, trace: &BoxTrace, found: &mut Vec<Detected>) {
         found.clear();
         let prepared = trace.prepare();
-        for slot in self.triggers.intersect_aabb(&prepared.bounds) {
+        for slot in self
+            .triggers
+            .intersect_aabb(&prepared.bounds)
+            .take(MAX_CANDIDATES)
+        {
             let Some(instance) = self.at_slot(slot) else {
                 continue;
             };
@@ -99,12 +103,14 @@ impl Scene {
             .colliders
             .tree
             .intersect_aabb(&prepared.bounds)
+            .take(MAX_CANDIDATES)
             .filter_map(|index| {
                 let placed = self.colliders.list.get(index as usize)?;
                 let share = prepared.meets(&placed.volume, placed.transform)?;
                 Some((share, Surface::Collider(Arc::clone(&placed.id))))
             });
-        let objects = self.solids.intersect_aabb(&prepared.bounds).filter_map(|slot| {
+        let near = self.solids.intersect_aabb(&prepared.bounds).take(MAX_CANDIDATES);
+        let objects = near.filter_map(|slot| {
             let instance = self
                 .at_slot(slot)
                 .filter(|instance| Some(&*instance.id) != ignore)?;
@@ -223,7 +229,12 @@ fn nearest(
     of_leaf: impl Fn(u32, f32) -> Option<Hit>,
 ) -> Option<(u32, Hit)> {
     let best = std::cell::Cell::new(None::<(u32, Hit)>);
+    let looked_at = std::cell::Cell::new(0);
     tree.cast_ray(ray, reach, |leaf, reach| {
+        looked_at.set(looked_at.get() + 1);
+        if looked_at.get() > MAX_CANDIDATES {
+            return None;
+        }
         let hit = of_leaf(leaf, reach)?;
         if best
             .get()

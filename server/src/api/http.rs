@@ -120,8 +120,9 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
 pub(super) async fn in_between(
     State(service): State<Arc<Service>>,
     JsonBody(request): JsonBody<v1::InBetweenRequest>,
-) -> Result<Json<v1::InBetweenResponse>, ApiError> {
-    Ok(Json(service.in_between(request).await?))
+) -> Result<Response, ApiError> {
+    let answer = service.in_between(request).await?;
+    json::written(move || answer).await
 }
 
 /// List the model packs that this server has loaded

@@ -13,6 +13,7 @@ use axum::response::{IntoResponse as _, Response};
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt as _, StreamExt as _};
 use prost::Message as _;
+use tokio::sync::oneshot;
 use tokio::time::{MissedTickBehavior, timeout};
 use troupe_proto::v1;
 use troupe_proto::v1::drive_response::Message as Say;
@@ -92,30 +93,38 @@ impl Form {
 
 /// Serves a stream to its end.
 async fn serve(socket: WebSocket, permit: StreamPermit, limits: BodyLimits) {
-    let form = Form::default();
+    let form = Arc::new(Form::default());
+    let sessions = permit.sessions().clone();
     let (mut sink, source) = socket.split();
+    let read_form = form.clone();
     // Boxed so that the stream can be read on after the conversation has ended.
     let mut inbound = source
         .take_while(|message| std::future::ready(!matches!(message, Ok(Message::Close(_)))))
-        .filter_map(|message| std::future::ready(read(message, &form, &limits)))
+        .filter_map(move |message| std::future::ready(read(message, &read_form, &limits)))
         .map(|said| said.map_err(|error| error.problem()))
         .boxed();
     let (outbox, outlet) = outbox(answers::drive);
-    {
-        let conversation = permit.run(&mut inbound, outbox);
+    let (ended, conversation) = oneshot::channel();
+    sessions.spawn(async move {
+        permit.run(&mut inbound, outbox).await;
+        // Where nobody waits for it the connection is gone.
+        let _ = ended.send((inbound, permit));
+    });
+    let (rest, written) = {
         let writing = write(outlet, &mut sink, &form);
         tokio::pin!(conversation, writing);
-        let written = tokio::select! {
-            () = &mut conversation => timeout(FAREWELL, writing).await.is_ok(),
+        tokio::select! {
+            rest = &mut conversation => (rest, timeout(FAREWELL, writing).await.is_ok()),
             // Nobody reads: the outlet is gone with the writer, and the conversation ends by that.
-            () = &mut writing => {
-                conversation.await;
-                true
-            }
-        };
-        if !written {
-            return tracing::debug!("a stream's client did not read its end");
+            () = &mut writing => (conversation.await, true),
         }
+    };
+    // The place among the streams is kept until the end of the connection.
+    let Ok((mut inbound, _permit)) = rest else {
+        return tracing::error!("a stream's conversation did not come to its end");
+    };
+    if !written {
+        return tracing::debug!("a stream's client did not read its end");
     }
     // What the client still says must be read, or the system resets the connection under our last words.
     let rest = async { while inbound.next().await.is_some() {} };

@@ -8,6 +8,7 @@ use troupe_proto::v1;
 
 use super::cell::SessionCell;
 use super::drive::{Roster, StreamPermit};
+use super::executor::Executor;
 use super::{CommandResult, LivePacks, Registry, SessionError, Stepped, TimeSource};
 use super::{commands, describe, metrics, options, peek, step};
 use crate::offload::offload;
@@ -50,19 +51,24 @@ pub struct Sessions {
     streams: Gauge,
     places: Arc<Semaphore>,
     draining: watch::Sender<bool>,
+    executor: Executor,
 }
 
 impl Sessions {
     /// A server's sessions: none yet.
-    pub fn new(limits: SessionLimits, time: TimeSource, telemetry: &Telemetry) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// Where the system gives no threads.
+    pub fn new(limits: SessionLimits, time: TimeSource, telemetry: &Telemetry) -> std::io::Result<Self> {
+        Ok(Self {
             registry: Arc::new(Registry::new(limits.sessions)),
             limits,
             time,
             streams: metrics::streams(telemetry),
             places: Arc::new(Semaphore::new(limits.streams)),
             draining: watch::Sender::new(false),
-        }
+            executor: Executor::new()?,
+        })
     }
 
     /// The limits.
@@ -107,8 +113,13 @@ impl Sessions {
         self.streams.set(self.limits.streams.saturating_sub(free) as f64);
     }
 
-    pub(super) fn apply(&self, commands: &[v1::Command]) -> Vec<CommandResult> {
-        commands::apply(&self.registry, &self.time, commands)
+    pub(super) async fn apply(&self, commands: &[v1::Command]) -> Vec<CommandResult> {
+        commands::apply(&self.registry, &self.time, commands).await
+    }
+
+    /// Runs a stream, or what else advances characters, on the threads for that.
+    pub fn spawn(&self, work: impl Future<Output = ()> + Send + 'static) {
+        self.executor.spawn(work);
     }
 
     /// A place for a stream.
@@ -233,22 +244,32 @@ impl Sessions {
     ///
     /// # Errors
     /// [`SessionError::Field`] for a list that is empty or too long; what is wrong with one command is in its result.
-    pub fn command(&self, request: &v1::CommandRequest) -> Result<Vec<CommandResult>, SessionError> {
+    pub async fn command(
+        self: &Arc<Self>,
+        request: v1::CommandRequest,
+    ) -> Result<Vec<CommandResult>, SessionError> {
         let root = Path::root();
         let count = request.commands.len();
         units::length(&root.field("commands"), count, 1, commands::MAX_COMMANDS)?;
-        Ok(self.apply(&request.commands))
+        let this = self.clone();
+        let work = async move { this.apply(&request.commands).await };
+        Ok(self.executor.run(work).await?)
     }
 
     /// `troupe.v1.Sessions/Step`.
     ///
     /// # Errors
     /// [`SessionError`] for a request that makes no sense, or where no session could be served.
-    pub async fn step(&self, request: &v1::StepRequest) -> Result<Stepped, SessionError> {
+    pub async fn step(self: &Arc<Self>, request: v1::StepRequest) -> Result<Stepped, SessionError> {
         let arrived = std::time::Instant::now();
-        let plan = step::check(request, &self.limits)?;
-        let commands = self.apply(&request.commands);
-        let stepped = step::step(&self.registry, &self.time, &request.session_ids, plan).await;
+        let plan = step::check(&request, &self.limits)?;
+        let this = self.clone();
+        let work = async move {
+            let commands = this.apply(&request.commands).await;
+            let stepped = step::step(&this.registry, &this.time, &request.session_ids, plan).await;
+            (commands, stepped)
+        };
+        let (commands, stepped) = self.executor.run(work).await?;
         if let (true, Some(problem)) = (stepped.blocks.is_empty(), stepped.problems.first()) {
             return Err(problem.error.clone());
         }

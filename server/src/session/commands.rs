@@ -1,12 +1,14 @@
 //! Commands: checked one by one, so that one that is wrong does not hold up the others.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use troupe_motion::Vec3;
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent as Asked;
 
 use super::cell::{Live, SessionCell};
+use super::executor::Turn;
 use super::options::unknown_style;
 use super::{Registry, SessionError, TimeSource};
 use crate::wire::units;
@@ -37,18 +39,29 @@ pub struct CommandResult {
 }
 
 /// Gives commands to their sessions and says the result of each, in order.
-pub(super) fn apply(registry: &Registry, time: &TimeSource, commands: &[v1::Command]) -> Vec<CommandResult> {
-    let root = Path::root();
+pub(super) async fn apply(
+    registry: &Registry,
+    time: &TimeSource,
+    commands: &[v1::Command],
+) -> Vec<CommandResult> {
     let now = time.now();
-    let each = commands.iter().enumerate().map(|(index, command)| {
-        let path = root.element("commands", index);
-        let field = || path.field("session_id").to_string();
-        let outcome = registry
-            .get(&command.session_id, now, &field)
-            .and_then(|cell| give(&path, &cell, command));
-        result(command, outcome)
-    });
-    each.collect()
+    let mut turn = Turn::begin();
+    let mut results = Vec::with_capacity(commands.len());
+    for (index, command) in commands.iter().enumerate() {
+        results.push(apply_one(registry, now, index, command));
+        turn.pause().await;
+    }
+    results
+}
+
+fn apply_one(registry: &Registry, now: Instant, index: usize, command: &v1::Command) -> CommandResult {
+    let root = Path::root();
+    let path = root.element("commands", index);
+    let field = || path.field("session_id").to_string();
+    let outcome = registry
+        .get(&command.session_id, now, &field)
+        .and_then(|cell| give(&path, &cell, command));
+    result(command, outcome)
 }
 
 fn result(command: &v1::Command, outcome: Result<CommandOutcome, SessionError>) -> CommandResult {

@@ -148,14 +148,16 @@ async fn a_tick_takes_what_happened_or_leaves_it() {
         positions: false,
         six_d: false,
     };
-    let attached = roster.attach(&["outside".to_owned(), "inside".to_owned()], form);
+    let attached = roster
+        .attach(&["outside".to_owned(), "inside".to_owned()], form)
+        .await;
     inside
         .live()
         .events
         .collect(|fresh| fresh.push(done(0)), &metrics());
-    roster.tick(SUB_FRAMES, form, None);
+    roster.tick(SUB_FRAMES, form, None).await;
     let mut happened = Vec::new();
-    let tick = roster.tick(SUB_FRAMES, form, Some(&mut happened));
+    let tick = roster.tick(SUB_FRAMES, form, Some(&mut happened)).await;
     assert!(tick.frames.held.is_empty());
     let slot = attached.sessions[1].slot;
     let told: Vec<_> = happened
@@ -164,6 +166,6 @@ async fn a_tick_takes_what_happened_or_leaves_it() {
         .collect();
     assert_eq!(told, [(slot, "inside", 1)]);
     happened.clear();
-    roster.tick(SUB_FRAMES, form, Some(&mut happened));
+    roster.tick(SUB_FRAMES, form, Some(&mut happened)).await;
     assert!(happened.is_empty());
 }

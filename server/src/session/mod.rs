@@ -11,6 +11,7 @@ pub mod drive;
 mod encode;
 mod error;
 mod events;
+mod executor;
 mod metrics;
 mod options;
 mod pack;

@@ -14,6 +14,7 @@ use troupe_proto::v1;
 
 use super::cell::{Held, Owner};
 use super::encode::{BlockWriter, Form};
+use super::executor::Turn;
 use super::planner::{self, Patience};
 use super::{CommandResult, LivePack, SessionError, SessionProblem};
 use super::{Registry, SessionLimits, TimeSource, events};
@@ -31,8 +32,8 @@ pub const MAX_STEP_CHARACTER_FRAMES: usize = 131_072;
 const RATES_HZ: [u32; 3] = [30, 50, 60];
 /// Plans that may fail one after the other before the session counts as one that cannot be served.
 const MAX_FAILURES: u32 = 3;
-/// Frames after which other work gets a turn.
-const FRAMES_A_TURN: usize = 256;
+/// Frames that a character goes before it asks whether others want a turn.
+const FRAMES_ALONE: usize = 8;
 
 /// Sub-frames of the timeline that a tick at `rate_hz` takes; 0 stands for 30.
 ///
@@ -129,6 +130,7 @@ pub struct Stepped {
 
 /// Advances the sessions. Those that cannot be served are among the problems.
 pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String], plan: StepPlan) -> Stepped {
+    let mut turn = Turn::begin();
     let mut stepped = Stepped::default();
     let (mut walkers, blocks) = gather((registry, time), ids, plan.form, &mut stepped.problems);
     let mut writers: Vec<BlockWriter> = blocks
@@ -140,27 +142,23 @@ pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String],
     }
 
     let mut out = FrameOut::default();
-    let mut written = 0;
     let mut going = groups(&walkers);
     while !going.is_empty() {
         let mut waiting = Vec::new();
         for group in going {
             let mut waits_for = None;
-            // Alone a character goes as far as it comes, with others frame by frame.
-            let frames_at_once = if group.len() == 1 { plan.frames } else { 1 };
+            // Alone a character goes some frames at a time, with others frame by frame.
+            let frames_at_once = if group.len() == 1 { FRAMES_ALONE } else { 1 };
             while waits_for.is_none()
                 && let Some(until) = next_stop(&walkers, &group, plan.frames, frames_at_once)
             {
                 for &index in &group {
                     let walker = &mut walkers[index];
-                    if walker.run(&plan, until, &mut writers[walker.block], &mut out, &mut written) {
+                    if walker.run(&plan, until, &mut writers[walker.block], &mut out) {
                         waits_for = Some(index);
                         break;
                     }
-                }
-                if written >= FRAMES_A_TURN {
-                    written = 0;
-                    tokio::task::yield_now().await;
+                    turn.pause().await;
                 }
             }
             waiting.extend(waits_for.map(|index| (index, group)));
@@ -258,14 +256,7 @@ fn next_stop(
 impl CharacterStep {
     /// Runs until the character has done `until` frames of the step, cannot be served, or needs a plan; answers whether it is the
     /// last.
-    fn run(
-        &mut self,
-        plan: &StepPlan,
-        until: usize,
-        writer: &mut BlockWriter,
-        out: &mut FrameOut,
-        written: &mut usize,
-    ) -> bool {
+    fn run(&mut self, plan: &StepPlan, until: usize, writer: &mut BlockWriter, out: &mut FrameOut) -> bool {
         if self.trouble.is_some() || self.done >= until {
             return false;
         }
@@ -298,7 +289,6 @@ impl CharacterStep {
                     &cell.pack().rig().skeleton,
                 );
                 self.done += 1;
-                *written += 1;
             }
             if self.done >= until {
                 return false;

@@ -54,22 +54,13 @@ impl Sessions for SessionsApi {
         &self,
         request: Request<v1::CommandRequest>,
     ) -> Result<Response<v1::CommandResponse>, Status> {
-        answer(
-            self.service
-                .sessions()
-                .command(request.get_ref())
-                .map(answers::commands),
-        )
+        let commands = self.service.sessions().command(request.into_inner());
+        answer(commands.await.map(answers::commands))
     }
 
     async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::StepResponse>, Status> {
-        answer(
-            self.service
-                .sessions()
-                .step(request.get_ref())
-                .await
-                .map(answers::step),
-        )
+        let stepped = self.service.sessions().step(request.into_inner());
+        answer(stepped.await.map(answers::step))
     }
 
     type DriveStream = Pin<Box<dyn Stream<Item = Result<v1::DriveResponse, Status>> + Send>>;
@@ -88,7 +79,8 @@ impl Sessions for SessionsApi {
             .map(move |said| said.map_err(|status| ApiError::of_status(&status, limit).problem()));
         let (outbox, outlet) = outbox(answers::drive);
         // It ends by itself: with the server, or with the client, whose going drops the outlet.
-        tokio::spawn(async move { place.run(&mut inbound, outbox).await });
+        let sessions = self.service.sessions();
+        sessions.spawn(async move { place.run(&mut inbound, outbox).await });
         let outbound = futures_util::stream::unfold(outlet, |mut outlet: Outlet| async {
             outlet.next().await.map(|said| (Ok(said), outlet))
         });

@@ -4,13 +4,16 @@ use std::sync::Arc;
 
 use axum::body::Bytes;
 use axum::extract::{FromRequest, Request};
-use axum::response::IntoResponse as _;
-use http::StatusCode;
+use axum::response::{IntoResponse as _, Response};
+use http::{StatusCode, header};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 use troupe_proto::rpc;
 
 use crate::api::error::ApiError;
 use crate::api::shape::Shapes;
+use crate::offload::WorkerStopped;
+use crate::service::ServiceError;
 use crate::wire::{MAX_MESSAGE, MAX_PATH, cut};
 use troupe_character::document::plain;
 
@@ -48,6 +51,17 @@ pub(in crate::api) fn read<T: rpc::Request + DeserializeOwned>(
         field: None,
     })?;
     Ok(value)
+}
+
+/// An answer that may be large, written as JSON on the pool for blocking work: it may take a second.
+pub(in crate::api) async fn written<T: Serialize>(
+    answer: impl FnOnce() -> T + Send + 'static,
+) -> Result<Response, ApiError> {
+    let written = tokio::task::spawn_blocking(move || serde_json::to_vec(&answer())).await;
+    let json = written
+        .map_err(|_| ServiceError::from(WorkerStopped))?
+        .map_err(|error| ApiError::Internal(error.to_string()))?;
+    Ok(([(header::CONTENT_TYPE, "application/json")], json).into_response())
 }
 
 /// A JSON body. The content type does not matter.

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use axum::Json;
 use axum::extract::State;
+use axum::response::Response;
 use serde::Deserialize;
 use troupe_proto::v1;
 
-use super::json::JsonBody;
+use super::json::{self, JsonBody};
 use super::{Asked, Named, asked, named};
 use crate::api::answers;
 use crate::api::error::ApiError;
@@ -164,7 +165,9 @@ pub(in crate::api) async fn command(
     State(service): Server,
     JsonBody(request): JsonBody<v1::CommandRequest>,
 ) -> Result<Json<v1::CommandResponse>, ApiError> {
-    Ok(Json(answers::commands(service.sessions().command(&request)?)))
+    Ok(Json(answers::commands(
+        service.sessions().command(request).await?,
+    )))
 }
 
 /// Give commands and take the next frames
@@ -189,8 +192,9 @@ pub(in crate::api) async fn command(
 pub(in crate::api) async fn step(
     State(service): Server,
     JsonBody(request): JsonBody<v1::StepRequest>,
-) -> Result<Json<v1::StepResponse>, ApiError> {
-    Ok(Json(answers::step(service.sessions().step(&request).await?)))
+) -> Result<Response, ApiError> {
+    let stepped = service.sessions().step(request).await?;
+    json::written(move || answers::step(stepped)).await
 }
 
 /// List the locomotion styles of a pack, without their keyframes

@@ -45,6 +45,11 @@ impl StreamPermit {
         }
     }
 
+    /// The sessions that the stream is one of.
+    pub fn sessions(&self) -> &Arc<Sessions> {
+        &self.sessions
+    }
+
     /// Runs a stream to its end. `inbound` gives what the client says, or why it cannot be read; it ends when the client
     /// is done.
     pub async fn run<I>(&self, inbound: &mut I, outbox: Outbox)
@@ -154,12 +159,13 @@ impl Driving {
                     if outbox.stalled(Instant::now()) >= limit {
                         return Closing::SlowReader(limit);
                     }
-                    self.tick(tick, outbox);
+                    self.tick(tick, outbox).await;
                 }
                 asked = inbound.next(), if outbox.has_room() => {
                     let answered = match asked {
                         None => return Closing::ClientDone,
-                        Some(asked) => asked.map_err(Closing::Unreadable).and_then(|asked| self.hear(asked)),
+                        Some(Err(problem)) => return Closing::Unreadable(problem),
+                        Some(Ok(asked)) => self.hear(asked).await,
                     };
                     match answered {
                         Ok(Some(answer)) => outbox.say(answer),
@@ -172,14 +178,16 @@ impl Driving {
     }
 
     /// What a client's message leads to.
-    fn hear(&mut self, asked: v1::DriveRequest) -> Result<Option<Said>, Closing> {
+    async fn hear(&mut self, asked: v1::DriveRequest) -> Result<Option<Said>, Closing> {
         let root = Path::root();
         let most = self.sessions.limits().per_stream;
         match asked.message {
             Some(Ask::Attach(v1::DriveAttach { session_ids })) => {
                 let path = root.field("attach");
                 units::length(&path.field("session_ids"), session_ids.len(), 1, most)?;
-                Ok(Some(Said::Attached(self.roster.attach(&session_ids, self.form))))
+                Ok(Some(Said::Attached(
+                    self.roster.attach(&session_ids, self.form).await,
+                )))
             }
             Some(Ask::Detach(v1::DriveDetach { session_ids })) => {
                 let path = root.field("detach");
@@ -190,7 +198,7 @@ impl Driving {
                 let path = root.field("command");
                 let commands = &path.field("commands");
                 units::length(commands, request.commands.len(), 1, commands::MAX_COMMANDS)?;
-                let mut results = self.sessions.apply(&request.commands);
+                let mut results = self.sessions.apply(&request.commands).await;
                 results.retain(|result| !matches!(result.outcome, Ok(CommandOutcome::Accepted)));
                 Ok((!results.is_empty()).then_some(Said::Commands(results)))
             }
@@ -206,7 +214,7 @@ impl Driving {
     }
 
     /// Advances the characters by a tick, and by those that were missed before it.
-    fn tick(&mut self, tick: TickNumber, outbox: &Outbox) {
+    async fn tick(&mut self, tick: TickNumber, outbox: &Outbox) {
         if let Some(gone) = left(self.roster.ended()) {
             outbox.say(gone);
         }
@@ -224,7 +232,8 @@ impl Driving {
         let mut happened = outbox.has_room().then(Vec::new);
         let mut frames = self
             .roster
-            .tick(self.sub_frames * ticks, self.form, happened.as_mut());
+            .tick(self.sub_frames * ticks, self.form, happened.as_mut())
+            .await;
         if let Some(sessions) = happened.filter(|happened| !happened.is_empty()) {
             outbox.say(Said::Events(sessions));
         }

@@ -11,6 +11,7 @@ use super::said::{Attached, Departure};
 use crate::session::LivePack;
 use crate::session::cell::{End, Held, Owner, SessionCell};
 use crate::session::encode::{BlockWriter, Form};
+use crate::session::executor::Turn;
 use crate::session::planner::{self, Patience};
 use crate::session::{Registry, TimeSource, events};
 use crate::session::{SessionError, SessionProblem};
@@ -63,7 +64,8 @@ impl Roster {
     }
 
     /// Takes sessions onto the stream, those that can be and whose frames can be written in `form`.
-    pub fn attach(&mut self, ids: &[String], form: Form) -> Attached {
+    pub async fn attach(&mut self, ids: &[String], form: Form) -> Attached {
+        let mut turn = Turn::begin();
         let mut attached = Attached::default();
         for (index, id) in ids.iter().enumerate() {
             match self.attach_one(index, id, form) {
@@ -73,6 +75,7 @@ impl Roster {
                 }),
                 Err(error) => attached.problems.push(SessionProblem::new(index, id, error)),
             }
+            turn.pause().await;
         }
         attached
     }
@@ -132,7 +135,7 @@ impl Roster {
 
     /// Advances everybody by `sub_frames` and writes the frames. The tick's number and count of dropped ones are left to
     /// the stream. `happened` is where to put what happened; without it, it goes on waiting.
-    pub fn tick(
+    pub async fn tick(
         &mut self,
         sub_frames: u32,
         form: Form,
@@ -146,6 +149,7 @@ impl Roster {
         let mut underruns = 0;
         let mut in_hands = Vec::new();
         self.read_load();
+        let mut turn = Turn::begin();
         for member in &self.members {
             let cell = member.held.cell();
             let pack = cell.pack();
@@ -177,6 +181,7 @@ impl Roster {
                 &cell.pack().rig().skeleton,
             );
             *place += 1;
+            turn.pause().await;
         }
         let blocks = writers.into_iter().filter(|(_, count)| *count > 0);
         Tick {
