@@ -167,6 +167,15 @@ pub struct Config {
     #[config(env = "TROUPE_SCENES", layer_attr(arg(long, value_name = "FOLDER")))]
     pub scenes: Option<PathBuf>,
 
+    /// Memory for all scenes together, in MiB: their colliders, as they are estimated, and objects. A scene that finds no room is
+    /// refused.
+    #[config(
+        env = "TROUPE_MAX_SCENE_MEMORY_MIB",
+        default = 256,
+        layer_attr(arg(long, value_name = "MIB"))
+    )]
+    pub max_scene_memory_mib: usize,
+
     /// Folder of object definitions: a folder for each pack, named as the pack, with one TOML or JSON file a definition, named
     /// for it. Uploaded ones are kept there. Left out: those last until the server stops.
     #[config(env = "TROUPE_OBJECTS", layer_attr(arg(long, value_name = "FOLDER")))]
@@ -204,6 +213,14 @@ pub struct Config {
     )]
     pub max_streams: usize,
 
+    /// Most open streams of one connection. All connections of one address may have twice as many.
+    #[config(
+        env = "TROUPE_MAX_STREAMS_PER_CLIENT",
+        default = 256,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_streams_per_client: usize,
+
     /// Time without a command, step or stream after which a session expires, in milliseconds. A session may set its own.
     #[config(
         env = "TROUPE_SESSION_TTL_MS",
@@ -228,9 +245,25 @@ pub struct Config {
     )]
     pub max_message_bytes: usize,
 
+    /// Memory for requests and answers on their way, in MiB: one that finds no room is refused with a hint. All connections of
+    /// one address may take half of it, one connection a quarter. 0: an eighth of the memory that this process may use, but 256 to
+    /// 2048.
+    #[config(
+        env = "TROUPE_TRANSFER_MEMORY_MIB",
+        default = 0,
+        layer_attr(arg(long, value_name = "MIB"))
+    )]
+    pub transfer_memory_mib: u64,
+
+    /// An answer of which its reader takes nothing for this long is given up, in milliseconds.
+    #[config(
+        env = "TROUPE_WRITE_TIMEOUT_MS",
+        default = 30_000,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub write_timeout_ms: u64,
+
     /// Most open connections; further ones, health checks included, wait in the system's backlog until one closes.
-    /// Connections times max_message_bytes bounds the memory of HTTP/1.1 request bodies in flight; an HTTP/2 connection
-    /// may carry max_calls_per_connection requests at once and so take as many times that.
     #[config(
         env = "TROUPE_MAX_CONNECTIONS",
         default = 10_000,
@@ -239,8 +272,7 @@ pub struct Config {
     pub max_connections: usize,
 
     /// Most calls and streams at a time on one HTTP/2 connection; further ones wait in the client. One such connection may
-    /// be all that a game server has. Times max_message_bytes it bounds the memory of a connection's requests in flight:
-    /// lower either where clients are not trusted.
+    /// be all that a game server has.
     #[config(
         env = "TROUPE_MAX_CALLS_PER_CONNECTION",
         default = 1024,

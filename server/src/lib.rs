@@ -46,6 +46,7 @@
 
 pub mod api;
 pub mod batch;
+pub mod clients;
 pub mod config;
 pub mod doctor;
 pub mod health;

@@ -16,6 +16,7 @@ use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
 use crate::api;
 use crate::batch::scheduler::Limits;
 use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
+use crate::clients::Clients;
 use crate::config::Config;
 use crate::packs::{LoadedPack, PackTable};
 use crate::service::Service;
@@ -197,10 +198,18 @@ pub async fn serve_packs_at(
     ));
     let health = HealthReporter::new();
     api::set_serving(&health, false).await;
-    let router = api::router(&service, &health, &config.api_limits()).map_err(|error| internal(&error))?;
+    let clients = Arc::new(Clients::new(config.shares(), &telemetry));
+    let router =
+        api::router(&service, &health, &clients, &config.api_limits()).map_err(|error| internal(&error))?;
 
     let (stop, stopping) = watch::channel(false);
-    let connections = tokio::spawn(connections::accept(listener, router, config.clone(), stopping));
+    let connections = tokio::spawn(connections::accept(
+        listener,
+        router,
+        clients,
+        config.clone(),
+        stopping,
+    ));
     let drain_timeout = config.drain_timeout();
     let upkeep = tokio::spawn(upkeep(service.clone()));
     let starting = tokio::spawn(start(config, service.clone(), health.clone(), packs));
@@ -242,9 +251,14 @@ async fn start(
 ) -> Result<(), StartError> {
     let gone = |_| StartError::Internal("a task that loads files has stopped".to_owned());
     let folders = config.world_folders();
+    let scene_bytes = config.max_scene_memory_mib.saturating_mul(1 << 20);
     let read = move || -> Result<_, StartError> {
         let sources = packs()?;
-        let store = Store::load(folders, sources.iter().map(|source| &*source.pack.rig))?;
+        let store = Store::load(
+            folders,
+            scene_bytes,
+            sources.iter().map(|source| &*source.pack.rig),
+        )?;
         Ok((sources, store))
     };
     let (sources, store) = tokio::task::spawn_blocking(read).await.map_err(gone)??;

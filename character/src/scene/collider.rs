@@ -13,6 +13,12 @@ use super::{MAX_COLLIDERS, MAX_HEIGHT_SAMPLES, Shape, Transform, Volume};
 /// How far from 1 the cosine of a heightfield's tilt may be.
 const UPRIGHT_TOLERANCE: f32 = 1e-6;
 
+/// About how much memory a collider takes, bytes: of its own, for each point of a hull (with its edges and faces), and for each
+/// sample of a heightfield.
+const COLLIDER_BYTES: usize = 512;
+const POINT_BYTES: usize = 512;
+const SAMPLE_BYTES: usize = 16;
+
 /// A static collider as written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collider {
@@ -58,6 +64,16 @@ impl ColliderShape {
             Self::Solid(shape) => Volume::new(shape),
             Self::Heightfield(field) => field.volume(),
         }
+    }
+
+    /// About how much memory it takes as written and ready for queries, bytes.
+    fn bytes(&self) -> usize {
+        let points = match self {
+            Self::Solid(Shape::Box { .. }) => 0,
+            Self::Solid(Shape::Convex { points_m }) => points_m.len(),
+            Self::Heightfield(_) => 0,
+        };
+        COLLIDER_BYTES + points * POINT_BYTES + self.samples() * SAMPLE_BYTES
     }
 
     fn samples(&self) -> usize {
@@ -152,6 +168,11 @@ impl Colliders {
             list,
             tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &bounds),
         }
+    }
+
+    /// About how much memory they take, bytes.
+    pub(super) fn bytes(&self) -> usize {
+        self.list.iter().map(|placed| placed.source.shape.bytes()).sum()
     }
 
     /// Samples of all heightfields.

@@ -9,6 +9,10 @@ use super::collider::{Colliders, Placed};
 use super::error::{self, SceneError};
 use super::{Body, Collider, Holder, Instance, MAX_COORDINATE_M, MAX_INSTANCES, State, Transform};
 
+/// About how much memory a scene takes, bytes: of its own, and for each instance.
+const SCENE_BYTES: usize = 4096;
+const INSTANCE_BYTES: usize = 1024;
+
 /// What characters share a place with. A copy shares all that is not changed later, so it costs little.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
@@ -64,6 +68,11 @@ impl Scene {
     /// Samples of all heightfields together.
     pub fn height_samples(&self) -> usize {
         self.colliders.samples()
+    }
+
+    /// About how much memory it takes, bytes.
+    pub fn bytes(&self) -> usize {
+        SCENE_BYTES + self.colliders.bytes() + self.len() * INSTANCE_BYTES
     }
 
     /// All instances, in no order that means anything.

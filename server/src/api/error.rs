@@ -13,11 +13,13 @@ mod world;
 use std::time::Duration;
 
 use crate::batch::SubmitError;
+use crate::clients::Exhausted;
 use crate::service::ServiceError;
 use crate::session::SessionError;
 use crate::world::WorldError;
 use row::{
-    INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE, UNIMPLEMENTED,
+    FULL, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE,
+    UNIMPLEMENTED,
 };
 use troupe_character::FieldError;
 use troupe_engine::EngineError;
@@ -27,6 +29,9 @@ pub use form::{ErrorBody, ErrorDetail};
 
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
 const DOMAIN: &str = "troupe.v1";
+
+/// When it is worth to try again where too much was on its way.
+const RETRY_AFTER: Duration = Duration::from_secs(1);
 
 /// An error that a caller sees.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -60,6 +65,9 @@ pub enum ApiError {
         /// The limit.
         limit_bytes: usize,
     },
+    /// A client, an address or all clients have too much on their way.
+    #[error(transparent)]
+    Exhausted(#[from] Exhausted),
     /// No such route or method.
     #[error("there is no {0}")]
     UnknownRoute(String),
@@ -96,6 +104,13 @@ impl ApiError {
                 .because("REQUEST_TOO_LARGE")
                 .field("body")
                 .allowed(format!("at most {limit_bytes} bytes")),
+            Self::Exhausted(error) => {
+                let row = FULL.because("CLIENT_LIMIT").allowed(error.allowed.as_str());
+                match error.never {
+                    true => row,
+                    false => row.retry_after(RETRY_AFTER),
+                }
+            }
             Self::UnknownRoute(_) => NO_ROUTE.because("UNKNOWN_ROUTE"),
             Self::WrongMethod(_) => NO_METHOD.because("WRONG_METHOD"),
             Self::DeadlineExceeded(_) => TOO_LATE.because("DEADLINE_EXCEEDED"),

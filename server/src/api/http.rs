@@ -25,6 +25,7 @@ use self::json::{BodyLimits, JsonBody};
 use super::error::ApiError;
 use super::shape::Shapes;
 use super::track::{self, HttpRpcs, Tracker};
+use super::traffic::is_grpc;
 use super::{ApiLimits, openapi, ws};
 use crate::service::Service;
 use crate::wire::{MAX_MESSAGE, cut};
@@ -219,10 +220,7 @@ async fn wrong_method(request: Request) -> ApiError {
 /// Answers what no route does, in the caller's protocol.
 pub(super) async fn unknown_route(headers: HeaderMap, request: Request) -> Response {
     let path: String = request.uri().path().chars().take(200).collect();
-    let grpc = headers
-        .get(header::CONTENT_TYPE)
-        .is_some_and(|ty| ty.as_bytes().starts_with(b"application/grpc"));
-    match grpc {
+    match is_grpc(&headers) {
         true => ApiError::Unimplemented(format!("there is no service at {path}"))
             .status()
             .into_http::<Body>(),

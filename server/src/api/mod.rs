@@ -13,14 +13,16 @@ mod shape;
 #[cfg(feature = "testing")]
 pub mod testing;
 mod track;
+mod traffic;
 mod ws;
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::Router;
+use axum::{Router, middleware};
 use tonic_health::server::HealthReporter;
 
+use crate::clients::Clients;
 use crate::service::Service;
 
 pub use error::{ApiError, ErrorBody, ErrorDetail};
@@ -35,6 +37,8 @@ const MAX_STREAM_MESSAGE_BYTES: usize = 2 << 20;
 pub struct ApiLimits {
     /// How long a caller waits for an answer.
     pub timeout: Duration,
+    /// How long an answer waits for its reader.
+    pub write_timeout: Duration,
     /// Most bytes of a request.
     pub message_bytes: usize,
     /// Most characters of an InBetween request.
@@ -50,10 +54,13 @@ pub struct ApiLimits {
 pub fn router(
     service: &Arc<Service>,
     health: &HealthReporter,
+    clients: &Arc<Clients>,
     limits: &ApiLimits,
 ) -> Result<Router, tonic_reflection::server::Error> {
     let grpc = grpc::router(service, health, limits)?;
+    let traffic = traffic::Traffic::new(clients.clone(), limits.write_timeout);
     Ok(grpc
         .merge(http::router(service, limits))
-        .fallback(http::unknown_route))
+        .fallback(http::unknown_route)
+        .layer(middleware::from_fn_with_state(traffic, traffic::count)))
 }

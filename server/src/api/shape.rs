@@ -217,6 +217,7 @@ mod tests {
     }
 
     const LIMITS: ApiLimits = ApiLimits {
+        write_timeout: Duration::from_secs(1),
         timeout: Duration::ZERO,
         message_bytes: 0,
         characters: 3,

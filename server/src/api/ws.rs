@@ -22,6 +22,7 @@ use super::MAX_STREAM_MESSAGE_BYTES;
 use super::answers;
 use super::error::ApiError;
 use super::http::json::{self, BodyLimits};
+use crate::clients::Client;
 use crate::service::Service;
 use crate::session::drive::{Outlet, StreamPermit, outbox};
 use crate::wire::{MAX_MESSAGE, cut};
@@ -52,18 +53,23 @@ const MAX_REASON_BYTES: usize = 123;
 pub(super) async fn drive(
     State(service): State<Arc<Service>>,
     Extension(limits): Extension<BodyLimits>,
+    Extension(client): Extension<Arc<Client>>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, ApiError> {
     let upgrade = upgrade.map_err(|rejection| ApiError::Malformed {
         message: format!("this path takes a WebSocket: {}", rejection.body_text()),
         field: None,
     })?;
+    let of_client = client.stream()?;
     let permit = service.sessions().open_stream()?;
     let bytes = limits.bytes.min(MAX_STREAM_MESSAGE_BYTES);
     let limits = BodyLimits { bytes, ..limits };
     let upgrade = upgrade.max_message_size(bytes).max_frame_size(bytes);
     Ok(upgrade
-        .on_upgrade(move |socket| serve(socket, permit, limits))
+        .on_upgrade(move |socket| async move {
+            serve(socket, permit, limits).await;
+            drop(of_client);
+        })
         .into_response())
 }
 

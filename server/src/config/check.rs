@@ -22,7 +22,10 @@ impl Config {
             ("max_sessions", self.max_sessions),
             ("max_sessions_per_request", self.max_sessions_per_request),
             ("max_sessions_per_stream", self.max_sessions_per_stream),
+            ("max_scene_memory_mib", self.max_scene_memory_mib),
             ("max_streams", self.max_streams),
+            ("max_streams_per_client", self.max_streams_per_client),
+            ("write_timeout_ms", self.write_timeout_ms as usize),
             ("drive_stall_timeout_ms", self.drive_stall_timeout_ms as usize),
             ("request_timeout_ms", self.request_timeout_ms as usize),
             ("keepalive_ms", self.keepalive_ms as usize),
@@ -57,6 +60,7 @@ impl Config {
             ("max_batch_ms", self.max_batch_ms, 60_000),
             ("worker_spin_us", self.worker_spin_us, 10_000),
             ("network_memory_mib", self.network_memory_mib, MOST_NETWORK_MIB),
+            ("transfer_memory_mib", self.transfer_memory_mib, MOST_NETWORK_MIB),
         ];
         for (option, value, most) in at_most {
             if value > most {

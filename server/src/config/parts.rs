@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::Config;
 use crate::api::ApiLimits;
 use crate::batch::scheduler::Limits;
+use crate::clients::{Share, Shares};
 use crate::inbetween::RequestLimits;
 use crate::session::SessionLimits;
 use crate::world::Folders;
@@ -15,6 +16,10 @@ use troupe_engine::{CheckCache, EngineError, Selector, Workers};
 
 /// Shortest time for which InBetween calls stay behind live plans.
 const MIN_AGEING: Duration = Duration::from_secs(2);
+
+/// Memory for requests and answers on their way, where nothing is said.
+const LEAST_TRANSFER_BYTES: u64 = 256 << 20;
+const MOST_TRANSFER_BYTES: u64 = 2048 << 20;
 
 /// Memory for networks of each pack, where nothing is said.
 const NETWORK_BYTES: u64 = 180 << 20;
@@ -61,9 +66,27 @@ impl Config {
     pub fn api_limits(&self) -> ApiLimits {
         ApiLimits {
             timeout: self.request_timeout(),
+            write_timeout: Duration::from_millis(self.write_timeout_ms),
             message_bytes: self.max_message_bytes,
             characters: self.max_characters_per_request,
             sessions: self.max_sessions_per_request,
+        }
+    }
+
+    /// What a client may have at a time, the clients of an address, and all.
+    pub fn shares(&self) -> Shares {
+        let bytes = match self.transfer_memory_mib {
+            0 => (Machine::detect().memory_bytes / 8).clamp(LEAST_TRANSFER_BYTES, MOST_TRANSFER_BYTES),
+            mib => mib << 20,
+        };
+        let bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
+        let share = |bytes, streams| Share { bytes, streams };
+        let streams = self.max_streams_per_client;
+        Shares {
+            client: share(bytes / 4, streams),
+            address: share(bytes / 2, streams.saturating_mul(2)),
+            // `max_streams` is the limit of all.
+            all: share(bytes, usize::MAX),
         }
     }
 

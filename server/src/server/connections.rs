@@ -1,10 +1,13 @@
 //! The accept loop: HTTP/1.1 and HTTP/2 (prior knowledge, h2c) on one port.
 
 use std::io::{self, Cursor};
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
+use http::Request;
+use hyper::body::Incoming;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
 use hyper_util::server::graceful::{GracefulShutdown, Watcher};
@@ -12,7 +15,9 @@ use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Notify, Semaphore, watch};
+use tower::ServiceExt as _;
 
+use crate::clients::Clients;
 use crate::config::Config;
 
 /// How long to pause where the system has no more file handles.
@@ -38,12 +43,14 @@ const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 pub(super) async fn accept(
     listener: TcpListener,
     router: Router,
+    clients: Arc<Clients>,
     config: Config,
     mut stopping: watch::Receiver<bool>,
 ) -> bool {
     let connections = Connections {
         builder: builder(&config),
-        service: TowerToHyperService::new(router),
+        router,
+        clients,
         first_bytes_timeout: config.request_timeout(),
     };
     let connections = Arc::new(connections);
@@ -60,8 +67,8 @@ pub(super) async fn accept(
             next = next => next,
             () = stopped(&mut stopping) => break,
         };
-        let stream = match accepted {
-            Ok((stream, _)) => stream,
+        let (stream, address) = match accepted {
+            Ok(accepted) => accepted,
             Err(error) => {
                 tracing::warn!(%error, "cannot accept a connection");
                 tokio::time::sleep(ACCEPT_PAUSE).await;
@@ -74,7 +81,7 @@ pub(super) async fn accept(
         tokio::spawn(async move {
             let _place = place;
             tokio::select! {
-                () = connections.serve(stream, watcher, &mut stopping) => {}
+                () = connections.serve(stream, address.ip(), watcher, &mut stopping) => {}
                 () = cut.notified() => {}
             }
         });
@@ -105,13 +112,20 @@ async fn stopped(stopping: &mut watch::Receiver<bool>) {
 /// How connections are served.
 struct Connections {
     builder: Builder<TokioExecutor>,
-    service: TowerToHyperService<Router>,
+    router: Router,
+    clients: Arc<Clients>,
     first_bytes_timeout: Duration,
 }
 
 impl Connections {
     /// Serves one connection to its end.
-    async fn serve(&self, stream: TcpStream, watcher: Watcher, stopping: &mut watch::Receiver<bool>) {
+    async fn serve(
+        &self,
+        stream: TcpStream,
+        address: IpAddr,
+        watcher: Watcher,
+        stopping: &mut watch::Receiver<bool>,
+    ) {
         let begun = tokio::select! {
             begun = tokio::time::timeout(self.first_bytes_timeout, begin(stream)) => begun,
             () = stopped(stopping) => return,
@@ -121,9 +135,17 @@ impl Connections {
             Ok(Err(error)) => return tracing::debug!(%error, "a connection ended before its first request"),
             Err(_) => return tracing::debug!("a connection did not begin a request in time"),
         };
+        let client = self.clients.connected(address);
+        let service = self
+            .router
+            .clone()
+            .map_request(move |mut request: Request<Incoming>| {
+                request.extensions_mut().insert(client.clone());
+                request
+            });
         let connection = self
             .builder
-            .serve_connection_with_upgrades(stream, self.service.clone());
+            .serve_connection_with_upgrades(stream, TowerToHyperService::new(service));
         if let Err(error) = watcher.watch(connection).await {
             tracing::debug!(error = %error, "a connection ended with an error");
         }

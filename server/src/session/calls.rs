@@ -150,7 +150,8 @@ impl Sessions {
     ) -> Result<v1::CreateSessionsResponse, SessionError> {
         let count = request.sessions.len();
         units::length(&Path::root().field("sessions"), count, 1, self.limits.per_request)?;
-        self.registry.room_for(count, self.time.now())?;
+        let usual_ttl = Duration::from_millis(self.limits.ttl_ms.into());
+        self.registry.room_for(count, usual_ttl, self.time.now())?;
         let (this, packs, store) = (self.clone(), packs.clone(), store.clone());
         let work = move || this.create_now(&packs, &store, &request);
         offload(count, INLINE_SESSIONS, work).await?
@@ -254,6 +255,21 @@ impl Sessions {
         let this = self.clone();
         let work = async move { this.apply(&request.commands).await };
         Ok(self.executor.run(work).await?)
+    }
+
+    /// About how many bytes the frames of a step take, as numbers in memory.
+    ///
+    /// # Errors
+    /// [`SessionError::Field`] for a request that makes no sense.
+    pub fn step_bytes(&self, request: &v1::StepRequest) -> Result<usize, SessionError> {
+        let plan = step::check(request, &self.limits)?;
+        let now = self.time.now();
+        Ok(step::answer_bytes(
+            &self.registry,
+            &request.session_ids,
+            &plan,
+            now,
+        ))
     }
 
     /// `troupe.v1.Sessions/Step`.

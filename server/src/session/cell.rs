@@ -214,8 +214,7 @@ impl SessionCell {
         if self.owner() != Owner::Free {
             return self.ttl;
         }
-        let seen = self.born + Duration::from_millis(self.seen_ms.load(Ordering::Relaxed));
-        self.ttl.saturating_sub(now.saturating_duration_since(seen))
+        self.ttl.saturating_sub(self.idle(now))
     }
 
     /// Who advances it.
@@ -234,8 +233,13 @@ impl SessionCell {
 
     /// Ends it where its time is up at `now` and nobody advances it. Answers whether it did.
     pub(super) fn expire(&self, now: Instant) -> bool {
+        self.expire_after(self.ttl, now)
+    }
+
+    /// Ends it where nobody advances it, and nobody has for `limit`. Answers whether it did.
+    pub(super) fn expire_after(&self, limit: Duration, now: Instant) -> bool {
         let free = Owner::Free as u8;
-        if !self.left(now).is_zero() || self.owner() != Owner::Free {
+        if self.idle(now) < limit || self.owner() != Owner::Free {
             return false;
         }
         let taken = self
@@ -245,16 +249,17 @@ impl SessionCell {
             return false;
         }
         // Somebody may have wanted it between the look at the clock and now.
-        if !self.left_while_free(now).is_zero() {
+        if self.idle(now) < limit {
             self.owner.store(free, Ordering::Release);
             return false;
         }
         self.finish(End::Expired)
     }
 
-    fn left_while_free(&self, now: Instant) -> Duration {
+    /// Time at `now` since the last sign of life.
+    pub(super) fn idle(&self, now: Instant) -> Duration {
         let seen = self.born + Duration::from_millis(self.seen_ms.load(Ordering::Acquire));
-        self.ttl.saturating_sub(now.saturating_duration_since(seen))
+        now.saturating_duration_since(seen)
     }
 
     /// Ends it, whoever has it. Answers whether it was open.

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::ops::Bound;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::SessionError;
 use super::cell::{End, SessionCell};
@@ -52,16 +52,40 @@ impl Registry {
     }
 
     /// Whether `more` sessions may be opened: a look ahead of the work of making them. Those whose time is up at `now` make
-    /// room.
+    /// room, and so do those that nobody has wanted for `usual_ttl` although they may live longer.
     ///
     /// # Errors
     /// [`SessionError::TooMany`].
-    pub fn room_for(&self, more: usize, now: Instant) -> Result<(), SessionError> {
+    pub fn room_for(&self, more: usize, usual_ttl: Duration, now: Instant) -> Result<(), SessionError> {
         if self.check_room(self.len(), more).is_ok() {
             return Ok(());
         }
         self.sweep(now);
+        if self.check_room(self.len(), more).is_err() {
+            self.expire_idle(more, usual_ttl, now);
+        }
         self.check_room(self.len(), more)
+    }
+
+    /// Ends sessions that nobody has wanted for `usual_ttl`, although they may live longer, until there is room for `more`: the
+    /// longest idle first. Where there is room enough for all others they stay.
+    fn expire_idle(&self, more: usize, usual_ttl: Duration, now: Instant) {
+        let (mut idle, open): (Vec<_>, usize) = {
+            let open = self.read();
+            let idle = open.values().filter(|cell| cell.left(now) < cell.ttl());
+            let idle = idle.map(|cell| (cell.idle(now), cell.clone()));
+            (idle.filter(|(time, _)| *time >= usual_ttl).collect(), open.len())
+        };
+        let missing = (open + more).saturating_sub(self.limit);
+        if missing > idle.len() {
+            return;
+        }
+        idle.sort_by_key(|(time, _)| std::cmp::Reverse(*time));
+        for (_, cell) in idle.into_iter().take(missing) {
+            if cell.expire_after(usual_ttl, now) {
+                self.bury(&cell);
+            }
+        }
     }
 
     fn check_room(&self, open: usize, more: usize) -> Result<(), SessionError> {

@@ -182,7 +182,10 @@ async fn an_expired_session_is_in_nobodys_way_before_the_sweep() {
     setup.get("b").unwrap().touch();
     setup.pass(TTL / 2);
     assert_eq!(kind(&setup.open("b").unwrap_err()), "TOO_MANY_SESSIONS");
-    setup.registry.room_for(1, setup.now()).unwrap();
+    setup
+        .registry
+        .room_for(1, Duration::from_secs(3600), setup.now())
+        .unwrap();
     assert_eq!(setup.get("a").unwrap_err(), "SESSION_EXPIRED");
     assert_eq!(kind(&setup.open("b").unwrap_err()), "SESSION_EXISTS");
     setup.pass(TTL / 2);
@@ -190,9 +193,37 @@ async fn an_expired_session_is_in_nobodys_way_before_the_sweep() {
     setup.open("b").unwrap();
     assert_eq!((setup.registry.len(), setup.get("b").is_ok()), (1, true));
     assert_eq!(
-        kind(&setup.registry.room_for(2, setup.now()).unwrap_err()),
+        kind(
+            &setup
+                .registry
+                .room_for(2, Duration::from_secs(3600), setup.now())
+                .unwrap_err()
+        ),
         "TOO_MANY_SESSIONS"
     );
+}
+
+#[tokio::test]
+async fn sessions_that_live_long_and_are_not_wanted_make_room_where_it_is_needed() {
+    let setup = Setup::new(2).await;
+    setup.open("old").unwrap();
+    setup.pass(TTL / 4);
+    setup.open("new").unwrap();
+    setup.pass(TTL / 2);
+    // Nobody has been idle for as long as is usual.
+    let usual = TTL;
+    assert_eq!(
+        kind(&setup.registry.room_for(1, usual, setup.now()).unwrap_err()),
+        "TOO_MANY_SESSIONS"
+    );
+    // More room than they could make: they stay.
+    let usual = TTL / 4;
+    assert!(setup.registry.room_for(3, usual, setup.now()).is_err());
+    assert_eq!(setup.registry.len(), 2);
+    let held = setup.take("old", Owner::Step).unwrap();
+    setup.registry.room_for(1, usual, setup.now()).unwrap();
+    assert_eq!(setup.get("new").unwrap_err(), "SESSION_EXPIRED");
+    assert!(held.cell().end().is_none(), "somebody advances it");
 }
 
 /// What may happen to a few sessions.

@@ -23,6 +23,7 @@ use crate::wire::units;
 use troupe_character::live::{Advance, Clock, FrameOut, SUB_FRAMES, Strain};
 use troupe_character::{FieldError, Path};
 use troupe_engine::EngineError;
+use troupe_motion::model::SIX_D;
 
 /// Most frames of a step.
 pub const MAX_STEP_FRAMES: u32 = 120;
@@ -32,6 +33,8 @@ pub const MAX_STEP_CHARACTER_FRAMES: usize = 131_072;
 const RATES_HZ: [u32; 3] = [30, 50, 60];
 /// Plans that may fail one after the other before the session counts as one that cannot be served.
 const MAX_FAILURES: u32 = 3;
+/// Numbers of a frame that belong to no joint: root, contacts, hinges.
+const NUMBERS_OF_A_FRAME: usize = 40;
 /// Frames that a character goes before it asks whether others want a turn.
 const FRAMES_ALONE: usize = 8;
 
@@ -92,6 +95,17 @@ pub(super) fn check(request: &v1::StepRequest, limits: &SessionLimits) -> Result
             request.return_six_d,
         )?,
     })
+}
+
+/// About how many bytes the frames of a step take, as numbers in memory.
+pub(super) fn answer_bytes(registry: &Registry, ids: &[String], plan: &StepPlan, now: Instant) -> usize {
+    let numbers_of_a_joint = 4 + 3 * usize::from(plan.form.positions) + SIX_D * usize::from(plan.form.six_d);
+    let of_frame = |joints: usize| (joints * numbers_of_a_joint + NUMBERS_OF_A_FRAME) * size_of::<f32>();
+    let joints = ids.iter().filter_map(|id| {
+        let cell = registry.get(id, now, &String::new).ok()?;
+        Some(cell.pack().rig().skeleton.joint_count())
+    });
+    joints.map(|joints| of_frame(joints) * plan.frames).sum()
 }
 
 /// A character on its way.

@@ -41,6 +41,14 @@ pub enum WorldError {
         /// The field of the request that named it.
         field: String,
     },
+    /// Scenes would take more memory than they may.
+    #[error("{message}")]
+    NoMemory {
+        /// What takes how much.
+        message: String,
+        /// Most bytes.
+        most: usize,
+    },
     /// A file that was not written, or a document that was not made.
     #[error("{0}")]
     Internal(String),
@@ -75,6 +83,10 @@ impl From<StoreError> for WorldError {
                     .error(error.to_string(), "a smaller scene")
                     .into()
             }
+            StoreError::NoMemory { most, .. } => Self::NoMemory {
+                message: error.to_string(),
+                most,
+            },
             StoreError::Keep { .. } => {
                 tracing::error!(%error, "a file was not written");
                 Self::Internal(error.to_string())

@@ -23,11 +23,13 @@ pub struct Folders {
 }
 
 /// The scenes and definitions of a server.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Store {
     scenes: SceneTable,
     definitions: Arc<Definitions>,
     folders: Folders,
+    /// Most memory of all scenes, bytes.
+    max_bytes: usize,
     /// The definitions that the kept files of scenes name. One upload or deletion at a time has it.
     kept: Mutex<Kept>,
 }
@@ -79,6 +81,20 @@ pub enum StoreError {
         /// How long it is.
         bytes: usize,
     },
+    /// Scenes would take more memory than they may.
+    #[error(
+        "scene {name:?} takes about {bytes} bytes and the other scenes {taken}; allowed: at most {most} in all (max_scene_memory_mib)"
+    )]
+    NoMemory {
+        /// The scene.
+        name: String,
+        /// What it takes.
+        bytes: usize,
+        /// What the others take.
+        taken: usize,
+        /// What all may take.
+        most: usize,
+    },
     /// It could not be written to its folder, or removed from there.
     #[error("{what} {name:?} cannot be written to its folder: {cause}")]
     Keep {
@@ -96,7 +112,11 @@ impl Store {
     ///
     /// # Errors
     /// [`LoadError`], which names the file and what is wrong with it.
-    pub fn load<'a>(folders: Folders, packs: impl IntoIterator<Item = &'a Rig>) -> Result<Self, LoadError> {
+    pub fn load<'a>(
+        folders: Folders,
+        max_bytes: usize,
+        packs: impl IntoIterator<Item = &'a Rig>,
+    ) -> Result<Self, LoadError> {
         let mut definitions: Vec<Definition> = Vec::new();
         if let Some(folder) = &folders.objects {
             for pack in packs {
@@ -117,6 +137,7 @@ impl Store {
             scenes,
             definitions: Arc::new(definitions),
             folders,
+            max_bytes,
             kept: Mutex::new(kept),
         })
     }
@@ -150,6 +171,7 @@ impl Store {
         self.definitions.while_unchanged(|definitions| {
             let NamedScene { name, scene } = make(definitions)?;
             self.scenes.room_for(&name).map_err(StoreError::from)?;
+            self.memory_for(&name, scene.bytes())?;
             if let Some(folder) = &self.folders.scenes {
                 keep_scene(folder, &name, &scene, text)?;
                 kept.insert(name.clone(), used_by(&scene));
@@ -167,6 +189,22 @@ impl Store {
             }
             Ok(name)
         })
+    }
+
+    /// Whether the scene of this name may take so much memory.
+    fn memory_for(&self, name: &str, bytes: usize) -> Result<(), StoreError> {
+        let scenes = self.scenes.all();
+        let others = scenes.iter().filter(|(other, _)| **other != *name);
+        let taken: usize = others.map(|(_, cell)| cell.snapshot().bytes()).sum();
+        match taken + bytes <= self.max_bytes {
+            true => Ok(()),
+            false => Err(StoreError::NoMemory {
+                name: name.to_owned(),
+                bytes,
+                taken,
+                most: self.max_bytes,
+            }),
+        }
     }
 
     /// Takes out a scene in which there are no sessions, and its file. This blocks.

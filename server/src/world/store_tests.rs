@@ -28,7 +28,7 @@ fn folders(folder: &TempFolder) -> Folders {
 }
 
 fn load(folder: &TempFolder) -> Result<Store, LoadError> {
-    Store::load(folders(folder), [&walker_rig(), &other_rig()])
+    Store::load(folders(folder), usize::MAX, [&walker_rig(), &other_rig()])
 }
 
 /// A rig of the same skeleton under another name.
@@ -101,7 +101,7 @@ fn what_is_uploaded_is_there_after_a_restart_until_it_is_deleted() {
 
 #[test]
 fn a_scene_is_replaced_under_those_who_are_in_it() {
-    let store = Store::default();
+    let store = Store::load(Folders::default(), usize::MAX, []).unwrap();
     put_cup(&store);
     put_yard(&store, YARD).unwrap();
     let resident = store.scenes().enter("yard").unwrap();
@@ -126,6 +126,27 @@ fn a_scene_is_replaced_under_those_who_are_in_it() {
     );
     drop(resident);
     store.delete_scene("yard").unwrap();
+}
+
+#[test]
+fn scenes_share_a_memory_that_has_an_end() {
+    let yard = {
+        let store = Store::load(Folders::default(), usize::MAX, []).unwrap();
+        put_cup(&store);
+        put_yard(&store, YARD).unwrap();
+        store.scenes().get("yard").unwrap().snapshot().bytes()
+    };
+    let store = Store::load(Folders::default(), 2 * yard, []).unwrap();
+    put_cup(&store);
+    let named = |name: &str| YARD.replace("name = \"yard\"", &format!("name = \"{name}\""));
+    for name in ["yard", "b", "yard"] {
+        assert_eq!(put_yard(&store, &named(name)), Ok(name.to_owned()));
+    }
+    let error = put_yard(&store, &named("c")).unwrap_err();
+    assert!(error.contains("max_scene_memory_mib"), "{error}");
+    assert_eq!(store.scenes().names().len(), 2);
+    store.delete_scene("b").unwrap();
+    assert_eq!(put_yard(&store, &named("c")), Ok("c".to_owned()));
 }
 
 #[test]

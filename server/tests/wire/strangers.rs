@@ -5,8 +5,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
+use tokio::time::timeout;
 use tokio_stream::wrappers::ReceiverStream;
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent;
@@ -208,7 +211,7 @@ async fn a_step_of_many_interactions_among_many_objects_holds_up_nobody() {
         ..v1::StepRequest::default()
     };
     let asked = Instant::now();
-    let answer = tokio::time::timeout(ATTACK, attacker.step(request)).await;
+    let answer = timeout(ATTACK, attacker.step(request)).await;
     println!(
         "the attacker's step: {:?}, answered: {}",
         asked.elapsed(),
@@ -238,4 +241,130 @@ async fn a_step_ends_at_its_deadline() {
     let late = asked.elapsed();
     assert_eq!(answer.unwrap_err().code(), tonic::Code::DeadlineExceeded);
     assert!(late < limit + HEALTH_LIMIT, "{late:?}");
+}
+
+/// A connection that has sent the start of a request, and what comes back.
+async fn begin(server: &TestServer, path: &str, length: usize, body: &[u8]) -> TcpStream {
+    let mut stream = TcpStream::connect(server.handle.address()).await.unwrap();
+    let head = format!(
+        "POST {path} HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: {length}\r\n\r\n"
+    );
+    stream.write_all(head.as_bytes()).await.unwrap();
+    stream.write_all(body).await.unwrap();
+    stream
+}
+
+/// The first bytes of an answer.
+async fn answer(stream: &mut TcpStream) -> String {
+    let mut bytes = vec![0; 4096];
+    let read = timeout(Duration::from_secs(10), stream.read(&mut bytes)).await;
+    let count = read.expect("an answer in time").unwrap();
+    String::from_utf8_lossy(&bytes[..count]).into_owned()
+}
+
+/// Bytes of requests and answers on their way.
+fn transfer(server: &TestServer) -> f64 {
+    let text = server.handle.service().telemetry().render();
+    let line = text
+        .lines()
+        .find(|line| line.starts_with("troupe_transfer_memory_bytes"));
+    line.and_then(|line| line.rsplit(' ').next()?.parse().ok())
+        .unwrap_or(0.0)
+}
+
+/// Waits until as much is on its way as is wanted.
+async fn until_transfer(server: &TestServer, wanted: impl Fn(f64) -> bool) {
+    let waiting = async {
+        while !wanted(transfer(server)) {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    let waited = timeout(Duration::from_secs(20), waiting).await;
+    assert!(waited.is_ok(), "{} bytes are on their way", transfer(server));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bodies_that_are_held_open_take_a_bounded_share_of_memory() {
+    // 8 MiB for all, 4 for an address, 2 for a connection.
+    let server = TestServer::start_with(|config| config.transfer_memory_mib = 8).await;
+    let body = vec![b' '; 1_900_000];
+    let path = "/v1/inbetween";
+    let mut greedy = begin(&server, path, 16 << 20, &body).await;
+    greedy.write_all(&body).await.unwrap();
+    let refused = answer(&mut greedy).await;
+    assert!(refused.starts_with("HTTP/1.1 429 "), "{refused}");
+    assert!(
+        refused.contains("CLIENT_LIMIT") && refused.contains("this client"),
+        "{refused}"
+    );
+    drop(greedy);
+    until_transfer(&server, |bytes| bytes == 0.0).await;
+    let held = [
+        begin(&server, path, 16 << 20, &body).await,
+        begin(&server, path, 16 << 20, &body).await,
+    ];
+    until_transfer(&server, |bytes| bytes == 3_800_000.0).await;
+    let mut third = begin(&server, path, 16 << 20, &body).await;
+    let refused = answer(&mut third).await;
+    assert!(
+        refused.starts_with("HTTP/1.1 429 ") && refused.contains("this address"),
+        "{refused}"
+    );
+    drop((held, third));
+    until_transfer(&server, |bytes| bytes == 0.0).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_answer_that_nobody_reads_is_given_up() {
+    let server = TestServer::start_with(|config| config.write_timeout_ms = 500).await;
+    let mut client = server.sessions().await;
+    let names = ids("a", 512);
+    create(&mut client, names.iter().map(|id| options(id)).collect()).await;
+    let request = serde_json::json!({
+        "session_ids": names, "frames": 120, "return_positions": true, "return_six_d": true
+    });
+    let body = serde_json::to_vec(&request).unwrap();
+    let silent = begin(&server, "/v1/step", body.len(), &body).await;
+    until_transfer(&server, |bytes| bytes > 1e6).await;
+    until_transfer(&server, |bytes| bytes == 0.0).await;
+    drop(silent);
+    let request = v1::StepRequest {
+        session_ids: names,
+        frames: 120,
+        ..v1::StepRequest::default()
+    };
+    assert!(client.step(request).await.is_ok(), "others are served, whole");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_answer_that_is_too_large_is_refused_before_it_is_made() {
+    let server = TestServer::start_with(|config| config.transfer_memory_mib = 8).await;
+    let mut client = server.sessions().await;
+    let names = ids("a", 512);
+    create(&mut client, names.iter().map(|id| options(id)).collect()).await;
+    let request = |frames| v1::StepRequest {
+        session_ids: names.clone(),
+        frames,
+        ..v1::StepRequest::default()
+    };
+    let error = client.step(request(120)).await.unwrap_err();
+    assert_eq!(error.code(), tonic::Code::ResourceExhausted, "{error}");
+    assert!(error.message().contains("this client has no memory"), "{error}");
+    assert!(client.step(request(2)).await.is_ok());
+    until_transfer(&server, |bytes| bytes == 0.0).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn streams_of_one_connection_leave_room_for_others() {
+    let server = TestServer::start_with(|config| config.max_streams_per_client = 2).await;
+    let (mut one, mut other) = (server.sessions().await, server.sessions().await);
+    let mut held = Vec::new();
+    for _ in 0..2 {
+        held.push(drive(&mut one, &["nobody".to_owned()]).await);
+    }
+    let (_ask, asked) = mpsc::channel(1);
+    let error = one.drive(ReceiverStream::new(asked)).await.unwrap_err();
+    assert_eq!(error.code(), tonic::Code::ResourceExhausted, "{error}");
+    assert!(error.message().contains("2 streams"), "{error}");
+    held.push(drive(&mut other, &["nobody".to_owned()]).await);
 }

@@ -15,6 +15,10 @@ impl Tabled for WorldError {
             Self::Scene { error, field } => error.row().field(field),
             Self::Object { error, field } => error.row().field(field),
             Self::Definition { error, field } => error.row().field(field),
+            Self::NoMemory { most, .. } => FULL
+                .because("TOO_MUCH_SCENE_MEMORY")
+                .field("scene")
+                .allowed(format!("at most {most} bytes in all scenes")),
             Self::Internal(_) => INTERNAL.because("INTERNAL"),
         }
     }

@@ -9,7 +9,8 @@ use troupe_proto::v1;
 use troupe_proto::v1::sessions_server::Sessions;
 
 use super::answer;
-use crate::api::{ApiError, answers};
+use crate::api::{ApiError, answers, traffic};
+use crate::clients::Client;
 use crate::service::Service;
 use crate::session::drive::{Outlet, outbox};
 
@@ -18,6 +19,11 @@ pub(super) struct SessionsApi {
     pub(super) service: Arc<Service>,
     /// Most bytes of a message on a stream, for errors.
     pub(super) stream_message_bytes: usize,
+}
+
+/// Who asks.
+fn client<T>(request: &Request<T>) -> Option<Arc<Client>> {
+    request.extensions().get().cloned()
 }
 
 #[tonic::async_trait]
@@ -59,8 +65,18 @@ impl Sessions for SessionsApi {
     }
 
     async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::StepResponse>, Status> {
-        let stepped = self.service.sessions().step(request.into_inner());
-        answer(stepped.await.map(answers::step))
+        let sessions = self.service.sessions();
+        let reserved = traffic::for_step(
+            sessions,
+            client(&request).as_ref(),
+            request.get_ref(),
+            traffic::AS_PROTOBUF,
+        );
+        let reserved = reserved.map_err(|error| error.status())?;
+        let stepped = sessions.step(request.into_inner()).await;
+        let mut response = answer(stepped.map(answers::step))?;
+        response.extensions_mut().insert(reserved);
+        Ok(response)
     }
 
     type DriveStream = Pin<Box<dyn Stream<Item = Result<v1::DriveResponse, Status>> + Send>>;
@@ -69,6 +85,10 @@ impl Sessions for SessionsApi {
         &self,
         request: Request<Streaming<v1::DriveRequest>>,
     ) -> Result<Response<Self::DriveStream>, Status> {
+        let of_client = match client(&request).map(|client| client.stream()).transpose() {
+            Ok(place) => place,
+            Err(error) => return Err(ApiError::from(error).status()),
+        };
         let place = match self.service.sessions().open_stream() {
             Ok(place) => place,
             Err(error) => return Err(ApiError::from(error).status()),
@@ -80,7 +100,10 @@ impl Sessions for SessionsApi {
         let (outbox, outlet) = outbox(answers::drive);
         // It ends by itself: with the server, or with the client, whose going drops the outlet.
         let sessions = self.service.sessions();
-        sessions.spawn(async move { place.run(&mut inbound, outbox).await });
+        sessions.spawn(async move {
+            place.run(&mut inbound, outbox).await;
+            drop(of_client);
+        });
         let outbound = futures_util::stream::unfold(outlet, |mut outlet: Outlet| async {
             outlet.next().await.map(|said| (Ok(said), outlet))
         });

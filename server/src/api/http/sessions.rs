@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use axum::Json;
 use axum::extract::State;
 use axum::response::Response;
+use axum::{Extension, Json};
 use serde::Deserialize;
 use troupe_proto::v1;
 
@@ -12,6 +12,8 @@ use super::json::{self, JsonBody};
 use super::{Asked, Named, asked, named};
 use crate::api::answers;
 use crate::api::error::ApiError;
+use crate::api::traffic;
+use crate::clients::Client;
 use crate::service::Service;
 use crate::wire::cut;
 use troupe_character::FieldError;
@@ -191,10 +193,15 @@ pub(in crate::api) async fn command(
 )]
 pub(in crate::api) async fn step(
     State(service): Server,
+    Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::StepRequest>,
 ) -> Result<Response, ApiError> {
-    let stepped = service.sessions().step(request).await?;
-    json::written(move || answers::step(stepped)).await
+    let sessions = service.sessions();
+    let reserved = traffic::for_step(sessions, Some(&client), &request, traffic::AS_JSON)?;
+    let stepped = sessions.step(request).await?;
+    let mut response = json::written(move || answers::step(stepped)).await?;
+    response.extensions_mut().insert(reserved);
+    Ok(response)
 }
 
 /// List the locomotion styles of a pack, without their keyframes
