@@ -13,7 +13,7 @@ use troupe_motion::model::{Dims, GLOBAL_ROOT, KeyframeTask, Motion, SIX_D, Trace
 
 use super::fill::FillRows as _;
 use super::sampling::{PoseSampler, fill_count_noise};
-use super::tensors::ROOM_MULTIPLE;
+use super::tensors::{ROOM_MULTIPLE, Rows};
 use super::{BatchSizes, DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 use crate::pack::Stage;
 
@@ -143,7 +143,28 @@ impl Pipeline {
             self.run_tokens_of_nothing(rows, self.dims.max_tokens)
         })?;
         self.trial = Some(TrialRun { rows, took });
-        Ok(())
+        self.check_finite(rows)
+    }
+
+    /// Whether networks that were given nothing answered with numbers. Those of a broken pack do not.
+    fn check_finite(&self, rows: usize) -> Result<(), EngineError> {
+        let all = |values: &Rows<f32>| (0..rows).all(|row| all_finite(values.row(row)));
+        let stages = [
+            (Stage::Root, all(&self.root_output.global_root)),
+            (Stage::Pose, all(&self.pose_output.logits)),
+            (
+                Stage::Decoder,
+                all(&self.decoder_output.rotations) && all(&self.decoder_output.global_root),
+            ),
+        ];
+        match stages.into_iter().find(|(_, finite)| !finite) {
+            Some((stage, _)) => Err(EngineError::Output {
+                stage,
+                problem: "values that are not finite, although it was given nothing; the pack is broken"
+                    .to_owned(),
+            }),
+            None => Ok(()),
+        }
     }
 
     /// How long a batch took when everything was warm. None before [`Pipeline::warm_up`].

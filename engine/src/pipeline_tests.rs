@@ -369,3 +369,17 @@ fn a_failing_stage_fails_the_batch() {
     let error = pipeline.run(&[item(1.0, 1)]).unwrap_err().to_string();
     assert!(error.contains("broken"), "{error}");
 }
+
+#[test]
+fn a_pack_whose_networks_give_no_numbers_does_not_become_ready() {
+    for (stage, name) in [(Stage::Root, "root"), (Stage::Pose, "pose")] {
+        let error = pipeline(Echo {
+            break_stage: Some(stage),
+            ..Echo::default()
+        })
+        .warm_up()
+        .unwrap_err()
+        .to_string();
+        assert!(error.contains(name) && error.contains("not finite"), "{error}");
+    }
+}

@@ -25,10 +25,11 @@ pub fn format(path: &Path<'_>, found: u32, version: u32) -> Result<(), FieldErro
 
 /// Checks a name.
 pub fn name(path: &Path<'_>, name: &str) -> Result<(), FieldError> {
-    let allowed = || format!("1 to {MAX_NAME_CHARS} letters, digits, '-', '_' or '.'");
+    let allowed = || format!("1 to {MAX_NAME_CHARS} letters, digits, '-', '_' or '.', no '.' first");
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     match (name.chars().count(), name.chars().find(|&c| !fits(c))) {
         (0, _) => Err(path.error("is empty", allowed())),
+        _ if name.starts_with('.') => Err(path.error("starts with '.'", allowed())),
         (found, _) if found > MAX_NAME_CHARS => Err(path.error(format!("has {found} characters"), allowed())),
         (_, Some(c)) => Err(path.error(format!("has the character {c:?}"), allowed())),
         _ => Ok(()),
@@ -133,5 +134,25 @@ pub fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     match names.len().checked_sub(MAX_LISTED) {
         Some(more @ 1..) => format!("{shown} and {more} more"),
         _ => shown,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_have_no_dot_first() {
+        let check = |text: &str| name(&Path::root().field("name"), text);
+        for good in ["a", "a.b", "a..b", "A-1_2."] {
+            assert!(check(good).is_ok(), "{good}");
+        }
+        for bad in ["", ".", "..", ".hidden", "a/b", "a b", "é"] {
+            let error = check(bad).unwrap_err().to_string();
+            assert!(
+                error.starts_with("name: ") && error.contains("no '.' first"),
+                "{error}"
+            );
+        }
     }
 }

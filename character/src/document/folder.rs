@@ -1,7 +1,7 @@
 //! Folders of documents.
 
 use std::ffi::OsStr;
-use std::io;
+use std::io::{self, Write as _};
 use std::path::{Path as FilePath, PathBuf};
 
 use super::read::unreadable;
@@ -18,43 +18,54 @@ pub fn read_folder<D: Document, T>(
     check: impl Fn(D) -> Result<T, FieldError>,
     name_of: impl Fn(&T) -> &str,
 ) -> Result<Vec<T>, DocumentError> {
-    let read = read_each(folder, check, name_of)?;
+    let read = read_each(folder, check, name_of, Err)?;
     Ok(read.into_iter().map(|(_, one)| one).collect())
 }
 
-/// As [`read_folder`], for a folder of [`keep`]: each file is named for what is in it.
+/// As [`read_folder`], for a folder of [`keep`]: each file is named for what is in it. One that cannot be used, or is named for
+/// something else, is left out with a warning: what one user has uploaded must not keep a server from starting.
 ///
 /// # Errors
-/// [`DocumentError`] for the first file that cannot be used, or is named for something else.
+/// [`DocumentError`] where the folder cannot be read.
 pub fn read_kept<D: Document, T>(
     folder: &FilePath,
     check: impl Fn(D) -> Result<T, FieldError>,
     name_of: impl Fn(&T) -> &str,
 ) -> Result<Vec<T>, DocumentError> {
-    let read = read_each(folder, check, &name_of)?;
-    let misnamed = |(file, one): &&(PathBuf, T)| file.file_stem() != Some(OsStr::new(name_of(one)));
-    if let Some((file, one)) = read.iter().find(misnamed) {
-        let error = DocumentError {
-            field: "name".to_owned(),
-            ..DocumentError::whole::<D>(
-                format!(
-                    "is {:?}, but a file in this folder is named for its {}",
-                    name_of(one),
-                    D::WHAT
-                ),
-                "the file's name",
-            )
-        };
-        return Err(error.in_file(file));
+    let left_out = |error: DocumentError| {
+        tracing::warn!(%error, "a file is left out");
+        Ok(())
+    };
+    let read = read_each(folder, check, &name_of, left_out)?;
+    let mut all = Vec::with_capacity(read.len());
+    for (file, one) in read {
+        match file.file_stem() == Some(OsStr::new(name_of(&one))) {
+            true => all.push(one),
+            false => left_out(misnamed::<D>(name_of(&one)).in_file(&file))?,
+        }
     }
-    Ok(read.into_iter().map(|(_, one)| one).collect())
+    Ok(all)
 }
 
-/// What is in the files of a folder, sorted by name.
+fn misnamed<D: Document>(name: &str) -> DocumentError {
+    DocumentError {
+        field: "name".to_owned(),
+        ..DocumentError::whole::<D>(
+            format!(
+                "is {name:?}, but a file in this folder is named for its {}",
+                D::WHAT
+            ),
+            "the file's name",
+        )
+    }
+}
+
+/// What is in the files of a folder, sorted by name. `on_bad` says whether one that cannot be used is left out.
 fn read_each<D: Document, T>(
     folder: &FilePath,
     check: impl Fn(D) -> Result<T, FieldError>,
     name_of: impl Fn(&T) -> &str,
+    mut on_bad: impl FnMut(DocumentError) -> Result<(), DocumentError>,
 ) -> Result<Vec<(PathBuf, T)>, DocumentError> {
     let unreadable = |cause| unreadable::<D>(cause).in_file(folder);
     let entries = match std::fs::read_dir(folder) {
@@ -72,7 +83,13 @@ fn read_each<D: Document, T>(
     files.sort();
     let mut all: Vec<(PathBuf, T)> = Vec::with_capacity(files.len());
     for file in files {
-        let one = read_file(&file, &check)?;
+        let one = match read_file(&file, &check) {
+            Ok(one) => one,
+            Err(error) => {
+                on_bad(error)?;
+                continue;
+            }
+        };
         let name = name_of(&one);
         if all.iter().any(|(_, before)| name_of(before) == name) {
             let error = DocumentError {
@@ -82,7 +99,8 @@ fn read_each<D: Document, T>(
                     "a name of its own for each",
                 )
             };
-            return Err(error.in_file(&file));
+            on_bad(error.in_file(&file))?;
+            continue;
         }
         all.push((file, one));
     }
@@ -96,15 +114,53 @@ fn read_each<D: Document, T>(
 /// # Errors
 /// That of the file system.
 pub fn keep(folder: &FilePath, name: &str, format: Format, text: &str) -> io::Result<()> {
-    std::fs::create_dir_all(folder)?;
-    // Not of an ending that is read, so that a file that is left behind is not taken for one.
-    let unfinished = folder.join(format!("{name}.{}.part", format.ending()));
-    std::fs::write(&unfinished, text)?;
-    std::fs::rename(&unfinished, file_of(folder, name, format))?;
+    write_whole(folder, &file_of(folder, name, format), text)?;
     match format {
         Format::Toml => remove(&file_of(folder, name, Format::Json)),
         Format::Json => remove(&file_of(folder, name, Format::Toml)),
     }
+}
+
+/// Writes `file`, which is in `folder`, wholly or not at all, and onto the disk: it is there after a power cut too. What is left of
+/// one that cannot be written goes.
+///
+/// # Errors
+/// That of the file system.
+pub fn write_whole(folder: &FilePath, file: &FilePath, text: &str) -> io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    // Not of an ending that is read, so that a file that is left behind is not taken for one.
+    let mut unfinished = file.as_os_str().to_owned();
+    unfinished.push(".part");
+    let unfinished = PathBuf::from(unfinished);
+    let written = write_synced(&unfinished, text).and_then(|()| std::fs::rename(&unfinished, file));
+    if written.is_err() {
+        // Why it was not written says more than why it stays.
+        let _ = std::fs::remove_file(&unfinished);
+        return written;
+    }
+    sync_folder(folder)
+}
+
+fn write_synced(file: &FilePath, text: &str) -> io::Result<()> {
+    let mut file = std::fs::File::create(file)?;
+    file.write_all(text.as_bytes())?;
+    file.sync_all()
+}
+
+/// Has the names in a folder written to the disk, where the system knows that.
+fn sync_folder(folder: &FilePath) -> io::Result<()> {
+    match cfg!(unix) {
+        true => std::fs::File::open(folder)?.sync_all(),
+        false => Ok(()),
+    }
+}
+
+/// Whether a file was not written because the disk is full.
+pub fn is_full(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
+    )
 }
 
 /// Removes the file of what is named `name`, where there is one.
@@ -168,11 +224,28 @@ mod tests {
     }
 
     #[test]
-    fn files_are_named_for_what_is_in_them() {
+    fn a_file_that_is_named_for_something_else_or_broken_is_left_out() {
         let folder = TempFolder::new("misnamed-documents");
         keep(folder.path(), "a", Format::Toml, "name = \"b\"").unwrap();
-        let error = read(&folder).unwrap_err();
-        let wanted = "a.toml: name: is \"b\", but a file in this folder is named for its note; allowed: the file's name";
+        keep(folder.path(), "b", Format::Toml, "nonsense").unwrap();
+        keep(folder.path(), "c", Format::Toml, "name = \"c\"").unwrap();
+        assert_eq!(read(&folder).unwrap(), ["c"]);
+        let error = misnamed::<Note>("b").to_string();
+        let wanted =
+            "name: is \"b\", but a file in this folder is named for its note; allowed: the file's name";
         assert!(error.ends_with(wanted), "{error}");
+    }
+
+    #[test]
+    fn nothing_is_left_of_a_file_that_cannot_be_written() {
+        let folder = TempFolder::new("unwritten-documents");
+        // A folder where the file should be.
+        std::fs::create_dir_all(folder.path().join("a.toml/inside")).unwrap();
+        assert!(keep(folder.path(), "a", Format::Toml, "name = \"a\"").is_err());
+        let names: Vec<_> = std::fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name())
+            .collect();
+        assert_eq!(names, ["a.toml"]);
     }
 }

@@ -13,6 +13,6 @@ pub(crate) mod testing;
 mod words;
 
 pub use check::MAX_NAME_CHARS;
-pub use folder::{forget, keep, read_folder, read_kept};
+pub use folder::{forget, is_full, keep, read_folder, read_kept, write_whole};
 pub use read::{Document, DocumentError, Format, Source, parse, read, read_file};
 pub use words::plain;

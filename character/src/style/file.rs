@@ -6,6 +6,7 @@ use std::path::{Path as FilePath, PathBuf};
 use troupe_proto::v1;
 
 use super::Style;
+use crate::document::write_whole;
 use crate::{FieldError, Path};
 use troupe_motion::model::Rig;
 
@@ -58,7 +59,8 @@ fn place(field: &str) -> String {
     }
 }
 
-/// Loads every `*.json` of `folder`, sorted by name. A folder that is not there has none.
+/// Loads every `*.json` of `folder`, sorted by name. A folder that is not there has none. Of styles that users have added, one
+/// that cannot be used is left out with a warning: it must not keep a server from starting.
 ///
 /// # Errors
 /// [`StyleError`] for the first file that is not a style of `pack`; it names the file and the line or field.
@@ -79,15 +81,14 @@ pub fn load_folder(folder: &FilePath, rig: &Rig, built_in: bool) -> Result<Vec<S
             files.push(path);
         }
     }
-    let mut styles = files
-        .into_iter()
-        .map(|path| {
-            load_file(&path, rig, built_in).map_err(|problem| StyleError {
-                path: path.clone(),
-                problem,
-            })
-        })
-        .collect::<Result<Vec<_>, _>>()?;
+    let mut styles = Vec::with_capacity(files.len());
+    for path in files {
+        match load_file(&path, rig, built_in).map_err(|problem| StyleError { path, problem }) {
+            Ok(style) => styles.push(style),
+            Err(error) if built_in => return Err(error),
+            Err(error) => tracing::warn!(%error, "a file is left out"),
+        }
+    }
     styles.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(styles)
 }
@@ -115,12 +116,8 @@ fn parse(text: &str, rig: &Rig, built_in: bool) -> Result<Style, StyleProblem> {
 /// Writes a style into `folder`, which is made where it is not there. Readers see the old file or the new one, never a
 /// part of one.
 pub(super) fn write_file(folder: &FilePath, style: &Style) -> std::io::Result<()> {
-    std::fs::create_dir_all(folder)?;
     let text = serde_json::to_string(&style.to_proto())?;
-    // Not `.json`, so that a file that is left behind is not taken for a style.
-    let unfinished = folder.join(format!("{}.{EXTENSION}.part", style.name));
-    std::fs::write(&unfinished, text)?;
-    std::fs::rename(&unfinished, folder.join(format!("{}.{EXTENSION}", style.name)))
+    write_whole(folder, &folder.join(format!("{}.{EXTENSION}", style.name)), &text)
 }
 
 #[cfg(test)]

@@ -84,7 +84,7 @@ impl StyleTable {
     pub fn load(rig: &Rig, pack_folder: &FilePath, folder: Option<PathBuf>) -> Result<Self, StyleError> {
         let own = load_folder(&pack_folder.join(FOLDER), rig, true)?;
         let folder = folder.map(|folder| folder.join(rig.name()));
-        let added = match &folder {
+        let mut added = match &folder {
             Some(folder) => load_folder(folder, rig, false)?,
             None => Vec::new(),
         };
@@ -95,13 +95,18 @@ impl StyleTable {
                 StyleProblem::TooMany(MAX_ADDED_STYLES),
             );
         }
-        if let Some(twice) = added
-            .iter()
-            .find(|style| own.iter().any(|o| o.name == style.name))
-        {
-            let path = folder.unwrap_or_default().join(format!("{}.json", twice.name));
-            return wrong(path, StyleProblem::BuiltIn);
-        }
+        added.retain(|style| {
+            let taken = own.iter().any(|own| own.name == style.name);
+            if taken {
+                let path = folder
+                    .clone()
+                    .unwrap_or_default()
+                    .join(format!("{}.json", style.name));
+                let problem = StyleProblem::BuiltIn;
+                tracing::warn!(error = %StyleError { path, problem }, "a file is left out");
+            }
+            !taken
+        });
         Ok(Self::new(rig, own.into_iter().chain(added), folder))
     }
 
@@ -262,13 +267,13 @@ mod tests {
             "kept over a restart"
         );
 
-        // A name that the pack took meanwhile is reported with its file.
-        file::write_file(&added.path().join("walkers"), &named("normal")).unwrap();
-        let error = load().unwrap_err().to_string();
-        assert!(
-            error.contains("normal.json") && error.contains("the pack has a style"),
-            "{error}"
-        );
+        // A name that the pack took meanwhile, and a file that is no style, are left out.
+        let folder = added.path().join("walkers");
+        file::write_file(&folder, &named("normal")).unwrap();
+        std::fs::write(folder.join("broken.json"), "{").unwrap();
+        let again = load().unwrap();
+        assert!(again.get("normal").unwrap().built_in);
+        assert!(again.get("broken").is_none() && again.get("mine").is_some());
     }
 
     #[test]

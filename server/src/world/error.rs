@@ -49,6 +49,9 @@ pub enum WorldError {
         /// Most bytes.
         most: usize,
     },
+    /// A file that was not written because the disk is full.
+    #[error("{0}")]
+    DiskFull(String),
     /// A file that was not written, or a document that was not made.
     #[error("{0}")]
     Internal(String),
@@ -87,6 +90,7 @@ impl From<StoreError> for WorldError {
                 message: error.to_string(),
                 most,
             },
+            StoreError::Keep { full: true, .. } => Self::DiskFull(error.to_string()),
             StoreError::Keep { .. } => {
                 tracing::error!(%error, "a file was not written");
                 Self::Internal(error.to_string())

@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use troupe_character::document::{Document as _, DocumentError, Format, forget, keep, read_kept};
+use troupe_character::document::{Document as _, DocumentError, Format, forget, is_full, keep, read_kept};
 use troupe_character::object::{
     Definition, DefinitionList, Definitions, DefinitionsError, MAX_DEFINITIONS, Uploaded,
 };
@@ -44,14 +44,6 @@ pub enum LoadError {
     /// It is not what it should be.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// Two packs have a definition of one name.
-    #[error("{}: object definition {name:?} is that of another pack too; allowed: a name of its own for each", folder.display())]
-    Twice {
-        /// The folder with the second.
-        folder: PathBuf,
-        /// The name.
-        name: String,
-    },
     /// More definitions than a server may have.
     #[error(transparent)]
     Definitions(#[from] DefinitionsError),
@@ -104,14 +96,17 @@ pub enum StoreError {
         name: String,
         /// Why.
         cause: String,
+        /// Whether the disk is full.
+        full: bool,
     },
 }
 
 impl Store {
-    /// Reads all files of `folders`. Definitions are checked for that of `packs` whose folder they are in.
+    /// Reads all files of `folders`. Definitions are checked for that of `packs` whose folder they are in. A file that cannot be
+    /// used is left out with a warning. Scenes may take `max_bytes` of memory in all.
     ///
     /// # Errors
-    /// [`LoadError`], which names the file and what is wrong with it.
+    /// [`LoadError`] where a folder cannot be read, or holds more than a server may have.
     pub fn load<'a>(
         folders: Folders,
         max_bytes: usize,
@@ -241,7 +236,7 @@ impl Store {
         }
         if let Some(folder) = &self.folders.objects {
             let name = &definition.name;
-            let not_kept = |cause| not_kept("object definition", name, &cause);
+            let not_kept = |cause: std::io::Error| not_kept("object definition", name, &cause);
             keep(&folder.join(&definition.pack), name, format, text).map_err(not_kept)?;
             if let Some(other) = replaced.filter(|other| other.definition.pack != definition.pack) {
                 forget(&folder.join(&other.definition.pack), name).map_err(not_kept)?;
@@ -277,10 +272,12 @@ fn read_definitions(folder: &FilePath, pack: &Rig, all: &mut Vec<Definition>) ->
     let check = |doc| Definition::from_doc(doc, pack);
     for definition in read_kept(folder, check, |definition| &definition.name)? {
         if all.iter().any(|before| before.name == definition.name) {
-            return Err(LoadError::Twice {
-                folder: folder.to_owned(),
-                name: definition.name,
-            });
+            let (folder, name) = (folder.display(), definition.name);
+            tracing::warn!(
+                "a file is left out: {folder}: object definition {name:?} is that of another pack too; allowed: a name of its \
+                 own for each"
+            );
+            continue;
         }
         all.push(definition);
     }
@@ -304,10 +301,12 @@ fn keep_scene(
     let kept = match text {
         Some((text, format)) => keep(folder, name, format, text),
         None => {
-            let text = scene
-                .to_doc(name)
-                .to_toml()
-                .map_err(|cause| not_kept("scene", name, &cause))?;
+            let text = scene.to_doc(name).to_toml().map_err(|cause| StoreError::Keep {
+                what: "scene",
+                name: name.to_owned(),
+                cause: cause.to_string(),
+                full: false,
+            })?;
             if text.len() > SceneDoc::MAX_BYTES {
                 return Err(StoreError::TooLong {
                     name: name.to_owned(),
@@ -320,10 +319,11 @@ fn keep_scene(
     kept.map_err(|cause| not_kept("scene", name, &cause))
 }
 
-fn not_kept(what: &'static str, name: &str, cause: &dyn std::fmt::Display) -> StoreError {
+fn not_kept(what: &'static str, name: &str, cause: &std::io::Error) -> StoreError {
     StoreError::Keep {
         what,
         name: name.to_owned(),
         cause: cause.to_string(),
+        full: is_full(cause),
     }
 }

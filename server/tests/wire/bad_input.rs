@@ -298,9 +298,25 @@ async fn http_bodies_that_are_no_request_are_the_callers_fault() {
         assert_eq!(answer.error.code, "INVALID_ARGUMENT");
         assert!(answer.error.message.contains(says), "{body}: {answer:?}");
     }
-    let wrong_type = json.replace("\"frame_count\":40", "\"frame_count\":true");
-    let (_, answer) = error(server.post(wrong_type).await).await;
-    assert_eq!(answer.error.field.as_deref(), Some("characters[0].frame_count"));
+    // Every one of them names the field, or the body as a whole.
+    for (body, field) in [
+        (
+            json.replace("\"frame_count\":40", "\"frame_count\":true"),
+            "characters[0].frame_count",
+        ),
+        ("null".to_owned(), "body"),
+        ("[]".to_owned(), "body"),
+        ("not json".to_owned(), "body"),
+        (format!("{json} more"), "body"),
+        (format!("\u{feff}{json}"), "body"),
+        (json.replace("frame_count", "frames"), "characters[0].frames"),
+        (json.replacen('{', "{\"characters\":[],", 1), "characters"),
+        (json.replacen('{', "{\"colour\":1,", 1), "colour"),
+    ] {
+        let (status, answer) = error(server.post(body.clone()).await).await;
+        assert_eq!(status, StatusCode::BAD_REQUEST, "{body}");
+        assert_eq!(answer.error.field.as_deref(), Some(field), "{body}: {answer:?}");
+    }
 }
 
 #[tokio::test]

@@ -195,7 +195,13 @@ async fn protobuf_is_answered_in_protobuf() {
 #[tokio::test(flavor = "multi_thread")]
 async fn what_makes_no_sense_closes_with_a_clear_reason() {
     let server = TestServer::start().await;
-    let cases: [(Message, &str, &str); 6] = [
+    let cases: [(Message, &str, &str); 8] = [
+        (
+            Message::Text("{\"massage\":{\"open\":{}}}".into()),
+            "massage",
+            "unknown field `massage`",
+        ),
+        (Message::Text("null".into()), "body", "null"),
         (
             Message::Text("{\"message\":{\"open\":{\"rate\":30}}}".into()),
             "message.open.rate",

@@ -19,6 +19,7 @@ impl Tabled for WorldError {
                 .because("TOO_MUCH_SCENE_MEMORY")
                 .field("scene")
                 .allowed(format!("at most {most} bytes in all scenes")),
+            Self::DiskFull(_) => FULL.because("DISK_FULL"),
             Self::Internal(_) => INTERNAL.because("INTERNAL"),
         }
     }

@@ -17,6 +17,9 @@ use crate::service::ServiceError;
 use crate::wire::{MAX_MESSAGE, MAX_PATH, cut};
 use troupe_character::document::plain;
 
+/// The field of errors about a request as a whole.
+const BODY: &str = "body";
+
 /// Limits of a body. `DefaultBodyLimit` enforces the bytes; here they are named in errors.
 #[derive(Clone)]
 pub(in crate::api) struct BodyLimits {
@@ -29,6 +32,7 @@ pub(in crate::api) fn read<T: rpc::Request + DeserializeOwned>(
     bytes: &[u8],
     limits: &BodyLimits,
 ) -> Result<T, ApiError> {
+    check_start(bytes)?;
     if let Some(shape) = limits.shapes.of(T::RPC) {
         shape.check_json(bytes)?;
     }
@@ -43,14 +47,47 @@ pub(in crate::api) fn read<T: rpc::Request + DeserializeOwned>(
         }
         ApiError::Malformed {
             message: cut(&plain(&inner.to_string()), MAX_MESSAGE),
-            field: (path != ".").then(|| cut(&path, MAX_PATH)),
+            field: Some(cut(&field_at_fault(&path, &inner.to_string()), MAX_PATH)),
         }
     })?;
-    json.end().map_err(|error| ApiError::Malformed {
-        message: error.to_string(),
-        field: None,
-    })?;
+    json.end()
+        .map_err(|error| not_json(format!("{error}; allowed: one JSON object")))?;
     Ok(value)
+}
+
+fn not_json(message: String) -> ApiError {
+    ApiError::Malformed {
+        message,
+        field: Some(BODY.to_owned()),
+    }
+}
+
+/// Names what a message does not begin with: a byte order mark, what is compressed, an array.
+fn check_start(bytes: &[u8]) -> Result<(), ApiError> {
+    let wrong = match bytes {
+        [0xef, 0xbb, 0xbf, ..] => "it begins with a byte order mark; allowed: UTF-8 without one",
+        [0x1f, 0x8b, ..] => "it is compressed (gzip); allowed: JSON as it is",
+        _ if bytes.trim_ascii_start().first() == Some(&b'[') => "it is an array; allowed: a JSON object",
+        _ => return Ok(()),
+    };
+    Err(not_json(wrong.to_owned()))
+}
+
+/// The field that an error is about: the value's place, with the name of one that is unknown, twice or missing there. What is
+/// wrong with the whole is about the body.
+fn field_at_fault(path: &str, message: &str) -> String {
+    let kinds = ["unknown field `", "duplicate field `", "missing field `"];
+    let rest = kinds.iter().find_map(|kind| message.strip_prefix(kind));
+    let name = rest.and_then(|rest| rest.split('`').next());
+    let place = if path == "." { "" } else { path };
+    match name {
+        // Some errors have the name in the path already.
+        Some(name) if place.is_empty() => name.to_owned(),
+        Some(name) if place == name || place.ends_with(&format!(".{name}")) => place.to_owned(),
+        Some(name) => format!("{place}.{name}"),
+        None if place.is_empty() => BODY.to_owned(),
+        None => place.to_owned(),
+    }
 }
 
 /// An answer that may be large, written as JSON on the pool for blocking work: it may take a second.

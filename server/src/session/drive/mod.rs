@@ -26,8 +26,9 @@ pub use outbox::{Outbox, Outlet, outbox};
 pub(super) use roster::Roster;
 pub use said::{Attached, Closing, Departure, Said};
 
-/// Longest time that characters catch up on after ticks that the server missed.
-const MAX_CATCH_UP: Duration = Duration::from_secs(1);
+/// Longest time that characters catch up on after ticks that the server missed. What is longer they lose: one who walked would
+/// jump otherwise.
+const MAX_CATCH_UP: Duration = Duration::from_millis(200);
 
 /// A place among the server's streams; dropping it makes room for another.
 #[derive(Debug)]
@@ -297,7 +298,7 @@ impl Ticker {
 
     /// Most missed ticks that characters catch up on.
     fn most_missed(&self) -> u64 {
-        MAX_CATCH_UP.as_secs() * u64::from(self.rate_hz)
+        MAX_CATCH_UP.as_millis() as u64 * u64::from(self.rate_hz) / 1000
     }
 }
 
