@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use confique::Config as _;
 
+use crate::api::{Host, Origin};
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
 pub use cli::{Cli, Command, DoctorArgs, HealthArgs};
@@ -29,6 +30,28 @@ pub struct Config {
         layer_attr(arg(long, value_name = "ADDRESS"))
     )]
     pub listen: SocketAddr,
+
+    /// Origins of web pages that may use the server, beside its own pages, such as https://app.example.com. In the environment
+    /// and in flags separated by commas. Requests with another Origin header are refused.
+    #[config(
+        env = "TROUPE_ALLOWED_ORIGINS",
+        default = [],
+        parse_env = confique::env::parse::list_by_comma,
+        layer_attr(arg(long, value_name = "ORIGIN", value_delimiter = ','))
+    )]
+    pub allowed_origins: Vec<Origin>,
+
+    /// Hosts that requests may be for (their Host header), with or without a port; without one every port fits. A server
+    /// that listens on a loopback address always answers to loopback names and addresses, and to no others unless they are
+    /// listed here: name those that a proxy in front of it passes on. Any other server answers to every host if none is
+    /// listed, else to those listed, to addresses and to localhost.
+    #[config(
+        env = "TROUPE_ALLOWED_HOSTS",
+        default = [],
+        parse_env = confique::env::parse::list_by_comma,
+        layer_attr(arg(long, value_name = "HOST", value_delimiter = ','))
+    )]
+    pub allowed_hosts: Vec<Host>,
 
     /// Folder of the model packs: a folder that holds pack folders, or a single pack.
     #[config(

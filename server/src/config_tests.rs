@@ -230,3 +230,26 @@ fn mistakes_name_the_option() {
     let file = File::new("mistake", "max_bach = 8\n");
     assert!(error(&["--config", file.0.to_str().unwrap()]).contains("max_bach"));
 }
+
+#[test]
+fn origins_and_hosts_are_lists() {
+    let file = File::new("origins", "allowed_origins = [\"https://a.example\"]\n");
+    let path = file.0.to_str().unwrap();
+    assert_eq!(load(&["--config", path]).unwrap().allowed_origins.len(), 1);
+    let flags = [
+        "--allowed-origins",
+        "https://a.example,http://b.example:1",
+        "--allowed-hosts",
+        "a,b:1",
+    ];
+    let config = load(&flags).unwrap();
+    assert_eq!((config.allowed_origins.len(), config.allowed_hosts.len()), (2, 2));
+    let file = File::new("no-origin", "allowed_origins = [\"a.example\"]\n");
+    let error = load(&["--config", file.0.to_str().unwrap()])
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("allowed_origins") && error.contains("SCHEME://HOST"),
+        "{error}"
+    );
+}

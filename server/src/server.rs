@@ -196,7 +196,8 @@ pub async fn serve_packs_at(
     ));
     let health = HealthReporter::new();
     api::set_serving(&health, false).await;
-    let router = api::router(&service, &health, &config.api_limits()).map_err(|error| internal(&error))?;
+    let router = api::router(&service, &health, &config.api_limits(), config.guard(address))
+        .map_err(|error| internal(&error))?;
 
     let (stop, stopping) = watch::channel(false);
     let connections = tokio::spawn(connections::accept(listener, router, config.clone(), stopping));

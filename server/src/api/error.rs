@@ -17,12 +17,13 @@ use crate::service::ServiceError;
 use crate::session::SessionError;
 use crate::world::WorldError;
 use row::{
-    INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE, UNIMPLEMENTED,
+    FORBIDDEN, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE,
+    UNIMPLEMENTED, WRONG_TYPE,
 };
 use troupe_character::FieldError;
 use troupe_engine::EngineError;
 
-pub(super) use form::CodeLabel;
+pub(super) use form::{CodeLabel, is_grpc};
 pub use form::{ErrorBody, ErrorDetail};
 
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
@@ -60,6 +61,22 @@ pub enum ApiError {
         /// The limit.
         limit_bytes: usize,
     },
+    /// A body that is not said to be JSON. Pages of other sites may send any other without asking the server first.
+    #[error("Content-Type is {found:?}; allowed: application/json")]
+    WrongType {
+        /// What it is said to be.
+        found: String,
+    },
+    /// A web page of another site, or a name that is not the server's.
+    #[error("{header} {found:?} is not allowed; allowed: {allowed}")]
+    NotAllowed {
+        /// The header that says so.
+        header: &'static str,
+        /// Its value.
+        found: String,
+        /// Which values are allowed.
+        allowed: &'static str,
+    },
     /// No such route or method.
     #[error("there is no {0}")]
     UnknownRoute(String),
@@ -96,6 +113,13 @@ impl ApiError {
                 .because("REQUEST_TOO_LARGE")
                 .field("body")
                 .allowed(format!("at most {limit_bytes} bytes")),
+            Self::WrongType { .. } => WRONG_TYPE
+                .because("UNSUPPORTED_MEDIA_TYPE")
+                .field("Content-Type")
+                .allowed("application/json"),
+            Self::NotAllowed { header, allowed, .. } => {
+                FORBIDDEN.because("NOT_ALLOWED").field(header).allowed(*allowed)
+            }
             Self::UnknownRoute(_) => NO_ROUTE.because("UNKNOWN_ROUTE"),
             Self::WrongMethod(_) => NO_METHOD.because("WRONG_METHOD"),
             Self::DeadlineExceeded(_) => TOO_LATE.because("DEADLINE_EXCEEDED"),

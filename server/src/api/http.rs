@@ -7,7 +7,6 @@ pub(super) mod sessions;
 
 use std::sync::Arc;
 
-use axum::body::Body;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
 use axum::response::{IntoResponse, Redirect, Response};
@@ -22,7 +21,7 @@ use utoipa_axum::routes;
 use utoipa_swagger_ui::SwaggerUi;
 
 use self::json::{BodyLimits, JsonBody};
-use super::error::ApiError;
+use super::error::{ApiError, is_grpc};
 use super::shape::Shapes;
 use super::track::{self, HttpRpcs, Tracker};
 use super::{ApiLimits, openapi, ws};
@@ -218,13 +217,9 @@ async fn wrong_method(request: Request) -> ApiError {
 /// Answers what no route does, in the caller's protocol.
 pub(super) async fn unknown_route(headers: HeaderMap, request: Request) -> Response {
     let path: String = request.uri().path().chars().take(200).collect();
-    let grpc = headers
-        .get(header::CONTENT_TYPE)
-        .is_some_and(|ty| ty.as_bytes().starts_with(b"application/grpc"));
-    match grpc {
-        true => ApiError::Unimplemented(format!("there is no service at {path}"))
-            .status()
-            .into_http::<Body>(),
-        false => ApiError::UnknownRoute(path).into_response(),
-    }
+    let error = match is_grpc(&headers) {
+        true => ApiError::Unimplemented(format!("there is no service at {path}")),
+        false => ApiError::UnknownRoute(path),
+    };
+    error.in_kind(&headers)
 }

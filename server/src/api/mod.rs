@@ -6,6 +6,7 @@
 mod answers;
 mod error;
 mod grpc;
+mod guard;
 mod http;
 mod metrics;
 mod openapi;
@@ -25,6 +26,7 @@ use crate::service::Service;
 
 pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;
+pub use guard::{Guard, Host, NotAHost, NotAnOrigin, Origin};
 pub use http::document;
 
 /// Most bytes of one message on a stream.
@@ -43,7 +45,8 @@ pub struct ApiLimits {
     pub sessions: usize,
 }
 
-/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it.
+/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it, and `guard`
+/// says which web pages may use them.
 ///
 /// # Errors
 /// Where the descriptors of the gRPC reflection service do not read, which a build that passes its tests rules out.
@@ -51,9 +54,11 @@ pub fn router(
     service: &Arc<Service>,
     health: &HealthReporter,
     limits: &ApiLimits,
+    guard: Guard,
 ) -> Result<Router, tonic_reflection::server::Error> {
     let grpc = grpc::router(service, health, limits)?;
-    Ok(grpc
+    let router = grpc
         .merge(http::router(service, limits))
-        .fallback(http::unknown_route))
+        .fallback(http::unknown_route);
+    Ok(guard::guarded(router, guard))
 }

@@ -1,10 +1,11 @@
 //! What the parts of the server get of its configuration.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use super::Config;
-use crate::api::ApiLimits;
+use crate::api::{ApiLimits, Guard};
 use crate::batch::scheduler::Limits;
 use crate::inbetween::RequestLimits;
 use crate::session::SessionLimits;
@@ -64,6 +65,15 @@ impl Config {
             message_bytes: self.max_message_bytes,
             characters: self.max_characters_per_request,
             sessions: self.max_sessions_per_request,
+        }
+    }
+
+    /// Which web pages and names a server that listens on `address` answers.
+    pub fn guard(&self, address: SocketAddr) -> Guard {
+        Guard {
+            origins: self.allowed_origins.clone(),
+            hosts: self.allowed_hosts.clone(),
+            local: address.ip().to_canonical().is_loopback(),
         }
     }
 

@@ -187,7 +187,7 @@ fn serving_unheard(stdout: std::io::PipeWriter, stderr: Stdio) -> Child {
     let mut child = command.stdout(stdout).stderr(stderr).spawn().unwrap();
     let ready = wait_for(|| {
         let mut stream = TcpStream::connect(&address).ok()?;
-        let head = "GET /readyz HTTP/1.1\r\nhost: t\r\nconnection: close\r\n\r\n";
+        let head = "GET /readyz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n";
         stream.write_all(head.as_bytes()).ok()?;
         let mut answer = String::new();
         stream.read_to_string(&mut answer).ok()?;
@@ -280,7 +280,7 @@ fn a_second_sigterm_does_not_wait_for_requests() {
     let (mut child, address, _lines) = serving(server(&long).stderr(Stdio::null()));
     // A request that never ends: its body does not come.
     let mut stream = TcpStream::connect(&address).unwrap();
-    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: t\r\ncontent-length: 9\r\nexpect: 100-continue\r\n\r\n";
+    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 9\r\nexpect: 100-continue\r\n\r\n";
     stream.write_all(head.as_bytes()).unwrap();
     stream.read_exact(&mut [0; 25]).unwrap();
     terminate(&child);

@@ -62,7 +62,7 @@ async fn a_drain_lets_requests_finish_and_cuts_what_stays_silent() {
     server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
     // A connection that begins a request, is told to go on, and says no more.
     let mut silent = TcpStream::connect(address).await.unwrap();
-    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: t\r\ncontent-length: 9\r\nexpect: 100-continue\r\n\r\n";
+    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 9\r\nexpect: 100-continue\r\n\r\n";
     silent.write_all(head.as_bytes()).await.unwrap();
     let mut answer = [0; 25];
     silent.read_exact(&mut answer).await.unwrap();
@@ -143,7 +143,7 @@ async fn a_server_outlives_its_handle() {
 /// One request on one connection.
 async fn get_healthz(address: SocketAddr) -> String {
     let mut stream = TcpStream::connect(address).await.unwrap();
-    let head = "GET /healthz HTTP/1.1\r\nhost: t\r\nconnection: close\r\n\r\n";
+    let head = "GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n";
     stream.write_all(head.as_bytes()).await.unwrap();
     let mut answer = String::new();
     stream.read_to_string(&mut answer).await.unwrap();
@@ -176,7 +176,8 @@ async fn silent_connections_are_closed() {
 async fn the_first_bytes_may_come_one_by_one() {
     let server = TestServer::start().await;
     // The first byte could begin HTTP/2's preface.
-    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: t\r\ncontent-length: 0\r\nconnection: close\r\n\r\n";
+    let head =
+        "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-length: 0\r\nconnection: close\r\n\r\n";
     let mut stream = TcpStream::connect(server.handle.address()).await.unwrap();
     stream.set_nodelay(true).unwrap();
     for byte in head.bytes() {

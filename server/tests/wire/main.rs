@@ -21,4 +21,5 @@ mod service;
 mod session_errors;
 mod session_life;
 mod sessions;
+mod strangers;
 mod websocket;
