@@ -251,15 +251,25 @@ pub struct Config {
     )]
     pub max_message_bytes: usize,
 
-    /// Most open connections; further ones, health checks included, wait in the system's backlog until one closes.
+    /// Most open connections. 16 more are answered on /healthz, /readyz, /metrics and gRPC's health service only, and get 503
+    /// for all else; further ones are closed at once. 0: 10,000, or fewer if the system's limit of open files is lower.
     /// Connections times max_message_bytes bounds the memory of HTTP/1.1 request bodies in flight; an HTTP/2 connection
     /// may carry max_calls_per_connection requests at once and so take as many times that.
     #[config(
         env = "TROUPE_MAX_CONNECTIONS",
-        default = 10_000,
+        default = 0,
         layer_attr(arg(long, value_name = "COUNT"))
     )]
     pub max_connections: usize,
+
+    /// Most open connections from one address; further ones are closed at once. A network of IPv6 (/64) counts as one address,
+    /// and so do all clients behind one proxy. 0: no limit.
+    #[config(
+        env = "TROUPE_MAX_CONNECTIONS_PER_ADDRESS",
+        default = 1024,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_connections_per_address: usize,
 
     /// Most calls and streams at a time on one HTTP/2 connection; further ones wait in the client. One such connection may
     /// be all that a game server has. Times max_message_bytes it bounds the memory of a connection's requests in flight:
@@ -294,6 +304,14 @@ pub struct Config {
         layer_attr(arg(long, value_name = "MS"))
     )]
     pub keepalive_ms: u64,
+
+    /// A connection without a call for this long is closed, in milliseconds. Open streams are calls.
+    #[config(
+        env = "TROUPE_IDLE_TIMEOUT_MS",
+        default = 300_000,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub idle_timeout_ms: u64,
 
     /// What to log: a level (error, warn, info, debug, trace), or a level for each module.
     #[config(

@@ -186,12 +186,12 @@ fn mistakes_name_the_option() {
     );
     assert_eq!(error(&["--workers", "65"]), "workers is 65; allowed: 0 to 64");
     assert_eq!(
-        error(&["--max-connections", "0"]),
-        "max_connections is 0; allowed: 1 or more"
+        error(&["--idle-timeout-ms", "0"]),
+        "idle_timeout_ms is 0; allowed: 1 or more"
     );
     assert_eq!(
         error(&["--max-connections", "1000001"]),
-        "max_connections is 1000001; allowed: 1 to 1000000"
+        "max_connections is 1000001; allowed: 0 to 1000000"
     );
     assert_eq!(
         error(&["--max-calls-per-connection", "16385"]),

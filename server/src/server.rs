@@ -1,6 +1,9 @@
 //! The running server: loads packs behind an open port, accepts connections, drains on request.
 
+mod activity;
 mod connections;
+mod files;
+mod places;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -22,6 +25,7 @@ use crate::service::Service;
 use crate::session::{Sessions, TimeSource};
 use crate::telemetry::Telemetry;
 use crate::world::{LoadError, Store};
+use places::Places;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
@@ -99,6 +103,19 @@ pub enum StartError {
         pack: String,
         /// What went wrong.
         error: EngineError,
+    },
+    /// More connections than the system gives files for.
+    #[error(
+        "max_connections is {asked}, and the limit of open files (ulimit -n) is {files}; allowed: 0 to {room}, or more with a \
+         higher limit"
+    )]
+    Files {
+        /// Connections that are asked for.
+        asked: usize,
+        /// The limit of open files.
+        files: u64,
+        /// Connections that fit into it.
+        room: usize,
     },
     /// The port cannot be used.
     #[error("cannot listen: {0}")]
@@ -199,8 +216,11 @@ pub async fn serve_packs_at(
     let router = api::router(&service, &health, &config.api_limits(), config.guard(address))
         .map_err(|error| internal(&error))?;
 
+    let max_connections = files::max_connections(config.max_connections)?;
+    let places = Places::new(max_connections, config.max_connections_per_address, &telemetry);
     let (stop, stopping) = watch::channel(false);
-    let connections = tokio::spawn(connections::accept(listener, router, config.clone(), stopping));
+    let accepting = connections::accept(listener, router, config.clone(), places, stopping);
+    let connections = tokio::spawn(accepting);
     let drain_timeout = config.drain_timeout();
     let upkeep = tokio::spawn(upkeep(service.clone()));
     let starting = tokio::spawn(start(config, service.clone(), health.clone(), packs));

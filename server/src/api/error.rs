@@ -29,6 +29,9 @@ pub use form::{ErrorBody, ErrorDetail};
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
 const DOMAIN: &str = "troupe.v1";
 
+/// When to try again where a connection may close at any time.
+const WHEN_ONE_CLOSES: Duration = Duration::from_secs(1);
+
 /// An error that a caller sees.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
@@ -77,6 +80,9 @@ pub enum ApiError {
         /// Which values are allowed.
         allowed: &'static str,
     },
+    /// A connection beyond the limit.
+    #[error("the server has no room for another connection; try again in a moment")]
+    NoConnection,
     /// No such route or method.
     #[error("there is no {0}")]
     UnknownRoute(String),
@@ -120,6 +126,9 @@ impl ApiError {
             Self::NotAllowed { header, allowed, .. } => {
                 FORBIDDEN.because("NOT_ALLOWED").field(header).allowed(*allowed)
             }
+            Self::NoConnection => UNAVAILABLE
+                .because("TOO_MANY_CONNECTIONS")
+                .retry_after(WHEN_ONE_CLOSES),
             Self::UnknownRoute(_) => NO_ROUTE.because("UNKNOWN_ROUTE"),
             Self::WrongMethod(_) => NO_METHOD.because("WRONG_METHOD"),
             Self::DeadlineExceeded(_) => TOO_LATE.because("DEADLINE_EXCEEDED"),

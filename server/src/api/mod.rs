@@ -10,6 +10,7 @@ mod guard;
 mod http;
 mod metrics;
 mod openapi;
+mod reserve;
 mod shape;
 #[cfg(feature = "testing")]
 pub mod testing;
@@ -28,6 +29,7 @@ pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;
 pub use guard::{Guard, Host, NotAHost, NotAnOrigin, Origin};
 pub use http::document;
+pub use reserve::reserve;
 
 /// Most bytes of one message on a stream.
 const MAX_STREAM_MESSAGE_BYTES: usize = 2 << 20;

@@ -150,6 +150,11 @@ impl Config {
         Duration::from_millis(self.drain_timeout_ms)
     }
 
+    /// [`Config::idle_timeout_ms`] as a duration.
+    pub fn idle_timeout(&self) -> Duration {
+        Duration::from_millis(self.idle_timeout_ms)
+    }
+
     /// [`Config::keepalive_ms`] as a duration.
     pub fn keepalive(&self) -> Duration {
         Duration::from_millis(self.keepalive_ms)

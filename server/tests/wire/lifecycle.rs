@@ -1,6 +1,5 @@
 //! Start and end of a server: readiness, health, drain.
 
-use std::net::SocketAddr;
 use std::time::Duration;
 
 use reqwest::StatusCode;
@@ -13,6 +12,7 @@ use tonic_health::pb::health_client::HealthClient;
 use tonic_health::pb::{HealthCheckRequest, HealthCheckResponse};
 
 use crate::common::{TestServer, request};
+use crate::connections::get;
 
 async fn health(server: &TestServer, service: &str) -> HealthCheckResponse {
     let mut client = HealthClient::new(server.channel().await);
@@ -77,7 +77,7 @@ async fn a_drain_lets_requests_finish_and_cuts_what_stays_silent() {
     gate.open();
     let answer = call.await.unwrap().unwrap().into_inner();
     assert_eq!(answer.characters.len(), 1, "a request in flight must be answered");
-    assert!(!stopping.await.unwrap(), "the silent connection did not finish");
+    assert!(stopping.await.unwrap(), "half a request is not waited for");
     assert_eq!(silent.read(&mut [0; 64]).await.unwrap_or(0), 0, "it was cut");
     assert!(TcpStream::connect(address).await.is_err(), "the port is closed");
 }
@@ -133,42 +133,10 @@ async fn a_server_outlives_its_handle() {
     drop(handle);
     // Each request has a connection of its own.
     for _ in 0..3 {
-        let answer = timeout(Duration::from_secs(5), get_healthz(address))
+        let answer = timeout(Duration::from_secs(5), get(address, "/healthz"))
             .await
             .unwrap();
         assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
-    }
-}
-
-/// One request on one connection.
-async fn get_healthz(address: SocketAddr) -> String {
-    let mut stream = TcpStream::connect(address).await.unwrap();
-    let head = "GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n";
-    stream.write_all(head.as_bytes()).await.unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).await.unwrap();
-    answer
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn silent_connections_are_closed() {
-    let short = |config: &mut troupe_server::config::Config| {
-        config.request_timeout_ms = 200;
-        config.keepalive_ms = 200;
-    };
-    let server = TestServer::start_with(short).await;
-    for first in [
-        "",
-        "PRI * HT",
-        "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
-        "GET /healthz HTTP",
-    ] {
-        let mut stream = TcpStream::connect(server.handle.address()).await.unwrap();
-        stream.write_all(first.as_bytes()).await.unwrap();
-        let mut rest = Vec::new();
-        // It ends, in order or with a reset.
-        let end = timeout(Duration::from_secs(5), stream.read_to_end(&mut rest)).await;
-        assert!(end.is_ok(), "a connection that only sent {first:?} stays open");
     }
 }
 
@@ -196,22 +164,8 @@ async fn a_stop_does_not_wait_for_connections_that_never_began() {
     let mut silent = TcpStream::connect(address).await.unwrap();
     silent.write_all(b"PRI").await.unwrap();
     // The server accepts in order, so it has the first connection once it answers on another.
-    get_healthz(address).await;
+    get(address, "/healthz").await;
     let clean = timeout(Duration::from_secs(5), server.handle.shut_down()).await;
     assert!(clean.unwrap());
     assert_eq!(silent.read(&mut [0; 64]).await.unwrap_or(0), 0, "it was closed");
-}
-
-#[tokio::test]
-async fn connections_past_the_limit_wait_until_one_closes() {
-    let server = TestServer::start_with(|config| config.max_connections = 2).await;
-    let address = server.handle.address();
-    let first = TcpStream::connect(address).await.unwrap();
-    let _second = TcpStream::connect(address).await.unwrap();
-    let mut third = tokio::spawn(get_healthz(address));
-    let early = timeout(Duration::from_millis(300), &mut third).await;
-    assert!(early.is_err(), "the third connection had to wait");
-    drop(first);
-    let answer = timeout(Duration::from_secs(5), third).await.unwrap().unwrap();
-    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
 }

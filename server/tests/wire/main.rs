@@ -7,6 +7,7 @@ mod common;
 
 mod bad_input;
 mod bursts;
+mod connections;
 mod crowd;
 mod drive;
 mod generate;
