@@ -289,7 +289,16 @@ pub struct Config {
     )]
     pub request_timeout_ms: u64,
 
-    /// How long requests may still finish after a signal to stop, in milliseconds. Then connections are cut.
+    /// How long the server still serves everybody after a signal to stop, in milliseconds, while `/readyz` says 503 already.
+    /// A load balancer needs that time to notice: give it 5000 there and in Kubernetes, where drain_timeout_ms comes on top.
+    #[config(
+        env = "TROUPE_DRAIN_DELAY_MS",
+        default = 0,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub drain_delay_ms: u64,
+
+    /// How long requests may still finish after a signal to stop and drain_delay_ms, in milliseconds. Then connections are cut.
     #[config(
         env = "TROUPE_DRAIN_TIMEOUT_MS",
         default = 10_000,

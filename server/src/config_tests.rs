@@ -218,6 +218,10 @@ fn mistakes_name_the_option() {
         "max_batch_ms is 60001; allowed: 0 to 60000"
     );
     assert_eq!(
+        error(&["--drain-delay-ms", "3600001"]),
+        "drain_delay_ms is 3600001; allowed: 0 to 3600000"
+    );
+    assert_eq!(
         error(&["--worker-spin-us", "10001"]),
         "worker_spin_us is 10001; allowed: 0 to 10000"
     );

@@ -221,7 +221,7 @@ pub async fn serve_packs_at(
     let (stop, stopping) = watch::channel(false);
     let accepting = connections::accept(listener, router, config.clone(), places, stopping);
     let connections = tokio::spawn(accepting);
-    let drain_timeout = config.drain_timeout();
+    let (drain_delay, drain_timeout) = (config.drain_delay(), config.drain_timeout());
     let upkeep = tokio::spawn(upkeep(service.clone()));
     let starting = tokio::spawn(start(config, service.clone(), health.clone(), packs));
     Ok(ServerHandle {
@@ -232,6 +232,7 @@ pub async fn serve_packs_at(
         starting: Some(starting),
         connections,
         upkeep,
+        drain_delay,
         drain_timeout,
     })
 }
@@ -359,6 +360,7 @@ pub struct ServerHandle {
     starting: Option<JoinHandle<Result<(), StartError>>>,
     connections: JoinHandle<bool>,
     upkeep: JoinHandle<()>,
+    drain_delay: Duration,
     drain_timeout: Duration,
 }
 
@@ -388,17 +390,19 @@ impl ServerHandle {
         }
     }
 
-    /// Stops accepting connections, lets requests finish for at most the configured time, then cuts what is left.
-    /// Answers whether everything finished.
+    /// Says that the server is not ready, and serves on for the configured delay. Then stops accepting connections, lets
+    /// requests finish for at most the configured time, and cuts what is left. Answers whether everything finished.
     pub async fn shut_down(mut self) -> bool {
-        let deadline = tokio::time::Instant::now() + self.drain_timeout + FAREWELL;
-        self.service.drain();
+        self.service.announce_stop();
         if let Some(starting) = self.starting.take() {
             starting.abort();
             // Once it is gone it cannot say any more that the server serves.
             let _ = starting.await;
         }
         api::set_serving(&self.health, false).await;
+        tokio::time::sleep(self.drain_delay).await;
+        let deadline = tokio::time::Instant::now() + self.drain_timeout + FAREWELL;
+        self.service.drain();
         // Ends the streams of health watchers, once they have the status: open streams would hold up the stop.
         for service in [
             "",

@@ -55,6 +55,7 @@ impl Config {
         let at_most = [
             ("max_queue_ms", self.max_queue_ms, 3_600_000),
             ("max_batch_ms", self.max_batch_ms, 60_000),
+            ("drain_delay_ms", self.drain_delay_ms, 3_600_000),
             ("worker_spin_us", self.worker_spin_us, 10_000),
             ("network_memory_mib", self.network_memory_mib, MOST_NETWORK_MIB),
         ];

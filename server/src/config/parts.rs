@@ -145,6 +145,11 @@ impl Config {
         Duration::from_millis(self.request_timeout_ms)
     }
 
+    /// [`Config::drain_delay_ms`] as a duration.
+    pub fn drain_delay(&self) -> Duration {
+        Duration::from_millis(self.drain_delay_ms)
+    }
+
     /// [`Config::drain_timeout_ms`] as a duration.
     pub fn drain_timeout(&self) -> Duration {
         Duration::from_millis(self.drain_timeout_ms)

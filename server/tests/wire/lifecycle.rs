@@ -169,3 +169,68 @@ async fn a_stop_does_not_wait_for_connections_that_never_began() {
     assert!(clean.unwrap());
     assert_eq!(silent.read(&mut [0; 64]).await.unwrap_or(0), 0, "it was closed");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_that_stops_says_so_before_it_closes_its_port() {
+    let server = TestServer::start_with(|config| config.drain_delay_ms = 1500).await;
+    let (address, service) = (server.handle.address(), server.handle.service().clone());
+    let mut client = server.grpc().await;
+    let mut checks = HealthClient::new(server.channel().await);
+    let TestServer {
+        handle, gate: _gate, ..
+    } = server;
+    let stopping = tokio::spawn(handle.shut_down());
+    while service.ready().is_ok() {
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    assert!(get(address, "/readyz").await.starts_with("HTTP/1.1 503"));
+    let check = checks
+        .check(HealthCheckRequest::default())
+        .await
+        .unwrap()
+        .into_inner();
+    assert_eq!(check.status(), ServingStatus::NotServing);
+    // Who has not noticed yet is served as ever.
+    client.in_between(request(1)).await.unwrap();
+    assert!(get(address, "/v1/packs").await.starts_with("HTTP/1.1 200"));
+    assert!(timeout(Duration::from_secs(5), stopping).await.unwrap().unwrap());
+    assert!(TcpStream::connect(address).await.is_err(), "the port is closed");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn half_requests_get_a_short_grace_when_the_server_stops() {
+    let server = TestServer::start_with(|config| config.drain_timeout_ms = 60_000).await;
+    let address = server.handle.address();
+    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 9\r\n";
+    let body = format!("{head}\r\n{{");
+    let mut open = Vec::new();
+    for half in [
+        "POST /v1/in",
+        head,
+        body.as_str(),
+        "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+    ] {
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        stream.write_all(half.as_bytes()).await.unwrap();
+        open.push(stream);
+    }
+    server.metric("troupe_connections_active", "4").await;
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    let begun = std::time::Instant::now();
+    let clean = timeout(Duration::from_secs(10), server.handle.shut_down()).await;
+    assert!(clean.unwrap(), "nothing was lost");
+    assert!(begun.elapsed() < Duration::from_secs(4), "{:?}", begun.elapsed());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_request_that_does_not_finish_in_time_is_lost_and_told() {
+    let server = TestServer::start_with(|config| config.drain_timeout_ms = 300).await;
+    server.gate.close();
+    let mut client = server.grpc().await;
+    let call = tokio::spawn(async move { client.in_between(request(1)).await });
+    server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
+    let TestServer { handle, gate, .. } = server;
+    assert!(!handle.shut_down().await);
+    assert!(call.await.unwrap().is_err());
+    gate.open();
+}
