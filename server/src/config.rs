@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use confique::Config as _;
 
+use crate::api::{Host, Origin};
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
 pub use cli::{Cli, Command, DoctorArgs, HealthArgs};
@@ -29,6 +30,28 @@ pub struct Config {
         layer_attr(arg(long, value_name = "ADDRESS"))
     )]
     pub listen: SocketAddr,
+
+    /// Origins of web pages that may use the server, beside its own pages, such as https://app.example.com. In the environment
+    /// and in flags separated by commas. Requests with another Origin header are refused.
+    #[config(
+        env = "TROUPE_ALLOWED_ORIGINS",
+        default = [],
+        parse_env = confique::env::parse::list_by_comma,
+        layer_attr(arg(long, value_name = "ORIGIN", value_delimiter = ','))
+    )]
+    pub allowed_origins: Vec<Origin>,
+
+    /// Hosts that requests may be for (their Host header), with or without a port; without one every port fits. A server
+    /// that listens on a loopback address always answers to loopback names and addresses, and to no others unless they are
+    /// listed here: name those that a proxy in front of it passes on. Any other server answers to every host if none is
+    /// listed, else to those listed, to addresses and to localhost.
+    #[config(
+        env = "TROUPE_ALLOWED_HOSTS",
+        default = [],
+        parse_env = confique::env::parse::list_by_comma,
+        layer_attr(arg(long, value_name = "HOST", value_delimiter = ','))
+    )]
+    pub allowed_hosts: Vec<Host>,
 
     /// Folder of the model packs: a folder that holds pack folders, or a single pack.
     #[config(
@@ -263,13 +286,23 @@ pub struct Config {
     )]
     pub write_timeout_ms: u64,
 
-    /// Most open connections; further ones, health checks included, wait in the system's backlog until one closes.
+    /// Most open connections. 16 more are answered on /healthz, /readyz, /metrics and gRPC's health service only, and get 503
+    /// for all else; further ones are closed at once. 0: 10,000, or fewer if the system's limit of open files is lower.
     #[config(
         env = "TROUPE_MAX_CONNECTIONS",
-        default = 10_000,
+        default = 0,
         layer_attr(arg(long, value_name = "COUNT"))
     )]
     pub max_connections: usize,
+
+    /// Most open connections from one address; further ones are closed at once. A network of IPv6 (/64) counts as one address,
+    /// and so do all clients behind one proxy. 0: no limit.
+    #[config(
+        env = "TROUPE_MAX_CONNECTIONS_PER_ADDRESS",
+        default = 1024,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_connections_per_address: usize,
 
     /// Most calls and streams at a time on one HTTP/2 connection; further ones wait in the client. One such connection may
     /// be all that a game server has.
@@ -288,7 +321,16 @@ pub struct Config {
     )]
     pub request_timeout_ms: u64,
 
-    /// How long requests may still finish after a signal to stop, in milliseconds. Then connections are cut.
+    /// How long the server still serves everybody after a signal to stop, in milliseconds, while `/readyz` says 503 already.
+    /// A load balancer needs that time to notice: give it 5000 there and in Kubernetes, where drain_timeout_ms comes on top.
+    #[config(
+        env = "TROUPE_DRAIN_DELAY_MS",
+        default = 0,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub drain_delay_ms: u64,
+
+    /// How long requests may still finish after a signal to stop and drain_delay_ms, in milliseconds. Then connections are cut.
     #[config(
         env = "TROUPE_DRAIN_TIMEOUT_MS",
         default = 10_000,
@@ -303,6 +345,14 @@ pub struct Config {
         layer_attr(arg(long, value_name = "MS"))
     )]
     pub keepalive_ms: u64,
+
+    /// A connection without a call for this long is closed, in milliseconds. Open streams are calls.
+    #[config(
+        env = "TROUPE_IDLE_TIMEOUT_MS",
+        default = 300_000,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub idle_timeout_ms: u64,
 
     /// What to log: a level (error, warn, info, debug, trace), or a level for each module.
     #[config(

@@ -186,12 +186,12 @@ fn mistakes_name_the_option() {
     );
     assert_eq!(error(&["--workers", "65"]), "workers is 65; allowed: 0 to 64");
     assert_eq!(
-        error(&["--max-connections", "0"]),
-        "max_connections is 0; allowed: 1 or more"
+        error(&["--idle-timeout-ms", "0"]),
+        "idle_timeout_ms is 0; allowed: 1 or more"
     );
     assert_eq!(
         error(&["--max-connections", "1000001"]),
-        "max_connections is 1000001; allowed: 1 to 1000000"
+        "max_connections is 1000001; allowed: 0 to 1000000"
     );
     assert_eq!(
         error(&["--max-calls-per-connection", "16385"]),
@@ -218,6 +218,10 @@ fn mistakes_name_the_option() {
         "max_batch_ms is 60001; allowed: 0 to 60000"
     );
     assert_eq!(
+        error(&["--drain-delay-ms", "3600001"]),
+        "drain_delay_ms is 3600001; allowed: 0 to 3600000"
+    );
+    assert_eq!(
         error(&["--worker-spin-us", "10001"]),
         "worker_spin_us is 10001; allowed: 0 to 10000"
     );
@@ -229,4 +233,27 @@ fn mistakes_name_the_option() {
     assert!(error(&["--config", "/nowhere/troupe.toml"]).contains("/nowhere/troupe.toml"));
     let file = File::new("mistake", "max_bach = 8\n");
     assert!(error(&["--config", file.0.to_str().unwrap()]).contains("max_bach"));
+}
+
+#[test]
+fn origins_and_hosts_are_lists() {
+    let file = File::new("origins", "allowed_origins = [\"https://a.example\"]\n");
+    let path = file.0.to_str().unwrap();
+    assert_eq!(load(&["--config", path]).unwrap().allowed_origins.len(), 1);
+    let flags = [
+        "--allowed-origins",
+        "https://a.example,http://b.example:1",
+        "--allowed-hosts",
+        "a,b:1",
+    ];
+    let config = load(&flags).unwrap();
+    assert_eq!((config.allowed_origins.len(), config.allowed_hosts.len()), (2, 2));
+    let file = File::new("no-origin", "allowed_origins = [\"a.example\"]\n");
+    let error = load(&["--config", file.0.to_str().unwrap()])
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("allowed_origins") && error.contains("SCHEME://HOST"),
+        "{error}"
+    );
 }

@@ -25,6 +25,9 @@ static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 #[unsafe(export_name = "malloc_conf")]
 pub static ALLOCATOR_SETTINGS: &[u8; 23] = b"background_thread:true\0";
 
+/// The exit code where a second signal ended the server before its requests had finished.
+const FORCED: u8 = 3;
+
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let result = match &cli.command {
@@ -145,19 +148,17 @@ async fn serve_until_stopped(config: Config) -> anyhow::Result<ExitCode> {
         tracing::warn!("{error:#}");
     }
     signals.next().await;
-    tracing::info!("stopping: requests in flight may finish");
-    let clean = tokio::select! {
-        clean = server.shut_down() => clean,
+    tracing::info!("stopping: requests in flight may finish; a second signal ends the server at once");
+    tokio::select! {
+        clean = server.shut_down() => Ok(match clean {
+            true => ExitCode::SUCCESS,
+            false => ExitCode::FAILURE,
+        }),
         () = signals.next() => {
             tracing::warn!("stopped again: not waiting for requests in flight");
-            false
+            Ok(ExitCode::from(FORCED))
         }
-    };
-    Ok(if clean {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    })
+    }
 }
 
 fn greeting(server: &ServerHandle) -> String {

@@ -1,6 +1,9 @@
 //! The running server: loads packs behind an open port, accepts connections, drains on request.
 
+mod activity;
 mod connections;
+mod files;
+mod places;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -23,6 +26,7 @@ use crate::service::Service;
 use crate::session::{Sessions, TimeSource};
 use crate::telemetry::Telemetry;
 use crate::world::{LoadError, Store};
+use places::Places;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
@@ -100,6 +104,19 @@ pub enum StartError {
         pack: String,
         /// What went wrong.
         error: EngineError,
+    },
+    /// More connections than the system gives files for.
+    #[error(
+        "max_connections is {asked}, and the limit of open files (ulimit -n) is {files}; allowed: 0 to {room}, or more with a \
+         higher limit"
+    )]
+    Files {
+        /// Connections that are asked for.
+        asked: usize,
+        /// The limit of open files.
+        files: u64,
+        /// Connections that fit into it.
+        room: usize,
     },
     /// The port cannot be used.
     #[error("cannot listen: {0}")]
@@ -199,18 +216,16 @@ pub async fn serve_packs_at(
     let health = HealthReporter::new();
     api::set_serving(&health, false).await;
     let clients = Arc::new(Clients::new(config.shares(), &telemetry));
-    let router =
-        api::router(&service, &health, &clients, &config.api_limits()).map_err(|error| internal(&error))?;
+    let guard = config.guard(address);
+    let router = api::router(&service, &health, &clients, &config.api_limits(), guard)
+        .map_err(|error| internal(&error))?;
 
+    let max_connections = files::max_connections(config.max_connections)?;
+    let places = Places::new(max_connections, config.max_connections_per_address, &telemetry);
     let (stop, stopping) = watch::channel(false);
-    let connections = tokio::spawn(connections::accept(
-        listener,
-        router,
-        clients,
-        config.clone(),
-        stopping,
-    ));
-    let drain_timeout = config.drain_timeout();
+    let accepting = connections::accept(listener, router, clients, config.clone(), places, stopping);
+    let connections = tokio::spawn(accepting);
+    let (drain_delay, drain_timeout) = (config.drain_delay(), config.drain_timeout());
     let upkeep = tokio::spawn(upkeep(service.clone()));
     let starting = tokio::spawn(start(config, service.clone(), health.clone(), packs));
     Ok(ServerHandle {
@@ -221,6 +236,7 @@ pub async fn serve_packs_at(
         starting: Some(starting),
         connections,
         upkeep,
+        drain_delay,
         drain_timeout,
     })
 }
@@ -353,6 +369,7 @@ pub struct ServerHandle {
     starting: Option<JoinHandle<Result<(), StartError>>>,
     connections: JoinHandle<bool>,
     upkeep: JoinHandle<()>,
+    drain_delay: Duration,
     drain_timeout: Duration,
 }
 
@@ -382,17 +399,19 @@ impl ServerHandle {
         }
     }
 
-    /// Stops accepting connections, lets requests finish for at most the configured time, then cuts what is left.
-    /// Answers whether everything finished.
+    /// Says that the server is not ready, and serves on for the configured delay. Then stops accepting connections, lets
+    /// requests finish for at most the configured time, and cuts what is left. Answers whether everything finished.
     pub async fn shut_down(mut self) -> bool {
-        let deadline = tokio::time::Instant::now() + self.drain_timeout + FAREWELL;
-        self.service.drain();
+        self.service.announce_stop();
         if let Some(starting) = self.starting.take() {
             starting.abort();
             // Once it is gone it cannot say any more that the server serves.
             let _ = starting.await;
         }
         api::set_serving(&self.health, false).await;
+        tokio::time::sleep(self.drain_delay).await;
+        let deadline = tokio::time::Instant::now() + self.drain_timeout + FAREWELL;
+        self.service.drain();
         // Ends the streams of health watchers, once they have the status: open streams would hold up the stop.
         for service in [
             "",

@@ -67,9 +67,14 @@ impl Service {
         }
     }
 
-    /// Reports "not ready" from now on, so that no new work is sent here. Requests are still served; streams end.
-    pub fn drain(&self) {
+    /// Reports "not ready" from now on, so that no new work is sent here. What comes is still served.
+    pub fn announce_stop(&self) {
         self.draining.store(true, Ordering::Relaxed);
+    }
+
+    /// [`announce_stop`](Self::announce_stop), and ends streams. Requests are still served.
+    pub fn drain(&self) {
+        self.announce_stop();
         self.sessions.drain();
     }
 

@@ -18,7 +18,7 @@ pub fn read_folder<D: Document, T>(
     check: impl Fn(D) -> Result<T, FieldError>,
     name_of: impl Fn(&T) -> &str,
 ) -> Result<Vec<T>, DocumentError> {
-    let read = read_each(folder, check, name_of, Err)?;
+    let read = read_each(folder, check, name_of, |_, _| Ok(()), Err)?;
     Ok(read.into_iter().map(|(_, one)| one).collect())
 }
 
@@ -36,15 +36,12 @@ pub fn read_kept<D: Document, T>(
         tracing::warn!(%error, "a file is left out");
         Ok(())
     };
-    let read = read_each(folder, check, &name_of, left_out)?;
-    let mut all = Vec::with_capacity(read.len());
-    for (file, one) in read {
-        match file.file_stem() == Some(OsStr::new(name_of(&one))) {
-            true => all.push(one),
-            false => left_out(misnamed::<D>(name_of(&one)).in_file(&file))?,
-        }
-    }
-    Ok(all)
+    let named_for_it = |file: &FilePath, name: &str| match file.file_stem() == Some(OsStr::new(name)) {
+        true => Ok(()),
+        false => Err(misnamed::<D>(name).in_file(file)),
+    };
+    let read = read_each(folder, check, &name_of, named_for_it, left_out)?;
+    Ok(read.into_iter().map(|(_, one)| one).collect())
 }
 
 fn misnamed<D: Document>(name: &str) -> DocumentError {
@@ -60,11 +57,12 @@ fn misnamed<D: Document>(name: &str) -> DocumentError {
     }
 }
 
-/// What is in the files of a folder, sorted by name. `on_bad` says whether one that cannot be used is left out.
+/// What is in the files of a folder, sorted by name. `fits` looks at a file's path and the name in it; `on_bad` says whether one that cannot be used is left out.
 fn read_each<D: Document, T>(
     folder: &FilePath,
     check: impl Fn(D) -> Result<T, FieldError>,
     name_of: impl Fn(&T) -> &str,
+    fits: impl Fn(&FilePath, &str) -> Result<(), DocumentError>,
     mut on_bad: impl FnMut(DocumentError) -> Result<(), DocumentError>,
 ) -> Result<Vec<(PathBuf, T)>, DocumentError> {
     let unreadable = |cause| unreadable::<D>(cause).in_file(folder);
@@ -91,6 +89,10 @@ fn read_each<D: Document, T>(
             }
         };
         let name = name_of(&one);
+        if let Err(error) = fits(&file, name) {
+            on_bad(error)?;
+            continue;
+        }
         if all.iter().any(|(_, before)| name_of(before) == name) {
             let error = DocumentError {
                 field: "name".to_owned(),

@@ -106,6 +106,10 @@ fn departure(left: Departure) -> v1::SessionProblem {
     }
 }
 
+/// What a stream's client reads where the server stops.
+const STREAM_DRAINS: &str =
+    "the server is shutting down; open the stream again in a few seconds, or with another server";
+
 fn reason(closing: Closing) -> v1::Problem {
     let because = |reason: &str, message: String| v1::Problem {
         reason: reason.to_owned(),
@@ -118,7 +122,7 @@ fn reason(closing: Closing) -> v1::Problem {
     };
     match closing {
         Closing::ClientDone | Closing::Gone => because("CLIENT_DONE", "the client is done".to_owned()),
-        Closing::Draining => because("DRAINING", "the server is shutting down".to_owned()),
+        Closing::Draining => because("DRAINING", STREAM_DRAINS.to_owned()),
         Closing::SlowReader(limit) => because(
             "SLOW_READER",
             format!("nothing was read for {} ms", limit.as_millis()),

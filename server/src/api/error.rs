@@ -18,13 +18,13 @@ use crate::service::ServiceError;
 use crate::session::SessionError;
 use crate::world::WorldError;
 use row::{
-    FULL, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE,
-    UNIMPLEMENTED,
+    FORBIDDEN, FULL, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE,
+    UNIMPLEMENTED, WRONG_TYPE,
 };
 use troupe_character::FieldError;
 use troupe_engine::EngineError;
 
-pub(super) use form::CodeLabel;
+pub(super) use form::{CodeLabel, is_grpc};
 pub use form::{ErrorBody, ErrorDetail};
 
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
@@ -32,6 +32,8 @@ const DOMAIN: &str = "troupe.v1";
 
 /// When it is worth to try again where too much was on its way.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
+/// When to try again where a connection may close at any time.
+const WHEN_ONE_CLOSES: Duration = Duration::from_secs(1);
 
 /// An error that a caller sees.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -68,6 +70,25 @@ pub enum ApiError {
     /// A client, an address or all clients have too much on their way.
     #[error(transparent)]
     Exhausted(#[from] Exhausted),
+    /// A body that is not said to be JSON. Pages of other sites may send any other without asking the server first.
+    #[error("Content-Type is {found:?}; allowed: application/json")]
+    WrongType {
+        /// What it is said to be.
+        found: String,
+    },
+    /// A web page of another site, or a name that is not the server's.
+    #[error("{header} {found:?} is not allowed; allowed: {allowed}")]
+    NotAllowed {
+        /// The header that says so.
+        header: &'static str,
+        /// Its value.
+        found: String,
+        /// Which values are allowed.
+        allowed: &'static str,
+    },
+    /// A connection beyond the limit.
+    #[error("the server has no room for another connection; try again in a moment")]
+    NoConnection,
     /// No such route or method.
     #[error("there is no {0}")]
     UnknownRoute(String),
@@ -111,6 +132,16 @@ impl ApiError {
                     false => row.retry_after(RETRY_AFTER),
                 }
             }
+            Self::WrongType { .. } => WRONG_TYPE
+                .because("UNSUPPORTED_MEDIA_TYPE")
+                .field("Content-Type")
+                .allowed("application/json"),
+            Self::NotAllowed { header, allowed, .. } => {
+                FORBIDDEN.because("NOT_ALLOWED").field(header).allowed(*allowed)
+            }
+            Self::NoConnection => UNAVAILABLE
+                .because("TOO_MANY_CONNECTIONS")
+                .retry_after(WHEN_ONE_CLOSES),
             Self::UnknownRoute(_) => NO_ROUTE.because("UNKNOWN_ROUTE"),
             Self::WrongMethod(_) => NO_METHOD.because("WRONG_METHOD"),
             Self::DeadlineExceeded(_) => TOO_LATE.because("DEADLINE_EXCEEDED"),

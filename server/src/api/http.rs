@@ -7,7 +7,6 @@ pub(super) mod sessions;
 
 use std::sync::Arc;
 
-use axum::body::Body;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
 use axum::response::{IntoResponse, Redirect, Response};
@@ -22,10 +21,9 @@ use utoipa_axum::routes;
 use utoipa_swagger_ui::SwaggerUi;
 
 use self::json::{BodyLimits, JsonBody};
-use super::error::ApiError;
+use super::error::{ApiError, is_grpc};
 use super::shape::Shapes;
 use super::track::{self, HttpRpcs, Tracker};
-use super::traffic::is_grpc;
 use super::{ApiLimits, openapi, ws};
 use crate::service::Service;
 use crate::wire::{MAX_MESSAGE, cut};
@@ -220,10 +218,9 @@ async fn wrong_method(request: Request) -> ApiError {
 /// Answers what no route does, in the caller's protocol.
 pub(super) async fn unknown_route(headers: HeaderMap, request: Request) -> Response {
     let path: String = request.uri().path().chars().take(200).collect();
-    match is_grpc(&headers) {
-        true => ApiError::Unimplemented(format!("there is no service at {path}"))
-            .status()
-            .into_http::<Body>(),
-        false => ApiError::UnknownRoute(path).into_response(),
-    }
+    let error = match is_grpc(&headers) {
+        true => ApiError::Unimplemented(format!("there is no service at {path}")),
+        false => ApiError::UnknownRoute(path),
+    };
+    error.in_kind(&headers)
 }

@@ -6,9 +6,11 @@
 mod answers;
 mod error;
 mod grpc;
+mod guard;
 mod http;
 mod metrics;
 mod openapi;
+mod reserve;
 mod shape;
 #[cfg(feature = "testing")]
 pub mod testing;
@@ -27,7 +29,9 @@ use crate::service::Service;
 
 pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;
+pub use guard::{Guard, Host, NotAHost, NotAnOrigin, Origin};
 pub use http::document;
+pub use reserve::reserve;
 
 /// Most bytes of one message on a stream.
 const MAX_STREAM_MESSAGE_BYTES: usize = 2 << 20;
@@ -47,7 +51,8 @@ pub struct ApiLimits {
     pub sessions: usize,
 }
 
-/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it.
+/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it, and `guard`
+/// says which web pages may use them.
 ///
 /// # Errors
 /// Where the descriptors of the gRPC reflection service do not read, which a build that passes its tests rules out.
@@ -56,11 +61,13 @@ pub fn router(
     health: &HealthReporter,
     clients: &Arc<Clients>,
     limits: &ApiLimits,
+    guard: Guard,
 ) -> Result<Router, tonic_reflection::server::Error> {
     let grpc = grpc::router(service, health, limits)?;
     let traffic = traffic::Traffic::new(clients.clone(), limits.write_timeout);
-    Ok(grpc
+    let router = grpc
         .merge(http::router(service, limits))
         .fallback(http::unknown_route)
-        .layer(middleware::from_fn_with_state(traffic, traffic::count)))
+        .layer(middleware::from_fn_with_state(traffic, traffic::count));
+    Ok(guard::guarded(router, guard))
 }

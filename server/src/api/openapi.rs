@@ -105,9 +105,11 @@ fn add_responses(operation: &mut Operation) {
             "A value that is not accepted, or a body that is no request",
         );
         add("413", "The body is too large");
+        add("415", "The body is not said to be application/json");
     } else if has_parameters {
         add("400", "A value that is not accepted");
     }
+    add("403", "Origin or Host is not one that the server allows");
     if needs_packs {
         add("503", "Not ready yet");
     }

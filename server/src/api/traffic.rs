@@ -10,11 +10,10 @@ use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse as _, Response};
 use bytes::{Buf as _, Bytes};
-use http::{HeaderMap, header};
 use http_body::{Body as _, Frame, SizeHint};
 use troupe_proto::v1;
 
-use super::error::ApiError;
+use super::error::{ApiError, is_grpc};
 use crate::clients::{Client, Clients, Exhausted, Memory};
 use crate::session::Sessions;
 
@@ -108,13 +107,6 @@ pub(super) async fn count(State(traffic): State<Traffic>, mut request: Request, 
         Ok(response) => response,
         Err(error) => exhausted(error, grpc),
     }
-}
-
-/// Whether a request speaks gRPC.
-pub(super) fn is_grpc(headers: &HeaderMap) -> bool {
-    headers
-        .get(header::CONTENT_TYPE)
-        .is_some_and(|kind| kind.as_bytes().starts_with(b"application/grpc"))
 }
 
 fn exhausted(error: Exhausted, grpc: bool) -> Response {

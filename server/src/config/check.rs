@@ -17,7 +17,6 @@ impl Config {
         let at_least_one = [
             ("max_characters_per_request", self.max_characters_per_request),
             ("max_message_bytes", self.max_message_bytes),
-            ("max_connections", self.max_connections),
             ("max_calls_per_connection", self.max_calls_per_connection as usize),
             ("max_sessions", self.max_sessions),
             ("max_sessions_per_request", self.max_sessions_per_request),
@@ -29,6 +28,7 @@ impl Config {
             ("drive_stall_timeout_ms", self.drive_stall_timeout_ms as usize),
             ("request_timeout_ms", self.request_timeout_ms as usize),
             ("keepalive_ms", self.keepalive_ms as usize),
+            ("idle_timeout_ms", self.idle_timeout_ms as usize),
         ];
         for (option, value) in at_least_one {
             if value == 0 {
@@ -58,6 +58,7 @@ impl Config {
         let at_most = [
             ("max_queue_ms", self.max_queue_ms, 3_600_000),
             ("max_batch_ms", self.max_batch_ms, 60_000),
+            ("drain_delay_ms", self.drain_delay_ms, 3_600_000),
             ("worker_spin_us", self.worker_spin_us, 10_000),
             ("network_memory_mib", self.network_memory_mib, MOST_NETWORK_MIB),
             ("transfer_memory_mib", self.transfer_memory_mib, MOST_NETWORK_MIB),

@@ -1,10 +1,11 @@
 //! What the parts of the server get of its configuration.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use super::Config;
-use crate::api::ApiLimits;
+use crate::api::{ApiLimits, Guard};
 use crate::batch::scheduler::Limits;
 use crate::clients::{Share, Shares};
 use crate::inbetween::RequestLimits;
@@ -90,6 +91,15 @@ impl Config {
         }
     }
 
+    /// Which web pages and names a server that listens on `address` answers.
+    pub fn guard(&self, address: SocketAddr) -> Guard {
+        Guard {
+            origins: self.allowed_origins.clone(),
+            hosts: self.allowed_hosts.clone(),
+            local: address.ip().to_canonical().is_loopback(),
+        }
+    }
+
     /// The limits of an InBetween request.
     pub fn request_limits(&self) -> RequestLimits {
         RequestLimits {
@@ -158,9 +168,19 @@ impl Config {
         Duration::from_millis(self.request_timeout_ms)
     }
 
+    /// [`Config::drain_delay_ms`] as a duration.
+    pub fn drain_delay(&self) -> Duration {
+        Duration::from_millis(self.drain_delay_ms)
+    }
+
     /// [`Config::drain_timeout_ms`] as a duration.
     pub fn drain_timeout(&self) -> Duration {
         Duration::from_millis(self.drain_timeout_ms)
+    }
+
+    /// [`Config::idle_timeout_ms`] as a duration.
+    pub fn idle_timeout(&self) -> Duration {
+        Duration::from_millis(self.idle_timeout_ms)
     }
 
     /// [`Config::keepalive_ms`] as a duration.

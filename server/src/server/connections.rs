@@ -1,27 +1,31 @@
 //! The accept loop: HTTP/1.1 and HTTP/2 (prior knowledge, h2c) on one port.
 
 use std::io::{self, Cursor};
-use std::net::IpAddr;
 use std::sync::Arc;
-use std::time::Duration;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use axum::Router;
-use http::Request;
-use hyper::body::Incoming;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
-use hyper_util::server::graceful::{GracefulShutdown, Watcher};
 use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{Notify, Semaphore, watch};
-use tower::ServiceExt as _;
+use tokio::sync::watch;
 
+use super::activity::{Activity, Held, Watched};
+use super::places::{Place, Places, Seldom};
+use crate::api;
 use crate::clients::Clients;
 use crate::config::Config;
 
 /// How long to pause where the system has no more file handles.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+/// How long a connection that closes may still take to complete a request.
+const HALF_REQUEST_GRACE: Duration = Duration::from_secs(1);
+/// How long a connection beyond the limit may take, in all and between two calls.
+const RESERVE_TIMEOUT: Duration = Duration::from_secs(5);
+const RESERVE_IDLE_TIMEOUT: Duration = Duration::from_millis(500);
 /// Bytes that the system holds for a connection before it has sent them.
 #[cfg(any(target_os = "android", target_os = "linux"))]
 const MAX_UNSENT_BYTES: u32 = 128 << 10;
@@ -39,74 +43,92 @@ const MAX_GIVEN_UP_UNSEEN: usize = 1024;
 const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
 /// Accepts until told to stop, then waits for requests in flight, at most for the configured time. Answers whether all of
-/// them finished. At the limit of open connections it does not accept, so that new ones wait in the system's backlog.
+/// them finished.
 pub(super) async fn accept(
     listener: TcpListener,
     router: Router,
     clients: Arc<Clients>,
     config: Config,
+    places: Arc<Places>,
     mut stopping: watch::Receiver<bool>,
 ) -> bool {
-    let connections = Connections {
+    let connections = Arc::new(Connections {
         builder: builder(&config),
+        reserve: api::reserve(router.clone()),
         router,
         clients,
         first_bytes_timeout: config.request_timeout(),
-    };
-    let connections = Arc::new(connections);
-    let places = Arc::new(Semaphore::new(config.max_connections));
-    let graceful = GracefulShutdown::new();
-    let cut = Arc::new(Notify::new());
+        idle_timeout: config.idle_timeout(),
+        lost: AtomicUsize::new(0),
+    });
+    let (phase, watcher) = watch::channel(Phase::Open);
+    let (mut not_accepted, mut refused) = (Seldom::default(), Seldom::default());
     loop {
-        let next = async {
-            // The semaphore is never closed, so there is always a place in the end.
-            let place = places.clone().acquire_owned().await.ok();
-            (place, listener.accept().await)
+        let accepted = tokio::select! {
+            accepted = listener.accept() => accepted,
+            () = reached(&mut stopping, |stop| *stop) => break,
         };
-        let (place, accepted) = tokio::select! {
-            next = next => next,
-            () = stopped(&mut stopping) => break,
-        };
-        let (stream, address) = match accepted {
+        let (stream, from) = match accepted {
             Ok(accepted) => accepted,
             Err(error) => {
-                tracing::warn!(%error, "cannot accept a connection");
+                places.not_accepted();
+                if let Some(held_back) = not_accepted.next(Instant::now()) {
+                    tracing::warn!(%error, held_back, "cannot accept a connection");
+                }
                 tokio::time::sleep(ACCEPT_PAUSE).await;
                 continue;
             }
         };
-        prepare(&stream);
-        let (connections, watcher) = (connections.clone(), graceful.watcher());
-        let (cut, mut stopping) = (cut.clone(), stopping.clone());
-        tokio::spawn(async move {
-            let _place = place;
-            tokio::select! {
-                () = connections.serve(stream, address.ip(), watcher, &mut stopping) => {}
-                () = cut.notified() => {}
+        match places.take(from.ip()) {
+            Ok(place) => {
+                prepare(&stream);
+                let (connections, watcher) = (connections.clone(), watcher.clone());
+                tokio::spawn(async move { connections.serve(stream, place, watcher).await });
             }
-        });
+            Err(reason) => {
+                if let Some(held_back) = refused.next(Instant::now()) {
+                    tracing::warn!(%from, %reason, held_back, "a connection is refused");
+                }
+            }
+        }
     }
     drop(listener);
-    let open = graceful.count();
-    // Connections that stay silent do not notice a graceful shutdown, so the wait has an end.
-    let clean = tokio::time::timeout(config.drain_timeout(), graceful.shutdown())
+    drop(watcher);
+    phase.send_replace(Phase::Stopping);
+    if tokio::time::timeout(config.drain_timeout(), phase.closed())
         .await
-        .is_ok();
-    if !clean {
-        tracing::warn!(
-            connections = open,
-            "not all connections finished in time; cutting the rest"
-        );
-        cut.notify_waiters();
+        .is_err()
+    {
+        phase.send_replace(Phase::Cut);
+        phase.closed().await;
     }
-    clean
+    let lost = connections.lost.load(Ordering::Acquire);
+    if lost > 0 {
+        tracing::warn!(
+            connections = lost,
+            "not all requests finished in time; their connections were cut"
+        );
+    }
+    lost == 0
 }
 
-/// Ends when the server is told to stop. Where the handle is gone it never does: the server runs until the process ends.
-async fn stopped(stopping: &mut watch::Receiver<bool>) {
-    if stopping.wait_for(|stop| *stop).await.is_err() {
+/// Ends when what is watched fits `wanted`. Where nobody can change it any more it never does: the server runs until the
+/// process ends.
+async fn reached<T>(watched: &mut watch::Receiver<T>, wanted: impl FnMut(&T) -> bool) {
+    if watched.wait_for(wanted).await.is_err() {
         std::future::pending().await
     }
+}
+
+/// What connections are to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Phase {
+    /// Serve.
+    Open,
+    /// Finish what has begun.
+    Stopping,
+    /// End at once.
+    Cut,
 }
 
 /// How connections are served.
@@ -114,41 +136,78 @@ struct Connections {
     builder: Builder<TokioExecutor>,
     router: Router,
     clients: Arc<Clients>,
+    /// The routes of connections beyond the limit.
+    reserve: Router,
     first_bytes_timeout: Duration,
+    idle_timeout: Duration,
+    /// Connections that were cut while they served a request.
+    lost: AtomicUsize,
 }
 
 impl Connections {
     /// Serves one connection to its end.
-    async fn serve(
+    async fn serve(&self, stream: TcpStream, place: Place, phase: watch::Receiver<Phase>) {
+        if !place.is_reserved() {
+            let (first, idle) = (self.first_bytes_timeout, self.idle_timeout);
+            return self.serve_within(stream, place, phase, first, idle).await;
+        }
+        // Whoever has one of these few places leaves it soon.
+        let (first, idle) = (RESERVE_TIMEOUT, RESERVE_IDLE_TIMEOUT);
+        let serving = self.serve_within(stream, place, phase, first, idle);
+        if tokio::time::timeout(RESERVE_TIMEOUT, serving).await.is_err() {
+            tracing::debug!("a connection beyond the limit took too long");
+        }
+    }
+
+    async fn serve_within(
         &self,
         stream: TcpStream,
-        address: IpAddr,
-        watcher: Watcher,
-        stopping: &mut watch::Receiver<bool>,
+        place: Place,
+        mut phase: watch::Receiver<Phase>,
+        first_bytes_timeout: Duration,
+        idle_timeout: Duration,
     ) {
         let begun = tokio::select! {
-            begun = tokio::time::timeout(self.first_bytes_timeout, begin(stream)) => begun,
-            () = stopped(stopping) => return,
+            begun = tokio::time::timeout(first_bytes_timeout, begin(stream)) => begun,
+            () = reached(&mut phase, |phase| *phase >= Phase::Stopping) => return,
         };
         let stream = match begun {
-            Ok(Ok(stream)) => TokioIo::new(stream),
+            Ok(Ok(stream)) => stream,
             Ok(Err(error)) => return tracing::debug!(%error, "a connection ended before its first request"),
             Err(_) => return tracing::debug!("a connection did not begin a request in time"),
         };
-        let client = self.clients.connected(address);
-        let service = self
-            .router
-            .clone()
-            .map_request(move |mut request: Request<Incoming>| {
-                request.extensions_mut().insert(client.clone());
-                request
-            });
-        let connection = self
-            .builder
-            .serve_connection_with_upgrades(stream, TowerToHyperService::new(service));
-        if let Err(error) = watcher.watch(connection).await {
-            tracing::debug!(error = %error, "a connection ended with an error");
+        let activity = Activity::new();
+        let router = match place.is_reserved() {
+            true => &self.reserve,
+            false => &self.router,
+        };
+        let client = self.clients.connected(place.address());
+        let service = TowerToHyperService::new(Watched::new(router.clone(), activity.clone(), client));
+        let stream = TokioIo::new(Held::new(stream, activity.clone(), place));
+        let connection = self.builder.serve_connection_with_upgrades(stream, service);
+        tokio::pin!(connection);
+        tokio::select! {
+            result = &mut connection => return ended(result),
+            () = activity.idle(idle_timeout) => {}
+            () = reached(&mut phase, |phase| *phase >= Phase::Stopping) => {}
         }
+        connection.as_mut().graceful_shutdown();
+        tokio::select! {
+            result = &mut connection => ended(result),
+            // It has nothing that is worth a wait: it is silent, or it sent half a request.
+            () = activity.quiet(HALF_REQUEST_GRACE) => tracing::debug!("a silent connection is cut"),
+            () = reached(&mut phase, |phase| *phase == Phase::Cut) => {
+                if activity.is_serving() {
+                    self.lost.fetch_add(1, Ordering::AcqRel);
+                }
+            }
+        }
+    }
+}
+
+fn ended(result: Result<(), Box<dyn std::error::Error + Send + Sync>>) {
+    if let Err(error) = result {
+        tracing::debug!(%error, "a connection ended with an error");
     }
 }
 

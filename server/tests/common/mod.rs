@@ -274,6 +274,7 @@ impl TestServer {
     pub async fn post(&self, body: impl Into<reqwest::Body>) -> reqwest::Response {
         reqwest::Client::new()
             .post(self.url("/v1/inbetween"))
+            .header("content-type", "application/json")
             .body(body)
             .send()
             .await

@@ -325,7 +325,7 @@ async fn an_http_body_shorter_than_its_length_is_answered() {
     let mut stream = tokio::net::TcpStream::connect(server.handle.address())
         .await
         .unwrap();
-    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: test\r\ncontent-length: 1000\r\n\r\n{\"characters\":";
+    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 1000\r\n\r\n{\"characters\":";
     stream.write_all(head.as_bytes()).await.unwrap();
     stream.shutdown().await.unwrap();
     let mut answer = String::new();

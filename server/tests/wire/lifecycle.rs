@@ -1,6 +1,5 @@
 //! Start and end of a server: readiness, health, drain.
 
-use std::net::SocketAddr;
 use std::time::Duration;
 
 use reqwest::StatusCode;
@@ -13,6 +12,7 @@ use tonic_health::pb::health_client::HealthClient;
 use tonic_health::pb::{HealthCheckRequest, HealthCheckResponse};
 
 use crate::common::{TestServer, request};
+use crate::connections::get;
 
 async fn health(server: &TestServer, service: &str) -> HealthCheckResponse {
     let mut client = HealthClient::new(server.channel().await);
@@ -62,7 +62,7 @@ async fn a_drain_lets_requests_finish_and_cuts_what_stays_silent() {
     server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
     // A connection that begins a request, is told to go on, and says no more.
     let mut silent = TcpStream::connect(address).await.unwrap();
-    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: t\r\ncontent-length: 9\r\nexpect: 100-continue\r\n\r\n";
+    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 9\r\nexpect: 100-continue\r\n\r\n";
     silent.write_all(head.as_bytes()).await.unwrap();
     let mut answer = [0; 25];
     silent.read_exact(&mut answer).await.unwrap();
@@ -77,7 +77,7 @@ async fn a_drain_lets_requests_finish_and_cuts_what_stays_silent() {
     gate.open();
     let answer = call.await.unwrap().unwrap().into_inner();
     assert_eq!(answer.characters.len(), 1, "a request in flight must be answered");
-    assert!(!stopping.await.unwrap(), "the silent connection did not finish");
+    assert!(stopping.await.unwrap(), "half a request is not waited for");
     assert_eq!(silent.read(&mut [0; 64]).await.unwrap_or(0), 0, "it was cut");
     assert!(TcpStream::connect(address).await.is_err(), "the port is closed");
 }
@@ -133,42 +133,10 @@ async fn a_server_outlives_its_handle() {
     drop(handle);
     // Each request has a connection of its own.
     for _ in 0..3 {
-        let answer = timeout(Duration::from_secs(5), get_healthz(address))
+        let answer = timeout(Duration::from_secs(5), get(address, "/healthz"))
             .await
             .unwrap();
         assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
-    }
-}
-
-/// One request on one connection.
-async fn get_healthz(address: SocketAddr) -> String {
-    let mut stream = TcpStream::connect(address).await.unwrap();
-    let head = "GET /healthz HTTP/1.1\r\nhost: t\r\nconnection: close\r\n\r\n";
-    stream.write_all(head.as_bytes()).await.unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).await.unwrap();
-    answer
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn silent_connections_are_closed() {
-    let short = |config: &mut troupe_server::config::Config| {
-        config.request_timeout_ms = 200;
-        config.keepalive_ms = 200;
-    };
-    let server = TestServer::start_with(short).await;
-    for first in [
-        "",
-        "PRI * HT",
-        "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
-        "GET /healthz HTTP",
-    ] {
-        let mut stream = TcpStream::connect(server.handle.address()).await.unwrap();
-        stream.write_all(first.as_bytes()).await.unwrap();
-        let mut rest = Vec::new();
-        // It ends, in order or with a reset.
-        let end = timeout(Duration::from_secs(5), stream.read_to_end(&mut rest)).await;
-        assert!(end.is_ok(), "a connection that only sent {first:?} stays open");
     }
 }
 
@@ -176,7 +144,8 @@ async fn silent_connections_are_closed() {
 async fn the_first_bytes_may_come_one_by_one() {
     let server = TestServer::start().await;
     // The first byte could begin HTTP/2's preface.
-    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: t\r\ncontent-length: 0\r\nconnection: close\r\n\r\n";
+    let head =
+        "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-length: 0\r\nconnection: close\r\n\r\n";
     let mut stream = TcpStream::connect(server.handle.address()).await.unwrap();
     stream.set_nodelay(true).unwrap();
     for byte in head.bytes() {
@@ -195,22 +164,73 @@ async fn a_stop_does_not_wait_for_connections_that_never_began() {
     let mut silent = TcpStream::connect(address).await.unwrap();
     silent.write_all(b"PRI").await.unwrap();
     // The server accepts in order, so it has the first connection once it answers on another.
-    get_healthz(address).await;
+    get(address, "/healthz").await;
     let clean = timeout(Duration::from_secs(5), server.handle.shut_down()).await;
     assert!(clean.unwrap());
     assert_eq!(silent.read(&mut [0; 64]).await.unwrap_or(0), 0, "it was closed");
 }
 
-#[tokio::test]
-async fn connections_past_the_limit_wait_until_one_closes() {
-    let server = TestServer::start_with(|config| config.max_connections = 2).await;
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_that_stops_says_so_before_it_closes_its_port() {
+    let server = TestServer::start_with(|config| config.drain_delay_ms = 1500).await;
+    let (address, service) = (server.handle.address(), server.handle.service().clone());
+    let mut client = server.grpc().await;
+    let mut checks = HealthClient::new(server.channel().await);
+    let TestServer {
+        handle, gate: _gate, ..
+    } = server;
+    let stopping = tokio::spawn(handle.shut_down());
+    while service.ready().is_ok() {
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    assert!(get(address, "/readyz").await.starts_with("HTTP/1.1 503"));
+    let check = checks
+        .check(HealthCheckRequest::default())
+        .await
+        .unwrap()
+        .into_inner();
+    assert_eq!(check.status(), ServingStatus::NotServing);
+    // Who has not noticed yet is served as ever.
+    client.in_between(request(1)).await.unwrap();
+    assert!(get(address, "/v1/packs").await.starts_with("HTTP/1.1 200"));
+    assert!(timeout(Duration::from_secs(5), stopping).await.unwrap().unwrap());
+    assert!(TcpStream::connect(address).await.is_err(), "the port is closed");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn half_requests_get_a_short_grace_when_the_server_stops() {
+    let server = TestServer::start_with(|config| config.drain_timeout_ms = 60_000).await;
     let address = server.handle.address();
-    let first = TcpStream::connect(address).await.unwrap();
-    let _second = TcpStream::connect(address).await.unwrap();
-    let mut third = tokio::spawn(get_healthz(address));
-    let early = timeout(Duration::from_millis(300), &mut third).await;
-    assert!(early.is_err(), "the third connection had to wait");
-    drop(first);
-    let answer = timeout(Duration::from_secs(5), third).await.unwrap().unwrap();
-    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 9\r\n";
+    let body = format!("{head}\r\n{{");
+    let mut open = Vec::new();
+    for half in [
+        "POST /v1/in",
+        head,
+        body.as_str(),
+        "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+    ] {
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        stream.write_all(half.as_bytes()).await.unwrap();
+        open.push(stream);
+    }
+    server.metric("troupe_connections_active", "4").await;
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    let begun = std::time::Instant::now();
+    let clean = timeout(Duration::from_secs(10), server.handle.shut_down()).await;
+    assert!(clean.unwrap(), "nothing was lost");
+    assert!(begun.elapsed() < Duration::from_secs(4), "{:?}", begun.elapsed());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_request_that_does_not_finish_in_time_is_lost_and_told() {
+    let server = TestServer::start_with(|config| config.drain_timeout_ms = 300).await;
+    server.gate.close();
+    let mut client = server.grpc().await;
+    let call = tokio::spawn(async move { client.in_between(request(1)).await });
+    server.metric("troupe_batch_size_count{model=\"toy\"", "1").await;
+    let TestServer { handle, gate, .. } = server;
+    assert!(!handle.shut_down().await);
+    assert!(call.await.unwrap().is_err());
+    gate.open();
 }

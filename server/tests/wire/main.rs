@@ -7,6 +7,7 @@ mod common;
 
 mod bad_input;
 mod bursts;
+mod connections;
 mod crowd;
 mod drive;
 mod generate;
@@ -14,6 +15,7 @@ mod interactions;
 mod lifecycle;
 mod openapi;
 mod overload;
+mod pages;
 mod robots;
 mod scene_sessions;
 mod scenes;

@@ -305,7 +305,7 @@ async fn a_caller_who_leaves_is_noticed() {
     let body = serde_json::to_string(&request(1)).unwrap();
     let mut stream = TcpStream::connect(server.handle.address()).await.unwrap();
     let head = format!(
-        "POST /v1/inbetween HTTP/1.1\r\nhost: test\r\ncontent-length: {}\r\n\r\n",
+        "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: {}\r\n\r\n",
         body.len()
     );
     stream.write_all((head + &body).as_bytes()).await.unwrap();

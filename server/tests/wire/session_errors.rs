@@ -373,7 +373,10 @@ async fn bodies_that_would_blow_up_are_refused_before_they_are_decoded() {
     let status = client.command(v1::CommandRequest { commands }).await.unwrap_err();
     assert_invalid(&status, "commands", "commands", "has more than 10000 commands");
     let body = format!("{{\"commands\":[{}{{}}]}}", "{},".repeat(1_000_000));
-    let request = reqwest::Client::new().post(server.url("/v1/commands")).body(body);
+    let request = reqwest::Client::new()
+        .post(server.url("/v1/commands"))
+        .header("content-type", "application/json")
+        .body(body);
     assert_refused(
         request.send().await.unwrap(),
         "commands",

@@ -12,7 +12,7 @@ use crate::server::{Server, shared};
 /// The head of a request with a body.
 fn head_of(body: &str) -> String {
     format!(
-        "POST /v1/inbetween HTTP/1.1\r\nhost: troupe\r\ncontent-type: application/json\r\ncontent-length: {}\r\n\r\n",
+        "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: {}\r\n\r\n",
         body.len()
     )
 }
@@ -76,7 +76,7 @@ async fn a_body_that_ends_early_is_refused_on_a_connection_that_stays() {
     let pack = server.pack().await;
     let body = serde_json::to_string(&request([character(&pack)])).unwrap();
     let cut = &body[..body.len() / 3];
-    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: troupe\r\ntransfer-encoding: chunked\r\n\r\n";
+    let head = "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ntransfer-encoding: chunked\r\n\r\n";
     let mut stream = TcpStream::connect(server.address()).await.unwrap();
     let chunks = format!("{head}{:x}\r\n{cut}\r\n0\r\n\r\n", cut.len());
     stream.write_all(chunks.as_bytes()).await.unwrap();
@@ -152,7 +152,7 @@ async fn silent_connections_do_not_hold_up_a_stop() {
     let mut silent = Vec::new();
     for opening in [
         "",
-        "POST /v1/inbetween HTTP/1.1\r\nhost: troupe\r\ncontent-length: 10\r\n\r\n{",
+        "POST /v1/inbetween HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: 10\r\n\r\n{",
     ] {
         let mut stream = TcpStream::connect(server.address()).await.unwrap();
         stream.write_all(opening.as_bytes()).await.unwrap();

@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use axum::Json;
+use axum::body::Body;
 use axum::response::{IntoResponse, Response};
-use http::{HeaderValue, header};
+use http::{HeaderMap, HeaderValue, header};
 use serde::{Deserialize, Serialize};
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt as _};
@@ -94,6 +95,14 @@ impl ApiError {
         status
     }
 
+    /// The answer, as the caller's protocol has it.
+    pub(in crate::api) fn in_kind(&self, asked: &HeaderMap) -> Response {
+        match is_grpc(asked) {
+            true => self.status().into_http::<Body>(),
+            false => self.clone().into_response(),
+        }
+    }
+
     /// The error behind a gRPC status: our own, or one that the gRPC library made while it read the request.
     pub fn of_status(status: &Status, limit_bytes: usize) -> Self {
         let own = std::error::Error::source(status).and_then(|source| source.downcast_ref::<Self>());
@@ -113,6 +122,13 @@ impl ApiError {
             _ => Self::Malformed { message, field: None },
         }
     }
+}
+
+/// Whether a request's headers are those of a gRPC call.
+pub(in crate::api) fn is_grpc(headers: &HeaderMap) -> bool {
+    headers
+        .get(header::CONTENT_TYPE)
+        .is_some_and(|form| form.as_bytes().starts_with(b"application/grpc"))
 }
 
 /// The code of an answer, noted on it for the metrics.

@@ -38,6 +38,12 @@ pub(super) const TOO_LARGE: Codes = codes(
     StatusCode::PAYLOAD_TOO_LARGE,
     "RESOURCE_EXHAUSTED",
 );
+pub(super) const WRONG_TYPE: Codes = codes(
+    Code::InvalidArgument,
+    StatusCode::UNSUPPORTED_MEDIA_TYPE,
+    "INVALID_ARGUMENT",
+);
+pub(super) const FORBIDDEN: Codes = codes(Code::PermissionDenied, StatusCode::FORBIDDEN, "PERMISSION_DENIED");
 pub(super) const ABORTED: Codes = codes(Code::Aborted, StatusCode::CONFLICT, "ABORTED");
 pub(super) const TOO_LATE: Codes = codes(
     Code::DeadlineExceeded,

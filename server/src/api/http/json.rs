@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use axum::body::Bytes;
+use axum::body::{Bytes, HttpBody as _};
 use axum::extract::{FromRequest, Request};
 use axum::response::{IntoResponse as _, Response};
-use http::{StatusCode, header};
+use http::{HeaderMap, StatusCode, header};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use troupe_proto::rpc;
@@ -101,7 +101,24 @@ pub(in crate::api) async fn written<T: Serialize>(
     Ok(([(header::CONTENT_TYPE, "application/json")], json).into_response())
 }
 
-/// A JSON body. The content type does not matter.
+/// What a body is said to be, where that is not JSON.
+fn wrong_type(headers: &HeaderMap) -> Option<String> {
+    let value = headers.get(header::CONTENT_TYPE);
+    let text = value.map_or_else(Default::default, |value| {
+        String::from_utf8_lossy(value.as_bytes())
+    });
+    let name = text
+        .split(';')
+        .next()
+        .unwrap_or_default()
+        .trim()
+        .to_ascii_lowercase();
+    let kind = name.strip_prefix("application/");
+    let json = kind.is_some_and(|kind| kind == "json" || kind.ends_with("+json"));
+    (!json).then(|| cut(&text, MAX_PATH))
+}
+
+/// A JSON body, whose content type says so.
 pub(in crate::api) struct JsonBody<T>(pub(in crate::api) T);
 
 impl<S: Send + Sync, T: rpc::Request + DeserializeOwned> FromRequest<S> for JsonBody<T> {
@@ -110,6 +127,10 @@ impl<S: Send + Sync, T: rpc::Request + DeserializeOwned> FromRequest<S> for Json
     async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
         let limits = request.extensions().get::<BodyLimits>().cloned();
         let limits = limits.ok_or_else(|| ApiError::Internal("no limits are set".to_owned()))?;
+        let wrong = wrong_type(request.headers());
+        if let Some(found) = wrong.filter(|_| !request.body().is_end_stream()) {
+            return Err(ApiError::WrongType { found });
+        }
         let bytes = Bytes::from_request(request, state).await.map_err(|rejection| {
             match rejection.into_response().status() {
                 StatusCode::PAYLOAD_TOO_LARGE => ApiError::TooLarge {

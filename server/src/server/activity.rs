@@ -1,0 +1,331 @@
+//! What goes on on a connection: calls that are open, and bytes that wait to be sent.
+
+use std::convert::Infallible;
+use std::io::{self, IoSlice};
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+
+use axum::Router;
+use axum::body::{Body, HttpBody};
+use bytes::Bytes;
+use http::{Request, Response};
+use http_body::{Frame, SizeHint};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::time::{Instant, sleep, sleep_until};
+use tower::Service;
+
+use super::places::Place;
+
+use crate::clients::Client;
+
+/// How often a connection that closes is looked at while it has something to do.
+const LOOK_INTERVAL: Duration = Duration::from_millis(50);
+
+/// What goes on on one connection.
+#[derive(Debug)]
+pub(super) struct Activity {
+    born: Instant,
+    /// Calls from the head of their request to the end of their answer.
+    open: AtomicUsize,
+    /// Those of them whose request is here as a whole, or whose answer has begun.
+    serving: AtomicUsize,
+    /// Whether the client takes less than there is to send.
+    blocked: AtomicBool,
+    /// When a call was last open, and bytes were last sent, in milliseconds since the connection's birth.
+    called_ms: AtomicU64,
+    sent_ms: AtomicU64,
+}
+
+impl Activity {
+    /// That of a connection which begins now.
+    pub(super) fn new() -> Arc<Self> {
+        Arc::new(Self {
+            born: Instant::now(),
+            open: AtomicUsize::new(0),
+            serving: AtomicUsize::new(0),
+            blocked: AtomicBool::new(false),
+            called_ms: AtomicU64::new(0),
+            sent_ms: AtomicU64::new(0),
+        })
+    }
+
+    fn now_ms(&self) -> u64 {
+        self.born.elapsed().as_millis() as u64
+    }
+
+    fn at(&self, ms: u64) -> Instant {
+        self.born + Duration::from_millis(ms)
+    }
+
+    /// Whether a call would be lost if the connection were cut.
+    pub(super) fn is_serving(&self) -> bool {
+        self.serving.load(Ordering::Acquire) > 0 || self.blocked.load(Ordering::Acquire)
+    }
+
+    /// Waits until no call has been open for `limit`.
+    pub(super) async fn idle(&self, limit: Duration) {
+        loop {
+            if self.open.load(Ordering::Acquire) > 0 {
+                sleep(limit).await;
+                continue;
+            }
+            let end = self.at(self.called_ms.load(Ordering::Acquire)) + limit;
+            if Instant::now() >= end {
+                return;
+            }
+            sleep_until(end).await;
+        }
+    }
+
+    /// Waits until nothing has been served and sent for `grace`, from now on.
+    pub(super) async fn quiet(&self, grace: Duration) {
+        let begun = Instant::now();
+        loop {
+            if self.is_serving() {
+                sleep(LOOK_INTERVAL).await;
+                continue;
+            }
+            let last_ms = self
+                .called_ms
+                .load(Ordering::Acquire)
+                .max(self.sent_ms.load(Ordering::Acquire));
+            let end = begun.max(self.at(last_ms)) + grace;
+            if Instant::now() >= end {
+                return;
+            }
+            sleep_until(end).await;
+        }
+    }
+}
+
+/// One call on a connection.
+#[derive(Debug)]
+struct Call {
+    activity: Arc<Activity>,
+    serving: AtomicBool,
+}
+
+impl Call {
+    fn begin(activity: &Arc<Activity>) -> Arc<Self> {
+        activity.open.fetch_add(1, Ordering::AcqRel);
+        Arc::new(Self {
+            activity: activity.clone(),
+            serving: AtomicBool::new(false),
+        })
+    }
+
+    /// From here on the call can be finished whatever the client does.
+    fn serve(&self) {
+        if !self.serving.swap(true, Ordering::AcqRel) {
+            self.activity.serving.fetch_add(1, Ordering::AcqRel);
+        }
+    }
+}
+
+impl Drop for Call {
+    fn drop(&mut self) {
+        let activity = &self.activity;
+        activity.called_ms.fetch_max(activity.now_ms(), Ordering::AcqRel);
+        if *self.serving.get_mut() {
+            activity.serving.fetch_sub(1, Ordering::AcqRel);
+        }
+        activity.open.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+/// The routes, with an eye on the calls of one connection. Requests carry whose connection it is.
+#[derive(Clone)]
+pub(super) struct Watched {
+    router: Router,
+    activity: Arc<Activity>,
+    client: Arc<Client>,
+}
+
+impl Watched {
+    pub(super) fn new(router: Router, activity: Arc<Activity>, client: Arc<Client>) -> Self {
+        Self {
+            router,
+            activity,
+            client,
+        }
+    }
+}
+
+impl<B> Service<Request<B>> for Watched
+where
+    B: HttpBody<Data = Bytes> + Send + Unpin + 'static,
+    B::Error: Into<axum::BoxError>,
+{
+    type Response = Response<CallBody<Body>>;
+    type Error = Infallible;
+    type Future = Pin<Box<dyn Future<Output = Result<Self::Response, Infallible>> + Send>>;
+
+    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
+        Service::<Request<B>>::poll_ready(&mut self.router, context)
+    }
+
+    fn call(&mut self, mut request: Request<B>) -> Self::Future {
+        request.extensions_mut().insert(self.client.clone());
+        let call = Call::begin(&self.activity);
+        let answer = self
+            .router
+            .call(request.map(|body| CallBody::new(body, call.clone())));
+        Box::pin(async move {
+            let response = answer.await?;
+            call.serve();
+            Ok(response.map(|body| CallBody { body, call }))
+        })
+    }
+}
+
+/// A body of a call's request or answer, which keeps the call open.
+pub(super) struct CallBody<B> {
+    body: B,
+    call: Arc<Call>,
+}
+
+impl<B: HttpBody> CallBody<B> {
+    fn new(body: B, call: Arc<Call>) -> Self {
+        if body.is_end_stream() {
+            call.serve();
+        }
+        Self { body, call }
+    }
+}
+
+impl<B: HttpBody + Unpin> HttpBody for CallBody<B> {
+    type Data = B::Data;
+    type Error = B::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Self::Data>, Self::Error>>> {
+        let frame = ready!(Pin::new(&mut self.body).poll_frame(context));
+        // Of an answer's body this says nothing new: its call is served already.
+        if frame.is_none() || self.body.is_end_stream() {
+            self.call.serve();
+        }
+        Poll::Ready(frame)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+/// A connection's bytes. Its place is taken for as long as they can flow: those of a WebSocket outlive HTTP.
+pub(super) struct Held<T> {
+    stream: T,
+    activity: Arc<Activity>,
+    _place: Place,
+}
+
+impl<T> Held<T> {
+    pub(super) fn new(stream: T, activity: Arc<Activity>, place: Place) -> Self {
+        Self {
+            stream,
+            activity,
+            _place: place,
+        }
+    }
+
+    fn note(&self, sent: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
+        self.activity.blocked.store(sent.is_pending(), Ordering::Release);
+        if sent.is_ready() {
+            self.activity
+                .sent_ms
+                .store(self.activity.now_ms(), Ordering::Release);
+        }
+        sent
+    }
+}
+
+impl<T: AsyncRead + Unpin> AsyncRead for Held<T> {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_read(context, buffer)
+    }
+}
+
+impl<T: AsyncWrite + Unpin> AsyncWrite for Held<T> {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let sent = Pin::new(&mut self.stream).poll_write(context, bytes);
+        self.note(sent)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        let sent = Pin::new(&mut self.stream).poll_write_vectored(context, bytes);
+        self.note(sent)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test(start_paused = true)]
+    async fn a_connection_is_idle_some_time_after_its_last_call() {
+        let activity = Activity::new();
+        let (begun, limit) = (Instant::now(), Duration::from_secs(10));
+        let call = Call::begin(&activity);
+        let ends = async {
+            sleep(Duration::from_secs(25)).await;
+            drop(call);
+        };
+        tokio::join!(activity.idle(limit), ends);
+        assert_eq!(begun.elapsed().as_secs(), 35);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_call_is_waited_for_once_its_request_is_whole() {
+        let activity = Activity::new();
+        let (begun, grace) = (Instant::now(), Duration::from_secs(1));
+        let half = Call::begin(&activity);
+        activity.quiet(grace).await;
+        assert_eq!(begun.elapsed().as_secs(), 1, "half a request is not");
+
+        half.serve();
+        half.serve();
+        let ends = async {
+            sleep(Duration::from_secs(7)).await;
+            drop(half);
+        };
+        tokio::join!(activity.quiet(grace), ends);
+        assert!(begun.elapsed() >= Duration::from_secs(9), "{:?}", begun.elapsed());
+        assert_eq!(
+            activity.open.load(Ordering::Relaxed) + activity.serving.load(Ordering::Relaxed),
+            0
+        );
+    }
+}

@@ -1,0 +1,158 @@
+//! Connections: how many there may be, and how long they last.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+use tonic::Code;
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_client::HealthClient;
+use tonic_types::StatusExt as _;
+
+use crate::common::{TestServer, request};
+
+/// One request on one connection, up to the end of the connection.
+pub async fn get(address: SocketAddr, path: &str) -> String {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    let head = format!("GET {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n");
+    stream.write_all(head.as_bytes()).await.unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).await.unwrap();
+    answer
+}
+
+/// Whether the server closes a connection, in order or with a reset.
+async fn closes(stream: &mut TcpStream) -> bool {
+    let end = timeout(Duration::from_secs(10), stream.read(&mut [0; 64])).await;
+    end.is_ok_and(|read| matches!(read, Ok(0) | Err(_)))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn silent_connections_are_closed() {
+    let short = |config: &mut troupe_server::config::Config| {
+        config.request_timeout_ms = 200;
+        config.keepalive_ms = 200;
+    };
+    let server = TestServer::start_with(short).await;
+    for first in [
+        "",
+        "PRI * HT",
+        "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+        "GET /healthz HTTP",
+    ] {
+        let mut stream = TcpStream::connect(server.handle.address()).await.unwrap();
+        stream.write_all(first.as_bytes()).await.unwrap();
+        let mut rest = Vec::new();
+        // It ends, in order or with a reset.
+        let end = timeout(Duration::from_secs(5), stream.read_to_end(&mut rest)).await;
+        assert!(end.is_ok(), "a connection that only sent {first:?} stays open");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn past_the_limit_only_health_is_answered() {
+    let server = TestServer::start_with(|config| config.max_connections = 2).await;
+    let address = server.handle.address();
+    let first = TcpStream::connect(address).await.unwrap();
+    let _second = TcpStream::connect(address).await.unwrap();
+    server.metric("troupe_connections_active", "2").await;
+    for path in ["/healthz", "/readyz", "/metrics"] {
+        let answer = get(address, path).await;
+        assert!(answer.starts_with("HTTP/1.1 200"), "{path}: {answer}");
+    }
+    // The server ends the connection by itself.
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    stream
+        .write_all(b"GET /v1/packs HTTP/1.1\r\nhost: localhost\r\n\r\n")
+        .await
+        .unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).await.unwrap();
+    for part in [
+        "HTTP/1.1 503",
+        "connection: close",
+        "retry-after: 1",
+        "TOO_MANY_CONNECTIONS",
+    ] {
+        assert!(answer.contains(part), "{part} is not in {answer}");
+    }
+
+    let mut health = HealthClient::new(server.channel().await);
+    let asked = HealthCheckRequest::default();
+    health.check(asked).await.unwrap();
+    let status = server.grpc().await.in_between(request(1)).await.unwrap_err();
+    assert_eq!(status.code(), Code::Unavailable);
+    assert!(status.get_details_retry_info().is_some());
+    // Neither keeps its place, though both clients would like to.
+    server.metric("troupe_connections_active", "2").await;
+
+    drop(first);
+    server.metric("troupe_connections_active", "1").await;
+    let answer = get(address, "/v1/packs").await;
+    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn past_the_reserve_connections_are_closed_at_once() {
+    let server = TestServer::start_with(|config| config.max_connections = 1).await;
+    let address = server.handle.address();
+    let mut open = Vec::new();
+    for _ in 0..17 {
+        open.push(TcpStream::connect(address).await.unwrap());
+    }
+    server.metric("troupe_connections_active", "17").await;
+    let mut refused = TcpStream::connect(address).await.unwrap();
+    assert!(closes(&mut refused).await);
+    server
+        .metric(r#"troupe_connections_refused_total{reason="limit"}"#, "1")
+        .await;
+    // Those that sit in the reserve lose it.
+    assert!(closes(&mut open[16]).await);
+    server.metric("troupe_connections_active", "1").await;
+}
+
+#[tokio::test]
+async fn an_address_gets_so_many_connections() {
+    let server = TestServer::start_with(|config| config.max_connections_per_address = 2).await;
+    let address = server.handle.address();
+    let _first = TcpStream::connect(address).await.unwrap();
+    let second = TcpStream::connect(address).await.unwrap();
+    let mut third = TcpStream::connect(address).await.unwrap();
+    assert!(closes(&mut third).await);
+    server
+        .metric(r#"troupe_connections_refused_total{reason="address"}"#, "1")
+        .await;
+    drop(second);
+    server.metric("troupe_connections_active", "1").await;
+    assert!(get(address, "/healthz").await.starts_with("HTTP/1.1 200"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn idle_connections_are_closed_and_busy_ones_are_not() {
+    let server = TestServer::start_with(|config| config.idle_timeout_ms = 300).await;
+    let mut client = server.grpc().await;
+    client.in_between(request(1)).await.unwrap();
+    server.metric("troupe_connections_active", "0").await;
+    // The client notices, and connects again.
+    server.gate.close();
+    let mut again = client.clone();
+    let call = tokio::spawn(async move { again.in_between(request(1)).await });
+    tokio::time::sleep(Duration::from_millis(1500)).await;
+    server.metric("troupe_connections_active", "1").await;
+    server.gate.open();
+    call.await.unwrap().unwrap();
+    server.metric("troupe_connections_active", "0").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_socket_keeps_its_place() {
+    let server = TestServer::start_with(|config| config.idle_timeout_ms = 100).await;
+    let url = server.url("/v1/drive").replace("http", "ws");
+    let (socket, _) = tokio_tungstenite::connect_async(url).await.unwrap();
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    server.metric("troupe_connections_active", "1").await;
+    drop(socket);
+    server.metric("troupe_connections_active", "0").await;
+}
