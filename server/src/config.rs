@@ -3,6 +3,7 @@
 mod check;
 mod cli;
 mod parts;
+mod worst_case;
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
@@ -13,6 +14,7 @@ use crate::api::{Host, Origin};
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
 pub use cli::{Cli, Command, DoctorArgs, HealthArgs};
+pub use worst_case::{Part, WorstCase};
 
 /// The file that is read where `--config` names none; it need not exist.
 pub const DEFAULT_FILE: &str = "troupe.toml";
@@ -127,6 +129,15 @@ pub struct Config {
         layer_attr(arg(long, value_name = "MIB"))
     )]
     pub network_memory_mib: u64,
+
+    /// Most memory that the server may take at worst, whatever its clients do, in MiB. `troupe-server doctor` shows the worst case
+    /// and which options make it; a server whose worst case is larger does not start. 0: no limit.
+    #[config(
+        env = "TROUPE_MEMORY_LIMIT_MIB",
+        default = 0,
+        layer_attr(arg(long, value_name = "MIB"))
+    )]
+    pub memory_limit_mib: u64,
 
     /// Most characters in one batch. 0: 32, and 16 with openvino-bf16. More saves hardly any time a character, and takes
     /// memory and start-up time.

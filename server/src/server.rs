@@ -118,12 +118,24 @@ pub enum StartError {
         /// Connections that fit into it.
         room: usize,
     },
+    /// The server may take more memory than it is allowed to.
+    #[error("{0}")]
+    Memory(String),
     /// The port cannot be used.
     #[error("cannot listen: {0}")]
     Listen(std::io::Error),
     /// A part of the server that does not come up; a bug.
     #[error("internal: {0}")]
     Internal(String),
+}
+
+/// Most connections of a server: those that `config` asks for, or as many as the system's limit of open files leaves room for. Raises
+/// that limit as far as it may.
+///
+/// # Errors
+/// [`StartError::Files`] where there is no room for those that are asked for.
+pub fn max_connections(config: &Config) -> Result<usize, StartError> {
+    files::max_connections(config.max_connections)
 }
 
 /// The packs that `config` names, checked but without their networks.
@@ -220,14 +232,20 @@ pub async fn serve_packs_at(
     let router = api::router(&service, &health, &clients, &config.api_limits(), guard)
         .map_err(|error| internal(&error))?;
 
-    let max_connections = files::max_connections(config.max_connections)?;
+    let max_connections = max_connections(&config)?;
     let places = Places::new(max_connections, config.max_connections_per_address, &telemetry);
     let (stop, stopping) = watch::channel(false);
     let accepting = connections::accept(listener, router, clients, config.clone(), places, stopping);
     let connections = tokio::spawn(accepting);
     let (drain_delay, drain_timeout) = (config.drain_delay(), config.drain_timeout());
     let upkeep = tokio::spawn(upkeep(service.clone()));
-    let starting = tokio::spawn(start(config, service.clone(), health.clone(), packs));
+    let starting = tokio::spawn(start(
+        config,
+        max_connections,
+        service.clone(),
+        health.clone(),
+        packs,
+    ));
     Ok(ServerHandle {
         address,
         service,
@@ -261,6 +279,7 @@ async fn upkeep(service: Arc<Service>) {
 /// Loads and warms up all packs, then opens the service.
 async fn start(
     config: Config,
+    max_connections: usize,
     service: Arc<Service>,
     health: HealthReporter,
     packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
@@ -268,8 +287,13 @@ async fn start(
     let gone = |_| StartError::Internal("a task that loads files has stopped".to_owned());
     let folders = config.world_folders();
     let scene_bytes = config.max_scene_memory_mib.saturating_mul(1 << 20);
+    let for_limit = config.clone();
     let read = move || -> Result<_, StartError> {
         let sources = packs()?;
+        for_limit
+            .worst_case(sources.iter().map(|source| &source.pack), max_connections)
+            .within(for_limit.memory_limit_bytes())
+            .map_err(StartError::Memory)?;
         let store = Store::load(
             folders,
             scene_bytes,

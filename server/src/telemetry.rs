@@ -4,6 +4,7 @@
 //! Each layer names its metrics ([`Metric`]) and owns their handles: `batch::metrics`, `session::metrics`, `api::metrics`.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use metrics::{Key, Label, Level, Metadata, Recorder as _};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusRecorder};
@@ -34,6 +35,29 @@ const BUCKETS: [(&str, &[f64]); 4] = [
 ];
 
 static METADATA: Metadata<'static> = Metadata::new(module_path!(), Level::INFO, Some(module_path!()));
+
+/// How often a log line of one kind is written at most.
+const LOG_INTERVAL: Duration = Duration::from_secs(60);
+
+/// Holds back log lines that would come too often.
+#[derive(Debug, Default)]
+pub struct Seldom {
+    last: Option<Instant>,
+    held_back: u64,
+}
+
+impl Seldom {
+    /// How many were held back since the last one, if it is time for the next.
+    pub fn next(&mut self, now: Instant) -> Option<u64> {
+        let early = self.last.is_some_and(|last| now < last + LOG_INTERVAL);
+        if early {
+            self.held_back += 1;
+            return None;
+        }
+        self.last = Some(now);
+        Some(std::mem::take(&mut self.held_back))
+    }
+}
 
 /// A metric of one or more labelled series.
 #[derive(Debug, Clone, Copy)]
@@ -176,5 +200,15 @@ mod tests {
         let (one, two) = (Telemetry::new().unwrap(), Telemetry::new().unwrap());
         one.counter(&CALLS, &Labels::default()).increment(1);
         assert!(one.render().contains("calls_total") && !two.render().contains("calls_total"));
+    }
+
+    #[test]
+    fn log_lines_come_once_a_minute() {
+        let (mut seldom, begun) = (Seldom::default(), Instant::now());
+        assert_eq!(seldom.next(begun), Some(0));
+        for second in 1..60 {
+            assert_eq!(seldom.next(begun + Duration::from_secs(second)), None);
+        }
+        assert_eq!(seldom.next(begun + LOG_INTERVAL), Some(59));
     }
 }

@@ -61,6 +61,7 @@ impl Config {
             ("drain_delay_ms", self.drain_delay_ms, 3_600_000),
             ("worker_spin_us", self.worker_spin_us, 10_000),
             ("network_memory_mib", self.network_memory_mib, MOST_NETWORK_MIB),
+            ("memory_limit_mib", self.memory_limit_mib, MOST_NETWORK_MIB),
             ("transfer_memory_mib", self.transfer_memory_mib, MOST_NETWORK_MIB),
         ];
         for (option, value, most) in at_most {

@@ -132,16 +132,25 @@ impl Config {
         Workers::plan(self.workers, self.threads, available_cores())
     }
 
+    /// Most memory of the networks of so many packs, bytes.
+    pub(super) fn network_bytes(&self, packs: usize) -> u64 {
+        match self.network_memory_mib {
+            0 => (packs as u64 * NETWORK_BYTES).min(Machine::detect().memory_bytes / 2),
+            mib => mib << 20,
+        }
+    }
+
+    /// [`Config::memory_limit_mib`] in bytes; 0 for none.
+    pub fn memory_limit_bytes(&self) -> u64 {
+        self.memory_limit_mib << 20
+    }
+
     /// What chooses the engine of each of `packs` packs.
     ///
     /// # Errors
     /// [`EngineError::Library`] where the library does not load.
     pub fn selector(&self, packs: usize) -> Result<Selector, EngineError> {
         let machine = Machine::detect();
-        let network_bytes = match self.network_memory_mib {
-            0 => (packs as u64 * NETWORK_BYTES).min(machine.memory_bytes / 2),
-            mib => mib << 20,
-        };
         Ok(Selector {
             runtime: Runtime::new(self.onnx_runtime.as_deref())?,
             machine,
@@ -150,7 +159,7 @@ impl Config {
             workers: self.workers(),
             packs,
             spin: self.spin,
-            pool: NetworkPool::new(network_bytes),
+            pool: NetworkPool::new(self.network_bytes(packs)),
             growth: Growth::Background,
             cache: CheckCache::new(self.cache_folder()),
         })

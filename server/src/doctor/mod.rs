@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use crate::config::Config;
+use crate::config::{Config, WorstCase};
 use crate::server::load_packs;
 use troupe_engine::machine::Machine;
 use troupe_engine::onnx::Growth;
@@ -31,6 +31,8 @@ pub struct Report {
     pub engines: Vec<Engine>,
     /// Every pack.
     pub packs: Vec<PackReport>,
+    /// The most memory that the server may take.
+    pub memory: WorstCase,
     /// What keeps the server from starting.
     pub problems: Vec<String>,
     /// What could be better.
@@ -86,6 +88,10 @@ impl Report {
             library: None,
             engines: Vec::new(),
             packs: Vec::new(),
+            memory: WorstCase {
+                parts: Vec::new(),
+                total_bytes: 0,
+            },
             problems: Vec::new(),
             warnings: Vec::new(),
         };
@@ -94,6 +100,7 @@ impl Report {
             report.problems.push(error.to_string());
             Vec::new()
         });
+        report.look_at_memory(config, &packs);
         match config.selector(packs.len()) {
             Ok(mut selector) => {
                 // What is measured must not change meanwhile, and what is said is looked at.
@@ -125,6 +132,25 @@ impl Report {
         if cfg!(debug_assertions) {
             self.warnings
                 .push("this is a debug build of the server; build with --release".to_owned());
+        }
+    }
+
+    fn look_at_memory(&mut self, config: &Config, packs: &[Pack]) {
+        match crate::server::max_connections(config) {
+            Ok(most) => self.memory = config.worst_case(packs, most),
+            Err(error) => return self.problems.push(error.to_string()),
+        }
+        if let Err(problem) = self.memory.within(config.memory_limit_bytes()) {
+            self.problems.push(problem);
+        }
+        let (worst, there_is) = (self.memory.total_bytes, self.machine.memory_bytes);
+        if worst > there_is {
+            self.warnings.push(format!(
+                "clients may make the server take {} MiB, and this machine has {}; lower the options under Memory, and set \
+                 memory_limit_mib",
+                worst >> 20,
+                there_is >> 20
+            ));
         }
     }
 

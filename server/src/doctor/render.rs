@@ -14,6 +14,7 @@ impl Display for Report {
         for pack in &self.packs {
             write!(f, "\n{pack}")?;
         }
+        write!(f, "\n{}", self.memory)?;
         for (title, lines) in [("Problems", &self.problems), ("Warnings", &self.warnings)] {
             if !lines.is_empty() {
                 writeln!(f, "\n{title}")?;

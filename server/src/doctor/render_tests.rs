@@ -1,5 +1,6 @@
 use std::time::Duration;
 
+use crate::config::{Part, WorstCase};
 use crate::doctor::{Engine, Library, Speed, Trial};
 use troupe_engine::accuracy::Accuracy;
 use troupe_engine::machine::Machine;
@@ -82,6 +83,14 @@ fn report() -> Report {
                 trial: None,
             },
         ],
+        memory: WorstCase {
+            parts: vec![Part {
+                what: "sessions",
+                bytes: 1 << 30,
+                bounded_by: "max_sessions",
+            }],
+            total_bytes: 1 << 30,
+        },
         problems: vec!["pack broken: it is".into()],
         warnings: vec!["a warning".into()],
     }

@@ -14,10 +14,11 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 
 use super::activity::{Activity, Held, Watched};
-use super::places::{Place, Places, Seldom};
+use super::places::{Place, Places};
 use crate::api;
 use crate::clients::Clients;
 use crate::config::Config;
+use crate::telemetry::Seldom;
 
 /// How long to pause where the system has no more file handles.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);

@@ -3,14 +3,11 @@
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv6Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
 
 use crate::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
 
 /// Connections beyond the limit on which health checks and metrics are still answered.
 pub(super) const RESERVE: usize = 16;
-/// How often a log line of one kind is written at most.
-const LOG_INTERVAL: Duration = Duration::from_secs(60);
 /// The part of an IPv6 address that is one customer's; the rest is his to choose.
 const IPV6_NETWORK: u128 = !0 << 64;
 
@@ -165,26 +162,6 @@ impl Drop for Place {
     }
 }
 
-/// Holds back log lines that would come too often.
-#[derive(Debug, Default)]
-pub(super) struct Seldom {
-    last: Option<Instant>,
-    held_back: u64,
-}
-
-impl Seldom {
-    /// How many were held back since the last one, if it is time for the next.
-    pub(super) fn next(&mut self, now: Instant) -> Option<u64> {
-        let early = self.last.is_some_and(|last| now < last + LOG_INTERVAL);
-        if early {
-            self.held_back += 1;
-            return None;
-        }
-        self.last = Some(now);
-        Some(std::mem::take(&mut self.held_back))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -229,15 +206,5 @@ mod tests {
         let _network = take("2001:db8::1").unwrap();
         assert_eq!(take("2001:db8::2").unwrap_err(), Refusal::Address);
         let _next = take("2001:db8:0:1::2").unwrap();
-    }
-
-    #[test]
-    fn log_lines_come_once_a_minute() {
-        let (mut seldom, begun) = (Seldom::default(), Instant::now());
-        assert_eq!(seldom.next(begun), Some(0));
-        for second in 1..60 {
-            assert_eq!(seldom.next(begun + Duration::from_secs(second)), None);
-        }
-        assert_eq!(seldom.next(begun + LOG_INTERVAL), Some(59));
     }
 }

@@ -30,6 +30,6 @@ pub use events::{EventQueue, MAX_WAITING_EVENTS};
 pub use metrics::{Eviction, SessionMetrics};
 pub use options::{MAX_ID_CHARS, TTL_RANGE_MS};
 pub use pack::{LivePack, LivePacks};
-pub use registry::Registry;
+pub use registry::{MAX_SESSION_BYTES, Registry};
 pub use step::Stepped;
 pub use time::TimeSource;

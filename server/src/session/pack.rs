@@ -1,11 +1,11 @@
 //! Packs as sessions know them: with what their characters' plans are measured by.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use super::metrics::SessionMetrics;
 use crate::packs::{LoadedPack, PackTable, UnknownPack};
-use crate::telemetry::Telemetry;
+use crate::telemetry::{Seldom, Telemetry};
 use troupe_character::live::load::PlanLoad;
 use troupe_motion::model::Rig;
 
@@ -16,6 +16,8 @@ pub struct LivePack {
     pub loaded: Arc<LoadedPack>,
     /// The metrics of its sessions.
     pub metrics: SessionMetrics,
+    /// When it was last told that a plan failed.
+    pub failures: Mutex<Seldom>,
     /// How busy it is with their plans.
     pub load: PlanLoad,
 }
@@ -26,6 +28,7 @@ impl LivePack {
         let version = &loaded.pack.manifest.version;
         Self {
             metrics: SessionMetrics::new(telemetry, loaded.pack.name(), version),
+            failures: Mutex::default(),
             load: PlanLoad::default(),
             loaded,
         }

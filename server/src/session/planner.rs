@@ -4,7 +4,7 @@
 //! it asks for the next only after [`Character::plan_arrived`](super::Character::plan_arrived), which every request
 //! leads to, whatever becomes of it, a panic on the way included.
 
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::cell::SessionCell;
@@ -152,8 +152,13 @@ fn arrived(cell: &Arc<SessionCell>, number: u64, plan: Result<LivePlan, SubmitEr
         // The character goes on with the newer one.
         Err(SubmitError::Superseded) => Err(PlanFailed),
         Err(error) => {
-            if !matches!(error, SubmitError::QueueFull { .. }) {
-                tracing::warn!(session = %cell.id(), %error, "a plan failed");
+            let failures = cell.pack().failures.lock();
+            if !matches!(error, SubmitError::QueueFull { .. })
+                && let Some(held_back) = failures
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .next(Instant::now())
+            {
+                tracing::warn!(session = %cell.id(), %error, held_back, "a plan failed");
             }
             let before = live.trouble.as_ref().map_or(0, |(count, _)| *count);
             live.trouble = Some((before.saturating_add(1), error));
