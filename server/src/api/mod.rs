@@ -3,11 +3,13 @@
 //! [`ApiError`] is the only place that knows how an error looks to a caller. Both fronts hand requests to
 //! [`Service`], under one time limit and one set of metrics.
 
+mod access;
 mod answers;
 mod error;
 mod grpc;
 mod guard;
 mod http;
+pub mod keys;
 mod metrics;
 mod openapi;
 mod reserve;
@@ -29,6 +31,7 @@ pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;
 pub use guard::{Guard, Host, NotAHost, NotAnOrigin, Origin};
 pub use http::document;
+pub use keys::{Keys, KeysError, Role};
 pub use reserve::reserve;
 
 /// Most bytes of one message on a stream.
@@ -47,8 +50,8 @@ pub struct ApiLimits {
     pub sessions: usize,
 }
 
-/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it, and `guard`
-/// says which web pages may use them.
+/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it, `guard`
+/// says which web pages may use them, and `keys` who else; without keys, everybody.
 ///
 /// # Errors
 /// Where the descriptors of the gRPC reflection service do not read, which a build that passes its tests rules out.
@@ -57,10 +60,15 @@ pub fn router(
     health: &HealthReporter,
     limits: &ApiLimits,
     guard: Guard,
+    keys: Option<Arc<Keys>>,
 ) -> Result<Router, tonic_reflection::server::Error> {
     let grpc = grpc::router(service, health, limits)?;
     let router = grpc
         .merge(http::router(service, limits))
         .fallback(http::unknown_route);
+    let router = match keys {
+        Some(keys) => access::locked(router, keys),
+        None => router,
+    };
     Ok(guard::guarded(router, guard))
 }
