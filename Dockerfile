@@ -35,7 +35,9 @@ COPY LICENSE NOTICE /opt/troupe/
 # The one folder that the server's user may write to. Nothing is written there unless TROUPE_STYLES, TROUPE_SCENES or
 # TROUPE_OBJECTS name a folder in it.
 COPY --from=build --chown=10001:10001 /out/state/ /var/lib/troupe/
+# Whoever reaches the port needs a key: the one that the server prints, or one of the file that TROUPE_KEYS names.
 ENV TROUPE_LISTEN=0.0.0.0:8080 \
+    TROUPE_ONE_TIME_KEY=true \
     TROUPE_PACKS=/opt/troupe/models \
     ORT_DYLIB_PATH=/opt/troupe/lib/libonnxruntime.so
 LABEL org.opencontainers.image.title="Troupe" \

@@ -163,6 +163,13 @@ serve() {
     ready_s=$(awk "BEGIN { printf \"%.1f\", $EPOCHREALTIME - $start }")
     pid=$(server_pid)
     [ -n "$pid" ] || fail "no process is called troupe-server"
+    # The server prints its key once it is ready.
+    for _ in {1..50}; do
+        key=$(sed -n 's/^  export TROUPE_KEY=//p' "$log")
+        [ -z "$key" ] || return 0
+        sleep 0.1
+    done
+    fail "the server has printed no key"
 }
 
 # Sends the image's stop signal and wants a clean end: stop LOG
@@ -178,6 +185,7 @@ stop() {
 # One request, and how many frames its answer has.
 in_between() {
     curl --silent --show-error --fail http://127.0.0.1:8080/v1/inbetween -H 'content-type: application/json' \
+        -H "authorization: Bearer $key" \
         --data @examples/request.json | python3 -c '
 import json, sys
 frames = json.load(sys.stdin)["characters"][0]["frames"]
@@ -224,7 +232,7 @@ check_user() {
 # Every metric that the dashboard asks for is exported.
 check_dashboard() {
     local metric count=0
-    curl --silent --fail --output "$work/metrics" http://127.0.0.1:8080/metrics
+    curl --silent --fail --output "$work/metrics" -H "authorization: Bearer $key" http://127.0.0.1:8080/metrics
     while read -r metric; do
         grep -qE "^${metric}[{ ]" "$work/metrics" || fail "the dashboard asks for $metric, which the server does not export"
         count=$((count + 1))

@@ -14,6 +14,7 @@ use crate::scene::Scene;
 use crate::sessions::Sessions;
 use crate::style::Style;
 use crate::values::Seconds;
+use troupe_client::ApiKey;
 
 /// Drive characters and fill gaps in motion clips on a Troupe server, and measure how well it does.
 #[derive(Debug, Parser)]
@@ -29,6 +30,10 @@ pub(crate) struct Arguments {
         help_heading = COMMON
     )]
     pub(crate) server: String,
+
+    /// API key, where the server asks for one.
+    #[arg(long, global = true, env = "TROUPE_KEY", hide_env_values = true, value_name = "KEY", help_heading = COMMON)]
+    pub(crate) key: Option<ApiKey>,
 
     /// Longest wait for one answer, in seconds.
     #[arg(long, global = true, default_value = "60", value_name = "SECONDS", help_heading = COMMON)]

@@ -63,6 +63,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         url: arguments.server,
         options: ConnectOptions {
             request_timeout: arguments.timeout.into(),
+            key: arguments.key,
             ..ConnectOptions::default()
         },
         term: Term::new(arguments.quiet),

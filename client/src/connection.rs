@@ -2,7 +2,11 @@
 
 use std::time::Duration;
 
+use tonic::metadata::{Ascii, MetadataValue};
+use tonic::service::Interceptor;
+use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Channel, Endpoint};
+use tonic::{Request, Status};
 use troupe_proto::v1::motion_client::MotionClient;
 use troupe_proto::v1::scenes_client::ScenesClient;
 use troupe_proto::v1::sessions_client::SessionsClient;
@@ -21,6 +25,32 @@ pub struct ConnectOptions {
     pub request_timeout: Duration,
     /// Largest message sent or taken, in bytes.
     pub max_message_bytes: usize,
+    /// The API key, where the server asks for one.
+    pub key: Option<ApiKey>,
+}
+
+/// An API key. It does not show in debug output.
+#[derive(Clone, PartialEq, Eq)]
+pub struct ApiKey(String);
+
+impl From<String> for ApiKey {
+    fn from(key: String) -> Self {
+        Self(key)
+    }
+}
+
+impl std::fmt::Debug for ApiKey {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("ApiKey")
+    }
+}
+
+impl std::str::FromStr for ApiKey {
+    type Err = std::convert::Infallible;
+
+    fn from_str(key: &str) -> Result<Self, Self::Err> {
+        Ok(Self(key.to_owned()))
+    }
 }
 
 impl Default for ConnectOptions {
@@ -30,6 +60,7 @@ impl Default for ConnectOptions {
             connect_timeout: Duration::from_secs(5),
             request_timeout: Duration::from_secs(60),
             max_message_bytes: 64 << 20,
+            key: None,
         }
     }
 }
@@ -39,15 +70,44 @@ impl Default for ConnectOptions {
 pub struct Client {
     url: String,
     options: ConnectOptions,
-    rpc: MotionClient<Channel>,
+    rpc: MotionClient<KeyedChannel>,
     sessions: SessionsRpc,
     scenes: ScenesRpc,
 }
 
 /// The generated client of sessions.
-pub(crate) type SessionsRpc = SessionsClient<Channel>;
+pub(crate) type SessionsRpc = SessionsClient<KeyedChannel>;
 /// The generated client of scenes.
-pub(crate) type ScenesRpc = ScenesClient<Channel>;
+pub(crate) type ScenesRpc = ScenesClient<KeyedChannel>;
+/// A channel whose calls carry the key.
+type KeyedChannel = InterceptedService<Channel, Bearer>;
+
+/// Puts the key on calls.
+#[derive(Debug, Clone)]
+pub(crate) struct Bearer(Option<MetadataValue<Ascii>>);
+
+impl Bearer {
+    fn new(url: &str, key: Option<&ApiKey>) -> Result<Self, ClientError> {
+        let value = key.map(|ApiKey(key)| format!("Bearer {key}").parse::<MetadataValue<Ascii>>());
+        let mut value = value.transpose().map_err(|_| ClientError::Address {
+            url: url.to_owned(),
+            reason: "the key has characters that no key has".to_owned(),
+        })?;
+        if let Some(value) = &mut value {
+            value.set_sensitive(true);
+        }
+        Ok(Self(value))
+    }
+}
+
+impl Interceptor for Bearer {
+    fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
+        if let Some(value) = &self.0 {
+            request.metadata_mut().insert("authorization", value.clone());
+        }
+        Ok(request)
+    }
+}
 
 /// The answer to one in-betweening request.
 #[derive(Debug, Clone)]
@@ -76,6 +136,7 @@ impl Client {
     /// # Errors
     /// [`ClientError::Address`] and [`ClientError::Unreachable`].
     pub async fn connect_with(url: &str, options: ConnectOptions) -> Result<Self, ClientError> {
+        let bearer = Bearer::new(url, options.key.as_ref())?;
         let channel = endpoint(url, &options)?
             .connect()
             .await
@@ -84,6 +145,7 @@ impl Client {
                 reason: deepest(&e),
             })?;
         let limit = options.max_message_bytes;
+        let channel = InterceptedService::new(channel, bearer);
         let rpc = MotionClient::new(channel.clone())
             .max_decoding_message_size(limit)
             .max_encoding_message_size(limit);
@@ -217,7 +279,7 @@ impl Client {
         self.scenes.clone()
     }
 
-    pub(crate) fn sort(&self, status: &tonic::Status) -> ClientError {
+    pub(crate) fn sort(&self, status: &Status) -> ClientError {
         ClientError::from_status(status, &self.url, self.options.request_timeout)
     }
 }
@@ -249,6 +311,23 @@ mod tests {
 
     async fn error(url: &str) -> ClientError {
         Client::connect(url).await.expect_err("no server is there")
+    }
+
+    #[test]
+    fn a_key_is_put_on_calls_and_does_not_show() {
+        let key = ApiKey::from("troupe_1".to_owned());
+        assert_eq!(format!("{key:?}"), "ApiKey");
+        let mut bearer = Bearer::new("http://a", Some(&key)).unwrap();
+        let call = bearer.call(Request::new(())).unwrap();
+        assert_eq!(call.metadata().get("authorization").unwrap(), "Bearer troupe_1");
+        assert!(!format!("{bearer:?}").contains("troupe_1"));
+        let none = Bearer::new("http://a", None)
+            .unwrap()
+            .call(Request::new(()))
+            .unwrap();
+        assert!(none.metadata().is_empty());
+        let wrong = ApiKey::from("a\nb".to_owned());
+        assert!(Bearer::new("http://a", Some(&wrong)).is_err());
     }
 
     #[tokio::test]

@@ -45,7 +45,7 @@ mod problem;
 mod scenes;
 mod styles;
 
-pub use connection::{Client, ConnectOptions, InBetweenAnswers};
+pub use connection::{ApiKey, Client, ConnectOptions, InBetweenAnswers};
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
 pub use live::{

@@ -13,7 +13,7 @@ use confique::Config as _;
 use crate::api::{Host, Origin};
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
-pub use cli::{Cli, Command, DoctorArgs, HealthArgs};
+pub use cli::{Cli, Command, DoctorArgs, HealthArgs, KeyCommand};
 pub use worst_case::{Part, WorstCase};
 
 /// The file that is read where `--config` names none; it need not exist.
@@ -32,6 +32,29 @@ pub struct Config {
         layer_attr(arg(long, value_name = "ADDRESS"))
     )]
     pub listen: SocketAddr,
+
+    /// File of API keys (TOML): who may call what. `troupe-server key new` makes a key and its entry. With it every call but
+    /// health checks and documentation needs a key.
+    #[config(env = "TROUPE_KEYS", layer_attr(arg(long, value_name = "FILE")))]
+    pub keys: Option<PathBuf>,
+
+    /// Whether the server makes itself a key for one run and prints it, if there is no file of keys and allow_anonymous is
+    /// false.
+    #[config(
+        env = "TROUPE_ONE_TIME_KEY",
+        default = false,
+        layer_attr(arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true"))
+    )]
+    pub one_time_key: bool,
+
+    /// Whether everybody who reaches the port may use the server, if there is no file of keys. Without it a server that
+    /// listens on other than loopback addresses starts only with keys.
+    #[config(
+        env = "TROUPE_ALLOW_ANONYMOUS",
+        default = false,
+        layer_attr(arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true"))
+    )]
+    pub allow_anonymous: bool,
 
     /// Origins of web pages that may use the server, beside its own pages, such as https://app.example.com. In the environment
     /// and in flags separated by commas. Requests with another Origin header are refused.

@@ -8,7 +8,8 @@ use anyhow::Context as _;
 use clap::Parser as _;
 use tokio::net::TcpListener;
 use tracing_subscriber::EnvFilter;
-use troupe_server::config::{Cli, Command, Config, DoctorArgs, HealthArgs, LogFormat};
+use troupe_server::api::{Role, keys};
+use troupe_server::config::{Cli, Command, Config, DoctorArgs, HealthArgs, KeyCommand, LogFormat};
 use troupe_server::doctor::Report;
 use troupe_server::health;
 use troupe_server::server::{ServerHandle, serve};
@@ -33,6 +34,7 @@ fn main() -> ExitCode {
     let result = match &cli.command {
         Some(Command::Doctor(args)) => doctor(args),
         Some(Command::Health(args)) => check_health(args),
+        Some(Command::Key(KeyCommand::New { name, role })) => new_key(name, *role),
         None if cli.print_config => say(&Config::template()).map(|()| ExitCode::SUCCESS),
         None => run(cli),
     };
@@ -66,6 +68,14 @@ fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
         true => ExitCode::SUCCESS,
         false => ExitCode::FAILURE,
     })
+}
+
+/// Makes a key.
+fn new_key(name: &str, role: Role) -> anyhow::Result<ExitCode> {
+    let key = keys::new_key();
+    let entry = keys::entry(name, role, &key);
+    say(&format!("# The key, which is shown this once: {key}\n{entry}"))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Fails where the server does not answer, or says that it is not ready.
@@ -186,6 +196,14 @@ fn greeting(server: &ServerHandle) -> String {
     } else {
         ("troupe", "--clip FILE.bvh --from FRAME --to FRAME --out OUT.glb")
     };
+    let (key, bearer) = match (server.one_time_key(), server.asks_for_keys()) {
+        (Some(key), _) => (
+            format!("  export TROUPE_KEY={key}\n"),
+            " -H \"authorization: Bearer $TROUPE_KEY\"",
+        ),
+        (None, true) => (String::new(), " -H \"authorization: Bearer $TROUPE_KEY\""),
+        (None, false) => (String::new(), ""),
+    };
     // Where the client looks by itself.
     let server = match (address.ip().is_loopback(), address.port()) {
         (true, 8080) => String::new(),
@@ -194,8 +212,9 @@ fn greeting(server: &ServerHandle) -> String {
     format!(
         "Troupe serves gRPC and HTTP on http://{address}\n\
          {packs}\
-         Try next:\n  \
-           curl http://{address}/v1/packs\n  \
+         Try next:\n\
+         {key}  \
+           curl http://{address}/v1/packs{bearer}\n  \
            {troupe}{server} drive\n  \
            {troupe}{server} inbetween {clip}\n  \
            http://{address}/docs/ in a browser, for the HTTP interface\n  \

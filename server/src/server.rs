@@ -1,5 +1,6 @@
 //! The running server: loads packs behind an open port, accepts connections, drains on request.
 
+mod access;
 mod activity;
 mod connections;
 mod files;
@@ -16,7 +17,7 @@ use tokio::task::JoinHandle;
 use tonic_health::server::HealthReporter;
 use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
 
-use crate::api;
+use crate::api::{self, KeysError};
 use crate::batch::scheduler::Limits;
 use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
 use crate::clients::Clients;
@@ -26,6 +27,7 @@ use crate::service::Service;
 use crate::session::{Sessions, TimeSource};
 use crate::telemetry::Telemetry;
 use crate::world::{LoadError, Store};
+use access::Access;
 use places::Places;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_engine::generator::Generator;
@@ -105,6 +107,15 @@ pub enum StartError {
         /// What went wrong.
         error: EngineError,
     },
+    /// A file of keys that cannot be used.
+    #[error(transparent)]
+    Keys(#[from] KeysError),
+    /// A server that strangers could use.
+    #[error(
+        "listen is {0}, which other machines may reach, and there are no keys; allowed: a loopback address, or one of the \
+         options keys, one_time_key and allow_anonymous"
+    )]
+    Anonymous(SocketAddr),
     /// More connections than the system gives files for.
     #[error(
         "max_connections is {asked}, and the limit of open files (ulimit -n) is {files}; allowed: 0 to {room}, or more with a \
@@ -216,6 +227,7 @@ pub async fn serve_packs_at(
 ) -> Result<ServerHandle, StartError> {
     let internal = |error: &dyn std::fmt::Display| StartError::Internal(error.to_string());
     let address = listener.local_addr().map_err(StartError::Listen)?;
+    let access = Access::new(&config, address)?;
     let telemetry = Telemetry::new().map_err(|error| internal(&error))?;
     let sessions =
         Sessions::new(config.session_limits(), time, &telemetry).map_err(|error| internal(&error))?;
@@ -228,9 +240,15 @@ pub async fn serve_packs_at(
     let health = HealthReporter::new();
     api::set_serving(&health, false).await;
     let clients = Arc::new(Clients::new(config.shares(), &telemetry));
-    let guard = config.guard(address);
-    let router = api::router(&service, &health, &clients, &config.api_limits(), guard)
-        .map_err(|error| internal(&error))?;
+    let router = api::router(
+        &service,
+        &health,
+        &clients,
+        &config.api_limits(),
+        config.guard(address),
+        access.keys.clone(),
+    )
+    .map_err(|error| internal(&error))?;
 
     let max_connections = max_connections(&config)?;
     let places = Places::new(max_connections, config.max_connections_per_address, &telemetry);
@@ -254,6 +272,7 @@ pub async fn serve_packs_at(
         starting: Some(starting),
         connections,
         upkeep,
+        access,
         drain_delay,
         drain_timeout,
     })
@@ -393,6 +412,7 @@ pub struct ServerHandle {
     starting: Option<JoinHandle<Result<(), StartError>>>,
     connections: JoinHandle<bool>,
     upkeep: JoinHandle<()>,
+    access: Access,
     drain_delay: Duration,
     drain_timeout: Duration,
 }
@@ -401,6 +421,16 @@ impl ServerHandle {
     /// The address that the server listens on.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Whether calls need a key.
+    pub fn asks_for_keys(&self) -> bool {
+        self.access.keys.is_some()
+    }
+
+    /// The key that the server made for this run.
+    pub fn one_time_key(&self) -> Option<&str> {
+        self.access.one_time.as_deref()
     }
 
     /// What the server serves with: packs, metrics, readiness.

@@ -12,14 +12,15 @@ mod world;
 
 use std::time::Duration;
 
+use super::keys::Role;
 use crate::batch::SubmitError;
 use crate::clients::Exhausted;
 use crate::service::ServiceError;
 use crate::session::SessionError;
 use crate::world::WorldError;
 use row::{
-    FORBIDDEN, FULL, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled, UNAVAILABLE,
-    UNIMPLEMENTED, WRONG_TYPE,
+    FORBIDDEN, FULL, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled,
+    UNAUTHENTICATED, UNAVAILABLE, UNIMPLEMENTED, WRONG_TYPE,
 };
 use troupe_character::FieldError;
 use troupe_engine::EngineError;
@@ -34,6 +35,9 @@ const DOMAIN: &str = "troupe.v1";
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 /// When to try again where a connection may close at any time.
 const WHEN_ONE_CLOSES: Duration = Duration::from_secs(1);
+
+/// How a key is sent.
+const BEARER: &str = "Bearer and a key";
 
 /// An error that a caller sees.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -85,6 +89,20 @@ pub enum ApiError {
         found: String,
         /// Which values are allowed.
         allowed: &'static str,
+    },
+    /// A call without a key.
+    #[error("Authorization is missing, and the server asks for a key; allowed: {BEARER}")]
+    NoKey,
+    /// A key that the server does not know.
+    #[error("Authorization has a key that the server does not know; allowed: {BEARER}")]
+    UnknownKey,
+    /// A key that allows less.
+    #[error("the key's role is {}; allowed: {} or more", role.name(), needed.name())]
+    RoleTooLow {
+        /// What it is.
+        role: Role,
+        /// What the call needs.
+        needed: Role,
     },
     /// A connection beyond the limit.
     #[error("the server has no room for another connection; try again in a moment")]
@@ -139,6 +157,20 @@ impl ApiError {
             Self::NotAllowed { header, allowed, .. } => {
                 FORBIDDEN.because("NOT_ALLOWED").field(header).allowed(*allowed)
             }
+            Self::NoKey | Self::UnknownKey => {
+                let reason = match self {
+                    Self::NoKey => "KEY_MISSING",
+                    _ => "KEY_UNKNOWN",
+                };
+                UNAUTHENTICATED
+                    .because(reason)
+                    .field("Authorization")
+                    .allowed(BEARER)
+            }
+            Self::RoleTooLow { needed, .. } => FORBIDDEN
+                .because("ROLE_TOO_LOW")
+                .field("Authorization")
+                .allowed(format!("{} or more", needed.name())),
             Self::NoConnection => UNAVAILABLE
                 .because("TOO_MANY_CONNECTIONS")
                 .retry_after(WHEN_ONE_CLOSES),

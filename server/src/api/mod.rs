@@ -3,11 +3,13 @@
 //! [`ApiError`] is the only place that knows how an error looks to a caller. Both fronts hand requests to
 //! [`Service`], under one time limit and one set of metrics.
 
+mod access;
 mod answers;
 mod error;
 mod grpc;
 mod guard;
 mod http;
+pub mod keys;
 mod metrics;
 mod openapi;
 mod reserve;
@@ -31,6 +33,7 @@ pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;
 pub use guard::{Guard, Host, NotAHost, NotAnOrigin, Origin};
 pub use http::document;
+pub use keys::{Keys, KeysError, Role};
 pub use reserve::reserve;
 
 /// Most bytes of one message on a stream.
@@ -51,8 +54,8 @@ pub struct ApiLimits {
     pub sessions: usize,
 }
 
-/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it, and `guard`
-/// says which web pages may use them.
+/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it, `guard`
+/// says which web pages may use them, and `keys` who else; without keys, everybody.
 ///
 /// # Errors
 /// Where the descriptors of the gRPC reflection service do not read, which a build that passes its tests rules out.
@@ -62,6 +65,7 @@ pub fn router(
     clients: &Arc<Clients>,
     limits: &ApiLimits,
     guard: Guard,
+    keys: Option<Arc<Keys>>,
 ) -> Result<Router, tonic_reflection::server::Error> {
     let grpc = grpc::router(service, health, limits)?;
     let traffic = traffic::Traffic::new(clients.clone(), limits.write_timeout);
@@ -69,5 +73,9 @@ pub fn router(
         .merge(http::router(service, limits))
         .fallback(http::unknown_route)
         .layer(middleware::from_fn_with_state(traffic, traffic::count));
+    let router = match keys {
+        Some(keys) => access::locked(router, keys),
+        None => router,
+    };
     Ok(guard::guarded(router, guard))
 }

@@ -3,9 +3,13 @@
 
 use utoipa::OpenApi as _;
 use utoipa::openapi::path::{Operation, Parameter, ParameterBuilder, ParameterIn, PathItem};
+use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{ContentBuilder, ObjectBuilder, OpenApi, Ref, RefOr, Required, Response, Type};
 
 use super::error::ErrorBody;
+
+/// The name of the way to send a key.
+const KEY: &str = "key";
 
 #[derive(utoipa::OpenApi)]
 #[openapi(
@@ -33,8 +37,17 @@ pub(super) fn frame() -> OpenApi {
     Frame::openapi()
 }
 
-/// Adds what follows from paths and bodies.
+/// Adds what follows from paths and bodies, and how a key is sent.
 pub(super) fn complete(document: &mut OpenApi) {
+    let key = HttpBuilder::new()
+        .scheme(HttpAuthScheme::Bearer)
+        .description(Some("An API key, where the server asks for one"))
+        .build();
+    let components = document.components.get_or_insert_default();
+    components.add_security_scheme(KEY, SecurityScheme::Http(key));
+    // The empty one: a server may ask for none.
+    let none = SecurityRequirement::default();
+    document.security = Some(vec![none, SecurityRequirement::new(KEY, [""; 0])]);
     for (path, item) in &mut document.paths.paths {
         for operation in operations(item) {
             add_path_parameters(operation, path);
@@ -92,6 +105,7 @@ fn add_responses(operation: &mut Operation) {
     let needs_packs = ["motion", "styles", "scenes", "objects"].into_iter().any(tagged);
     let has_body = operation.request_body.is_some();
     let has_parameters = operation.parameters.is_some();
+    let keyed = !tagged("operations");
 
     let responses = &mut operation.responses.responses;
     let mut add = |status: &str, description: &str| {
@@ -109,7 +123,16 @@ fn add_responses(operation: &mut Operation) {
     } else if has_parameters {
         add("400", "A value that is not accepted");
     }
-    add("403", "Origin or Host is not one that the server allows");
+    add(
+        "403",
+        "Origin or Host is not one that the server allows, or the key's role is too low",
+    );
+    if keyed {
+        add(
+            "401",
+            "The server asks for a key, and there is none, or an unknown one",
+        );
+    }
     if needs_packs {
         add("503", "Not ready yet");
     }

@@ -11,7 +11,7 @@ use super::error::ApiError;
 /// Paths that operators and their tools ask.
 const HEALTH: [&str; 3] = ["/healthz", "/readyz", "/metrics"];
 /// gRPC's health service.
-const GRPC_HEALTH: &str = "/grpc.health.v1.Health/";
+pub(super) const GRPC_HEALTH: &str = "/grpc.health.v1.Health/";
 
 /// `router` for connections beyond the limit: health checks and metrics are answered, all else is refused, and the connection
 /// is closed.

@@ -9,6 +9,7 @@ use confique::Layer as _;
 use http::Uri;
 
 use super::Config;
+use crate::api::Role;
 use crate::health::READY;
 use troupe_engine::EngineChoice;
 
@@ -47,6 +48,24 @@ pub enum Command {
     Doctor(DoctorArgs),
     /// Ask a running server whether it is ready, and exit with 0 if it is, else with 1. For a container's health check.
     Health(HealthArgs),
+    /// Make API keys for the file that `keys` names.
+    #[command(subcommand)]
+    Key(KeyCommand),
+}
+
+/// What to do about keys.
+#[derive(Debug, Clone, clap::Subcommand)]
+pub enum KeyCommand {
+    /// Make a key. Prints it, which is the only time that anybody sees it, and its entry for the file of keys.
+    New {
+        /// Whose key it is.
+        #[arg(long, value_name = "NAME")]
+        name: String,
+        /// What it allows. drive: ask for motion, drive sessions, read. author: also write styles, scenes and object
+        /// definitions. admin: also read metrics.
+        #[arg(long, value_name = "ROLE")]
+        role: Role,
+    },
 }
 
 /// Options of the doctor. Those that it shares with the server come from the same environment and configuration file.

@@ -273,6 +273,26 @@ fn the_health_check_says_whether_a_server_is_ready() {
     );
 }
 
+#[test]
+fn a_key_is_made_with_its_entry() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    let output = command
+        .args(["key", "new", "--name", "game", "--role", "author"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let text = String::from_utf8(output.stdout).unwrap();
+    for part in [
+        "shown this once: troupe_",
+        "[[keys]]",
+        "name = \"game\"",
+        "role = \"author\"",
+        "sha256 = \"",
+    ] {
+        assert!(text.contains(part), "{part} is not in {text}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_second_sigterm_ends_it_at_once() {

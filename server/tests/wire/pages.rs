@@ -10,7 +10,12 @@ use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 use tonic::Code;
 use troupe_server::api::ErrorBody;
 
+use std::path::PathBuf;
+
 use crate::common::{TestServer, framed, request};
+use troupe_proto::v1;
+use troupe_server::api::{Role, keys};
+use troupe_server::config::Config;
 
 async fn ask(server: &TestServer, method: Method, path: &str, headers: &[(&str, &str)]) -> reqwest::Response {
     let mut request = reqwest::Client::new().request(method, server.url(path));
@@ -187,4 +192,138 @@ async fn grpc_is_asked_for_an_origin_only_if_it_has_one() {
     let (status, text) = server.raw_grpc(body, ("origin", "http://evil.example")).await;
     assert_eq!(status, (Code::PermissionDenied as i32).to_string());
     assert!(text.contains("Origin"), "{text}");
+}
+
+/// A file of keys, one for each role.
+struct KeyFile {
+    path: PathBuf,
+    drive: String,
+    author: String,
+    admin: String,
+}
+
+impl KeyFile {
+    fn new(test: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("troupe-keys-{test}-{}.toml", std::process::id()));
+        let [drive, author, admin] = [(); 3].map(|()| keys::new_key());
+        let text = keys::entry("drive", Role::Drive, &drive)
+            + &keys::entry("author", Role::Author, &author)
+            + &keys::entry("admin", Role::Admin, &admin);
+        std::fs::write(&path, text).unwrap();
+        Self {
+            path,
+            drive,
+            author,
+            admin,
+        }
+    }
+}
+
+impl Drop for KeyFile {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+#[tokio::test]
+async fn a_key_allows_what_its_role_allows() {
+    let file = KeyFile::new("roles");
+    let path = file.path.clone();
+    let server = TestServer::start_with(move |config| config.keys = Some(path)).await;
+    let status = |method: Method, path: &'static str, key: Option<&str>| {
+        let bearer = key.map(|key| format!("Bearer {key}"));
+        let server = &server;
+        async move {
+            let headers: Vec<_> = bearer
+                .iter()
+                .map(|bearer| ("authorization", bearer.as_str()))
+                .collect();
+            ask(server, method, path, &headers).await.status().as_u16()
+        }
+    };
+    for open in ["/healthz", "/readyz", "/docs/", "/openapi.json"] {
+        assert_eq!(status(Method::GET, open, None).await, 200, "{open}");
+    }
+    let (drive, author, admin) = (file.drive.as_str(), file.author.as_str(), file.admin.as_str());
+    let delete = "/v1/scenes/nowhere";
+    for (method, path, key, expected) in [
+        (Method::GET, "/v1/packs", None, 401),
+        (Method::GET, "/v1/packs", Some("troupe_wrong"), 401),
+        (Method::GET, "/nowhere", None, 401),
+        (Method::GET, "/v1/drive", None, 401),
+        (Method::GET, "/v1/packs", Some(drive), 200),
+        (Method::DELETE, delete, Some(drive), 403),
+        (Method::DELETE, delete, Some(author), 404),
+        (Method::GET, "/metrics", Some(author), 403),
+        (Method::GET, "/metrics", Some(admin), 200),
+        (Method::DELETE, delete, Some(admin), 404),
+    ] {
+        assert_eq!(status(method, path, key).await, expected, "{path} {key:?}");
+    }
+    let response = ask(&server, Method::GET, "/v1/packs", &[]).await;
+    assert_eq!(response.headers()["www-authenticate"], "Bearer");
+    let error = response.json::<ErrorBody>().await.unwrap().error;
+    assert_eq!(
+        (error.code.as_str(), error.reason.as_str(), error.field.as_deref()),
+        ("UNAUTHENTICATED", "KEY_MISSING", Some("Authorization"))
+    );
+
+    let mut client = server.grpc().await;
+    let status = client.in_between(request(1)).await.unwrap_err();
+    assert_eq!(status.code(), Code::Unauthenticated);
+    let keyed = |message, key: &str| {
+        let mut call = tonic::Request::new(message);
+        let bearer = format!("Bearer {key}").parse().unwrap();
+        call.metadata_mut().insert("authorization", bearer);
+        call
+    };
+    client.in_between(keyed(request(1), drive)).await.unwrap();
+    let mut scenes = v1::scenes_client::ScenesClient::new(server.channel().await);
+    let put = |key: &str| {
+        let mut call = tonic::Request::new(v1::DeleteSceneRequest::default());
+        let bearer = format!("Bearer {key}").parse().unwrap();
+        call.metadata_mut().insert("authorization", bearer);
+        call
+    };
+    let status = scenes.delete_scene(put(drive)).await.unwrap_err();
+    assert_eq!(status.code(), Code::PermissionDenied);
+    assert!(
+        status.message().contains("author or more"),
+        "{}",
+        status.message()
+    );
+    let status = scenes.delete_scene(put(author)).await.unwrap_err();
+    assert_ne!(status.code(), Code::PermissionDenied);
+}
+
+#[tokio::test]
+async fn a_server_that_others_reach_needs_keys_or_a_word() {
+    let start = |change: fn(&mut Config)| async move {
+        let listener = tokio::net::TcpListener::bind("0.0.0.0:0").await.unwrap();
+        let mut config = Config::local(std::path::Path::new("unused")).unwrap();
+        change(&mut config);
+        troupe_server::server::serve_packs(config, listener, || Ok(Vec::new())).await
+    };
+    let Err(error) = start(|_| {}).await else {
+        panic!("it started");
+    };
+    let text = error.to_string();
+    for part in ["listen is 0.0.0.0:", "keys", "one_time_key", "allow_anonymous"] {
+        assert!(text.contains(part), "{part} is not in {text}");
+    }
+    let open = start(|config| config.allow_anonymous = true).await.unwrap();
+    assert!(!open.asks_for_keys() && open.one_time_key().is_none());
+    open.shut_down().await;
+
+    let locked = start(|config| config.one_time_key = true).await.unwrap();
+    let port = locked.address().port();
+    let url = format!("http://127.0.0.1:{port}/metrics");
+    let ask = reqwest::Client::new().get(&url);
+    assert_eq!(ask.send().await.unwrap().status(), StatusCode::UNAUTHORIZED);
+    let key = locked.one_time_key().unwrap().to_owned();
+    let ask = reqwest::Client::new()
+        .get(&url)
+        .header("authorization", format!("Bearer {key}"));
+    assert_eq!(ask.send().await.unwrap().status(), StatusCode::OK);
+    locked.shut_down().await;
 }

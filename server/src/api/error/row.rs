@@ -44,6 +44,8 @@ pub(super) const WRONG_TYPE: Codes = codes(
     "INVALID_ARGUMENT",
 );
 pub(super) const FORBIDDEN: Codes = codes(Code::PermissionDenied, StatusCode::FORBIDDEN, "PERMISSION_DENIED");
+pub(super) const UNAUTHENTICATED: Codes =
+    codes(Code::Unauthenticated, StatusCode::UNAUTHORIZED, "UNAUTHENTICATED");
 pub(super) const ABORTED: Codes = codes(Code::Aborted, StatusCode::CONFLICT, "ABORTED");
 pub(super) const TOO_LATE: Codes = codes(
     Code::DeadlineExceeded,
