@@ -1,6 +1,7 @@
 //! Who asks, and how much of the server it may have at a time: memory for requests and answers on their way, and streams.
 //!
-//! A client is a connection. What it takes counts for the connection, for its address, and for all together, and each has a limit.
+//! A client is a key; without keys, a connection. What it takes counts for the client, for the address of its connection, and for all
+//! together, and each has a limit.
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
@@ -16,7 +17,7 @@ const TRANSFER: Metric = Metric::new(
 );
 const REFUSED: Metric = Metric::new(
     "troupe_client_refusals_total",
-    "What clients were refused because of a limit, by kind (memory, streams) and whose limit it was (client, address, all)",
+    "What clients were refused because of a limit, by kind (memory, streams) and whose limit it was (client, key, address, all)",
 );
 
 /// Memory is counted in such pieces, bytes.
@@ -84,6 +85,7 @@ pub struct Clients {
     shares: Shares,
     all: Arc<Level>,
     by_address: Mutex<HashMap<IpAddr, Weak<Level>>>,
+    by_key: Mutex<HashMap<String, Weak<Level>>>,
     metrics: Arc<ClientMetrics>,
 }
 
@@ -113,6 +115,7 @@ impl Clients {
             shares,
             all: Level::new("all clients together", "all", shares.all),
             by_address: Mutex::default(),
+            by_key: Mutex::default(),
             metrics: Arc::new(ClientMetrics {
                 telemetry: telemetry.clone(),
                 transfer: telemetry.gauge(&TRANSFER, &Labels::default()),
@@ -136,6 +139,22 @@ impl Clients {
                 of_address,
                 self.all.clone(),
             ],
+            metrics: self.metrics.clone(),
+        })
+    }
+
+    /// The client whose key has this name, on a connection of `connected`.
+    pub fn with_key(&self, name: &str, connected: &Client) -> Arc<Client> {
+        let mut keys = self.by_key.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = keys.get(name).and_then(Weak::upgrade);
+        let of_key = known.unwrap_or_else(|| {
+            let level = Level::new("this key", "key", self.shares.client);
+            keys.insert(name.to_owned(), Arc::downgrade(&level));
+            level
+        });
+        let [_, of_address, all] = &connected.levels;
+        Arc::new(Client {
+            levels: [of_key, of_address.clone(), all.clone()],
             metrics: self.metrics.clone(),
         })
     }
@@ -310,6 +329,21 @@ mod tests {
         assert_eq!(memory.bytes(), 10 << 10);
         drop(memory);
         assert!(client.memory(10 << 10).is_ok());
+    }
+
+    #[test]
+    fn a_key_has_one_share_on_all_its_connections() {
+        let clients = clients();
+        let connections: Vec<_> = (1..4).map(|last| clients.connected(address(last))).collect();
+        let one = clients.with_key("one", &connections[0]);
+        let again = clients.with_key("one", &connections[1]);
+        let other = clients.with_key("other", &connections[2]);
+        let _held = one.memory(6 << 10).unwrap();
+        let error = again.memory(6 << 10).unwrap_err();
+        assert!(error.to_string().starts_with("this key"), "{error}");
+        assert!(other.memory(6 << 10).is_ok());
+        // What the key has does not count for the connection beside it.
+        assert!(connections[0].memory(9 << 10).is_ok());
     }
 
     #[test]

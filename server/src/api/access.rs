@@ -11,6 +11,7 @@ use http::{HeaderMap, Method, header};
 use super::error::ApiError;
 use super::keys::{Keys, Role};
 use super::reserve::GRPC_HEALTH;
+use crate::clients::{Client, Clients};
 
 /// Paths that need no key: health, and the documentation, which says the same of every server.
 const OPEN: [&str; 5] = ["/", "/healthz", "/readyz", "/openapi.json", "/docs"];
@@ -54,22 +55,37 @@ fn key(headers: &HeaderMap) -> Option<&str> {
     scheme.eq_ignore_ascii_case("bearer").then(|| key.trim())
 }
 
-/// Checks the keys of all calls.
-pub(super) fn locked(router: Router, keys: Arc<Keys>) -> Router {
-    router.layer(middleware::from_fn_with_state(keys, check))
+/// Who may come in, and what they share.
+#[derive(Clone)]
+struct Access {
+    keys: Arc<Keys>,
+    clients: Arc<Clients>,
 }
 
-async fn check(State(keys): State<Arc<Keys>>, request: Request, next: Next) -> Response {
-    match allowed(&keys, &request) {
-        Ok(()) => next.run(request).await,
-        Err(error) => error.in_kind(request.headers()),
+/// Checks the keys of all calls. From here on the client of a call is its key, not its connection.
+pub(super) fn locked(router: Router, keys: Arc<Keys>, clients: Arc<Clients>) -> Router {
+    router.layer(middleware::from_fn_with_state(Access { keys, clients }, check))
+}
+
+async fn check(State(access): State<Access>, mut request: Request, next: Next) -> Response {
+    match allowed(&access.keys, &request) {
+        Ok(None) => {}
+        Ok(Some(name)) => {
+            let connected = request.extensions().get::<Arc<Client>>().cloned();
+            let connected = connected.unwrap_or_else(|| access.clients.within());
+            let client = access.clients.with_key(name, &connected);
+            request.extensions_mut().insert(client);
+        }
+        Err(error) => return error.in_kind(request.headers()),
     }
+    next.run(request).await
 }
 
-fn allowed(keys: &Keys, request: &Request) -> Result<(), ApiError> {
+/// The name of the key that allows a call; none where it needs no key.
+fn allowed<'a>(keys: &'a Keys, request: &Request) -> Result<Option<&'a str>, ApiError> {
     let path = request.uri().path();
     let Some(needed) = needed(request.method(), path) else {
-        return Ok(());
+        return Ok(None);
     };
     let key = key(request.headers()).ok_or(ApiError::NoKey)?;
     let (name, role) = keys.find(key).ok_or(ApiError::UnknownKey)?;
@@ -77,7 +93,7 @@ fn allowed(keys: &Keys, request: &Request) -> Result<(), ApiError> {
         tracing::debug!(key = name, path, "a key's role does not allow a call");
         return Err(ApiError::RoleTooLow { role, needed });
     }
-    Ok(())
+    Ok(Some(name))
 }
 
 #[cfg(test)]

@@ -209,7 +209,7 @@ mod tests {
         assert!(error("keys = []").contains("one entry or more"));
         assert!(error(&good.replace("author", "boss")).contains("boss"));
         assert!(error(&good.replace("sha256 = \"", "sha256 = \"0")).contains("keys[0].sha256 of \"a\""));
-        assert!(error(&good.replace("name", "nam")).contains("nam"));
+        assert!(error(&good.replace("name", "label")).contains("label"));
         assert!(error(&(good.clone() + &good)).contains("keys[1].name is \"a\" again"));
         let missing = Keys::load(Path::new("/nowhere/keys.toml"))
             .unwrap_err()

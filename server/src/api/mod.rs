@@ -74,7 +74,7 @@ pub fn router(
         .fallback(http::unknown_route)
         .layer(middleware::from_fn_with_state(traffic, traffic::count));
     let router = match keys {
-        Some(keys) => access::locked(router, keys),
+        Some(keys) => access::locked(router, keys, clients.clone()),
         None => router,
     };
     Ok(guard::guarded(router, guard))
