@@ -26,6 +26,7 @@ from troupe_training.models.unimogen.sampler import sample as sample_rows
 from troupe_training.models.unimogen.state import BodyKinematics, Path2D, decode
 from troupe_training.robots.source import RobotSource
 from troupe_training.train.trainer import Budget
+from troupe_training.train.unimogen.ablations import ABLATIONS
 from troupe_training.train.unimogen.stage import STAGE, Training, load
 from troupe_training.train.unimogen.stage import train as train_network
 
@@ -38,6 +39,12 @@ OPTIONS["--data"] = {"type": Path, "default": Path(), "help": "folder that the l
 OPTIONS["--source"] = {"type": Path, "help": "one folder of BVH, CSV (with --urdf) or glb files instead of a list"}
 OPTIONS["--trained-bodies"] = {"nargs": "+", "help": "train on these bodies of the cache alone"}
 OPTIONS["--unimogen-preset"] = {"choices": PRESETS, "default": "default", "help": "network sizes"}
+OPTIONS["--without"] = {
+    "nargs": "+",
+    "choices": ABLATIONS,
+    "default": [],
+    "help": "parts of the method to leave out: " + "; ".join(f"{name}: {what}" for name, what in ABLATIONS.items()),
+}
 OPTIONS["--rows-per-step"] = {"type": int, "default": 13000, "help": "rows times frames in one update"}
 OPTIONS["--body"] = {"default": "human", "help": "body of the cache"}
 OPTIONS["--words"] = {
@@ -126,6 +133,7 @@ def _own(args: argparse.Namespace) -> Wanted:
         "--minutes",
         "--steps",
         "--rows-per-step",
+        "--without",
     ),
     *("--rate", "--fresh-schedule", "--seed", "--device", "--threads"),
     group=GROUP,
@@ -149,6 +157,7 @@ def train(args: argparse.Namespace) -> int:
         args.device,
         args.trained_bodies,
         args.balance,
+        without=args.without,
         fresh_schedule=args.fresh_schedule,
     )
     if train_network(training):
