@@ -21,7 +21,7 @@ from troupe_training.train.unimogen.stage import Trained
 
 PERIOD_S = 6.0  # of a path that swings to the left and to the right
 VIEW_YAW, VIEW_PITCH = math.radians(35), math.radians(20)
-POSES = 12  # of a strip
+MAX_POSES = 12  # of a strip; fewer where a body is long
 
 
 def swinging(windows: int, frames: int, speed: float, turn_deg: float) -> Path2D:
@@ -99,8 +99,11 @@ def draw_walk(axis: Axes, body: Body, answer: Answer, path: Path2D) -> None:
     positions = BodyKinematics(body).positions(answer.root, answer.turned)[0]
     ground = torch.stack([path.points[0, :, 0], torch.zeros(path.points.shape[1]), path.points[0, :, 1]], -1)
     axis.plot(*_seen(ground).T, color="0.75", lw=1.0)
-    for nth, frame in enumerate(np.linspace(0, len(positions) - 1, POSES).astype(int)):
-        joints, shade = _seen(positions[frame]), 0.25 + 0.6 * nth / (POSES - 1)
+    length = float((ground[1:] - ground[:-1]).norm(dim=-1).sum())
+    extent = float(np.ptp(body.places()[:, 2]))
+    poses = int(np.clip(length / (1.2 * max(extent, 1e-3)), 3, MAX_POSES))
+    for nth, frame in enumerate(np.linspace(0, len(positions) - 1, poses).astype(int)):
+        joints, shade = _seen(positions[frame]), 0.25 + 0.6 * nth / (poses - 1)
         for j, parent in enumerate(body.skeleton.parents):
             if parent >= 0:
                 axis.plot(*joints[[parent, j]].T, color=(0.15, 0.2 + 0.4 * shade, shade), lw=1.2)
@@ -113,7 +116,7 @@ def film(
     bodies: list[Body], trained: Trained, style: np.ndarray, path: Path2D, setting: Setting, out: Path
 ) -> dict[str, dict[str, float]]:
     """Draws one path walked by several bodies, and says how each did."""
-    figure = Figure(figsize=(11, 2.4 * len(bodies)))
+    figure = Figure(figsize=(7, 2.4 * len(bodies)))
     axes = figure.subplots(len(bodies), 1, squeeze=False)[:, 0]
     found = {}
     for nth, (body, axis) in enumerate(zip(bodies, axes, strict=True)):
