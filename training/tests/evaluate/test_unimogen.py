@@ -22,7 +22,7 @@ from troupe_training.evaluate.unimogen.methods import (
     interpolated,
     style_for,
 )
-from troupe_training.evaluate.unimogen.style import blend, classifier
+from troupe_training.evaluate.unimogen.style import blend, classifier, trained_classifier
 from troupe_training.evaluate.unimogen.walk import chained, seams, swinging, walk_figures
 from troupe_training.models.unimogen.state import Range
 from troupe_training.train.unimogen.stage import load
@@ -121,9 +121,10 @@ def test_a_classifier_tells_two_clouds_apart_whatever_their_sizes():
 
 def test_blends_are_measured_by_weight(run: Path, corpus_cache: Path):
     store, trained, styles = Corpus(corpus_cache, "train").stores["walker"], load(run), ("calm", "brisk")
+    setting = Setting(FRAMES, 16, None, 1)
     trained.words, store.words = ["brisk"], list(styles)
     store.clip_words = torch.eye(2)[torch.arange(len(store.clips)) % 2]
-    found = blend(store, store, styles, trained, Setting(FRAMES, 16, 4), encoder)
+    found = blend(trained_classifier(store, styles, setting, encoder), store, styles, trained, setting, encoder)
     assert list(found) == ["captured calm", "captured brisk", "0", "0.25", "0.5", "0.75", "1"]
     assert found["captured calm"] < found["captured brisk"]
 

@@ -23,7 +23,7 @@ from troupe_training.evaluate.unimogen.card import write_card
 from troupe_training.evaluate.unimogen.measure import Encoder, Figures, measure, table
 from troupe_training.evaluate.unimogen.methods import Method, Setting, copied, frozen, interpolated, of_network
 from troupe_training.evaluate.unimogen.style import blend as blend_styles
-from troupe_training.evaluate.unimogen.style import blend_table, shows
+from troupe_training.evaluate.unimogen.style import blend_table, shows, trained_classifier
 from troupe_training.evaluate.unimogen.walk import film as draw_film
 from troupe_training.evaluate.unimogen.walk import swinging
 from troupe_training.export.manifest import About
@@ -323,12 +323,14 @@ def blend(args: argparse.Namespace) -> int:
     train, *held_out = (
         Corpus(args.cache, part, [args.body], trained.words).stores.get(args.body) for part in ("train", *args.parts)
     )
-    report: dict[str, dict[str, float]] = {}
+    if train is None:
+        raise SystemExit(f"{args.cache} has no training clips of {args.body}")
+    judge, report = trained_classifier(train, styles, _setting(args), encoder), {}
     for part, store in zip(args.parts, held_out, strict=True):
-        if train is None or store is None or not shows(store, styles, args.frames):
+        if store is None or not shows(store, styles, args.frames):
             print(f"{part}: not both styles are shown")
             continue
-        report[part] = blend_styles(train, store, styles, trained, _setting(args), encoder)
+        report[part] = blend_styles(judge, store, styles, trained, _setting(args), encoder)
         print(f"{part}\n\n{blend_table(styles, report[part])}")
     if args.json:
         args.json.write_text(json.dumps({"step": trained.state["step"], "styles": styles, "shares": report}) + "\n")

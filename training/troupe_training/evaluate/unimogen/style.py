@@ -115,15 +115,27 @@ def answered_latents(
     return np.concatenate(parts)
 
 
+def trained_classifier(train: BodyStore, styles: tuple[str, str], setting: Setting, encoder: Encoder) -> Classifier:
+    """A classifier of two styles by what was captured of them."""
+    return classifier(*(captured_latents(train, style, setting, encoder, MOST_FOR_TRAINING) for style in styles))
+
+
 def blend(
-    train: BodyStore, held_out: BodyStore, styles: tuple[str, str], trained: Trained, setting: Setting, encoder: Encoder
+    judge: Classifier,
+    held_out: BodyStore,
+    styles: tuple[str, str],
+    trained: Trained,
+    setting: Setting,
+    encoder: Encoder,
 ) -> dict[str, float]:
     """Shares of the second style: of captures of either style, and of answers by the second style's weight."""
-    made = classifier(*(captured_latents(train, style, setting, encoder, MOST_FOR_TRAINING) for style in styles))
-    found = {f"captured {style}": made.share(captured_latents(held_out, style, setting, encoder)) for style in styles}
+    found = {
+        f"captured {style}": judge.share(captured_latents(held_out, style, setting, encoder, setting.most))
+        for style in styles
+    }
     for weight in WEIGHTS:
         latents = answered_latents(held_out, styles, weight, trained, setting, encoder)
-        found[f"{weight:g}"] = made.share(latents)
+        found[f"{weight:g}"] = judge.share(latents)
     return found
 
 
