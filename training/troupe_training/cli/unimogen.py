@@ -3,6 +3,7 @@
 import argparse
 import json
 import tomllib
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,14 @@ from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
 from troupe_training.data.conventions import FPS
 from troupe_training.data.corpus import Wanted, make_corpus
-from troupe_training.evaluate.unimogen import Setting, captured, frozen, measure, of_network, table
+from troupe_training.evaluate.bench import Latents
+from troupe_training.evaluate.unimogen.card import write_card
+from troupe_training.evaluate.unimogen.measure import Encoder, Figures, measure, table
+from troupe_training.evaluate.unimogen.methods import Method, Setting, copied, frozen, interpolated, of_network
+from troupe_training.evaluate.unimogen.style import blend as blend_styles
+from troupe_training.evaluate.unimogen.style import blend_table, shows, trained_classifier
+from troupe_training.evaluate.unimogen.walk import film as draw_film
+from troupe_training.evaluate.unimogen.walk import swinging
 from troupe_training.export.manifest import About
 from troupe_training.export.unimogen.pack import export_run, network_of
 from troupe_training.models.unimogen.config import PRESETS
@@ -26,6 +34,7 @@ from troupe_training.models.unimogen.sampler import sample as sample_rows
 from troupe_training.models.unimogen.state import BodyKinematics, Path2D, decode
 from troupe_training.robots.source import RobotSource
 from troupe_training.train.trainer import Budget
+from troupe_training.train.unimogen.ablations import ABLATIONS
 from troupe_training.train.unimogen.stage import STAGE, Training, load
 from troupe_training.train.unimogen.stage import train as train_network
 
@@ -38,6 +47,12 @@ OPTIONS["--data"] = {"type": Path, "default": Path(), "help": "folder that the l
 OPTIONS["--source"] = {"type": Path, "help": "one folder of BVH, CSV (with --urdf) or glb files instead of a list"}
 OPTIONS["--trained-bodies"] = {"nargs": "+", "help": "train on these bodies of the cache alone"}
 OPTIONS["--unimogen-preset"] = {"choices": PRESETS, "default": "default", "help": "network sizes"}
+OPTIONS["--without"] = {
+    "nargs": "+",
+    "choices": ABLATIONS,
+    "default": [],
+    "help": "parts of the method to leave out: " + "; ".join(f"{name}: {what}" for name, what in ABLATIONS.items()),
+}
 OPTIONS["--rows-per-step"] = {"type": int, "default": 13000, "help": "rows times frames in one update"}
 OPTIONS["--body"] = {"default": "human", "help": "body of the cache"}
 OPTIONS["--words"] = {
@@ -52,6 +67,26 @@ OPTIONS["--frames"] = {"type": int, "default": 68, "help": "frames of a window, 
 OPTIONS["--sampler-steps"] = {"type": int, "default": 4, "help": "calls of the network for a motion, 1 to 50"}
 OPTIONS["--guidance"] = {"type": float, "default": 1.0, "help": "weight of the style: 1 as trained, more exaggerates"}
 OPTIONS["--parts"] = {"nargs": "+", "default": ["test", "cell"], "help": "splits of the cache to measure"}
+OPTIONS["--beside"] = {
+    "nargs": "+",
+    "default": [],
+    "metavar": "NAME=RUN",
+    "help": "other runs to measure on the same windows, as one of a single body, or one of an ablation",
+}
+OPTIONS["--copied-from"] = {
+    "nargs": "+",
+    "default": [],
+    "metavar": "BODY",
+    "help": "bodies whose motion of the same takes is copied by joint name, on the moments that all have",
+}
+OPTIONS["--styles"] = {"nargs": 2, "metavar": "STYLE", "help": "two styles to blend"}
+OPTIONS["--blend"] = {"type": Path, "help": "what `unimogen blend --json FILE` wrote"}
+OPTIONS["--shown"] = {
+    "nargs": "+",
+    "default": ["human", "g1", "h1_2", "horse"],
+    "help": "bodies of the cache, trained on or not",
+}
+OPTIONS["--windows"] = {"type": int, "default": 3, "help": "windows that follow one another"}
 OPTIONS["--packs"] = {"type": Path, "help": "folder of packs whose evaluator.onnx measures FID, by the body's name"}
 
 
@@ -126,6 +161,7 @@ def _own(args: argparse.Namespace) -> Wanted:
         "--minutes",
         "--steps",
         "--rows-per-step",
+        "--without",
     ),
     *("--rate", "--fresh-schedule", "--seed", "--device", "--threads"),
     group=GROUP,
@@ -149,6 +185,7 @@ def train(args: argparse.Namespace) -> int:
         args.device,
         args.trained_bodies,
         args.balance,
+        without=args.without,
         fresh_schedule=args.fresh_schedule,
     )
     if train_network(training):
@@ -211,7 +248,7 @@ def style_vector(words: list[str], known: list[str]) -> np.ndarray:
 
 @command(
     *("--run", "--cache", "--trained-bodies", "--parts", "--frames", "--stride", "--max-windows", *SAMPLING),
-    *("--packs", "--json", "--markdown"),
+    *("--beside", "--copied-from", "--packs", "--json", "--markdown"),
     group=GROUP,
     cache=CACHE,
     run=RUN,
@@ -220,29 +257,148 @@ def style_vector(words: list[str], known: list[str]) -> np.ndarray:
     max_windows=128,
 )
 def evaluate(args: argparse.Namespace) -> int:
-    """Path, feet and distance to captures of a network on test clips and held-out cells, beside captures and a frozen pose."""
+    """Path, feet and distance to captures of networks on test clips and held-out cells, beside captures and baselines."""
     torch.set_num_threads(args.threads)
     trained = load(args.run)
-    setting = Setting(args.frames, args.stride, args.max_windows, args.sampler_steps, args.guidance, args.seed)
-    report: dict[str, dict[str, dict[str, float]]] = {}
+    runs = {"unimogen": trained} | {name: load(Path(run)) for name, run in map(_named, args.beside)}
+    setting = _setting(args)
+    report: dict[str, dict[str, Figures]] = {}
     for part in args.parts:
-        corpus = Corpus(args.cache, part, args.trained_bodies, trained.words)
+        names = [*args.trained_bodies, *args.copied_from] if args.trained_bodies else None
+        corpus = Corpus(args.cache, part, names)
+        measured = set(args.trained_bodies or corpus.names)
         for name, store in corpus.stores.items():
-            methods = {
-                "captured": captured(store.body),
-                "frozen pose": frozen(store.body, trained.limits),
-                "unimogen": of_network(store.body, network_of(trained.model), trained.limits, setting),
+            if name not in measured:
+                continue
+            donors = {n: corpus.stores[n] for n in args.copied_from if n != name and n in corpus.stores}
+            limits = trained.limits
+            methods: dict[str, Method] = {
+                "frozen pose": frozen(store.body, limits),
+                "interpolated": interpolated(store.body, limits),
             }
-            report[f"{name}, {part}"] = measure(store, methods, setting, _evaluator_of(args.packs, name))
+            methods |= {f"copied from {n}": copied(store, donor, limits) for n, donor in donors.items()}
+            methods |= {n: of_network(store.body, run, corpus.words, setting) for n, run in runs.items()}
+            encoder = _encoder(args.packs, name, args.threads)
+            report[f"{name}, {part}"] = measure(store, methods, setting, encoder, list(donors.values()))
     text = table(report)
     print(text)
     if args.markdown:
         args.markdown.write_text(text)
     if args.json:
-        args.json.write_text(json.dumps({"step": trained.state["step"], "figures": report}, indent=1) + "\n")
+        told = {"step": trained.state["step"], "setting": asdict(setting), "figures": report}
+        args.json.write_text(json.dumps(told, indent=1) + "\n")
     return 0
 
 
-def _evaluator_of(packs: Path | None, body: str) -> Path | None:
+@command(
+    *(
+        "--run",
+        "--cache",
+        "--body",
+        "--styles",
+        "--packs",
+        "--parts",
+        "--frames",
+        "--stride",
+        "--max-windows",
+        *SAMPLING,
+    ),
+    "--json",
+    required=("--styles", "--packs"),
+    group=GROUP,
+    cache=CACHE,
+    run=RUN,
+    seed=1,
+    stride=32,
+    max_windows=64,
+)
+def blend(args: argparse.Namespace) -> int:
+    """Which of two styles a classifier takes blends of them for, on the paths of held-out windows."""
+    torch.set_num_threads(args.threads)
+    trained, styles = load(args.run), (args.styles[0], args.styles[1])
+    style_vector(list(styles), trained.words)
+    encoder = _encoder(args.packs, args.body, args.threads)
+    if encoder is None:
+        raise SystemExit(f"{args.packs / args.body / 'evaluator.onnx'} is missing: `troupe-train evaluator` makes it")
+    train, *held_out = (
+        Corpus(args.cache, part, [args.body], trained.words).stores.get(args.body) for part in ("train", *args.parts)
+    )
+    if train is None:
+        raise SystemExit(f"{args.cache} has no training clips of {args.body}")
+    judge, report = trained_classifier(train, styles, _setting(args), encoder), {}
+    for part, store in zip(args.parts, held_out, strict=True):
+        if store is None or not shows(store, styles, args.frames):
+            print(f"{part}: not both styles are shown")
+            continue
+        report[part] = blend_styles(judge, store, styles, trained, _setting(args), encoder)
+        print(f"{part}\n\n{blend_table(styles, report[part])}")
+    if args.json:
+        args.json.write_text(json.dumps({"step": trained.state["step"], "styles": styles, "shares": report}) + "\n")
+    return 0
+
+
+@command(
+    *(
+        "--run",
+        "--cache",
+        "--shown",
+        "--words",
+        "--speed",
+        "--turn",
+        "--windows",
+        "--frames",
+        *SAMPLING,
+        "--out",
+        "--json",
+    ),
+    group=GROUP,
+    cache=CACHE,
+    run=RUN,
+    out=Path("film.png"),
+    seed=1,
+    turn=20.0,
+)
+def film(args: argparse.Namespace) -> int:
+    """One path walked by several bodies, window after window: a picture, and how each keeps to it, slides, and joins windows."""
+    torch.set_num_threads(args.threads)
+    trained = load(args.run)
+    bodies = [Body.load(args.cache / name / "body.json") for name in args.shown]
+    path = swinging(args.windows, args.frames, args.speed, args.turn)
+    style = style_vector(args.words, trained.words)
+    found = draw_film(bodies, trained, style, path, _setting(args), args.out)
+    for name, figures in found.items():
+        print(f"{name}: " + ", ".join(f"{key} {value:.4g}" for key, value in figures.items()))
+    if args.json:
+        args.json.write_text(json.dumps({"step": trained.state["step"], "figures": found}, indent=1) + "\n")
+    return 0
+
+
+@command(
+    *("--pack", "--evaluation", "--notes", "--blend"),
+    required=("--evaluation",),
+    group=GROUP,
+    pack=Path("models/unimogen"),
+)
+def card(args: argparse.Namespace) -> int:
+    """Writes a pack's README from its manifest, its bodies, and the JSON of `unimogen evaluate`."""
+    write_card(args.pack, args.evaluation, args.notes, args.blend)
+    return 0
+
+
+def _setting(args: argparse.Namespace) -> Setting:
+    """How windows are answered; 0 windows means all of them."""
+    stride, most = getattr(args, "stride", 1), getattr(args, "max_windows", None) or None
+    return Setting(args.frames, stride, most, args.sampler_steps, args.guidance, args.seed)
+
+
+def _named(text: str) -> tuple[str, str]:
+    name, _, run = text.partition("=")
+    if not run:
+        raise SystemExit(f"{text!r} is not NAME=RUN")
+    return name, run
+
+
+def _encoder(packs: Path | None, body: str, threads: int) -> Encoder | None:
+    """The evaluator of the pack that has the body's name, if there is one."""
     path = packs / body / "evaluator.onnx" if packs else None
-    return path if path and path.exists() else None
+    return Latents(path, threads).of if path and path.exists() else None

@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 from tqdm import tqdm
@@ -44,13 +44,18 @@ STILL = re.compile("rest.?pose", re.IGNORECASE)
 
 
 class CorpusClip(TypedDict):
-    """A clip of a body: its frames in the arrays, what it shows (``content``, and ``style`` if any), and its split."""
+    """A clip of a body: its frames in the arrays, what it shows (``content``, and ``style`` if any), and its split.
+
+    ``take`` is the file that it was cut out of and ``first`` its first frame there; older caches do not say.
+    """
 
     name: str
     start: int
     frames: int
     split: str  # train, test, or cell: held out as a combination
     words: list[str]
+    take: NotRequired[str]
+    first: NotRequired[int]
 
 
 @dataclass
@@ -235,7 +240,15 @@ def _entry(one: Wanted, clip: Clip, start: int) -> CorpusClip:
     tested = one.tested and in_test_split(clip.file, one.test_name)
     split = "cell" if cell_of(clip.name) in one.cells else "test" if tested else "train"
     frames = len(clip.positions)
-    return {"name": clip.name, "start": start, "frames": frames, "split": split, "words": words_of(clip.name)}
+    return {
+        "name": clip.name,
+        "start": start,
+        "frames": frames,
+        "split": split,
+        "words": words_of(clip.name),
+        "take": clip.file,
+        "first": clip.first_frame,
+    }
 
 
 def report(cache: Path, names: list[str]) -> str:

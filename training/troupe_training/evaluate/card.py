@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ def _size(manifest: dict[str, Any]) -> str:
     return f"{joints}, {manifest['fps']:.0f} Hz, segments of 12 to 64 frames{tokens}."
 
 
-def _training_rows(training: dict[str, Any]) -> str:
+def training_rows(training: dict[str, Any]) -> str:
     """A row for each stage that was trained, in the manifest's order."""
     rows = ["| stage | updates | minutes | final loss |", "|---|---:|---:|---:|"]
     for stage in [key.removesuffix("_steps") for key in training if key.endswith("_steps")]:
@@ -69,7 +70,7 @@ def write_card(pack: Path, evaluation: Path, notes: Path | None) -> None:
             f"{training['clips']} clips, {training['frames']} frames ({training['frames'] / 30 / 3600:.2f} hours)"
             f"{', and each as seen in a mirror' if training.get('mirrored') else ''}."
         ),
-        _training_rows(training),
+        training_rows(training),
         "![Loss curves](curves.png)" if (pack / "curves.png").exists() else "",
         "## Evaluation",
         (
@@ -83,23 +84,29 @@ def write_card(pack: Path, evaluation: Path, notes: Path | None) -> None:
         parts += [f"### Gap of {gap['gap_frames']} frames, {gap['windows']} windows", card_table(gap)]
     verdicts = {True: "holds", False: "does not hold", None: "not measured"}
     parts.append("\n".join(f"- {claim['claim']}: {verdicts[claim['holds']]}" for claim in report["claims"]))
+    write_readme(pack, parts)
+    rows = [f"clips = {report['clips']}"]
+    for gap in report["gaps"]:
+        for method in METHODS:
+            values = ", ".join(f"{name} = {value:.6g}" for name, value in _plain_means(gap, method).items())
+            rows.append(f"gap_{gap['gap_frames']}_{method} = {{ {values} }}")
+    write_figures(pack / "pack.toml", rows)
+
+
+def write_readme(pack: Path, parts: Sequence[str]) -> None:
+    """Writes the card; empty parts are left out."""
     (pack / "README.md").write_text("\n\n".join(p for p in parts if p) + "\n")
-    _write_figures(pack / "pack.toml", report)
 
 
-def _write_figures(manifest_path: Path, report: dict[str, Any]) -> None:
-    """Replaces the ``[evaluation]`` table."""
+def write_figures(manifest_path: Path, rows: Sequence[str]) -> None:
+    """Replaces the manifest's ``[evaluation]`` table by one of these lines of TOML."""
     lines, keep = [], True
     for line in manifest_path.read_text().splitlines():
         if line.startswith("["):
             keep = line != "[evaluation]"
         if keep:
             lines.append(line)
-    lines += ["", "[evaluation]", f"clips = {report['clips']}"]
-    for gap in report["gaps"]:
-        for method in METHODS:
-            values = ", ".join(f"{name} = {value:.6g}" for name, value in _plain_means(gap, method).items())
-            lines.append(f"gap_{gap['gap_frames']}_{method} = {{ {values} }}")
+    lines += ["", "[evaluation]", *rows]
     text = "\n".join(lines).replace("\n\n\n", "\n\n") + "\n"
     tomllib.loads(text)
     manifest_path.write_text(text)

@@ -98,13 +98,18 @@ class JointAttention(nn.Module):
     rows of one body (`dense`: training, where all windows of a batch have it).
     """
 
-    def __init__(self, channels: int, inner: int, heads: int):
+    slot_bias: Tensor
+
+    def __init__(self, channels: int, inner: int, heads: int, positions: bool):
         super().__init__()
         self.heads = heads
         self.norm = nn.LayerNorm(channels)
         self.query = nn.Linear(channels, inner)
         self.key_value = nn.Linear(channels, 2 * inner)
-        self.slot_bias = nn.Parameter(torch.zeros(SLOTS, heads))
+        if positions:
+            self.slot_bias = nn.Parameter(torch.zeros(SLOTS, heads))
+        else:
+            self.register_buffer("slot_bias", torch.zeros(SLOTS, heads), persistent=False)
         self.out = nn.Linear(inner, channels)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(self.out.bias)
@@ -133,6 +138,35 @@ class JointAttention(nn.Module):
         return x + self.out(mixed).transpose(1, 2).reshape(-1, count, x.shape[1], x.shape[2]).flatten(0, 1)
 
 
+class MergedAttention(JointAttention):
+    """One attention of a row's frames to all frames of the rows that it may read: time and joints at once (paper, table 6).
+
+    It takes the place of `TimeAttention` and `JointAttention`. With twice their width and heads it has as many weights.
+    """
+
+    def forward(self, x: Tensor, rows: Tensor, reads: Tensor) -> Tensor:
+        """As `JointAttention.forward`."""
+        normed, frames = self.norm(x), x.shape[1]
+        query = _heads(self.query(normed), self.heads)  # [R, H, T, D]
+        gathered = self.key_value(normed)[rows].flatten(1, 2)  # [R, S T, 2 HD]
+        key, value = (_heads(part, self.heads) for part in gathered.chunk(2, -1))
+        bias = self.slot_bias[None] + ((1.0 - reads) * MASKED)[..., None]  # [R, S, H]
+        scores = query @ key.transpose(-1, -2) * query.shape[-1] ** -0.5
+        scores = scores + bias.transpose(1, 2).repeat_interleave(frames, -1)[:, :, None]
+        return x + self.out((torch.softmax(scores, -1) @ value).transpose(-2, -3).flatten(-2))
+
+    def dense(self, x: Tensor, slot_of: Tensor) -> Tensor:
+        """As `JointAttention.dense`."""
+        frames, count = x.shape[1], len(slot_of)
+        normed = self.norm(x).reshape(-1, count * frames, x.shape[2])  # [B, (J + 1) T, C]
+        bias = torch.where(slot_of[..., None] < 0, MASKED, self.slot_bias[slot_of.clamp_min(0)]).permute(2, 0, 1)
+        bias = bias.repeat_interleave(frames, 1).repeat_interleave(frames, 2)  # [H, (J + 1) T, (J + 1) T]
+        query = _heads(self.query(normed), self.heads)
+        key, value = (_heads(part, self.heads) for part in self.key_value(normed).chunk(2, -1))
+        mixed = F.scaled_dot_product_attention(query, key, value, bias.to(query.dtype))
+        return x + self.out(mixed.transpose(-2, -3).flatten(-2)).reshape(x.shape)
+
+
 def slot_matrix(rows: Tensor, reads: Tensor) -> Tensor:
     """`Body.slots` of one body as ``[J + 1, J + 1]`` for `JointAttention.dense`."""
     matrix = torch.full((len(rows), len(rows)), -1, dtype=torch.long)
@@ -144,21 +178,28 @@ def slot_matrix(rows: Tensor, reads: Tensor) -> Tensor:
 
 
 class Deep(nn.Module):
-    """A block at quarter rate with its three attentions: along time, along joints, to the path."""
+    """A block at quarter rate with its three attentions: along time, along joints (or one along both), to the path."""
 
     def __init__(self, inputs: int, channels: int, config: UniMoGenConfig):
         super().__init__()
         inner, heads = config.attention, config.heads
         self.block = Block(inputs, channels, config.condition)
-        self.time = TimeAttention(channels, channels, inner, heads)
-        self.joints = JointAttention(channels, inner, heads)
+        self.time: TimeAttention | None = None
+        self.joints: JointAttention
+        if config.merged_attention:
+            self.joints = MergedAttention(channels, 2 * inner, 2 * heads, config.positions)
+        else:
+            self.time = TimeAttention(channels, channels, inner, heads)
+            self.joints = JointAttention(channels, inner, heads, config.positions)
         self.path = TimeAttention(channels, inner, inner, heads)
 
     def forward(
         self, x: Tensor, condition: Tensor, path: Tensor, rows: Tensor, reads: Tensor, slot_of: Tensor | None
     ) -> Tensor:
         """``x`` ``[R, T / 4, C]``, ``path`` ``[R, T / 4, D]``; with ``slot_of`` all rows are of one body."""
-        x = self.time(self.block(x, condition))
+        x = self.block(x, condition)
+        if self.time is not None:
+            x = self.time(x)
         x = self.joints(x, rows, reads) if slot_of is None else self.joints.dense(x, slot_of)
         return self.path(x, path)
 
@@ -224,7 +265,8 @@ class UniMoGen(nn.Module):
         self.tokens = nn.Sequential(
             nn.Linear(token, config.attention), nn.SiLU(), nn.Linear(config.attention, config.attention)
         )
-        self.position = nn.Linear(2 * TIME_WAVES, 4 * c)
+        if config.positions:
+            self.position = nn.Linear(2 * TIME_WAVES, 4 * c)
         self.encoder = nn.ModuleList([Block(c, c, e), Block(2 * c, 2 * c, e)])
         self.down = nn.ModuleList([nn.Linear(2 * c, 2 * c), nn.Linear(4 * c, 4 * c)])
         self.deep_in = nn.ModuleList(Deep(4 * c, 4 * c, config) for _ in range(config.deep_blocks))
@@ -272,8 +314,9 @@ class UniMoGen(nn.Module):
         full = self.encoder[0](full, condition)
         half = self.encoder[1](self.down[0](full.unflatten(1, (-1, 2)).flatten(2)), condition)
         deep = self.down[1](half.unflatten(1, (-1, 2)).flatten(2))
-        frames = torch.arange(deep.shape[1], device=x.device, dtype=x.dtype)
-        deep = deep + self.position(waves(frames, TIME_WAVES, 100.0))
+        if self.config.positions:
+            frames = torch.arange(deep.shape[1], device=x.device, dtype=x.dtype)
+            deep = deep + self.position(waves(frames, TIME_WAVES, 100.0))
         for module in self.deep_in:
             deep = module(deep, condition, tokens, rows, reads, slot_of)
         skip = deep

@@ -102,7 +102,7 @@ def offset_range(corpus: Corpus, frames: int = 36, seed: int = 99) -> Range:
 
 @dataclass
 class Recipe:
-    """What of the paper's training can be switched off, for its tables 4, 8 and 9."""
+    """What of the training can be switched off, see `ablations.py`."""
 
     weights: Weights = field(default_factory=Weights)
     body_balance: float = BODY_BALANCE

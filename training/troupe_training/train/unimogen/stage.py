@@ -1,6 +1,6 @@
 """The training of a UniMoGen network: build, resume, fit, load."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from troupe_training.models.unimogen.network import UniMoGen
 from troupe_training.models.unimogen.state import Range
 from troupe_training.train.checkpoints import Checkpoint, read_checkpoint
 from troupe_training.train.trainer import Budget, Trainer
+from troupe_training.train.unimogen.ablations import ablated_balance, ablated_config, ablated_range, ablated_weights
 from troupe_training.train.unimogen.diffusion import Recipe, diffusion_loss, offset_range
 
 STAGE = "unimogen"
@@ -31,7 +32,7 @@ class Training:
     bodies: list[str] | None = None
     balance: float = BALANCE
     mirror: bool = True
-    recipe: Recipe | None = None
+    without: list[str] = field(default_factory=list)  # of `ABLATIONS`
     fresh_schedule: bool = False
 
 
@@ -47,31 +48,41 @@ class Trained:
 
 
 def train(training: Training) -> bool:
-    """Trains a network, resuming its checkpoint; true when the budget is spent."""
+    """Trains a network, resuming its checkpoint; true when the budget is spent.
+
+    What the checkpoint was begun without, it goes on without: another choice ends the command.
+    """
+    without = sorted(set(training.without))
     torch.manual_seed(training.seed)
     path = training.run / f"{STAGE}.pt"
     told: dict[str, Any] = read_checkpoint(path)["meta"] if path.exists() else {}
+    if told and told.get("without", []) != without:
+        begun = ", ".join(told.get("without", [])) or "nothing"
+        raise SystemExit(f"{path} was begun without {begun}: give the same --without, or another --run")
     bodies = told.get("bodies", training.bodies)
     words = told.get("words")
-    corpus = Corpus(training.cache, "train", bodies, words, training.balance, training.mirror)
-    limits = _range(told["range"]) if told else offset_range(corpus)
-    model = UniMoGen(training.config, len(corpus.words)).to(training.device)
+    balance, body_balance = ablated_balance(training.balance, without)
+    corpus = Corpus(training.cache, "train", bodies, words, balance, training.mirror)
+    limits = _range(told["range"]) if told else ablated_range(offset_range(corpus), without)
+    config = ablated_config(training.config, without)
+    model = UniMoGen(config, len(corpus.words)).to(training.device)
     meta = {
-        "model": asdict(training.config),
+        "model": asdict(config),
         "words": corpus.words,
         "bodies": corpus.names,
         "range": [limits.low.tolist(), limits.high.tolist()],
         "seed": training.seed,
         "rows_per_step": training.rows_per_step,
         "mirror": training.mirror,
-        "balance": training.balance,
+        "balance": balance,
+        "without": without,
     }
     trainer = Trainer(training.run, STAGE, model, training.budget, meta, training.seed, training.device)
     if trainer.resume():
         if training.fresh_schedule:
             trainer.start_schedule()
         print(f"{STAGE}: going on from step {trainer.step}", flush=True)
-    recipe = training.recipe or Recipe()
+    recipe = Recipe(ablated_weights(without), body_balance)
     return trainer.fit(diffusion_loss(corpus, limits, training.rows_per_step, recipe))
 
 

@@ -1,0 +1,122 @@
+"""``unimogen card``: the pack's README from its manifest, its bodies, and what ``unimogen evaluate --json`` measured."""
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from troupe_training.data.conventions import FPS
+from troupe_training.evaluate.card import training_rows, write_figures, write_readme
+from troupe_training.evaluate.tables import Measure
+from troupe_training.evaluate.unimogen.measure import Figures
+from troupe_training.evaluate.unimogen.style import blend_table
+from troupe_training.export.manifest import read_manifest
+from troupe_training.export.unimogen.pack import FAMILY
+
+MEASURES = (
+    Measure("path_position_m", "off the path (mm) ↓", 1e3, 1),
+    Measure("path_rotation_deg", "heading off the path (°) ↓"),
+    Measure("fid", "FID ↓", 1, 4),
+    Measure("l2p_m", "L2P (m) ↓", 1, 3),
+    Measure("foot_skate_m_per_frame", "foot skate (mm/frame) ↓", 1e3),
+    Measure("foot_sliding_m", "toes slide, as the paper has it (m) ↓", 1, 3),
+    Measure("foot_penetration_share", "frames with a toe in the ground (%) ↓", 100, 1),
+    Measure("jitter_mps2", "joint acceleration (m/s²) ≈"),
+    Measure("seam_mps2", "the same where the past ends (m/s²) ≈"),
+    Measure("diversity_in_motion_m2", "diversity in a motion (m²) ≈", 1, 4),
+    Measure("diversity_between_motions_m2", "diversity between motions (m²) ≈", 1, 4),
+)
+METHOD_NAMES = {"captured": "ground truth", "unimogen": "this pack"}
+ABOUT_FIGURES = """\
+Of the network's own motion, before anything is pinned. A window has {frames} frames, the first four are given; one starts every
+{stride} frames. Its path is that of the captured root, its words are those of its clip. {steps} sampler steps, guidance
+{guidance:g}. ↓ lower is better, ≈ nearer to ground truth is better. Toes slide below 1 cm, and are in the ground 1 cm below where
+they stand. *Interpolated* alone is told the window's last pose. Ground truth's FID is between every other window and the rest."""
+
+
+def figures_table(methods: dict[str, Figures]) -> str:
+    """The figures of one body and split: a row for each measure, a column for each method."""
+    names = [METHOD_NAMES.get(name, name) for name in methods]
+    lines = [f"| | {' | '.join(names)} |", "|---|" + "---:|" * len(names)]
+    for measure in MEASURES:
+        if any(measure.name in figures for figures in methods.values()):
+            cells = (measure.text(f[measure.name]) if measure.name in f else "–" for f in methods.values())
+            lines.append(f"| {measure.heading} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def bodies_table(pack: Path, names: list[str]) -> str:
+    """The pack's bodies: size and what their clips show."""
+    lines = ["| body | joints | of which hinges | root's height (m) | words |", "|---|---:|---:|---:|---|"]
+    for name in names:
+        told = tomllib.loads((pack / "bodies" / f"{name}.toml").read_text())
+        hinges = len(told.get("robot", {}).get("hinges", []))
+        joints, words = len(told["skeleton"]["joints"]), ", ".join(told["words"])
+        lines.append(f"| {name} | {joints} | {hinges or '–'} | {told['height_m']:.2f} | {words} |")
+    return "\n".join(lines)
+
+
+def write_card(pack: Path, evaluation: Path, notes: Path | None, blend: Path | None) -> None:
+    """Writes ``README.md`` into the pack folder and the main figures into ``pack.toml``.
+
+    ``notes`` is Markdown about the data and limits, put in as it stands; ``blend`` is what ``unimogen blend --json`` wrote.
+    """
+    manifest, report = read_manifest(pack), json.loads(evaluation.read_text())
+    if manifest["family"] != FAMILY.name:
+        raise SystemExit(f"{pack} is a pack of the family {manifest['family']}")
+    training, told = manifest["training"], manifest["unimogen"]
+    blends = json.loads(blend.read_text()) if blend else None
+    for measured in filter(None, (report, blends)):
+        if measured["step"] != training["unimogen_steps"]:
+            raise SystemExit(
+                f"the figures are of update {measured['step']}, the pack is of update {training['unimogen_steps']}"
+            )
+    size = sum(f.stat().st_size for f in pack.glob("*.onnx")) / 1e6
+    hours = training["frames"] / FPS / 3600
+    shortest, longest = (manifest["frames_per_token"] * manifest[key] for key in ("min_tokens", "max_tokens"))
+    parts = [
+        f"# {manifest['name']} {manifest['version']}",
+        (
+            f"{manifest['parameters'] / 1e6:.2f} million parameters, {size:.1f} MB in 16-bit weights, "
+            f"{len(told['bodies'])} bodies, {len(told['words'])} words, {manifest['fps']:.0f} Hz, "
+            f"windows of {shortest} to {longest} frames."
+        ),
+        f"Licence of the weights: {manifest['licence']}. Credits: {'; '.join(manifest['credits'])}.",
+        "![One path on several bodies](film.png)" if (pack / "film.png").exists() else "",
+        notes.read_text().strip() if notes else "",
+        "## Bodies",
+        bodies_table(pack, told["bodies"]),
+        "## Training",
+        f"{training['clips']} clips, {training['frames']} frames ({hours:.2f} hours).",
+        training_rows(training),
+        "![Loss curves](curves.png)" if (pack / "curves.png").exists() else "",
+        "## Evaluation",
+        ABOUT_FIGURES.format(**report["setting"]),
+    ]
+    for what, methods in report["figures"].items():
+        parts += [f"### {what}, {methods['captured']['windows']:.0f} windows", figures_table(methods)]
+    if blends:
+        parts += ["### Blends of two styles", _about_blends(blends)]
+    write_readme(pack, parts)
+    write_figures(pack / "pack.toml", _figure_rows(report["figures"]))
+
+
+def _about_blends(blends: dict[str, Any]) -> str:
+    first, second = blends["styles"]
+    text = (
+        "Answers without a past on the paths of held-out windows, with both styles by their weights. A linear classifier of the "
+        "evaluator's latents, trained on captures of the two, says which style it sees."
+    )
+    tables = [f"{part}:\n\n{blend_table((first, second), shares)}" for part, shares in blends["shares"].items()]
+    return "\n\n".join([text, *(table.strip() for table in tables)])
+
+
+def _figure_rows(report: dict[str, dict[str, Figures]]) -> list[str]:
+    """Lines of TOML: an inline table for each body, split and method."""
+    rows = []
+    for what, methods in report.items():
+        for method, figures in methods.items():
+            key = f"{what}, {method}".replace(", ", "_").replace(" ", "_")
+            values = ", ".join(f"{name} = {value:.6g}" for name, value in figures.items())
+            rows.append(f"{json.dumps(key)} = {{ {values} }}")
+    return rows
