@@ -88,6 +88,8 @@ struct Job {
     has_started: bool,
     /// Some of the answer is there.
     has_output: bool,
+    /// Start and end of the last step whose times are counted.
+    counted: Option<(Instant, Instant)>,
     reply: Reply,
 }
 
@@ -150,6 +152,7 @@ impl Core {
             open: characters,
             has_started: false,
             has_output: false,
+            counted: None,
             reply,
         };
         self.jobs.insert(request, job);
@@ -279,9 +282,12 @@ impl Core {
             false => begun,
         };
         served.finished = ended.saturating_duration_since(job.arrived);
-        served.assemble += report.assemble;
-        served.inference += report.inference();
-        served.scatter += report.scatter;
+        // A step that gave answers for several characters of the request counts once.
+        if job.counted.replace((started, ended)) != Some((started, ended)) {
+            served.assemble += report.assemble;
+            served.inference += report.inference();
+            served.scatter += report.scatter;
+        }
         served.batch_size = served.batch_size.max(report.jobs);
         if is_last {
             served.work += work;

@@ -42,6 +42,18 @@ async fn a_request_is_split_over_idle_workers_and_joined_in_order() {
 }
 
 #[tokio::test]
+async fn a_step_for_several_characters_counts_once() {
+    let setup = setup(limits(1), [Trouble::None]).await;
+    let answer = setup.enqueue(0..4);
+    setup.dispatched(1).await;
+    setup.permit(0);
+    let served = answer.await.unwrap();
+    assert_eq!(served.batch_size, 4);
+    let parts = served.assemble + served.inference + served.scatter;
+    assert!(parts <= served.finished - served.started, "{served:?}");
+}
+
+#[tokio::test]
 async fn a_worker_that_dies_takes_its_batch_along_and_the_other_serves_on() {
     let setup = setup(limits(2), [Trouble::Die, Trouble::None]).await;
     let mut answers = setup.fill().await;
