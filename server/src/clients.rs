@@ -45,33 +45,64 @@ pub struct Shares {
 
 /// A limit that was reached.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{whose} has {what}; allowed at a time: {allowed}")]
+#[error("{} has {what}; allowed at a time: {allowed}", whose.text())]
 pub struct Exhausted {
     /// What there is too much of.
     what: &'static str,
     /// Whose limit it is.
-    whose: &'static str,
+    whose: Whose,
     /// The limit.
     pub allowed: String,
     /// Whether it would be refused even with nothing else on its way.
     pub never: bool,
 }
 
+/// Whose a share is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Whose {
+    Client,
+    Key,
+    Address,
+    All,
+}
+
+impl Whose {
+    const EACH: [Self; 4] = [Self::Client, Self::Key, Self::Address, Self::All];
+
+    /// In errors.
+    fn text(self) -> &'static str {
+        match self {
+            Self::Client => "this client",
+            Self::Key => "this key",
+            Self::Address => "this address",
+            Self::All => "all clients together",
+        }
+    }
+
+    /// In metrics.
+    fn label(self) -> &'static str {
+        match self {
+            Self::Client => "client",
+            Self::Key => "key",
+            Self::Address => "address",
+            Self::All => "all",
+        }
+    }
+}
+
 /// What is left of one share.
 #[derive(Debug)]
 struct Level {
-    whose: &'static str,
-    label: &'static str,
+    whose: Whose,
     share: Share,
     memory: Arc<Semaphore>,
     streams: Arc<Semaphore>,
 }
 
 impl Level {
-    fn new(whose: &'static str, label: &'static str, share: Share) -> Arc<Self> {
+    fn new(whose: Whose, share: Share) -> Arc<Self> {
         Arc::new(Self {
             whose,
-            label,
             share,
             memory: Arc::new(Semaphore::new((share.bytes / PIECE).min(Semaphore::MAX_PERMITS))),
             streams: Arc::new(Semaphore::new(share.streams.min(Semaphore::MAX_PERMITS))),
@@ -85,26 +116,33 @@ pub struct Clients {
     shares: Shares,
     all: Arc<Level>,
     by_address: Mutex<HashMap<IpAddr, Weak<Level>>>,
-    by_key: Mutex<HashMap<String, Weak<Level>>>,
+    /// As many as there are keys.
+    by_key: Mutex<HashMap<String, Arc<Level>>>,
     metrics: Arc<ClientMetrics>,
 }
 
+/// The metrics of all clients.
+#[derive(Debug)]
 struct ClientMetrics {
-    telemetry: Telemetry,
     transfer: Gauge,
-}
-
-impl std::fmt::Debug for ClientMetrics {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ClientMetrics").finish_non_exhaustive()
-    }
+    /// By whose limit it was, as [`Whose::EACH`].
+    memory_refused: [Counter; 4],
+    streams_refused: [Counter; 4],
 }
 
 impl ClientMetrics {
-    fn refused(&self, kind: &'static str, whose: &'static str) {
-        let labels = Labels::default().with("kind", kind).with("whose", whose);
-        let refused: Counter = self.telemetry.counter(&REFUSED, &labels);
-        refused.increment(1);
+    fn new(telemetry: &Telemetry) -> Self {
+        let refused = |kind: &'static str| {
+            Whose::EACH.map(|whose| {
+                let labels = Labels::default().with("kind", kind).with("whose", whose.label());
+                telemetry.counter(&REFUSED, &labels)
+            })
+        };
+        Self {
+            transfer: telemetry.gauge(&TRANSFER, &Labels::default()),
+            memory_refused: refused("memory"),
+            streams_refused: refused("streams"),
+        }
     }
 }
 
@@ -113,13 +151,10 @@ impl Clients {
     pub fn new(shares: Shares, telemetry: &Telemetry) -> Self {
         Self {
             shares,
-            all: Level::new("all clients together", "all", shares.all),
+            all: Level::new(Whose::All, shares.all),
             by_address: Mutex::default(),
             by_key: Mutex::default(),
-            metrics: Arc::new(ClientMetrics {
-                telemetry: telemetry.clone(),
-                transfer: telemetry.gauge(&TRANSFER, &Labels::default()),
-            }),
+            metrics: Arc::new(ClientMetrics::new(telemetry)),
         }
     }
 
@@ -129,13 +164,13 @@ impl Clients {
         let known = addresses.get(&address).and_then(Weak::upgrade);
         let of_address = known.unwrap_or_else(|| {
             addresses.retain(|_, level| level.strong_count() > 0);
-            let level = Level::new("this address", "address", self.shares.address);
+            let level = Level::new(Whose::Address, self.shares.address);
             addresses.insert(address, Arc::downgrade(&level));
             level
         });
         Arc::new(Client {
             levels: [
-                Level::new("this client", "client", self.shares.client),
+                Level::new(Whose::Client, self.shares.client),
                 of_address,
                 self.all.clone(),
             ],
@@ -146,12 +181,14 @@ impl Clients {
     /// The client whose key has this name, on a connection of `connected`.
     pub fn with_key(&self, name: &str, connected: &Client) -> Arc<Client> {
         let mut keys = self.by_key.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = keys.get(name).and_then(Weak::upgrade);
-        let of_key = known.unwrap_or_else(|| {
-            let level = Level::new("this key", "key", self.shares.client);
-            keys.insert(name.to_owned(), Arc::downgrade(&level));
-            level
-        });
+        let of_key = match keys.get(name) {
+            Some(level) => level.clone(),
+            None => {
+                let level = Level::new(Whose::Key, self.shares.client);
+                keys.insert(name.to_owned(), level.clone());
+                level
+            }
+        };
         let [_, of_address, all] = &connected.levels;
         Arc::new(Client {
             levels: [of_key, of_address.clone(), all.clone()],
@@ -178,13 +215,18 @@ impl Client {
     /// # Errors
     /// [`Exhausted`] at once where there is not as much.
     pub fn memory(self: &Arc<Self>, bytes: usize) -> Result<Memory, Exhausted> {
-        let mut memory = Memory {
+        let mut memory = self.no_memory();
+        memory.grow(bytes)?;
+        Ok(memory)
+    }
+
+    /// Memory that grows from nothing.
+    pub fn no_memory(self: &Arc<Self>) -> Memory {
+        Memory {
             client: self.clone(),
             bytes: 0,
             permits: Vec::new(),
-        };
-        memory.grow(bytes)?;
-        Ok(memory)
+        }
     }
 
     /// A place for a stream, until it is dropped.
@@ -195,7 +237,7 @@ impl Client {
         let mut permits = Vec::with_capacity(self.levels.len());
         for level in &self.levels {
             let permit = level.streams.clone().try_acquire_owned().map_err(|_| {
-                self.metrics.refused("streams", level.label);
+                self.metrics.streams_refused[level.whose as usize].increment(1);
                 Exhausted {
                     what: "no room for another stream",
                     whose: level.whose,
@@ -245,7 +287,7 @@ impl Memory {
             match permit {
                 Some(permit) => fresh.push(permit),
                 None => {
-                    self.client.metrics.refused("memory", level.label);
+                    self.client.metrics.memory_refused[level.whose as usize].increment(1);
                     return Err(Exhausted {
                         what: "no memory left for this request and its answer",
                         whose: level.whose,

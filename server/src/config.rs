@@ -270,7 +270,7 @@ pub struct Config {
     )]
     pub max_streams: usize,
 
-    /// Most open streams of one connection. All connections of one address may have twice as many.
+    /// Most open streams of one client: a key, or without keys a connection. All clients of one address may have twice as many.
     #[config(
         env = "TROUPE_MAX_STREAMS_PER_CLIENT",
         default = 256,
@@ -302,8 +302,8 @@ pub struct Config {
     )]
     pub max_message_bytes: usize,
 
-    /// Memory for requests and answers on their way, in MiB: one that finds no room is refused with a hint. All connections of
-    /// one address may take half of it, one connection a quarter. 0: an eighth of the memory that this process may use, but 256 to
+    /// Memory for requests and answers on their way, in MiB: one that finds no room is refused with a hint. All clients of one
+    /// address may take half of it, one client (a key, or without keys a connection) a quarter. 0: an eighth of the memory that this process may use, but 256 to
     /// 2048.
     #[config(
         env = "TROUPE_TRANSFER_MEMORY_MIB",

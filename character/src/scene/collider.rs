@@ -69,9 +69,8 @@ impl ColliderShape {
     /// About how much memory it takes as written and ready for queries, bytes.
     fn bytes(&self) -> usize {
         let points = match self {
-            Self::Solid(Shape::Box { .. }) => 0,
             Self::Solid(Shape::Convex { points_m }) => points_m.len(),
-            Self::Heightfield(_) => 0,
+            Self::Solid(Shape::Box { .. }) | Self::Heightfield(_) => 0,
         };
         COLLIDER_BYTES + points * POINT_BYTES + self.samples() * SAMPLE_BYTES
     }

@@ -31,10 +31,8 @@ pub use form::{ErrorBody, ErrorDetail};
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
 const DOMAIN: &str = "troupe.v1";
 
-/// When it is worth to try again where too much was on its way.
+/// When to try again where a place may be free at any time: of a connection, or of what is on its way.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
-/// When to try again where a connection may close at any time.
-const WHEN_ONE_CLOSES: Duration = Duration::from_secs(1);
 
 /// How a key is sent.
 const BEARER: &str = "Bearer and a key";
@@ -173,7 +171,7 @@ impl ApiError {
                 .allowed(format!("{} or more", needed.name())),
             Self::NoConnection => UNAVAILABLE
                 .because("TOO_MANY_CONNECTIONS")
-                .retry_after(WHEN_ONE_CLOSES),
+                .retry_after(RETRY_AFTER),
             Self::UnknownRoute(_) => NO_ROUTE.because("UNKNOWN_ROUTE"),
             Self::WrongMethod(_) => NO_METHOD.because("WRONG_METHOD"),
             Self::DeadlineExceeded(_) => TOO_LATE.because("DEADLINE_EXCEEDED"),

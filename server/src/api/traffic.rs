@@ -8,14 +8,13 @@ use std::time::{Duration, Instant};
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::middleware::Next;
-use axum::response::{IntoResponse as _, Response};
+use axum::response::Response;
 use bytes::{Buf as _, Bytes};
 use http_body::{Body as _, Frame, SizeHint};
-use troupe_proto::v1;
+use tokio_util::task::AbortOnDropHandle;
 
 use super::error::{ApiError, is_grpc};
 use crate::clients::{Client, Clients, Exhausted, Memory};
-use crate::session::Sessions;
 
 /// Answers up to this size are small: they are not counted, and not cut into pieces, bytes.
 const SMALL: usize = 64 << 10;
@@ -55,24 +54,15 @@ impl Reserved {
 }
 
 /// Copies of a step's numbers that there are at once: the message, and what is sent.
-pub(super) const AS_PROTOBUF: usize = 2;
-/// As [`AS_PROTOBUF`]: a number as text is about three times as long.
-pub(super) const AS_JSON: usize = 4;
+pub(super) const COPIES_AS_PROTOBUF: usize = 2;
+/// As [`COPIES_AS_PROTOBUF`]: a number as text is about three times as long.
+pub(super) const COPIES_AS_JSON: usize = 4;
 
-/// Takes memory for the answer to a step, before it is made.
-pub(super) fn for_step(
-    sessions: &Sessions,
-    client: Option<&Arc<Client>>,
-    request: &v1::StepRequest,
-    copies: usize,
-) -> Result<Option<Reserved>, ApiError> {
-    let Some(client) = client else {
-        return Ok(None);
-    };
-    let bytes = sessions.step_bytes(request)?.saturating_mul(copies);
-    match bytes > SMALL {
-        true => Ok(Some(Reserved::new(client.memory(bytes)?))),
-        false => Ok(None),
+/// Takes memory for an answer of so many bytes, before it is made. None for a small one.
+pub(super) fn reserve(client: Option<&Arc<Client>>, bytes: usize) -> Result<Option<Reserved>, ApiError> {
+    match client {
+        Some(client) if bytes > SMALL => Ok(Some(Reserved::new(client.memory(bytes)?))),
+        _ => Ok(None),
     }
 }
 
@@ -87,10 +77,7 @@ pub(super) async fn count(State(traffic): State<Traffic>, mut request: Request, 
         return next.run(request).await;
     }
     let refused = Arc::new(OnceLock::new());
-    let memory = match client.memory(0) {
-        Ok(memory) => Arc::new(Mutex::new(memory)),
-        Err(error) => return exhausted(error, grpc),
-    };
+    let memory = Arc::new(Mutex::new(client.no_memory()));
     let request = request.map(|inner| {
         Body::new(Counted {
             inner,
@@ -101,19 +88,11 @@ pub(super) async fn count(State(traffic): State<Traffic>, mut request: Request, 
     let response = next.run(request).await;
     drop(memory);
     if let Some(error) = refused.get() {
-        return exhausted(error.clone(), grpc);
+        return ApiError::from(error.clone()).in_protocol(grpc);
     }
     match hold(&client, response, traffic.write_timeout) {
         Ok(response) => response,
-        Err(error) => exhausted(error, grpc),
-    }
-}
-
-fn exhausted(error: Exhausted, grpc: bool) -> Response {
-    let error = ApiError::from(error);
-    match grpc {
-        true => error.status().into_http(),
-        false => error.into_response(),
+        Err(error) => ApiError::from(error).in_protocol(grpc),
     }
 }
 
@@ -137,9 +116,10 @@ fn hold(client: &Arc<Client>, mut response: Response, limit: Duration) -> Result
             memory,
             waits_since: Some(Instant::now()),
         }));
-        tokio::spawn(watch(Arc::downgrade(&held), limit));
+        let watch = tokio::spawn(watch(Arc::downgrade(&held), limit));
         Body::new(Outgoing {
             held,
+            _watch: AbortOnDropHandle::new(watch),
             client: client.clone(),
             size: size.map(SizeHint::with_exact),
         })
@@ -227,6 +207,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// The body of an answer, in small pieces.
 struct Outgoing {
     held: Arc<Mutex<Held>>,
+    /// Ends with the answer.
+    _watch: AbortOnDropHandle<()>,
     client: Arc<Client>,
     /// As it was announced, of answers whose size is known.
     size: Option<SizeHint>,

@@ -9,7 +9,7 @@ use troupe_proto::v1;
 use super::cell::SessionCell;
 use super::drive::{Roster, StreamPermit};
 use super::executor::Executor;
-use super::{CommandResult, LivePacks, Registry, SessionError, Stepped, TimeSource};
+use super::{CommandResult, LivePacks, Registry, SessionError, StepPlan, Stepped, TimeSource};
 use super::{commands, describe, metrics, options, peek, step};
 use crate::offload::offload;
 use crate::telemetry::{Gauge, Telemetry};
@@ -257,28 +257,28 @@ impl Sessions {
         Ok(self.executor.run(work).await?)
     }
 
-    /// About how many bytes the frames of a step take, as numbers in memory.
+    /// Checks what a step asks for, and works out how much its answer takes.
     ///
     /// # Errors
     /// [`SessionError::Field`] for a request that makes no sense.
-    pub fn step_bytes(&self, request: &v1::StepRequest) -> Result<usize, SessionError> {
-        let plan = step::check(request, &self.limits)?;
+    pub fn plan_step(&self, request: &v1::StepRequest) -> Result<StepPlan, SessionError> {
         let now = self.time.now();
-        Ok(step::answer_bytes(
-            &self.registry,
-            &request.session_ids,
-            &plan,
-            now,
-        ))
+        Ok(step::check(request, &self.limits, |id| {
+            let cell = self.registry.get(id, now, &String::new).ok()?;
+            Some(cell.pack().rig().skeleton.joint_count())
+        })?)
     }
 
-    /// `troupe.v1.Sessions/Step`.
+    /// `troupe.v1.Sessions/Step`, by the plan of [`Sessions::plan_step`].
     ///
     /// # Errors
-    /// [`SessionError`] for a request that makes no sense, or where no session could be served.
-    pub async fn step(self: &Arc<Self>, request: v1::StepRequest) -> Result<Stepped, SessionError> {
+    /// [`SessionError`] where no session could be served.
+    pub async fn step(
+        self: &Arc<Self>,
+        request: v1::StepRequest,
+        plan: StepPlan,
+    ) -> Result<Stepped, SessionError> {
         let arrived = std::time::Instant::now();
-        let plan = step::check(&request, &self.limits)?;
         let this = self.clone();
         let work = async move {
             let commands = this.apply(&request.commands).await;

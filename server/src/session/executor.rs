@@ -4,7 +4,7 @@ use std::future::Future;
 use std::time::{Duration, Instant};
 
 use tokio::runtime::{Builder, Runtime};
-use tokio::task::JoinHandle;
+use tokio_util::task::AbortOnDropHandle;
 
 use crate::offload::WorkerStopped;
 
@@ -39,8 +39,8 @@ impl Executor {
         work: impl Future<Output = T> + Send + 'static,
     ) -> Result<T, WorkerStopped> {
         let runtime = self.0.as_ref().ok_or(WorkerStopped)?;
-        let mut task = GivenUp(runtime.spawn(work));
-        (&mut task.0).await.map_err(|_| WorkerStopped)
+        let task = AbortOnDropHandle::new(runtime.spawn(work));
+        task.await.map_err(|_| WorkerStopped)
     }
 
     /// Runs `work` there, whether anybody waits for it or not.
@@ -58,15 +58,6 @@ impl Drop for Executor {
         if let Some(runtime) = self.0.take() {
             runtime.shutdown_background();
         }
-    }
-}
-
-/// A task that ends when nobody waits for it.
-struct GivenUp<T>(JoinHandle<T>);
-
-impl<T> Drop for GivenUp<T> {
-    fn drop(&mut self) {
-        self.0.abort();
     }
 }
 

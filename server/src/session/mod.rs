@@ -31,5 +31,5 @@ pub use metrics::{Eviction, SessionMetrics};
 pub use options::{MAX_ID_CHARS, TTL_RANGE_MS};
 pub use pack::{LivePack, LivePacks};
 pub use registry::{MAX_SESSION_BYTES, Registry};
-pub use step::Stepped;
+pub use step::{StepPlan, Stepped};
 pub use time::TimeSource;

@@ -55,14 +55,20 @@ pub(super) fn sub_frames(path: &Path<'_>, rate_hz: u32) -> Result<u32, FieldErro
 
 /// A checked request.
 #[derive(Debug)]
-pub(super) struct StepPlan {
+pub struct StepPlan {
     frames: usize,
+    answer_bytes: usize,
     sub_frames: u32,
     form: Form,
 }
 
-/// Checks what a step asks for, apart from its commands and the sessions themselves.
-pub(super) fn check(request: &v1::StepRequest, limits: &SessionLimits) -> Result<StepPlan, FieldError> {
+/// Checks what a step asks for, apart from its commands and the sessions themselves. `joints_of` gives the number of joints of a
+/// session that is open.
+pub(super) fn check(
+    request: &v1::StepRequest,
+    limits: &SessionLimits,
+    joints_of: impl Fn(&str) -> Option<usize>,
+) -> Result<StepPlan, FieldError> {
     let root = Path::root();
     let ids = &request.session_ids;
     units::length(&root.field("session_ids"), ids.len(), 1, limits.per_request)?;
@@ -85,27 +91,34 @@ pub(super) fn check(request: &v1::StepRequest, limits: &SessionLimits) -> Result
     }
     let commands = &root.field("commands");
     units::length(commands, request.commands.len(), 0, super::commands::MAX_COMMANDS)?;
+    let form = Form::of(
+        &root,
+        request.encoding,
+        request.return_positions,
+        request.return_six_d,
+    )?;
+    let frame_bytes: usize = (ids.iter().filter_map(|id| joints_of(id)))
+        .map(|joints| frame_bytes(form, joints))
+        .sum();
     Ok(StepPlan {
         frames: frames as usize,
+        answer_bytes: frame_bytes * frames as usize,
         sub_frames: sub_frames(&root, request.rate_hz)?,
-        form: Form::of(
-            &root,
-            request.encoding,
-            request.return_positions,
-            request.return_six_d,
-        )?,
+        form,
     })
 }
 
-/// About how many bytes the frames of a step take, as numbers in memory.
-pub(super) fn answer_bytes(registry: &Registry, ids: &[String], plan: &StepPlan, now: Instant) -> usize {
-    let numbers_of_a_joint = 4 + 3 * usize::from(plan.form.positions) + SIX_D * usize::from(plan.form.six_d);
-    let of_frame = |joints: usize| (joints * numbers_of_a_joint + NUMBERS_OF_A_FRAME) * size_of::<f32>();
-    let joints = ids.iter().filter_map(|id| {
-        let cell = registry.get(id, now, &String::new).ok()?;
-        Some(cell.pack().rig().skeleton.joint_count())
-    });
-    joints.map(|joints| of_frame(joints) * plan.frames).sum()
+impl StepPlan {
+    /// About how many bytes the frames take, as numbers in memory.
+    pub fn answer_bytes(&self) -> usize {
+        self.answer_bytes
+    }
+}
+
+/// About how many bytes a frame of a character takes, as numbers in memory.
+fn frame_bytes(form: Form, joints: usize) -> usize {
+    let numbers_of_a_joint = 4 + 3 * usize::from(form.positions) + SIX_D * usize::from(form.six_d);
+    (joints * numbers_of_a_joint + NUMBERS_OF_A_FRAME) * size_of::<f32>()
 }
 
 /// A character on its way.
@@ -382,7 +395,7 @@ mod tests {
                 frames,
                 ..v1::StepRequest::default()
             };
-            check(&request, &limits).map(|plan| plan.frames)
+            check(&request, &limits, |_| None).map(|plan| plan.frames)
         };
         assert_eq!(of(1092, 120).ok(), Some(120));
         let error = of(2000, 120).expect_err("240,000 frames").to_string();

@@ -1,8 +1,12 @@
 //! Sessions, commands and steps as tests make them.
 
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::Streaming;
 use tonic::transport::Channel;
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent;
+use troupe_proto::v1::drive_request::Message as Ask;
 use troupe_proto::v1::sessions_client::SessionsClient;
 
 /// Gates of streams and calls.
@@ -80,4 +84,35 @@ pub fn frames_of(block: &v1::FrameBlock, index: usize) -> (Vec<f32>, Vec<f32>) {
         column[index * size..(index + 1) * size].to_vec()
     };
     (part(&block.root_positions), part(&block.rotations))
+}
+
+/// Both ends of a stream.
+pub type Ends = (mpsc::Sender<v1::DriveRequest>, Streaming<v1::DriveResponse>);
+
+/// A stream on which nothing was said.
+pub async fn start_drive(client: &mut Client) -> Ends {
+    let (ask, asked) = mpsc::channel(16);
+    let answers = client
+        .drive(ReceiverStream::new(asked))
+        .await
+        .unwrap()
+        .into_inner();
+    (ask, answers)
+}
+
+/// A stream with those sessions, which walk.
+pub async fn drive(client: &mut Client, names: &[String]) -> Ends {
+    let (ask, answers) = start_drive(client).await;
+    let commands = names.iter().map(|id| walk(id, 1, (0.0, 1.2))).collect();
+    for message in [
+        Ask::Open(v1::DriveOpen::default()),
+        Ask::Attach(v1::DriveAttach {
+            session_ids: names.to_vec(),
+        }),
+        Ask::Command(v1::CommandRequest { commands }),
+    ] {
+        let message = Some(message);
+        ask.send(v1::DriveRequest { message }).await.unwrap();
+    }
+    (ask, answers)
 }

@@ -3,14 +3,11 @@
 
 use std::time::Duration;
 
-use tokio::sync::mpsc;
-use tokio_stream::wrappers::ReceiverStream;
 use troupe_proto::v1;
-use troupe_proto::v1::drive_request::Message as Ask;
 use troupe_proto::v1::drive_response::Message as Say;
 
 use crate::common::TestServer;
-use crate::common::calls::{ids, options, walk};
+use crate::common::calls::{drive, ids, options};
 
 /// 200 plans a second; usual intervals of 9 frames would take 300.
 const ROW: Duration = Duration::from_millis(10);
@@ -38,23 +35,7 @@ async fn a_crowd_that_is_too_large_keeps_moving_and_the_important_are_planned_fo
         .await
         .unwrap();
 
-    let (ask, asked) = mpsc::channel(16);
-    let mut answers = client
-        .drive(ReceiverStream::new(asked))
-        .await
-        .unwrap()
-        .into_inner();
-    let commands = names.iter().map(|id| walk(id, 1, (0.0, 1.2))).collect();
-    for message in [
-        Ask::Open(v1::DriveOpen::default()),
-        Ask::Attach(v1::DriveAttach {
-            session_ids: names.clone(),
-        }),
-        Ask::Command(v1::CommandRequest { commands }),
-    ] {
-        let message = Some(message);
-        ask.send(v1::DriveRequest { message }).await.unwrap();
-    }
+    let (_ask, mut answers) = drive(&mut client, &names).await;
     let (mut before, mut ways) = (Vec::new(), Vec::new());
     let mut ticks = 0;
     while ticks < 300 {

@@ -11,7 +11,7 @@ use troupe_proto::v1;
 use troupe_proto::v1::drive_request::Message as Ask;
 use troupe_proto::v1::drive_response::Message as Say;
 
-use crate::common::calls::{Client, ids, open, options, step, walk};
+use crate::common::calls::{Client, ids, open, options, start_drive, step, walk};
 use crate::common::{JOINTS, TestServer, robot};
 
 /// Both ends of a stream.
@@ -22,12 +22,7 @@ struct Drive {
 
 impl Drive {
     async fn start(client: &mut Client) -> Self {
-        let (ask, asked) = mpsc::channel(16);
-        let answers = client
-            .drive(ReceiverStream::new(asked))
-            .await
-            .unwrap()
-            .into_inner();
+        let (ask, answers) = start_drive(client).await;
         Self { ask, answers }
     }
 

@@ -13,11 +13,10 @@ use tokio::time::timeout;
 use tokio_stream::wrappers::ReceiverStream;
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent;
-use troupe_proto::v1::drive_request::Message as Ask;
 use troupe_proto::v1::drive_response::Message as Say;
 
 use crate::common::TestServer;
-use crate::common::calls::{Client, ids, options, walk};
+use crate::common::calls::{Client, drive, ids, options};
 use crate::common::scenes::{STOOL, put_scene, put_stool, scenes};
 
 /// How long `/healthz` may take while somebody attacks.
@@ -83,33 +82,6 @@ async fn create(client: &mut Client, sessions: Vec<v1::SessionOptions>) {
         .create_sessions(v1::CreateSessionsRequest { sessions })
         .await
         .unwrap();
-}
-
-type Ends = (
-    mpsc::Sender<v1::DriveRequest>,
-    tonic::Streaming<v1::DriveResponse>,
-);
-
-/// A stream with those sessions, which walk.
-async fn drive(client: &mut Client, names: &[String]) -> Ends {
-    let (ask, asked) = mpsc::channel(16);
-    let answers = client
-        .drive(ReceiverStream::new(asked))
-        .await
-        .unwrap()
-        .into_inner();
-    let commands = names.iter().map(|id| walk(id, 1, (0.0, 1.2))).collect();
-    for message in [
-        Ask::Open(v1::DriveOpen::default()),
-        Ask::Attach(v1::DriveAttach {
-            session_ids: names.to_vec(),
-        }),
-        Ask::Command(v1::CommandRequest { commands }),
-    ] {
-        let message = Some(message);
-        ask.send(v1::DriveRequest { message }).await.unwrap();
-    }
-    (ask, answers)
 }
 
 /// A scene of hulls that all lie on each other, and stools among them.

@@ -97,7 +97,12 @@ impl ApiError {
 
     /// The answer, as the caller's protocol has it.
     pub(in crate::api) fn in_kind(&self, asked: &HeaderMap) -> Response {
-        match is_grpc(asked) {
+        self.in_protocol(is_grpc(asked))
+    }
+
+    /// [`ApiError::in_kind`], for a caller who speaks gRPC or does not.
+    pub(in crate::api) fn in_protocol(&self, grpc: bool) -> Response {
+        match grpc {
             true => self.status().into_http::<Body>(),
             false => self.clone().into_response(),
         }

@@ -66,14 +66,12 @@ impl Sessions for SessionsApi {
 
     async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::StepResponse>, Status> {
         let sessions = self.service.sessions();
-        let reserved = traffic::for_step(
-            sessions,
-            client(&request).as_ref(),
-            request.get_ref(),
-            traffic::AS_PROTOBUF,
-        );
-        let reserved = reserved.map_err(|error| error.status())?;
-        let stepped = sessions.step(request.into_inner()).await;
+        let plan = sessions
+            .plan_step(request.get_ref())
+            .map_err(|error| ApiError::from(error).status())?;
+        let bytes = plan.answer_bytes() * traffic::COPIES_AS_PROTOBUF;
+        let reserved = traffic::reserve(client(&request).as_ref(), bytes).map_err(|error| error.status())?;
+        let stepped = sessions.step(request.into_inner(), plan).await;
         let mut response = answer(stepped.map(answers::step))?;
         response.extensions_mut().insert(reserved);
         Ok(response)

@@ -197,8 +197,10 @@ pub(in crate::api) async fn step(
     JsonBody(request): JsonBody<v1::StepRequest>,
 ) -> Result<Response, ApiError> {
     let sessions = service.sessions();
-    let reserved = traffic::for_step(sessions, Some(&client), &request, traffic::AS_JSON)?;
-    let stepped = sessions.step(request).await?;
+    let plan = sessions.plan_step(&request)?;
+    let bytes = plan.answer_bytes() * traffic::COPIES_AS_JSON;
+    let reserved = traffic::reserve(Some(&client), bytes)?;
+    let stepped = sessions.step(request, plan).await?;
     let mut response = json::written(move || answers::step(stepped)).await?;
     response.extensions_mut().insert(reserved);
     Ok(response)
