@@ -13,6 +13,7 @@ pub mod live;
 pub mod object;
 pub mod post;
 pub mod primitives;
+pub mod saved;
 pub mod scene;
 pub mod style;
 #[cfg(any(test, feature = "testing"))]

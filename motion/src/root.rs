@@ -1,11 +1,12 @@
 //! The root: global (`r_g`) and local (`r_l`) form, and the pelvis heading (MotionBricks, section 4).
 
+use serde::{Deserialize, Serialize};
 use std::f32::consts::{PI, TAU};
 
 use glam::{Quat, Vec3};
 
 /// Global root `r_g`: where the pelvis is and which way it faces.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GlobalRoot {
     /// World position of the pelvis, metres; y is its height.
     pub position: Vec3,

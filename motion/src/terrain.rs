@@ -4,6 +4,7 @@
 //! with the mean of the feet, smoothed, and no higher than the legs allow; legs follow by inverse kinematics. Flat motion
 //! and lifts stay apart, so that a buffer of flat motion can be lifted again whenever the motion or the ground changes.
 
+use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
 use std::ops::Range;
 
@@ -37,7 +38,7 @@ const GAP_FRAMES: usize = 1;
 const SWING_RATE: f32 = 1.6;
 
 /// What one frame of a flat motion, whose ground is at y = 0, is lifted by, metres.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Lift {
     /// The root.
     pub root_m: f32,

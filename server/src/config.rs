@@ -215,12 +215,28 @@ pub struct Config {
     )]
     pub max_characters_per_request: usize,
 
+    /// Folder of what outlives the server: sessions, where the objects of scenes are, and, in folders of their own, uploaded styles,
+    /// scenes and object definitions. One server at a time has it. Left out: `troupe/PORT` in the user's folder for states, such as
+    /// ~/.local/state, or nothing where `listen` leaves the port to the system. An empty name: nothing is kept.
+    #[config(env = "TROUPE_STORE", layer_attr(arg(long, value_name = "FOLDER")))]
+    pub store: Option<PathBuf>,
+
+    /// How often sessions are written to the store, in milliseconds: what happened since then is lost where the server is
+    /// killed. Where there are so many sessions that it would take more than a tenth of a core, it is less often.
+    #[config(
+        env = "TROUPE_SNAPSHOT_INTERVAL_MS",
+        default = 250,
+        layer_attr(arg(long, value_name = "MS"))
+    )]
+    pub snapshot_interval_ms: u64,
+
     /// Folder of styles beside the packs' own: a folder for each pack, named as the pack, with one JSON file a style.
+    /// Left out: in the store.
     #[config(env = "TROUPE_STYLES", layer_attr(arg(long, value_name = "FOLDER")))]
     pub styles: Option<PathBuf>,
 
-    /// Folder of scenes, a TOML or JSON file each, named for the scene. Uploaded ones are kept there. Left out: those last
-    /// until the server stops.
+    /// Folder of scenes, a TOML or JSON file each, named for the scene. Uploaded ones are kept there. Left out: in
+    /// the store.
     #[config(env = "TROUPE_SCENES", layer_attr(arg(long, value_name = "FOLDER")))]
     pub scenes: Option<PathBuf>,
 
@@ -234,7 +250,7 @@ pub struct Config {
     pub max_scene_memory_mib: usize,
 
     /// Folder of object definitions: a folder for each pack, named as the pack, with one TOML or JSON file a definition, named
-    /// for it. Uploaded ones are kept there. Left out: those last until the server stops.
+    /// for it. Uploaded ones are kept there. Left out: in the store.
     #[config(env = "TROUPE_OBJECTS", layer_attr(arg(long, value_name = "FOLDER")))]
     pub objects: Option<PathBuf>,
 
@@ -488,6 +504,7 @@ impl Config {
             packs: packs.to_owned(),
             onnx_runtime,
             cache: Some(PathBuf::new()),
+            store: Some(PathBuf::new()),
             ..defaults
         }
         .checked()

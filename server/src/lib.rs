@@ -53,6 +53,7 @@ pub mod health;
 pub mod inbetween;
 pub mod offload;
 pub mod packs;
+pub mod records;
 pub mod server;
 pub mod service;
 pub mod session;

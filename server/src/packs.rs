@@ -21,7 +21,7 @@ pub struct LoadedPack {
     /// The engine's name.
     pub engine: &'static str,
     /// Its locomotion styles.
-    pub styles: StyleTable,
+    pub styles: Arc<StyleTable>,
     /// Its metrics.
     pub metrics: PackMetrics,
 }

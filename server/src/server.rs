@@ -4,6 +4,7 @@ mod access;
 mod activity;
 mod connections;
 mod files;
+mod keeping;
 mod places;
 
 use std::net::SocketAddr;
@@ -23,11 +24,13 @@ use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
 use crate::clients::Clients;
 use crate::config::Config;
 use crate::packs::{LoadedPack, PackTable};
+use crate::records::RecordsError;
 use crate::service::Service;
 use crate::session::{Sessions, TimeSource};
 use crate::telemetry::Telemetry;
 use crate::world::{LoadError, Store};
 use access::Access;
+use keeping::Keeping;
 use places::Places;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_engine::generator::Generator;
@@ -129,6 +132,9 @@ pub enum StartError {
         /// Connections that fit into it.
         room: usize,
     },
+    /// The state of sessions cannot be kept, and was asked to be.
+    #[error(transparent)]
+    Records(#[from] RecordsError),
     /// The server may take more memory than it is allowed to.
     #[error("{0}")]
     Memory(String),
@@ -270,6 +276,7 @@ pub async fn serve_packs_at(
         health,
         stop,
         starting: Some(starting),
+        keeping: None,
         connections,
         upkeep,
         access,
@@ -302,7 +309,7 @@ async fn start(
     service: Arc<Service>,
     health: HealthReporter,
     packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
-) -> Result<(), StartError> {
+) -> Result<Option<Keeping>, StartError> {
     let gone = |_| StartError::Internal("a task that loads files has stopped".to_owned());
     let folders = config.world_folders();
     let scene_bytes = config.max_scene_memory_mib.saturating_mul(1 << 20);
@@ -325,9 +332,15 @@ async fn start(
     let loading = sources.into_iter().map(|source| load(&config, &service, source));
     // All of them, for a library should not be left while another pack's workers are still inside it.
     let loaded = join_all(loading).await.into_iter().collect::<Result<_, _>>()?;
-    service.open(PackTable::new(loaded, default), store);
+    let (opening, wanted) = (service.clone(), keeping::Wanted::of(&config));
+    let interval = config.snapshot_interval();
+    let open = move || -> Result<_, StartError> {
+        let records = wanted.open()?;
+        Ok(opening.open(PackTable::new(loaded, default), store, records)?)
+    };
+    let keeper = tokio::task::spawn_blocking(open).await.map_err(gone)??;
     api::set_serving(&health, true).await;
-    Ok(())
+    keeper.map(|keeper| Keeping::start(keeper, interval)).transpose()
 }
 
 fn default_pack(config: &Config, sources: &[PackSource]) -> Result<String, StartError> {
@@ -356,7 +369,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     } = source;
     let metrics = PackMetrics::new(service.telemetry(), pack.name(), &pack.manifest.version);
     let pack = Arc::new(pack);
-    let (for_styles, folder) = (pack.clone(), config.styles.clone());
+    let (for_styles, folder) = (pack.clone(), config.styles_folder());
     let styles =
         tokio::task::spawn_blocking(move || StyleTable::load(&for_styles.rig, &for_styles.folder, folder))
             .await
@@ -398,7 +411,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         pack,
         batcher,
         engine: decision.map_or(CALLERS_ENGINE, |decision| decision.engine.name()),
-        styles,
+        styles: Arc::new(styles),
         metrics,
     })
 }
@@ -409,7 +422,8 @@ pub struct ServerHandle {
     service: Arc<Service>,
     health: HealthReporter,
     stop: watch::Sender<bool>,
-    starting: Option<JoinHandle<Result<(), StartError>>>,
+    starting: Option<JoinHandle<Result<Option<Keeping>, StartError>>>,
+    keeping: Option<Keeping>,
     connections: JoinHandle<bool>,
     upkeep: JoinHandle<()>,
     access: Access,
@@ -447,7 +461,8 @@ impl ServerHandle {
             Some(starting) => {
                 let result = starting.await;
                 self.starting = None;
-                result.map_err(|error| StartError::Internal(error.to_string()))?
+                self.keeping = result.map_err(|error| StartError::Internal(error.to_string()))??;
+                Ok(())
             }
             None => Ok(()),
         }
@@ -460,7 +475,9 @@ impl ServerHandle {
         if let Some(starting) = self.starting.take() {
             starting.abort();
             // Once it is gone it cannot say any more that the server serves.
-            let _ = starting.await;
+            if let Ok(Ok(keeping)) = starting.await {
+                self.keeping = keeping;
+            }
         }
         api::set_serving(&self.health, false).await;
         tokio::time::sleep(self.drain_delay).await;
@@ -487,6 +504,9 @@ impl ServerHandle {
         // Connections that became WebSockets are no longer among those above.
         let streams = tokio::time::timeout_at(deadline, self.service.sessions().streams_ended());
         let ended = streams.await.is_ok();
+        if let Some(keeping) = self.keeping {
+            keeping.finish().await;
+        }
         clean && ended
     }
 }

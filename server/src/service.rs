@@ -16,7 +16,8 @@ use crate::batch::{Order, Served, SubmitError};
 use crate::inbetween::{Plan, RequestLimits, finish, prepare};
 use crate::offload::offload;
 use crate::packs::{LoadedPack, PackTable};
-use crate::session::{LivePacks, SessionError, Sessions};
+use crate::records::{Records, RecordsError};
+use crate::session::{Keeper, LivePacks, SessionError, Sessions};
 use crate::telemetry::Telemetry;
 use crate::world::Store;
 use describe::describe;
@@ -59,12 +60,23 @@ impl Service {
         }
     }
 
-    /// Starts to serve. Only the first call counts.
-    pub fn open(&self, packs: PackTable, store: Store) {
-        let packs = LivePacks::new(packs, &self.telemetry);
-        if self.opened.set((packs, Arc::new(store))).is_err() {
+    /// Starts to serve, with the sessions of `records`; gives what keeps them from now on. Only the first call counts. This blocks.
+    ///
+    /// # Errors
+    /// [`RecordsError`] where the records cannot be read.
+    pub fn open(
+        &self,
+        packs: PackTable,
+        store: Store,
+        records: Option<Records>,
+    ) -> Result<Option<Keeper>, RecordsError> {
+        let (packs, store) = (LivePacks::new(packs, &self.telemetry), Arc::new(store));
+        let keeper = |records| self.sessions.keeper(&packs, &store, records, &self.telemetry);
+        let keeper = records.map(keeper).transpose()?;
+        if self.opened.set((packs, store)).is_err() {
             tracing::warn!("the service is open already");
         }
+        Ok(keeper)
     }
 
     /// Reports "not ready" from now on, so that no new work is sent here. What comes is still served.

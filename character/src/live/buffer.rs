@@ -1,5 +1,6 @@
 //! A character's motion: frames of the past that a plan may start from, and of the future.
 
+use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
 
 use troupe_motion::interpolate::{blend, smoothstep};
@@ -96,11 +97,20 @@ impl<'a> Frames<'a> {
     }
 }
 
+/// How far a frame is from what it is to be.
+#[derive(Debug)]
+pub(super) struct Seam {
+    /// The root, metres.
+    pub(super) moved: Vec3,
+    /// For each joint, by what it is turned.
+    pub(super) turned: Vec<Quat>,
+}
+
 /// Frames by column and by their number on the timeline. It always holds at least one frame; frame numbers that it does
 /// not hold stand for the nearest that it does.
 ///
 /// Memory grows to the longest plan that came and stays: nothing is allocated for a frame.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct MotionBuffer {
     joints: usize,
     /// Number of the oldest frame.
@@ -181,6 +191,38 @@ impl MotionBuffer {
         self.rotations.drain(..count * self.joints);
         self.contacts.drain(..count);
         self.first += count as i64;
+    }
+
+    /// Whether all columns have as many frames, of `joints` joints.
+    ///
+    /// # Errors
+    /// What does not fit.
+    pub(super) fn check(&self, joints: usize) -> Result<(), String> {
+        let (frames, rotations, contacts) = (self.roots.len(), self.rotations.len(), self.contacts.len());
+        let fits = self.joints == joints && rotations == frames * joints && contacts == frames;
+        match fits && frames > 0 {
+            true => Ok(()),
+            false => Err(format!(
+                "its buffer has {frames} roots, {rotations} rotations of {} joints and {contacts} contacts",
+                self.joints
+            )),
+        }
+    }
+
+    /// Frames up to number `frame` are moved and turned as `seam` says, and those behind it go over to the rotations and heights
+    /// that they had.
+    pub(super) fn rejoin(&mut self, frame: i64, seam: &Seam) {
+        for index in 0..self.roots.len() {
+            let behind = (self.first + index as i64 - frame).max(0) as f32;
+            let share = 1.0 - smoothstep((behind / CROSSFADE_FRAMES as f32).min(1.0));
+            self.roots[index] += seam.moved.with_y(seam.moved.y * share);
+            let pose = &mut self.rotations[index * self.joints..][..self.joints];
+            for (rotation, turn) in pose.iter_mut().zip(&seam.turned) {
+                let turn = Quat::IDENTITY.slerp(align_sign(*turn, Quat::IDENTITY), share);
+                *rotation = (turn * *rotation).normalize();
+            }
+            self.align(index);
+        }
     }
 
     /// Adds frames up to number `to` in which the motion comes to rest.

@@ -4,6 +4,7 @@
 //! In a scene, [`Behaviour`] has the first word about every frame, [`Footing`] lifts frames onto what is there to stand on, for the
 //! buffer's heights count from a flat ground, and [`Carry`] bends an arm that carries something.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use troupe_motion::ik::Posed;
@@ -32,8 +33,9 @@ use troupe_motion::model::Rig;
 const FIRST_FRAME: i64 = 1 - CONTEXT_FRAMES as i64;
 
 /// One character.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Character {
+    #[serde(with = "crate::saved::rig")]
     rig: Arc<Rig>,
     options: CharacterOptions,
     /// What it does in its scene; none without one.
@@ -52,9 +54,12 @@ pub struct Character {
     /// Sequence number of the current command, and the frame from which it held.
     current: (u64, u64),
     /// A plan to ask for.
+    #[serde(skip)]
     outbox: Option<PlanRequest>,
     /// What the newest plan was asked with.
+    #[serde(skip)]
     asked: Option<(Ticket, Arc<LiveShape>)>,
+    #[serde(skip)]
     newest: Option<Arc<PlanRecord>>,
 }
 
@@ -315,6 +320,12 @@ impl Character {
         self.timeline.frame() as u64
     }
 
+    /// Another whenever the character has gone on, was given a command or a plan.
+    pub fn stamp(&self) -> (i64, u64, i64) {
+        let (cursor, last) = (self.timeline.cursor(), self.timeline.buffer().last());
+        (cursor, self.inbox.last_sequence(), last)
+    }
+
     /// What the character has done so far.
     pub fn stats(&self) -> Stats {
         self.timeline.stats()
@@ -513,6 +524,11 @@ pub(super) fn same(a: &LocomotionCommand, b: &LocomotionCommand) -> bool {
     (Arc::ptr_eq(&a.style, &b.style) || a.style == b.style)
         && (a.velocity, a.facing, &a.gait, a.height_m) == (b.velocity, b.facing, &b.gait, b.height_m)
 }
+
+#[path = "rejoin.rs"]
+mod rejoin;
+
+pub use rejoin::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 
 #[cfg(test)]
 #[path = "character_tests.rs"]

@@ -1,5 +1,6 @@
 //! What happens to a character in a scene, in the native convention.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 pub use crate::primitives::object::KeyframeError;
@@ -44,7 +45,7 @@ pub struct HeldObject {
 }
 
 /// Something that happened to a character.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CharacterEvent {
     /// The frame of the timeline at which it did.
     pub frame: u64,
@@ -53,7 +54,7 @@ pub struct CharacterEvent {
 }
 
 /// What can happen to a character.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum EventKind {
     /// An interaction began: the object is reserved.
     Started {
@@ -138,7 +139,7 @@ pub enum EventKind {
 }
 
 /// Why an interaction could not go on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum FailReason {
     /// The place to start from was not reached in time.
     NotReached,

@@ -1,5 +1,6 @@
 //! Commands by their sequence numbers, and those that wait for their frames.
 
+use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
 use super::{CommandOutcome, Intent, Refusal, WaitingCommand};
@@ -9,7 +10,7 @@ pub const MAX_WAITING_COMMANDS: usize = 8;
 
 /// Takes every command once and in order. The newest to move over the ground is all there is to say about that; everything
 /// else is done once each, so none of it takes the place of another.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Inbox {
     last_sequence: u64,
     locomote: Option<WaitingCommand>,

@@ -1,5 +1,6 @@
 //! What a character is asked to do, and in which scene.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::MAX_WAITING_COMMANDS;
@@ -19,7 +20,7 @@ pub struct World {
 }
 
 /// What a command asks of a character, in the native convention.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Intent {
     /// Move over the ground.
     Locomote(LocomotionCommand),

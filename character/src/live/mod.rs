@@ -20,7 +20,7 @@ mod timeline;
 mod types;
 
 pub use buffer::CROSSFADE_FRAMES;
-pub use character::Character;
+pub use character::{Character, LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 pub use event::{Activity, CharacterEvent, EventKind, FailReason, HeldObject, KeyframeError};
 pub use inbox::MAX_WAITING_COMMANDS;
 pub use intent::{Intent, Refusal, World};

@@ -12,10 +12,11 @@
 //! While a character uses an object, or falls, what it does next is not the policy's: [`Timeline::settle_for`] asks for the
 //! plan that is wished for and no other, [`Timeline::hold`] and [`Timeline::put`] write motion that no plan made.
 
-use super::buffer::{CROSSFADE_FRAMES, Frames, MotionBuffer};
+use super::buffer::{CROSSFADE_FRAMES, Frames, MotionBuffer, Seam};
 use super::policy::{INTERVAL_GRACE, MARGIN_FRAMES, Policy};
 use super::{Arrival, CONTEXT_FRAMES, Clock, LivePlan, PlanCause, SUB_FRAMES, Stats};
 use crate::primitives::recipe::VELOCITY_FRAMES;
+use serde::{Deserialize, Serialize};
 
 #[path = "timeline_wish.rs"]
 mod wish;
@@ -45,7 +46,7 @@ pub(super) enum Stop {
 }
 
 /// A plan to ask for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Ticket {
     /// Counts the plans from 0.
     pub(super) number: u64,
@@ -63,7 +64,7 @@ pub(super) struct Ticket {
     still: bool,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Flight {
     ticket: Ticket,
     /// It is in the buffer, and the cursor not yet at its splice frame.
@@ -71,7 +72,7 @@ struct Flight {
 }
 
 /// The cursor, the buffer that it moves on, and the plan in flight.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Timeline {
     buffer: MotionBuffer,
     look_ahead: i64,
@@ -488,6 +489,42 @@ impl Timeline {
         self.stats.failed_plans += 1;
         self.give_up(ticket);
         Arrival::Failed
+    }
+
+    /// The plans that were asked for will not come: the timeline was saved without them. The next frame asks for another instead.
+    /// Answers the numbers of those plans.
+    ///
+    /// # Errors
+    /// What of the timeline makes no sense.
+    pub(super) fn wake(&mut self, joints: usize) -> Result<Option<u64>, String> {
+        self.buffer.check(joints)?;
+        let cursor = self.buffer.first() * SUB..=self.buffer.last() * SUB;
+        if !cursor.contains(&self.cursor) {
+            return Err(format!("its cursor is at {}, outside of {cursor:?}", self.cursor));
+        }
+        self.replaced = None;
+        let Some(Flight {
+            ticket,
+            arrived: false,
+        }) = self.flight
+        else {
+            return Ok(None);
+        };
+        self.give_up(ticket);
+        Ok(Some(ticket.number))
+    }
+
+    /// Moves the cursor on to `frame`, for which the buffer is drawn out, with time for a plan behind it, where it is not so long.
+    pub(super) fn reach_for(&mut self, frame: i64) -> u32 {
+        self.buffer.draw_out(frame + self.look_ahead + MARGIN_FRAMES);
+        self.pace = FULL_PACE;
+        (frame * SUB - self.cursor).max(0) as u32
+    }
+
+    /// What is to be shown at the cursor's frame and behind it changes.
+    pub(super) fn rejoin(&mut self, seam: &Seam) {
+        self.buffer.rejoin(self.cursor / SUB, seam);
+        self.command_changed = true;
     }
 
     /// The next frame asks for another plan instead, for the same cause.

@@ -1,5 +1,6 @@
 //! What goes into a character and what comes out of it.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use troupe_motion::robot::Fitted;
@@ -37,7 +38,7 @@ pub struct Strain {
 }
 
 /// How a character was set up.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CharacterOptions {
     /// Seed of all random choices.
     pub seed: u64,
@@ -87,7 +88,7 @@ pub enum Advance {
 }
 
 /// What called for a plan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PlanCause {
     /// The command changed.
     Command,
@@ -201,7 +202,7 @@ pub struct FrameOut {
 }
 
 /// What a character has done so far.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stats {
     /// Plans that took over, for a command.
     pub plans_for_command: u64,
@@ -254,7 +255,7 @@ pub struct PlanRecord {
 }
 
 /// A command that waits for its frame, or for the plan in flight.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WaitingCommand {
     /// Its sequence number.
     pub sequence: u64,

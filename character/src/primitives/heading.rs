@@ -3,13 +3,14 @@
 //! It is not started again from the character at every plan. Every plan's turn would ease in again then, and a character that
 //! plans three times a second would never finish a turn in time.
 
+use serde::{Deserialize, Serialize};
 use troupe_motion::root::wrap_angle;
 use troupe_motion::spring::critically_damped;
 
 use super::recipe::{GAMMA, MAX_TURN, RESYNC_TURN};
 
 /// A heading that follows the commands, as it is at one frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct HeadingSpring {
     /// The frame of the timeline at which it was so.
     frame: u64,

@@ -8,6 +8,7 @@
 //! Target poses come from the blendspace ([`super::blend`]) at the phase that the character's step will have reached. What
 //! the style cannot do is brought to the nearest that it can ([`super::reach`]) before any of this.
 
+use serde::{Deserialize, Serialize};
 use troupe_motion::interpolate::smoothstep;
 use troupe_motion::root::wrap_angle;
 use troupe_motion::rotation::yaw;
@@ -31,7 +32,7 @@ use crate::style::{STANDING_GAIT_MPS, Style};
 const NOW: usize = CONTEXT_FRAMES - 1;
 
 /// The locomotion primitive's state.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Locomotion {
     command: LocomotionCommand,
     feasible: Feasible,
@@ -41,13 +42,14 @@ pub struct Locomotion {
     /// The turn that it asked for, radians.
     turn: f32,
     stand: Option<Standing>,
+    #[serde(skip)]
     matcher: Matcher,
     /// Frames a second of the timeline.
     fps: f32,
 }
 
 /// A character that is to stand.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Standing {
     /// The frame since which it is.
     since: u64,

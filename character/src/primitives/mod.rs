@@ -1,5 +1,6 @@
 //! Smart primitives: from a command and a character's state to keyframe constraints (paper section 6).
 
+use serde::{Deserialize, Serialize};
 mod blend;
 mod heading;
 mod locomotion;
@@ -20,13 +21,14 @@ pub use locomotion::Locomotion;
 const CONTEXT_FRAMES: usize = 4;
 
 /// What a locomotion command asks for, in the native convention.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LocomotionCommand {
     /// World velocity over the ground, m/s; y is 0.
     pub velocity: Vec3,
     /// Where to face, radians. `None`: where it goes, or where it faces when it stands.
     pub facing: Option<f32>,
     /// Style to move in.
+    #[serde(with = "crate::saved::style")]
     pub style: Arc<Style>,
     /// Name of the only gait to use.
     pub gait: Option<String>,

@@ -1,5 +1,6 @@
 //! What a style can do: how fast in which direction, and which way it must face for it.
 
+use serde::{Deserialize, Serialize};
 use troupe_motion::Vec3;
 use troupe_motion::root::wrap_angle;
 use troupe_motion::rotation::yaw;
@@ -16,7 +17,7 @@ const WALKING_ARC: [(f32, f32); 3] = [(0.35, 1.0), (1.57, 0.7), (3.15, 0.5)];
 const LEAST_PACE_MPS: f32 = 0.2;
 
 /// A feasible motion.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Feasible {
     /// World velocity over the ground, m/s.
     pub(crate) velocity: Vec3,

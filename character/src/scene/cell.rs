@@ -53,7 +53,12 @@ impl SceneCell {
 
     /// Frees all that `by` reserved or holds. How many objects that freed.
     pub fn free_all(&self, by: &Holder) -> usize {
-        let changed = self.update(|scene| match scene.free_all(|holder| holder == by) {
+        self.free_each(|holder| holder == by)
+    }
+
+    /// Frees what those have reserved or hold for whom `gone` says so. How many objects that freed.
+    pub fn free_each(&self, gone: impl Fn(&Holder) -> bool) -> usize {
+        let changed = self.update(|scene| match scene.free_all(gone) {
             // A scene in which there was nothing to free is not published again.
             0 => Err(()),
             freed => Ok(freed),

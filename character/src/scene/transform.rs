@@ -1,5 +1,6 @@
 //! Where a thing is and how it is turned.
 
+use serde::{Deserialize, Serialize};
 use std::ops::Mul;
 
 use troupe_motion::root::wrap_angle;
@@ -10,7 +11,7 @@ use super::error::{SceneError, coordinates};
 use super::{MAX_COORDINATE_M, UNIT_TOLERANCE};
 
 /// A rigid transform: turn first, then move.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Transform {
     /// Where the origin goes, metres.
     pub position: Vec3,

@@ -33,6 +33,12 @@ pub struct StyleTable {
     writing: Mutex<()>,
 }
 
+impl crate::saved::Styles for StyleTable {
+    fn find(&self, name: &str) -> Option<Arc<Style>> {
+        self.get(name)
+    }
+}
+
 /// A name that is no style's.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}", self.text())]

@@ -286,6 +286,13 @@ impl Sessions for Scripted {
         Ok(Response::new(ReceiverStream::new(receive)))
     }
 
+    async fn resume_sessions(
+        &self,
+        _: Request<v1::ResumeSessionsRequest>,
+    ) -> Result<Response<v1::ResumeSessionsResponse>, Status> {
+        Err(Status::unimplemented("not part of the script"))
+    }
+
     async fn peek(&self, _: Request<v1::PeekRequest>) -> Result<Response<v1::PeekResponse>, Status> {
         Err(Status::unimplemented("not part of the script"))
     }

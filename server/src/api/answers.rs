@@ -7,7 +7,7 @@ use super::ApiError;
 use crate::service::ServiceError;
 use crate::session::cell::End;
 use crate::session::drive::{Closing, Departure, Said};
-use crate::session::{CommandResult, SessionProblem, Stepped};
+use crate::session::{CommandResult, Resumed, SessionProblem, Stepped};
 use crate::world::ObjectsChanged;
 use troupe_character::live::CommandOutcome;
 
@@ -56,6 +56,14 @@ pub(super) fn step(stepped: Stepped) -> v1::StepResponse {
         held: stepped.held,
         total_us: stepped.total.as_micros() as u64,
         waited_us: stepped.waited.as_micros() as u64,
+    }
+}
+
+/// Sessions that were taken up again.
+pub(super) fn resumed(resumed: Resumed) -> v1::ResumeSessionsResponse {
+    v1::ResumeSessionsResponse {
+        sessions: resumed.sessions,
+        problems: resumed.problems.into_iter().map(session_problem).collect(),
     }
 }
 

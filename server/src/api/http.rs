@@ -39,6 +39,7 @@ fn rpcs() -> OpenApiRouter<Arc<Service>> {
         .routes(routes!(sessions::list_styles))
         .routes(routes!(sessions::get_style, sessions::put_style))
         .routes(routes!(sessions::create, sessions::list))
+        .routes(routes!(sessions::resume))
         .routes(routes!(sessions::get, sessions::close))
         .routes(routes!(sessions::peek))
         .routes(routes!(sessions::command))

@@ -29,6 +29,7 @@ impl Config {
             ("request_timeout_ms", self.request_timeout_ms as usize),
             ("keepalive_ms", self.keepalive_ms as usize),
             ("idle_timeout_ms", self.idle_timeout_ms as usize),
+            ("snapshot_interval_ms", self.snapshot_interval_ms as usize),
         ];
         for (option, value) in at_least_one {
             if value == 0 {

@@ -122,9 +122,38 @@ impl Config {
     /// The folders of scenes and object definitions.
     pub fn world_folders(&self) -> Folders {
         Folders {
-            scenes: self.scenes.clone(),
-            objects: self.objects.clone(),
+            scenes: self.scenes.clone().or_else(|| self.in_store("scenes")),
+            objects: self.objects.clone().or_else(|| self.in_store("objects")),
         }
+    }
+
+    /// The folder of styles beside the packs' own.
+    pub fn styles_folder(&self) -> Option<PathBuf> {
+        self.styles.clone().or_else(|| self.in_store("styles"))
+    }
+
+    fn in_store(&self, name: &str) -> Option<PathBuf> {
+        self.store_folder().map(|folder| folder.join(name))
+    }
+
+    /// The folder of what outlives the server. The usual one only where it is there, or can be made.
+    pub fn store_folder(&self) -> Option<PathBuf> {
+        let port = self.listen.port();
+        let usual = || {
+            let states = dirs::state_dir().or_else(dirs::data_local_dir)?;
+            let folder = states.join("troupe").join(port.to_string());
+            std::fs::create_dir_all(&folder).ok().map(|()| folder)
+        };
+        match &self.store {
+            Some(folder) => Some(folder.clone()).filter(|folder| !folder.as_os_str().is_empty()),
+            None if port == 0 => None,
+            None => usual(),
+        }
+    }
+
+    /// How often sessions are written to the store.
+    pub fn snapshot_interval(&self) -> Duration {
+        Duration::from_millis(self.snapshot_interval_ms)
     }
 
     /// The workers of each pack, on the cores that this process may use: container limits count, the host does not.

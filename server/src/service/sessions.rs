@@ -6,7 +6,7 @@ use troupe_proto::v1;
 
 use super::{Service, ServiceError};
 use crate::offload::WorkerStopped;
-use crate::session::{Sessions, styles};
+use crate::session::{Resumed, Sessions, styles};
 
 impl Service {
     /// The sessions and streams. They need packs only to be created.
@@ -24,6 +24,15 @@ impl Service {
     ) -> Result<v1::CreateSessionsResponse, ServiceError> {
         let (packs, store) = self.opened()?;
         Ok(self.sessions.create(packs, store, request).await?)
+    }
+
+    /// `troupe.v1.Sessions/ResumeSessions`. While the server starts there are none yet, which is not to be taken for their end.
+    ///
+    /// # Errors
+    /// [`ServiceError`] for the request as a whole; what is wrong with one session is in its problem.
+    pub async fn resume_sessions(&self, request: v1::ResumeSessionsRequest) -> Result<Resumed, ServiceError> {
+        self.opened()?;
+        Ok(self.sessions.resume(request).await?)
     }
 
     /// `troupe.v1.Sessions/ListStyles`.

@@ -98,6 +98,18 @@ impl Sessions {
         let _ = self.places.acquire_many(all).await;
     }
 
+    pub(super) fn registry(&self) -> &Arc<Registry> {
+        &self.registry
+    }
+
+    pub(super) fn time(&self) -> &TimeSource {
+        &self.time
+    }
+
+    pub(super) fn executor(&self) -> &Executor {
+        &self.executor
+    }
+
     pub(super) fn draining(&self) -> watch::Receiver<bool> {
         self.draining.subscribe()
     }

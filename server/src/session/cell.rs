@@ -1,6 +1,6 @@
 //! One session: its character behind a lock, who advances it, and when it was last wanted.
 
-use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -98,6 +98,8 @@ pub struct SessionCell {
     seen_ms: AtomicU64,
     owner: AtomicU8,
     ended: AtomicU8,
+    /// It was there before the server started, and its client has not said yet what it saw.
+    woken: AtomicBool,
     live: Mutex<Live>,
     /// A plan came, failed, or the session ended. One waiter at most: the owner.
     changed: Notify,
@@ -123,6 +125,8 @@ pub struct Parts {
     pub priority: f32,
     /// Its place in its scene, where it lives in one; then its character does too.
     pub resident: Option<Resident>,
+    /// Whether it was there before the server started.
+    pub woken: bool,
 }
 
 impl Live {
@@ -149,6 +153,7 @@ impl SessionCell {
             seen_ms: AtomicU64::new(0),
             owner: AtomicU8::new(Owner::Free as u8),
             ended: AtomicU8::new(0),
+            woken: AtomicBool::new(parts.woken),
             live: Mutex::new(Live {
                 character: parts.character,
                 style: parts.style,
@@ -195,6 +200,11 @@ impl SessionCell {
     /// Time without a sign of life after which it expires.
     pub fn ttl(&self) -> Duration {
         self.ttl
+    }
+
+    /// Whether it was there before the server started, and this is the first time that somebody asks.
+    pub(super) fn take_woken(&self) -> bool {
+        self.woken.swap(false, Ordering::AcqRel)
     }
 
     /// Its character. Never held across an await.

@@ -74,6 +74,7 @@ pub(super) fn parts(
         priority,
         pack,
         resident,
+        woken: false,
     })
 }
 

@@ -60,7 +60,7 @@ impl Setup {
             factory,
         );
         let loaded = LoadedPack {
-            styles: StyleTable::load(&pack.rig, &pack.folder, None).unwrap(),
+            styles: Arc::new(StyleTable::load(&pack.rig, &pack.folder, None).unwrap()),
             batcher: batcher.await.unwrap(),
             engine: "idle",
             pack: Arc::new(pack),
@@ -123,6 +123,7 @@ impl Setup {
             style,
             priority: 0.5,
             resident,
+            woken: false,
         };
         Arc::new(SessionCell::new(parts, time))
     }

@@ -35,32 +35,31 @@ pub fn check_context(
             .field(name)
             .error(message, format!("exactly {wanted}, or none")));
     }
-    let mut checked = Vec::with_capacity(keys.len());
-    for (index, key) in keys.iter().enumerate() {
-        let path = path.element(name, index);
-        if key.velocity.is_some() {
-            return Err(path.field("velocity").error("is given", "root and pose only"));
-        }
-        checked.push(keyframe::check(&path, key, Role::Context, &rig.skeleton)?);
+    let each = keys.iter().enumerate();
+    each.map(|(index, key)| check_frame(&path.element(name, index), key, rig))
+        .collect()
+}
+
+/// Checks a keyframe that has root and pose, and gives its frame.
+///
+/// # Errors
+/// [`FieldError`] for the first value that is not accepted.
+pub fn check_frame(path: &Path<'_>, key: &v1::Keyframe, rig: &Rig) -> Result<ContextFrame, FieldError> {
+    if key.velocity.is_some() {
+        return Err(path.field("velocity").error("is given", "root and pose only"));
     }
+    let checked = keyframe::check(path, key, Role::Context, &rig.skeleton)?;
     // Distances count from the origin: a character's first place has no other.
-    for (index, key) in checked.iter().enumerate() {
-        keyframe::check_reach(&path.element(name, index), key, Vec3::ZERO)?;
-    }
+    keyframe::check_reach(path, &checked, Vec3::ZERO)?;
     let world = SegmentFrame::from_root(GlobalRoot::new(Vec3::ZERO, 0.0));
-    let frames = checked.iter().enumerate().map(|(index, key)| {
-        let given = key.given(&world);
-        match (given.root, given.rotations) {
-            (Some(root), Some(rotations)) => Ok(ContextFrame {
-                root: root.position,
-                rotations,
-            }),
-            _ => Err(path
-                .element(name, index)
-                .error("is not whole", "root and pose in every context keyframe")),
-        }
-    });
-    frames.collect()
+    let given = checked.given(&world);
+    match (given.root, given.rotations) {
+        (Some(root), Some(rotations)) => Ok(ContextFrame {
+            root: root.position,
+            rotations,
+        }),
+        _ => Err(path.error("is not whole", "root and pose")),
+    }
 }
 
 /// A keyframe in the native convention. Values are not checked yet.

@@ -8,7 +8,7 @@ mod hinges;
 pub(crate) mod keyframe;
 pub(crate) mod units;
 
-pub use context::{ContextFrame, check_context, to_native};
+pub use context::{ContextFrame, check_context, check_frame, to_native};
 
 /// Largest distance of any keyframe from the last context frame, in metres.
 pub const MAX_DISTANCE_M: f32 = 1e4;

@@ -10,6 +10,7 @@ mod calls;
 mod definition;
 mod detect;
 mod error;
+mod kept;
 mod message;
 mod shape;
 mod store;

@@ -5,6 +5,7 @@ use std::convert::Infallible;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use sha2::{Digest as _, Sha256};
 use troupe_character::document::{Document as _, DocumentError, Format, forget, is_full, keep, read_kept};
 use troupe_character::object::{
     Definition, DefinitionList, Definitions, DefinitionsError, MAX_DEFINITIONS, Uploaded,
@@ -34,8 +35,17 @@ pub struct Store {
     kept: Mutex<Kept>,
 }
 
-/// By scene, the definitions that its file names.
-type Kept = BTreeMap<String, BTreeSet<String>>;
+/// The scenes that are kept as files, by name.
+type Kept = BTreeMap<String, KeptScene>;
+
+/// A scene as its file has it.
+#[derive(Debug)]
+pub(super) struct KeptScene {
+    /// The definitions that it names.
+    definitions: BTreeSet<String>,
+    /// Tells it from a file of other content.
+    pub(super) content: u64,
+}
 
 /// A file as the server starts that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -124,7 +134,7 @@ impl Store {
             let bodies = definitions.snapshot();
             let check = |doc| NamedScene::from_doc(doc, &*bodies);
             for NamedScene { name, scene } in read_kept(folder, check, |named| &named.name)? {
-                kept.insert(name.clone(), used_by(&scene));
+                kept.insert(name.clone(), KeptScene::of(&name, &scene));
                 scenes.add(&name, scene)?;
             }
         }
@@ -147,7 +157,7 @@ impl Store {
         &self.definitions
     }
 
-    fn kept(&self) -> MutexGuard<'_, Kept> {
+    pub(super) fn kept(&self) -> MutexGuard<'_, Kept> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -169,7 +179,7 @@ impl Store {
             self.memory_for(&name, scene.bytes())?;
             if let Some(folder) = &self.folders.scenes {
                 keep_scene(folder, &name, &scene, text)?;
-                kept.insert(name.clone(), used_by(&scene));
+                kept.insert(name.clone(), KeptScene::of(&name, &scene));
             }
             match self.scenes.get(&name) {
                 Ok(cell) => {
@@ -252,7 +262,8 @@ impl Store {
     /// comes back when the server starts again.
     pub fn delete_definition(&self, name: &str) -> Result<(), StoreError> {
         let kept = self.kept();
-        let names = |(scene, used): (&String, &BTreeSet<String>)| used.contains(name).then(|| scene.clone());
+        let names =
+            |(scene, file): (&String, &KeptScene)| file.definitions.contains(name).then(|| scene.clone());
         let scenes: Vec<String> = kept.iter().filter_map(names).collect();
         if !scenes.is_empty() {
             let name = name.to_owned();
@@ -284,12 +295,18 @@ fn read_definitions(folder: &FilePath, pack: &Rig, all: &mut Vec<Definition>) ->
     Ok(())
 }
 
-/// The definitions that a scene names.
-fn used_by(scene: &Scene) -> BTreeSet<String> {
-    scene
-        .instances()
-        .map(|instance| instance.object.to_string())
-        .collect()
+impl KeptScene {
+    /// What is kept of `scene`.
+    fn of(name: &str, scene: &Scene) -> Self {
+        let instances = scene.instances();
+        // A scene that cannot be written as text is not kept, so the empty one stands for none.
+        let text = scene.to_doc(name).to_toml().unwrap_or_default();
+        let hash: [u8; 32] = Sha256::digest(text.as_bytes()).into();
+        Self {
+            definitions: instances.map(|instance| instance.object.to_string()).collect(),
+            content: hash.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes)),
+        }
+    }
 }
 
 fn keep_scene(

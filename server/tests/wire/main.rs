@@ -16,6 +16,7 @@ mod lifecycle;
 mod openapi;
 mod overload;
 mod pages;
+mod restart;
 mod robots;
 mod scene_sessions;
 mod scenes;

@@ -2,6 +2,7 @@
 //!
 //! As [`super::Footing`] lifts frames as they are shown, this bends the arm: plans know nothing of it.
 
+use serde::{Deserialize, Serialize};
 use troupe_motion::fk::joint_transform;
 use troupe_motion::ik::{Posed, arm_of, place_end};
 use troupe_motion::interpolate::smoothstep;
@@ -20,7 +21,7 @@ const SOFT: f32 = 0.02;
 const KEPT_FRAMES: i64 = 64;
 
 /// How much a character's arm carries, from frame to frame.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::live) struct Carry {
     grip: Option<Grip>,
     /// What was carried is in the hand no more.
@@ -35,7 +36,7 @@ pub(in crate::live) struct Carry {
 }
 
 /// An arm as it carries.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Grip {
     /// Upper, middle and end joint.
     chain: [usize; 3],
@@ -46,7 +47,7 @@ struct Grip {
 }
 
 /// Behind frame `start` the weight goes over to `to`. That frame itself may have been shown before the ramp was known.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Ramp {
     start: i64,
     frames: i64,

@@ -1,5 +1,6 @@
 //! Falling: where the ground ends, the character goes the way of a thrown body and lands.
 
+use serde::{Deserialize, Serialize};
 use troupe_motion::Vec3;
 use troupe_motion::ballistic::{self, Drop, MAX_FALL_S, Throw, fall_motion};
 use troupe_motion::ik::Posed;
@@ -29,7 +30,7 @@ const WAY_OUT_M: f32 = 0.8;
 const SHIN_M: f32 = 0.3;
 
 /// A fall, from the frame behind the edge to when the character is upright again.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Fall {
     /// First frame with the feet on the ground.
     touches: i64,

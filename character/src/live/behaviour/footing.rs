@@ -3,6 +3,7 @@
 //! The buffer holds motion over a flat ground at height 0. Beside it, every frame has a [`Lift`]: the height of the ground
 //! under each foot, and how far the root is lifted with them. Frames are lifted as they are shown, so plans never see a step.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use troupe_motion::ik::{Leg, MAX_LEGS, legs};
@@ -101,8 +102,9 @@ fn risen(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
 }
 
 /// The lifts of a character's frames.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(in crate::live) struct Footing {
+    #[serde(with = "crate::saved::legs")]
     legs: Arc<[Leg]>,
     /// Frame of the first lift. Frames before and behind are lifted as the nearest that is there.
     first: i64,
@@ -113,7 +115,9 @@ pub(in crate::live) struct Footing {
     stale: Option<i64>,
     /// Where it stood on its feet last, and the revision of the scene then.
     stood: Option<(Vec3, u64)>,
+    #[serde(skip)]
     scratch: Vec<Lift>,
+    #[serde(skip)]
     levels: Vec<(Vec3, f32)>,
 }
 

@@ -1,5 +1,6 @@
 //! An object in a character's hand: where it is from frame to frame, and how it is put down.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use troupe_motion::fk::joint_transform;
@@ -15,9 +16,10 @@ use crate::scene::{MAX_COORDINATE_M, Scene, SceneError, Transform};
 const REST_FRAMES: f32 = 10.0;
 
 /// What a character holds.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Hand {
     pub(super) instance: Arc<str>,
+    #[serde(with = "crate::saved::definition")]
     pub(super) definition: Arc<Definition>,
     /// Index of the variant by which it was taken.
     pub(super) variant: usize,

@@ -13,6 +13,7 @@
 //! settled here first ([`Behaviour::settle`]); what is left to locomotion goes its usual way. The scene is read through snapshots, and
 //! changed only where an object is reserved, taken, put down or let go.
 
+use serde::{Deserialize, Serialize};
 mod alignment;
 mod body;
 mod carry;
@@ -80,8 +81,9 @@ pub(super) struct SetPlan {
 }
 
 /// What a character is about in its scene.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Behaviour {
+    #[serde(with = "crate::saved::world")]
     world: World,
     doing: Doing,
     hand: Option<Hand>,
@@ -98,7 +100,7 @@ pub(super) struct Behaviour {
     begun: u64,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 enum Doing {
     Locomotion,
     Using(Box<Using>),

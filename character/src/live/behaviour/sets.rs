@@ -1,5 +1,6 @@
 //! The motion of one set: its keyframes in full, and the way to them, by the networks or without them.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use troupe_motion::Vec3;
@@ -29,7 +30,7 @@ const PUT_DOWN_NEAR_M: f32 = 0.003;
 const PUT_DOWN_ROUNDS: usize = 4;
 
 /// A set whose motion is to be made.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Prepared {
     /// Index of the set in the definition.
     pub(super) set: usize,

@@ -1,5 +1,6 @@
 //! A doll with knees and elbows, things that it can use, and a harness that drives it.
 
+mod event;
 mod harness;
 
 use std::sync::Arc;
@@ -13,6 +14,7 @@ use troupe_motion::model::Rig;
 
 use crate::style::{Gait, Style, StyleKey};
 
+pub(crate) use event::*;
 pub(crate) use harness::*;
 
 pub(crate) const HAND: usize = 6;

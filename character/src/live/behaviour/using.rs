@@ -1,5 +1,6 @@
 //! Using an object: the approach, the sets one after the other, and what happens in them.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use troupe_motion::Vec3;
@@ -30,7 +31,7 @@ const MAX_FAILURES: u32 = 3;
 const LOOK_FRAMES: i64 = 10;
 
 /// One use of an object.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Using {
     pub(super) instance: Arc<str>,
     pub(super) interaction: Interaction,
@@ -54,7 +55,7 @@ pub(super) struct Using {
 }
 
 /// A plan on its way.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 struct Asked {
     /// Its number, once it is known.
     number: Option<u64>,
@@ -62,7 +63,7 @@ struct Asked {
 }
 
 /// The motion of a set, made.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Made {
     pub(super) stretch: Stretch,
     pub(super) keys: Vec<Key>,

@@ -4,6 +4,7 @@
 //! One that is to stop first (the set says so, or it stood close by already) goes to the keyframe's place, stops there facing
 //! as the keyframe does, and hands over when it stands.
 
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use troupe_motion::root::wrap_angle;
@@ -19,7 +20,7 @@ use crate::primitives::LocomotionCommand;
 use crate::style::Style;
 
 /// Where an approach leads.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Where the first keyframe has the root over the ground, and the way it faces. y is not used.
     pub key: GlobalRoot,
@@ -63,9 +64,10 @@ pub enum Going {
 }
 
 /// Steers a character to where the first set begins.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Approach {
     entry: Entry,
+    #[serde(with = "crate::saved::style")]
     style: Arc<Style>,
     began: Frame,
     state: State,
@@ -75,7 +77,7 @@ pub struct Approach {
     commanded: Option<(LocomotionCommand, Frame)>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 enum State {
     /// It has not looked yet.
     New,

@@ -11,6 +11,7 @@
 //! [`Interaction::on`]. The motion of a set takes over at a frame that is known only when it is there: one that comes late
 //! takes over later, the keyframe before it being held meanwhile.
 
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -21,7 +22,7 @@ use crate::object::{Definition, Hold, Set};
 const LEAST_FRAMES: Frame = 8;
 
 /// The frames of one set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stretch {
     /// Index of the set in the definition.
     pub set: usize,
@@ -55,7 +56,7 @@ pub enum Input {
 }
 
 /// What has happened.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Output {
     /// A set began.
     Entered(Frame, usize),
@@ -93,7 +94,7 @@ pub enum Want {
     Leave(Frame),
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum State {
     Approach,
     /// The first set's motion is not there yet.
@@ -116,8 +117,9 @@ enum State {
 }
 
 /// One use of an object, from the approach to the end.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Interaction {
+    #[serde(with = "crate::saved::definition")]
     definition: Arc<Definition>,
     variant: usize,
     /// Sets to come, by index in the definition.

@@ -1,5 +1,6 @@
 //! Keyframes worked out in full, and what the networks are asked for to meet them.
 
+use serde::{Deserialize, Serialize};
 use troupe_motion::fk::joint_transform;
 use troupe_motion::ik::{Leg, Posed, ReachOptions, pose_at, reach_pose};
 use troupe_motion::root::{heading_of, wrap_angle};
@@ -31,7 +32,7 @@ pub struct BodyParts<'a> {
 }
 
 /// A keyframe in full. Heights count from what the character stands on there.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Key {
     /// Position of the root joint.
     pub root: Vec3,
@@ -42,7 +43,7 @@ pub struct Key {
 }
 
 /// How far a motion is from a keyframe.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct KeyframeError {
     /// Root joint, metres.
     pub root_m: f32,

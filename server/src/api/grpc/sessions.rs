@@ -35,6 +35,14 @@ impl Sessions for SessionsApi {
         answer(self.service.create_sessions(request.into_inner()).await)
     }
 
+    async fn resume_sessions(
+        &self,
+        request: Request<v1::ResumeSessionsRequest>,
+    ) -> Result<Response<v1::ResumeSessionsResponse>, Status> {
+        let resumed = self.service.resume_sessions(request.into_inner());
+        answer(resumed.await.map(answers::resumed))
+    }
+
     async fn get_session(
         &self,
         request: Request<v1::GetSessionRequest>,

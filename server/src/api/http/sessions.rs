@@ -43,6 +43,25 @@ pub(in crate::api) async fn create(
     Ok(Json(service.create_sessions(request).await?))
 }
 
+/// Take up sessions again after the connection broke or the server was started again
+#[utoipa::path(
+    post,
+    path = "/v1/sessions/resume",
+    operation_id = "ResumeSessions",
+    tag = "sessions",
+    request_body = v1::ResumeSessionsRequest,
+    responses(
+        (status = 200, description = "The sessions as they stand, and those that are gone", body = v1::ResumeSessionsResponse),
+        (status = 400, description = "A list that is empty or too long"),
+    )
+)]
+pub(in crate::api) async fn resume(
+    State(service): Server,
+    JsonBody(request): JsonBody<v1::ResumeSessionsRequest>,
+) -> Result<Json<v1::ResumeSessionsResponse>, ApiError> {
+    Ok(Json(answers::resumed(service.resume_sessions(request).await?)))
+}
+
 /// Which page of the list.
 #[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
 #[serde(default, deny_unknown_fields)]

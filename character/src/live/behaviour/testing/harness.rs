@@ -165,6 +165,16 @@ impl Harness {
         }
     }
 
+    /// Whether a plan was asked for that has not come.
+    pub(crate) fn awaits_plan(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// The plan that was asked for will not come.
+    pub(crate) fn forget_plan(&mut self) {
+        self.open = None;
+    }
+
     pub(crate) fn run(&mut self, frames: usize) {
         (0..frames).for_each(|_| self.tick());
     }

@@ -1,0 +1,196 @@
+use proptest::prelude::*;
+use troupe_motion::rotation::angle_between;
+use troupe_motion::{Quat, Vec3};
+
+use super::*;
+use crate::live::behaviour::testing::{Event, Harness, Plans, carry_out, doll_style, event};
+use crate::live::{CROSSFADE_FRAMES, LastSeen, RejoinError};
+use crate::scene::Holder;
+
+#[derive(Debug)]
+struct Calm;
+
+impl Styles for Calm {
+    fn find(&self, name: &str) -> Option<Arc<Style>> {
+        (name == "calm").then(doll_style)
+    }
+}
+
+fn around(rig: &Harness) -> Surroundings {
+    Surroundings {
+        rig: rig.rig.clone(),
+        styles: Arc::new(Calm),
+        world: Some(World {
+            scene: rig.scene.clone(),
+            definitions: rig.definitions.clone(),
+            holder: Holder::new("a"),
+        }),
+    }
+}
+
+/// Its character goes through bytes.
+fn through_bytes(rig: &mut Harness) {
+    let mut bytes = Vec::new();
+    save(&rig.character, &mut bytes);
+    rig.character = restore(&bytes, &around(rig)).unwrap();
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// A clock that waits has a plan in flight at its end now and then, which a restored character asks for again.
+    #[test]
+    fn a_restored_character_goes_on_as_if_nothing_had_been(
+        events in prop::collection::vec(event(), 1..30),
+        every in 1usize..5,
+    ) {
+        let [mut one, mut other] = [Harness::new(), Harness::new()];
+        for (nth, event) in events.iter().enumerate() {
+            if matches!(event, Event::Plans(_)) {
+                continue;
+            }
+            carry_out(&mut one, event);
+            carry_out(&mut other, event);
+            if nth % every == 0 && !other.awaits_plan() {
+                through_bytes(&mut other);
+            }
+            prop_assert_eq!(one.frames.len(), other.frames.len());
+            let (a, b) = (one.frames.last(), other.frames.last());
+            prop_assert_eq!(a.map(|frame| (frame.root, &frame.rotations)), b.map(|frame| (frame.root, &frame.rotations)));
+        }
+        prop_assert_eq!(one.events, other.events);
+    }
+
+    #[test]
+    fn whatever_it_waited_for_it_goes_on_without_a_jump(
+        events in prop::collection::vec(event(), 1..30),
+        runs: bool,
+    ) {
+        let mut rig = Harness::new();
+        rig.clock = if runs { crate::live::Clock::Runs } else { crate::live::Clock::Waits };
+        for event in &events {
+            carry_out(&mut rig, event);
+            let before = rig.frames.len();
+            rig.forget_plan();
+            through_bytes(&mut rig);
+            rig.run(2);
+            let (_, step) = rig.roughness(before.saturating_sub(2));
+            prop_assert!(step < 0.5, "{step} m in a frame");
+        }
+        rig.plans = Plans::AtOnce;
+        rig.run(60);
+    }
+
+    #[test]
+    fn bytes_that_nobody_wrote_are_refused(cut in 0usize..4000, flip in 0usize..4000) {
+        let mut rig = Harness::new();
+        rig.interact("bench", "").unwrap();
+        rig.run(50);
+        let mut bytes = Vec::new();
+        save(&rig.character, &mut bytes);
+        let around = around(&rig);
+        prop_assert!(restore(&bytes[..cut.min(bytes.len() - 1)], &around).is_err());
+        let mut flipped = bytes.clone();
+        let at = flip % bytes.len();
+        flipped[at] ^= 1 << (flip % 8);
+        prop_assert!(restore(&flipped, &around).is_err());
+        // Without the checksum it may be read or not, but nothing breaks.
+        let _ = read(&flipped[HEAD_BYTES..], &around);
+    }
+}
+
+#[test]
+fn what_it_names_must_be_there() {
+    let mut rig = Harness::new();
+    rig.interact("bench", "").unwrap();
+    rig.run(5);
+    let mut bytes = vec![7; 3];
+    save(&rig.character, &mut bytes);
+    let bytes = &bytes[3..];
+    let text = |around: &Surroundings| restore(bytes, around).unwrap_err().to_string();
+    let mut nowhere = around(&rig);
+    nowhere.world = None;
+    assert!(
+        text(&nowhere).starts_with("it does not fit"),
+        "{}",
+        text(&nowhere)
+    );
+    assert!(restore(bytes, &around(&rig)).is_ok());
+    let mut old = bytes.to_vec();
+    old[0] = 9;
+    let error = restore(&old, &around(&rig)).unwrap_err().to_string();
+    assert_eq!(error, "it was saved in format 9; allowed: format 1");
+}
+
+#[test]
+fn it_goes_on_from_what_its_client_saw() {
+    let mut rig = Harness::new();
+    rig.walk(0.0, 1.2);
+    rig.run(40);
+    let mut bytes = Vec::new();
+    save(&rig.character, &mut bytes);
+    // A command comes that is lost, and the client sees what it leads to.
+    rig.walk(1.2, 0.0);
+    rig.run(8);
+    let last = rig.frames.last().unwrap().clone();
+    let seen = LastSeen {
+        frame: last.frame,
+        pose: Some((last.root, last.rotations.clone())),
+    };
+    rig.forget_plan();
+    rig.character = restore(&bytes, &around(&rig)).unwrap();
+    assert_eq!(rig.character.frame() + 8, last.frame);
+    rig.character.rejoin(&seen).unwrap();
+    assert_eq!(rig.character.frame(), last.frame);
+    let from = rig.frames.len() - 4;
+    rig.run(CROSSFADE_FRAMES + 2);
+    assert_eq!(rig.frames[from + 4].frame, last.frame + 1);
+    let (acceleration, step) = rig.roughness(from);
+    assert!(
+        acceleration < 60.0 && step < 0.1,
+        "{acceleration} m/s\u{b2}, {step} m"
+    );
+    // Nor does it go back where the client saw less.
+    let frame = rig.character.frame();
+    rig.character.rejoin(&seen).unwrap();
+    assert_eq!(rig.character.frame(), frame);
+    let far = |frame, root| LastSeen {
+        frame,
+        pose: Some((root, vec![Quat::IDENTITY; 16])),
+    };
+    let error = rig.character.rejoin(&far(frame + 91, Vec3::ZERO)).unwrap_err();
+    assert_eq!(
+        error,
+        RejoinError::Frame {
+            seen: frame + 91,
+            frame
+        }
+    );
+    let error = rig.character.rejoin(&far(frame + 2, Vec3::X * 30.0)).unwrap_err();
+    assert!(matches!(error, RejoinError::Place { metres } if metres > 5.0));
+}
+
+#[test]
+fn a_pose_that_was_seen_is_met_exactly() {
+    let mut rig = Harness::new();
+    rig.run(20);
+    let frame = rig.frames.last().unwrap().clone();
+    let mut rotations = frame.rotations.clone();
+    rotations[4] = (Quat::from_rotation_x(0.4) * rotations[4]).normalize();
+    let root = frame.root + Vec3::new(0.1, 0.02, -0.2);
+    let seen = LastSeen {
+        frame: frame.frame + 3,
+        pose: Some((root, rotations.clone())),
+    };
+    rig.character.rejoin(&seen).unwrap();
+    let mut out = Default::default();
+    rig.character.sample(&mut out);
+    assert!(out.root.abs_diff_eq(root, 1e-4), "{} {root}", out.root);
+    let worst = out
+        .rotations
+        .iter()
+        .zip(&rotations)
+        .map(|(a, b)| angle_between(*a, *b));
+    let worst = worst.fold(0.0, f32::max);
+    assert!(worst < 2e-3, "{worst}");
+}

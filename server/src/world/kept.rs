@@ -1,0 +1,132 @@
+//! What moves in scenes, as records: where objects are, and whose. The scenes themselves are kept as files.
+
+use serde::{Deserialize, Serialize};
+
+use super::Store;
+use crate::records::{Changes, Kind};
+use troupe_character::scene::{Holder, Instance, Scene, SceneError, State, Transform};
+
+/// Changes with what a record is. Records of another format are left out.
+const FORMAT: u32 = 1;
+
+/// The objects of a scene.
+#[derive(Debug, Serialize, Deserialize)]
+struct Record {
+    format: u32,
+    /// Of the scene's file when the record was made: that of another file is left out.
+    content: u64,
+    objects: Vec<Object>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Object {
+    id: String,
+    definition: String,
+    transform: Transform,
+    state: Whose,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+enum Whose {
+    Nobody,
+    ReservedBy(String),
+    HeldBy(String),
+}
+
+impl Object {
+    fn of(instance: &Instance) -> Self {
+        let session = |by: &Holder| by.session.to_string();
+        Self {
+            id: instance.id.to_string(),
+            definition: instance.object.to_string(),
+            transform: instance.transform,
+            state: match &instance.state {
+                State::Free => Whose::Nobody,
+                State::Reserved(by) => Whose::ReservedBy(session(by)),
+                State::Held(by) => Whose::HeldBy(session(by)),
+            },
+        }
+    }
+}
+
+impl Store {
+    /// Notes the objects of a scene. One that is not kept as a file has no record.
+    pub fn note_scene(&self, name: &str, scene: &Scene, changes: &mut Changes) {
+        let Some(content) = self.kept().get(name).map(|file| file.content) else {
+            return;
+        };
+        let record = Record {
+            format: FORMAT,
+            content,
+            objects: scene.instances().map(|instance| Object::of(instance)).collect(),
+        };
+        match postcard::to_allocvec(&record) {
+            Ok(bytes) => changes.put(Kind::Scene, name, bytes),
+            Err(error) => tracing::error!(scene = name, %error, "the objects of a scene are not kept"),
+        }
+    }
+
+    /// Puts the objects of a scene where its record says that they were.
+    ///
+    /// # Errors
+    /// Why the record is of no use; then nothing has changed.
+    pub fn restore_scene(&self, name: &str, record: &[u8]) -> Result<(), String> {
+        let record: Record = postcard::from_bytes(record).map_err(|error| error.to_string())?;
+        if record.format != FORMAT {
+            return Err(format!("it is of format {}; allowed: {FORMAT}", record.format));
+        }
+        let content = self.kept().get(name).map(|file| file.content);
+        if content != Some(record.content) {
+            return Err("the scene's file is another".to_owned());
+        }
+        let cell = self.scenes().get(name).map_err(|error| error.to_string())?;
+        self.definitions()
+            .while_unchanged(|definitions| {
+                cell.update(|scene| {
+                    let body = |name: &str| definitions.get(name).ok().map(|it| it.definition.body.clone());
+                    let gone: Vec<_> = (scene.instances())
+                        .filter(|there| !record.objects.iter().any(|object| *object.id == *there.id))
+                        .map(|there| there.id.clone())
+                        .collect();
+                    for id in gone {
+                        scene.remove(&id)?;
+                    }
+                    for object in &record.objects {
+                        match (scene.instance(&object.id), body(&object.definition)) {
+                            (Some(_), _) => scene.move_to(&object.id, object.transform)?,
+                            (None, Some(body)) => {
+                                scene.add(&object.id, &object.definition, body, object.transform)?;
+                            }
+                            (None, None) => {
+                                tracing::warn!(
+                                    scene = name,
+                                    object = object.id,
+                                    definition = object.definition,
+                                    "an object is left out: there is no such definition any more"
+                                );
+                                continue;
+                            }
+                        }
+                        match &object.state {
+                            Whose::Nobody => {}
+                            Whose::ReservedBy(by) => scene.reserve(&object.id, &Holder::new(by.as_str()))?,
+                            Whose::HeldBy(by) => scene.hold(&object.id, &Holder::new(by.as_str()))?,
+                        }
+                    }
+                    Ok::<_, SceneError>(())
+                })
+            })
+            .map_err(|error| error.to_string())
+    }
+
+    /// Frees what sessions have that do not stay.
+    pub fn free_all_but(&self, stays: impl Fn(&str) -> bool) {
+        for cell in self.scenes().all().values() {
+            cell.free_each(|holder| !stays(&holder.session));
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "kept_tests.rs"]
+mod tests;
