@@ -62,6 +62,7 @@ pub(super) async fn run(
         },
         every_tick: true,
         close_sessions: true,
+        ..DriveOptions::default()
     };
     let mut drive = client.drive(options).await?;
     drive.attach([live]).await?;
@@ -314,6 +315,7 @@ impl Stage {
     fn happened(&mut self, event: DriveEvent) -> Result<(), Failure> {
         match event {
             DriveEvent::Attached { .. } => self.view.note = "the character is there".to_owned(),
+            DriveEvent::Resumed { .. } => self.view.note = "the connection broke; it goes on".to_owned(),
             DriveEvent::Refused { problem, .. } => {
                 self.view.note = problem.to_string();
                 self.uses = false;

@@ -1,6 +1,7 @@
 //! Characters on the server's clock.
 
 use std::collections::{BTreeMap, HashMap};
+use std::time::Duration;
 
 use futures_util::FutureExt as _;
 use tokio::sync::mpsc;
@@ -25,7 +26,7 @@ use crate::problem::{Problem, ProblemKind};
 const QUEUE: usize = 64;
 
 /// How a stream is opened.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DriveOptions {
     /// How frames are sent.
     pub frames: FrameOptions,
@@ -34,12 +35,27 @@ pub struct DriveOptions {
     pub every_tick: bool,
     /// Close the sessions of the stream when it ends. By default they wait for their time to live.
     pub close_sessions: bool,
+    /// How long a stream that breaks is opened again, with its sessions where this client saw them last: a server that keeps its
+    /// sessions may be started anew meanwhile. None: a stream that breaks ends with an error. 10 s by default.
+    pub reconnect: Option<Duration>,
+}
+
+impl Default for DriveOptions {
+    fn default() -> Self {
+        Self {
+            frames: FrameOptions::default(),
+            every_tick: false,
+            close_sessions: false,
+            reconnect: Some(Duration::from_secs(10)),
+        }
+    }
 }
 
 /// A stream on which the server advances many characters at 30, 50 or 60 Hz, opened by [`Client::drive`].
 ///
-/// The sessions are the stream's while they are on it, and come back when they leave. A stream that breaks is not opened
-/// again by itself: take the sessions with [`Self::into_sessions`] and attach them to another.
+/// The sessions are the stream's while they are on it, and come back when they leave. A stream that breaks is opened again, and its
+/// sessions go on behind the last frame that came ([`DriveOptions::reconnect`], [`DriveEvent::Resumed`]). Where that fails it
+/// ends: take the sessions with [`Self::into_sessions`] and attach them to another.
 ///
 /// ```no_run
 /// use glam::Vec3;
@@ -86,6 +102,8 @@ pub struct Drive {
     /// How the stream ended, to be told once all that came before has been given.
     end: Option<Result<(), ClientError>>,
     ended: bool,
+    /// It broke, and is to be opened again.
+    broken: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -145,6 +163,7 @@ impl Client {
             events: Vec::new(),
             end: None,
             ended: false,
+            broken: false,
         })
     }
 }
@@ -260,16 +279,25 @@ impl Drive {
         if self.ended {
             return Ok(None);
         }
+        if self.broken {
+            self.mend().await?;
+        }
         self.flush();
         let mut newest = None;
         // Messages that tell this client nothing, such as commands that came late, are no reason to stop waiting.
         while newest.is_none() && self.events.is_empty() && self.end.is_none() {
+            if self.broken {
+                self.mend().await?;
+                self.flush();
+                continue;
+            }
             let first = self.answers.message().await;
             // No waiting from here on, so that nothing is lost.
             let mut came = Some(first);
             while let Some(message) = came {
                 self.sort(message, &mut newest)?;
-                let enough = self.end.is_some() || (self.options.every_tick && newest.is_some());
+                let enough =
+                    self.end.is_some() || self.broken || (self.options.every_tick && newest.is_some());
                 came = if enough {
                     None
                 } else {
@@ -298,6 +326,23 @@ impl Drive {
         Ok(Some(Update { tick, events }))
     }
 
+    /// Opens a stream again that broke. Until that is done it counts as broken, however often this is tried.
+    async fn mend(&mut self) -> Result<(), ClientError> {
+        let limit = self.options.reconnect.unwrap_or_default();
+        let mended = self.reconnect(limit).await;
+        self.broken = false;
+        self.ended = mended.is_err();
+        mended
+    }
+
+    /// The stream ended with an error: for good, or until it is opened again.
+    fn ends(&mut self, error: ClientError) {
+        match self.options.reconnect.is_some() && reconnect::is_break(&error) {
+            true => self.broken = true,
+            false => self.end = Some(Err(error)),
+        }
+    }
+
     /// Sorts one message of the server.
     fn sort(
         &mut self,
@@ -307,11 +352,13 @@ impl Drive {
         let told = match message {
             Ok(Some(message)) => message.message.ok_or(AnswerError::Missing("message"))?,
             Ok(None) => {
-                self.end.get_or_insert_with(|| Err(ended_without_a_word()));
+                if self.end.is_none() && !self.broken {
+                    self.ends(ended_without_a_word());
+                }
                 return Ok(());
             }
             Err(status) => {
-                self.end = Some(Err(self.client.sort(&status)));
+                self.ends(self.client.sort(&status));
                 return Ok(());
             }
         };
@@ -341,10 +388,10 @@ impl Drive {
             }
             Told::Closing(closing) => {
                 let problem = Problem::from(closing.reason.unwrap_or_default());
-                self.end = Some(match problem.kind {
-                    ProblemKind::ClientDone => Ok(()),
-                    _ => Err(ClientError::StreamEnded(Box::new(problem))),
-                });
+                match problem.kind {
+                    ProblemKind::ClientDone => self.end = Some(Ok(())),
+                    _ => self.ends(ClientError::StreamEnded(Box::new(problem))),
+                }
             }
         }
         Ok(())
@@ -490,6 +537,9 @@ fn ended_without_a_word() -> ClientError {
         allowed: None,
     }))
 }
+
+#[path = "reconnect.rs"]
+mod reconnect;
 
 #[cfg(test)]
 #[path = "drive_tests.rs"]

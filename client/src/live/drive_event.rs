@@ -13,6 +13,18 @@ pub enum DriveEvent {
         /// Its name.
         session: String,
     },
+    /// The stream broke, and the session is taken up again: its next frame is the one behind the last that came. What it should do
+    /// is told again. What it was told to do once ([`Drive::act`](super::Drive::act)) is not, and may be lost.
+    Resumed {
+        /// Its name.
+        session: String,
+        /// The frame that it is at.
+        frame: u64,
+        /// The server was started again and had kept the session. Else only the connection broke.
+        restored: bool,
+        /// Commands that this client gave and the server does not know.
+        lost_commands: u64,
+    },
     /// The session could not be taken onto the stream. It is given back, unless it is gone.
     NotAttached {
         /// Its name.

@@ -66,6 +66,7 @@ async fn stream(every_tick: bool, sessions: &[&str], script: Vec<v1::DriveRespon
     let sessions = client.open_sessions(&pack, &options).await.unwrap();
     let options = DriveOptions {
         every_tick,
+        reconnect: None,
         ..DriveOptions::default()
     };
     let mut drive = client.drive(options).await.unwrap();
@@ -112,7 +113,7 @@ async fn a_late_look_gives_the_newest_and_counts_the_rest() {
     script.push(closing("CLIENT_DONE"));
     let mut drive = stream(false, &["a"], script).await;
     // All of it has come meanwhile.
-    tokio::time::sleep(std::time::Duration::from_millis(300)).await;
+    tokio::time::sleep(Duration::from_millis(300)).await;
     let mut given = 0;
     let mut dropped = 0;
     let mut newest = 0;
@@ -272,4 +273,70 @@ async fn intents_go_with_the_next_look() {
         kinds.collect::<Vec<_>>(),
         ["open 30", "attach [\"a\"]", "command 1"]
     );
+}
+
+/// Where the session is after the stream broke.
+fn resumed(id: &str, frame: u64, last_sequence: u64) -> v1::ResumeSessionsResponse {
+    v1::ResumeSessionsResponse {
+        sessions: vec![v1::ResumedSession {
+            session: Some(v1::Session {
+                id: id.to_owned(),
+                frame,
+                last_sequence,
+                ..v1::Session::default()
+            }),
+            restored: true,
+            restored_frame: frame - 1,
+        }],
+        problems: Vec::new(),
+    }
+}
+
+#[tokio::test]
+async fn a_stream_that_breaks_is_opened_again_behind_the_last_frame() {
+    let (client, pack, server) = scripted().await;
+    {
+        let mut server = server.lock().unwrap();
+        server.stream = vec![attached(&[("a", 0)]), tick(7, &[0]), closing("DRAINING")];
+        server.resumed = Some(resumed("a", 8, 0));
+    }
+    let sessions = client
+        .open_sessions(&pack, &[SessionOptions::new().id("a")])
+        .await
+        .unwrap();
+    let mut drive = client
+        .drive(DriveOptions {
+            every_tick: true,
+            ..DriveOptions::default()
+        })
+        .await
+        .unwrap();
+    drive.attach(sessions).await.unwrap();
+    drive.intent_mut("a").unwrap().velocity = Vec3::Z;
+    let mut ticks = Vec::new();
+    let mut events = Vec::new();
+    while !events
+        .iter()
+        .any(|event| matches!(event, DriveEvent::Resumed { .. }))
+    {
+        let update = drive.next().await.unwrap().unwrap();
+        ticks.extend(update.tick.map(|tick| tick.number()));
+        events.extend(update.events);
+    }
+    assert_eq!(ticks, [7]);
+    assert!(
+        matches!(
+            events.last(),
+            Some(DriveEvent::Resumed { session, frame: 8, restored: true, lost_commands: 1 }) if session == "a"
+        ),
+        "{events:?}"
+    );
+    // It said what it had seen, and takes the session onto the new stream.
+    let asked = server.lock().unwrap().resumes.clone();
+    let [one] = asked[0].sessions.as_slice() else {
+        panic!("{asked:?}")
+    };
+    assert_eq!((&*one.session_id, one.frame), ("a", Some(7)));
+    assert!(one.pose.as_ref().unwrap().pose.is_some());
+    assert!(drive.session("a").is_some());
 }

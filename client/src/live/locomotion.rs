@@ -121,6 +121,11 @@ impl Intent {
         self.priority = Some(priority);
     }
 
+    /// The highest sequence number so far.
+    pub(crate) fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
     /// The server has seen sequence numbers up to here, whoever gave them.
     pub(crate) fn seen(&mut self, sequence: u64) {
         self.sequence = self.sequence.max(sequence);

@@ -31,6 +31,10 @@ pub(crate) struct Script {
     pub(crate) unavailable: bool,
     /// Answers of the next stream; it ends after them.
     pub(crate) stream: Vec<v1::DriveResponse>,
+    /// What clients said that came back.
+    pub(crate) resumes: Vec<v1::ResumeSessionsRequest>,
+    /// What they are answered.
+    pub(crate) resumed: Option<v1::ResumeSessionsResponse>,
     frames: BTreeMap<String, u64>,
 }
 
@@ -288,9 +292,14 @@ impl Sessions for Scripted {
 
     async fn resume_sessions(
         &self,
-        _: Request<v1::ResumeSessionsRequest>,
+        request: Request<v1::ResumeSessionsRequest>,
     ) -> Result<Response<v1::ResumeSessionsResponse>, Status> {
-        Err(Status::unimplemented("not part of the script"))
+        let mut script = self.0.lock().unwrap();
+        script.resumes.push(request.into_inner());
+        let resumed = script.resumed.clone();
+        Ok(Response::new(
+            resumed.ok_or_else(|| Status::unavailable("it starts"))?,
+        ))
     }
 
     async fn peek(&self, _: Request<v1::PeekRequest>) -> Result<Response<v1::PeekResponse>, Status> {

@@ -326,3 +326,96 @@ fn half_a_request_does_not_hold_up_a_stop() {
     terminate(&child);
     assert_eq!(exit(&mut child).code(), Some(0));
 }
+
+/// A server that does not outlive its test.
+#[cfg(unix)]
+struct Kept(Child);
+
+#[cfg(unix)]
+impl Drop for Kept {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+    }
+}
+
+/// A call over HTTP of a test that knows no HTTP library.
+#[cfg(unix)]
+fn call(address: &str, method: &str, path: &str, body: &str) -> serde_json::Value {
+    let mut stream = TcpStream::connect(address).unwrap();
+    let head = format!(
+        "{method} {path} HTTP/1.1\r\nhost: {address}\r\nconnection: close\r\ncontent-type: application/json\r\ncontent-length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    stream.write_all(head.as_bytes()).unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+    assert!(head.starts_with("HTTP/1.1 200"), "{answer}");
+    serde_json::from_str(body).unwrap()
+}
+
+#[cfg(unix)]
+#[test]
+fn a_server_that_is_killed_goes_on_where_it_was() {
+    let store = std::env::temp_dir().join(format!("troupe-killed-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&store);
+    let start = || serving(server(&["--workers", "1"]).arg("--store").arg(&store));
+    let (child, address, _lines) = start();
+    let mut child = Kept(child);
+    let session = r#"{"sessions": [{"id": "hero", "style": "normal", "seed": 3}]}"#;
+    call(&address, "POST", "/v1/sessions", session);
+    let walk = r#"{"session_ids": ["hero"], "frames": 60, "commands": [{"session_id": "hero", "sequence": 1,
+        "intent": {"locomote": {"velocity": {"x": 0, "y": 0, "z": 1.2}}}}]}"#;
+    let walked = call(&address, "POST", "/v1/step", walk);
+    let block = &walked["blocks"][0];
+    let numbers = |column: &str| -> Vec<f64> {
+        let column = block[column].as_array().unwrap();
+        column.iter().map(|number| number.as_f64().unwrap()).collect()
+    };
+    let (roots, rotations) = (numbers("root_positions"), numbers("rotations"));
+    let last = roots.len() / 3 - 1;
+    // Longer than the interval at which it is kept.
+    std::thread::sleep(Duration::from_millis(600));
+    child.0.kill().unwrap();
+    child.0.wait().unwrap();
+
+    let killed = Instant::now();
+    let (child, address, _lines) = start();
+    let mut child = Kept(child);
+    let ready = killed.elapsed();
+    let pose = &rotations[rotations.len() / (last + 1) * last..];
+    let (root, frame) = (&roots[3 * last..], last + 1);
+    let seen = serde_json::json!({"sessions": [{"session_id": "hero", "frame": frame, "pose": {
+        "root": {"position": {"x": root[0], "y": root[1], "z": root[2]}}, "pose": {"rotations": pose}}}]});
+    let resumed = call(&address, "POST", "/v1/sessions/resume", &seen.to_string());
+    let one = &resumed["sessions"][0];
+    assert_eq!(
+        (&one["restored"], &one["session"]["last_sequence"]),
+        (&true.into(), &1.into()),
+        "{resumed}"
+    );
+    let on = call(
+        &address,
+        "POST",
+        "/v1/step",
+        r#"{"session_ids": ["hero"], "frames": 30}"#,
+    );
+    println!(
+        "ready again after {ready:?}, first frame after {:?}",
+        killed.elapsed()
+    );
+    let block = &on["blocks"][0];
+    assert_eq!(block["first_frames"][0], 61);
+    let next: Vec<f64> = block["root_positions"].as_array().unwrap()[..3]
+        .iter()
+        .map(|number| number.as_f64().unwrap())
+        .collect();
+    let way = (0..3)
+        .map(|axis| (next[axis] - root[axis]).powi(2))
+        .sum::<f64>()
+        .sqrt();
+    assert!(way < 0.1, "{way} m from {root:?} to {next:?}");
+    terminate(&child.0);
+    assert_eq!(exit(&mut child.0).code(), Some(0));
+    std::fs::remove_dir_all(&store).unwrap();
+}
