@@ -56,6 +56,20 @@ pub struct Config {
     )]
     pub allow_anonymous: bool,
 
+    /// Certificate of the server (PEM file), with those of the authorities between it and a root. With it and tls_key the port
+    /// speaks TLS only. Changed files are read again within seconds, without a restart.
+    #[config(env = "TROUPE_TLS_CERTIFICATE", layer_attr(arg(long, value_name = "FILE")))]
+    pub tls_certificate: Option<PathBuf>,
+
+    /// Private key of tls_certificate (PEM file).
+    #[config(env = "TROUPE_TLS_KEY", layer_attr(arg(long, value_name = "FILE")))]
+    pub tls_key: Option<PathBuf>,
+
+    /// Certificates of the authorities whose clients may connect (PEM file). With it every client must show a certificate of
+    /// one of them (mTLS), health checks too.
+    #[config(env = "TROUPE_TLS_CLIENT_CA", layer_attr(arg(long, value_name = "FILE")))]
+    pub tls_client_ca: Option<PathBuf>,
+
     /// Origins of web pages that may use the server, beside its own pages, such as https://app.example.com. In the environment
     /// and in flags separated by commas. Requests with another Origin header are refused.
     #[config(

@@ -8,6 +8,7 @@ use axum::middleware::{self, Next};
 use axum::response::Response;
 use http::{HeaderMap, Method, header};
 
+use super::credentials::Credentials;
 use super::error::ApiError;
 use super::keys::{Keys, Role};
 use super::reserve::GRPC_HEALTH;
@@ -58,17 +59,18 @@ fn key(headers: &HeaderMap) -> Option<&str> {
 /// Who may come in, and what they share.
 #[derive(Clone)]
 struct Access {
-    keys: Arc<Keys>,
+    credentials: Arc<Credentials>,
     clients: Arc<Clients>,
 }
 
 /// Checks the keys of all calls. From here on the client of a call is its key, not its connection.
-pub(super) fn locked(router: Router, keys: Arc<Keys>, clients: Arc<Clients>) -> Router {
-    router.layer(middleware::from_fn_with_state(Access { keys, clients }, check))
+pub(super) fn locked(router: Router, credentials: Arc<Credentials>, clients: Arc<Clients>) -> Router {
+    let access = Access { credentials, clients };
+    router.layer(middleware::from_fn_with_state(access, check))
 }
 
 async fn check(State(access): State<Access>, mut request: Request, next: Next) -> Response {
-    match allowed(&access.keys, &request) {
+    match allowed(&access.credentials.keys(), &request) {
         Ok(None) => {}
         Ok(Some(name)) => {
             let connected = request.extensions().get::<Arc<Client>>().cloned();

@@ -74,6 +74,7 @@ impl Config {
             let allowed = format!("{} to {}", TTL_RANGE_MS.start(), TTL_RANGE_MS.end());
             return Err(not_allowed("session_ttl_ms", ttl_ms.into(), allowed));
         }
+        self.tls_is_whole()?;
         if self.max_queued_characters < self.max_characters_per_request {
             let least = self.max_characters_per_request;
             let allowed = format!("max_characters_per_request ({least}) or more");
@@ -81,6 +82,23 @@ impl Config {
             return Err(not_allowed("max_queued_characters", found, allowed));
         }
         Ok(self)
+    }
+
+    /// A certificate is of no use without its key, nor are authorities of clients without TLS.
+    fn tls_is_whole(&self) -> Result<(), ConfigError> {
+        let missing = |option, beside: &str| {
+            Err(ConfigError::Value {
+                option,
+                found: "missing".to_owned(),
+                allowed: format!("a file, because {beside} is set"),
+            })
+        };
+        match (&self.tls_certificate, &self.tls_key, &self.tls_client_ca) {
+            (Some(_), None, _) => missing("tls_key", "tls_certificate"),
+            (None, Some(_), _) => missing("tls_certificate", "tls_key"),
+            (None, None, Some(_)) => missing("tls_certificate", "tls_client_ca"),
+            _ => Ok(()),
+        }
     }
 }
 

@@ -5,8 +5,10 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod access_tls;
 mod bad_input;
 mod bursts;
+mod certificates;
 mod connections;
 mod crowd;
 mod drive;
