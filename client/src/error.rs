@@ -20,6 +20,14 @@ pub enum ClientError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A certificate or its key cannot be read.
+    #[error("{}: {reason}", path.display())]
+    Certificate {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// Nothing answers at the address, or the connection broke.
     #[error("no Troupe server answers at {url}: {reason}")]
     Unreachable {
