@@ -2,6 +2,7 @@
 
 mod check;
 mod cli;
+mod error;
 mod parts;
 mod worst_case;
 
@@ -14,6 +15,7 @@ use crate::api::{Host, Origin};
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
 pub use cli::{Cli, Command, DoctorArgs, HealthArgs, KeyCommand};
+pub use error::ConfigError;
 pub use worst_case::{Part, WorstCase};
 
 /// The file that is read where `--config` names none; it need not exist.
@@ -37,6 +39,24 @@ pub struct Config {
     /// health checks and documentation needs a key.
     #[config(env = "TROUPE_KEYS", layer_attr(arg(long, value_name = "FILE")))]
     pub keys: Option<PathBuf>,
+
+    /// Public keys of an identity provider (JWKS file). With it the provider's tokens (JWT) let callers in, beside keys. Signed by
+    /// RS256, ES256 or EdDSA, with the claims `exp`, `sub`, `role` and perhaps `tenant`. Read again when it changes.
+    #[config(env = "TROUPE_JWKS", layer_attr(arg(long, value_name = "FILE")))]
+    pub jwks: Option<PathBuf>,
+
+    /// Issuer that tokens must name (claim `iss`). Left out: any.
+    #[config(env = "TROUPE_JWT_ISSUER", layer_attr(arg(long, value_name = "TEXT")))]
+    pub jwt_issuer: Option<String>,
+
+    /// Audience that tokens must name (claim `aud`). Left out: tokens must name none.
+    #[config(env = "TROUPE_JWT_AUDIENCE", layer_attr(arg(long, value_name = "TEXT")))]
+    pub jwt_audience: Option<String>,
+
+    /// File for a key of the role metrics, for Prometheus. The server makes it where there is none, if it asks for keys. Its owner
+    /// and its group may read it.
+    #[config(env = "TROUPE_METRICS_KEY", layer_attr(arg(long, value_name = "FILE")))]
+    pub metrics_key: Option<PathBuf>,
 
     /// Whether the server makes itself a key for one run and prints it, if there is no file of keys and allow_anonymous is
     /// false.
@@ -427,28 +447,6 @@ pub enum LogFormat {
     Text,
     /// For machines.
     Json,
-}
-
-/// A configuration that cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ConfigError {
-    /// `--config` names a file that is not there.
-    #[error("there is no configuration file at {}", .0.display())]
-    MissingFile(PathBuf),
-    /// A value of the wrong form, or a file that does not parse.
-    #[error("{0:#}")]
-    Load(#[from] confique::Error),
-    /// A value out of its range.
-    #[error("{option} is {found}; allowed: {allowed}")]
-    Value {
-        /// The option.
-        option: &'static str,
-        /// Its value.
-        found: String,
-        /// What it may be.
-        allowed: String,
-    },
 }
 
 impl Config {

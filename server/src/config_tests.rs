@@ -236,6 +236,10 @@ fn mistakes_name_the_option() {
             "tls_key is missing; allowed: a file, because tls_certificate is set",
         ),
         (
+            ["--jwt-audience", "a"],
+            "jwks is missing; allowed: a file, because jwt_audience is set",
+        ),
+        (
             ["--tls-key", "a"],
             "tls_certificate is missing; allowed: a file, because tls_key is set",
         ),

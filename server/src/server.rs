@@ -3,6 +3,7 @@
 mod access;
 mod activity;
 mod connections;
+mod error;
 mod files;
 mod places;
 mod reload;
@@ -19,7 +20,7 @@ use tokio::task::JoinHandle;
 use tonic_health::server::HealthReporter;
 use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
 
-use crate::api::{self, KeysError};
+use crate::api;
 use crate::batch::scheduler::Limits;
 use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
 use crate::clients::Clients;
@@ -28,17 +29,18 @@ use crate::packs::{LoadedPack, PackTable};
 use crate::service::Service;
 use crate::session::{Sessions, TimeSource};
 use crate::telemetry::Telemetry;
-use crate::world::{LoadError, Store};
+use crate::world::Store;
 use access::Access;
 use places::Places;
 use reload::Source;
 use tls::{Tls, TlsFiles};
-use troupe_character::style::{StyleError, StyleTable};
+use troupe_character::style::StyleTable;
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
 use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
 use troupe_engine::{Decision, EngineError, MotionBricks, Pipeline, Stages};
 
+pub use error::StartError;
 pub use tls::TlsError;
 
 /// The pack that is the default where nothing else is said.
@@ -84,69 +86,6 @@ impl PackSource {
             decision,
         }
     }
-}
-
-/// Why a server did not start.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum StartError {
-    /// A pack that cannot be used.
-    #[error(transparent)]
-    Pack(#[from] PackError),
-    /// Two packs of one name, or a default that is not loaded.
-    #[error("{0}")]
-    Packs(String),
-    /// A style that cannot be used.
-    #[error(transparent)]
-    Style(#[from] StyleError),
-    /// A scene or an object definition that cannot be used.
-    #[error(transparent)]
-    World(#[from] LoadError),
-    /// The library of the engines does not load.
-    #[error(transparent)]
-    Library(EngineError),
-    /// An engine that does not start.
-    #[error("pack {pack}: {error}")]
-    Engine {
-        /// The pack's name.
-        pack: String,
-        /// What went wrong.
-        error: EngineError,
-    },
-    /// A file of keys that cannot be used.
-    #[error(transparent)]
-    Keys(#[from] KeysError),
-    /// Certificates that cannot be used.
-    #[error(transparent)]
-    Tls(#[from] TlsError),
-    /// A server that strangers could use.
-    #[error(
-        "listen is {0}, which other machines may reach, and there are no keys; allowed: a loopback address, or one of the \
-         options keys, one_time_key and allow_anonymous"
-    )]
-    Anonymous(SocketAddr),
-    /// More connections than the system gives files for.
-    #[error(
-        "max_connections is {asked}, and the limit of open files (ulimit -n) is {files}; allowed: 0 to {room}, or more with a \
-         higher limit"
-    )]
-    Files {
-        /// Connections that are asked for.
-        asked: usize,
-        /// The limit of open files.
-        files: u64,
-        /// Connections that fit into it.
-        room: usize,
-    },
-    /// The server may take more memory than it is allowed to.
-    #[error("{0}")]
-    Memory(String),
-    /// The port cannot be used.
-    #[error("cannot listen: {0}")]
-    Listen(std::io::Error),
-    /// A part of the server that does not come up; a bug.
-    #[error("internal: {0}")]
-    Internal(String),
 }
 
 /// Most connections of a server: those that `config` asks for, or as many as the system's limit of open files leaves room for. Raises

@@ -13,12 +13,16 @@ mod http;
 pub mod keys;
 mod metrics;
 mod openapi;
+mod opening;
 mod reserve;
 mod shape;
 #[cfg(feature = "testing")]
 pub mod testing;
+mod tickets;
+mod tokens;
 mod track;
 mod traffic;
+mod verify;
 mod ws;
 
 use std::sync::Arc;
@@ -30,13 +34,15 @@ use tonic_health::server::HealthReporter;
 use crate::clients::Clients;
 use crate::service::Service;
 
+pub use crate::clients::Role;
 pub use credentials::Credentials;
 pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;
 pub use guard::{Guard, Host, NotAHost, NotAnOrigin, Origin};
 pub use http::document;
-pub use keys::{Keys, KeysError, Role};
+pub use keys::{Keys, KeysError};
 pub use reserve::reserve;
+pub use tokens::{TokenError, TokenRules, Tokens, TokensError};
 
 /// Most bytes of one message on a stream.
 const MAX_STREAM_MESSAGE_BYTES: usize = 2 << 20;

@@ -62,7 +62,7 @@ pub enum KeyCommand {
         #[arg(long, value_name = "NAME")]
         name: String,
         /// What it allows. drive: ask for motion, drive sessions, read. author: also write styles, scenes and object
-        /// definitions. admin: also read metrics.
+        /// definitions. admin: also read metrics. metrics: read metrics, and nothing else.
         #[arg(long, value_name = "ROLE")]
         role: Role,
     },

@@ -1,11 +1,12 @@
 //! Who may use the server: everybody, or those with a key.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::StartError;
 use super::reload::{Source, fingerprint};
-use crate::api::{Credentials, Keys};
+use crate::api::{Credentials, Keys, TokenRules, Tokens};
 use crate::config::Config;
 
 /// What a server asks for.
@@ -42,26 +43,46 @@ impl Access {
     }
 
     fn of(config: &Config) -> Result<Self, StartError> {
-        if let Some(path) = &config.keys {
-            let files = vec![path.clone()];
-            let seen = fingerprint(&files);
-            let credentials = Arc::new(Credentials::new(Keys::load(path)?));
-            let (again, path) = (credentials.clone(), path.clone());
-            let read = move || Keys::load(&path).map(|keys| again.replace_keys(keys));
-            return Ok(Self {
-                credentials: Some(credentials),
-                one_time: None,
-                sources: vec![Source::new("keys", files, seen, read)],
-            });
+        let (mut sources, mut own, mut one_time) = (Vec::new(), Keys::default(), None);
+        let from_files = config.keys.is_some() || config.jwks.is_some();
+        if !from_files && (config.allow_anonymous || !config.one_time_key) {
+            return Ok(Self::default());
         }
-        if config.one_time_key && !config.allow_anonymous {
+        if !from_files {
             let (keys, key) = Keys::one_time();
-            return Ok(Self {
-                credentials: Some(Arc::new(Credentials::new(keys))),
-                one_time: Some(key),
-                sources: Vec::new(),
-            });
+            (own, one_time) = (keys, Some(key));
         }
-        Ok(Self::default())
+        if let Some(path) = &config.metrics_key {
+            own = own.and(Keys::of_metrics(path)?);
+        }
+        let files = |path: &Option<PathBuf>| path.iter().cloned().collect::<Vec<_>>();
+        let (key_files, token_files) = (files(&config.keys), files(&config.jwks));
+        let seen = (fingerprint(&key_files), fingerprint(&token_files));
+        let keys = config.keys.as_deref().map(Keys::load).transpose()?;
+        let rules = TokenRules {
+            issuer: config.jwt_issuer.clone(),
+            audience: config.jwt_audience.clone(),
+        };
+        let tokens = config
+            .jwks
+            .as_deref()
+            .map(|path| Tokens::load(path, &rules))
+            .transpose()?;
+        let credentials = Arc::new(Credentials::new(keys.unwrap_or_default(), own, tokens));
+        if let Some(path) = config.keys.clone() {
+            let again = credentials.clone();
+            let read = move || Keys::load(&path).map(|keys| again.replace_keys(keys));
+            sources.push(Source::new("keys", key_files, seen.0, read));
+        }
+        if let Some(path) = config.jwks.clone() {
+            let again = credentials.clone();
+            let read = move || Tokens::load(&path, &rules).map(|tokens| again.replace_tokens(tokens));
+            sources.push(Source::new("keys of tokens", token_files, seen.1, read));
+        }
+        Ok(Self {
+            credentials: Some(credentials),
+            one_time,
+            sources,
+        })
     }
 }
