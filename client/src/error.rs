@@ -227,7 +227,8 @@ impl ClientError {
         let broken = std::error::Error::source(status).is_some_and(|source| {
             source.is::<tonic::transport::Error>() || source.is::<tonic::ConnectError>()
         });
-        if status.code() == Code::Unavailable && broken {
+        // Unknown: the connection broke under the call, as where a server asks for a certificate that does not come.
+        if matches!(status.code(), Code::Unavailable | Code::Unknown) && broken {
             return Self::Unreachable {
                 url: url.to_owned(),
                 reason: deepest(status),
