@@ -179,6 +179,7 @@ async fn serve_until_stopped(config: Config) -> anyhow::Result<ExitCode> {
 }
 
 /// Reads files again at each SIGHUP. Without such files the signal ends the process, as it does where a terminal is closed.
+#[cfg_attr(not(unix), allow(unused_variables, reason = "there is no such signal"))]
 async fn reload_at_hangup(server: &ServerHandle) {
     #[cfg(unix)]
     if server.reloads() {
