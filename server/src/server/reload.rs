@@ -11,7 +11,7 @@ use tokio::sync::Notify;
 const LOOK_INTERVAL: Duration = Duration::from_secs(2);
 
 type Fingerprint = [u8; 32];
-type Read = Box<dyn Fn() -> Result<(), String> + Send>;
+type Read = Box<dyn Fn() -> Result<(), String> + Send + Sync>;
 
 /// Something that is read from files.
 pub(super) struct Source {
@@ -28,7 +28,7 @@ impl Source {
         what: &'static str,
         files: Vec<PathBuf>,
         seen: Fingerprint,
-        read: impl Fn() -> Result<(), E> + Send + 'static,
+        read: impl Fn() -> Result<(), E> + Send + Sync + 'static,
     ) -> Self {
         let read = Box::new(move || read().map_err(|error| error.to_string()));
         Self {
