@@ -24,7 +24,7 @@ RUN --mount=type=cache,id=troupe-cargo,target=/usr/local/cargo/registry \
     --mount=type=cache,id=troupe-target,target=/src/target \
     cargo build --release --locked --package troupe-server \
     && install -D target/release/troupe-server /out/troupe-server \
-    && mkdir /out/state
+    && mkdir /out/state /out/credentials
 
 # The server without packs: mount them at /opt/troupe/models.
 # No command runs in this stage, so the base image needs no shell: glibc and libstdc++ are enough.
@@ -32,13 +32,18 @@ FROM ${BASE_IMAGE} AS server
 COPY --from=runtime /out/ /opt/troupe/lib/
 COPY --from=build /out/troupe-server /usr/local/bin/troupe-server
 COPY LICENSE NOTICE /opt/troupe/
-# The one folder that the server's user may write to. Nothing is written there unless TROUPE_STYLES, TROUPE_SCENES or
-# TROUPE_OBJECTS name a folder in it.
+# The one folder that the server's user may write to: uploads and the cache of accuracy checks. Mount a volume there to keep them.
 COPY --from=build --chown=10001:10001 /out/state/ /var/lib/troupe/
+# For a key that Prometheus reads, where TROUPE_METRICS_KEY names a file in it. Apart, so that Prometheus sees nothing else.
+COPY --from=build --chown=10001:10001 /out/credentials/ /var/lib/troupe-credentials/
 # Whoever reaches the port needs a key: the one that the server prints, or one of the file that TROUPE_KEYS names.
 ENV TROUPE_LISTEN=0.0.0.0:8080 \
     TROUPE_ONE_TIME_KEY=true \
     TROUPE_PACKS=/opt/troupe/models \
+    TROUPE_STYLES=/var/lib/troupe/styles \
+    TROUPE_SCENES=/var/lib/troupe/scenes \
+    TROUPE_OBJECTS=/var/lib/troupe/objects \
+    TROUPE_CACHE=/var/lib/troupe/cache \
     ORT_DYLIB_PATH=/opt/troupe/lib/libonnxruntime.so
 LABEL org.opencontainers.image.title="Troupe" \
       org.opencontainers.image.description="Motion server: live characters and motion in-betweening over gRPC, HTTP and WebSocket" \

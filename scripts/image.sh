@@ -196,8 +196,8 @@ print(count)'
 }
 
 # Every file of the container with its kind, mode, owner, size, time and target. buildah makes and removes a file in /run
-# whenever it runs something, so the time of that folder says nothing.
-snapshot() { (cd "$root" && find . ! -path ./run -printf '%p %y %m %U:%G %s %T@ %l\n' | LC_ALL=C sort); }
+# whenever it runs something, so the time of that folder says nothing. /var/lib/troupe is for the server to write to.
+snapshot() { (cd "$root" && find . ! -path ./run ! -path './var/lib/troupe*' -printf '%p %y %m %U:%G %s %T@ %l\n' | LC_ALL=C sort); }
 
 check_size() {
     local mb

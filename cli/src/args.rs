@@ -1,5 +1,7 @@
 //! Arguments of the `troupe` command line: those of all commands, and which command.
 
+use std::path::PathBuf;
+
 use clap::{Parser, Subcommand};
 
 use crate::animate::Animate;
@@ -14,7 +16,7 @@ use crate::scene::Scene;
 use crate::sessions::Sessions;
 use crate::style::Style;
 use crate::values::Seconds;
-use troupe_client::ApiKey;
+use troupe_client::{ApiKey, ClientCertificate, TlsOptions};
 
 /// Drive characters and fill gaps in motion clips on a Troupe server, and measure how well it does.
 #[derive(Debug, Parser)]
@@ -35,6 +37,9 @@ pub(crate) struct Arguments {
     #[arg(long, global = true, env = "TROUPE_KEY", hide_env_values = true, value_name = "KEY", help_heading = COMMON)]
     pub(crate) key: Option<ApiKey>,
 
+    #[command(flatten)]
+    pub(crate) tls: TlsArgs,
+
     /// Longest wait for one answer, in seconds.
     #[arg(long, global = true, default_value = "60", value_name = "SECONDS", help_heading = COMMON)]
     pub(crate) timeout: Seconds,
@@ -45,6 +50,32 @@ pub(crate) struct Arguments {
 
     #[command(subcommand)]
     pub(crate) command: Command,
+}
+
+/// Certificates, for https:// addresses.
+#[derive(Debug, clap::Args)]
+pub(crate) struct TlsArgs {
+    /// Certificates of the authorities to trust with an https:// address (PEM file). Left out: those of the system.
+    #[arg(long, global = true, env = "TROUPE_CA", value_name = "FILE", help_heading = COMMON)]
+    ca: Option<PathBuf>,
+
+    /// Certificate to show to a server that asks for one (PEM file).
+    #[arg(long, global = true, env = "TROUPE_CLIENT_CERTIFICATE", requires = "client_key", value_name = "FILE", help_heading = COMMON)]
+    client_certificate: Option<PathBuf>,
+
+    /// Private key of that certificate (PEM file).
+    #[arg(long, global = true, env = "TROUPE_CLIENT_KEY", requires = "client_certificate", value_name = "FILE", help_heading = COMMON)]
+    client_key: Option<PathBuf>,
+}
+
+impl From<TlsArgs> for TlsOptions {
+    fn from(args: TlsArgs) -> Self {
+        let both = args.client_certificate.zip(args.client_key);
+        Self {
+            ca: args.ca,
+            client: both.map(|(certificate, key)| ClientCertificate { certificate, key }),
+        }
+    }
 }
 
 const COMMON: &str = "Server and notes";

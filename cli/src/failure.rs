@@ -33,7 +33,10 @@ impl Failure {
     /// The exit code, as `troupe --help` documents it.
     pub(super) fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
-            Self::Input(_) | Self::Client(ClientError::Address { .. } | ClientError::Request(_)) => 2,
+            Self::Input(_)
+            | Self::Client(
+                ClientError::Address { .. } | ClientError::Certificate { .. } | ClientError::Request(_),
+            ) => 2,
             Self::Client(ClientError::Unreachable { .. } | ClientError::TimedOut { .. }) => 3,
             Self::Client(ClientError::Refused(_) | ClientError::Session(_) | ClientError::StreamEnded(_)) => {
                 4

@@ -64,6 +64,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         options: ConnectOptions {
             request_timeout: arguments.timeout.into(),
             key: arguments.key,
+            tls: arguments.tls.into(),
             ..ConnectOptions::default()
         },
         term: Term::new(arguments.quiet),

@@ -8,7 +8,7 @@ use crate::args::Arguments;
 fn help(command: &[&str]) -> String {
     let mut root = Arguments::command()
         .term_width(100)
-        .mut_arg("server", |arg| arg.hide_env_values(true));
+        .mut_args(|arg| arg.hide_env_values(true));
     root.build();
     let found = command
         .iter()

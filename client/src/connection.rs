@@ -15,6 +15,7 @@ use troupe_proto::v1::{GetPackRequest, InBetweenRequest, ListPacksRequest, Timin
 use crate::error::{AnswerError, ClientError, RequestError, deepest};
 use crate::inbetween::{InBetween, InBetweenAnswer};
 use crate::pack::Pack;
+use crate::tls::{TlsOptions, with_tls};
 
 /// How a [`Client`] connects.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,11 +28,20 @@ pub struct ConnectOptions {
     pub max_message_bytes: usize,
     /// The API key, where the server asks for one.
     pub key: Option<ApiKey>,
+    /// Certificates, for https:// addresses. These need the feature `tls`.
+    pub tls: TlsOptions,
 }
 
 /// An API key. It does not show in debug output.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ApiKey(String);
+
+impl ApiKey {
+    /// The key itself.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
 
 impl From<String> for ApiKey {
     fn from(key: String) -> Self {
@@ -61,6 +71,7 @@ impl Default for ConnectOptions {
             request_timeout: Duration::from_secs(60),
             max_message_bytes: 64 << 20,
             key: None,
+            tls: TlsOptions::default(),
         }
     }
 }
@@ -80,11 +91,11 @@ pub(crate) type SessionsRpc = SessionsClient<KeyedChannel>;
 /// The generated client of scenes.
 pub(crate) type ScenesRpc = ScenesClient<KeyedChannel>;
 /// A channel whose calls carry the key.
-type KeyedChannel = InterceptedService<Channel, Bearer>;
+pub type KeyedChannel = InterceptedService<Channel, Bearer>;
 
 /// Puts the key on calls.
 #[derive(Debug, Clone)]
-pub(crate) struct Bearer(Option<MetadataValue<Ascii>>);
+pub struct Bearer(Option<MetadataValue<Ascii>>);
 
 impl Bearer {
     fn new(url: &str, key: Option<&ApiKey>) -> Result<Self, ClientError> {
@@ -136,16 +147,8 @@ impl Client {
     /// # Errors
     /// [`ClientError::Address`] and [`ClientError::Unreachable`].
     pub async fn connect_with(url: &str, options: ConnectOptions) -> Result<Self, ClientError> {
-        let bearer = Bearer::new(url, options.key.as_ref())?;
-        let channel = endpoint(url, &options)?
-            .connect()
-            .await
-            .map_err(|e| ClientError::Unreachable {
-                url: url.to_owned(),
-                reason: deepest(&e),
-            })?;
+        let channel = channel(url, &options, |endpoint| endpoint).await?;
         let limit = options.max_message_bytes;
-        let channel = InterceptedService::new(channel, bearer);
         let rpc = MotionClient::new(channel.clone())
             .max_decoding_message_size(limit)
             .max_encoding_message_size(limit);
@@ -284,6 +287,24 @@ impl Client {
     }
 }
 
+/// Connects a channel for generated clients, for calls that [`Client`] does not have. `tune` may change the transport.
+///
+/// # Errors
+/// [`ClientError::Address`], [`ClientError::Certificate`] and [`ClientError::Unreachable`].
+pub async fn channel(
+    url: &str,
+    options: &ConnectOptions,
+    tune: impl FnOnce(Endpoint) -> Endpoint,
+) -> Result<KeyedChannel, ClientError> {
+    let bearer = Bearer::new(url, options.key.as_ref())?;
+    let endpoint = tune(endpoint(url, options)?);
+    let channel = endpoint.connect().await.map_err(|e| ClientError::Unreachable {
+        url: url.to_owned(),
+        reason: deepest(&e),
+    })?;
+    Ok(InterceptedService::new(channel, bearer))
+}
+
 /// Reads the address and applies the options. Small messages must not wait for large ones, so Nagle's algorithm is
 /// off.
 fn endpoint(url: &str, options: &ConnectOptions) -> Result<Endpoint, ClientError> {
@@ -292,11 +313,16 @@ fn endpoint(url: &str, options: &ConnectOptions) -> Result<Endpoint, ClientError
         reason,
     };
     let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|e| fault(deepest(&e)))?;
-    match endpoint.uri().scheme_str() {
-        Some("http") => {}
-        Some(other) => return Err(fault(format!("{other}:// is not supported, only http://"))),
+    let endpoint = match endpoint.uri().scheme_str() {
+        Some("http") => endpoint,
+        Some("https") => with_tls(endpoint, url, &options.tls)?,
+        Some(other) => {
+            return Err(fault(format!(
+                "{other}:// is not supported, only http:// and https://"
+            )));
+        }
         None => return Err(fault("http:// is missing in front".to_owned())),
-    }
+    };
     Ok(endpoint
         .tcp_nodelay(true)
         .connect_timeout(options.connect_timeout)
@@ -352,7 +378,7 @@ mod tests {
         for (url, told) in [
             ("127.0.0.1:8080", "http://"),
             ("localhost", "http://"),
-            ("https://127.0.0.1:8080", "https"),
+            ("ftp://127.0.0.1:8080", "ftp"),
             ("http://", "not a server address"),
             ("http://a b", "not a server address"),
         ] {
@@ -360,5 +386,29 @@ mod tests {
             assert!(matches!(error, ClientError::Address { .. }), "{url}: {error:?}");
             assert!(error.to_string().contains(told), "{url}: {error}");
         }
+    }
+
+    #[cfg(not(feature = "tls"))]
+    #[tokio::test]
+    async fn without_the_feature_there_is_no_tls() {
+        let error = error("https://127.0.0.1:8080").await;
+        assert!(error.to_string().contains("feature `tls`"), "{error}");
+    }
+
+    #[cfg(feature = "tls")]
+    #[tokio::test]
+    async fn a_certificate_that_cannot_be_read_is_named() {
+        let options = ConnectOptions {
+            tls: TlsOptions {
+                ca: Some("/nowhere/ca.pem".into()),
+                ..TlsOptions::default()
+            },
+            ..ConnectOptions::default()
+        };
+        let error = Client::connect_with("https://127.0.0.1:8080", options)
+            .await
+            .expect_err("there is no file");
+        assert!(matches!(error, ClientError::Certificate { .. }), "{error:?}");
+        assert!(error.to_string().contains("/nowhere/ca.pem"), "{error}");
     }
 }

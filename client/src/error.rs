@@ -20,6 +20,14 @@ pub enum ClientError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A certificate or its key cannot be read.
+    #[error("{}: {reason}", path.display())]
+    Certificate {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// Nothing answers at the address, or the connection broke.
     #[error("no Troupe server answers at {url}: {reason}")]
     Unreachable {
@@ -219,7 +227,8 @@ impl ClientError {
         let broken = std::error::Error::source(status).is_some_and(|source| {
             source.is::<tonic::transport::Error>() || source.is::<tonic::ConnectError>()
         });
-        if status.code() == Code::Unavailable && broken {
+        // Unknown: the connection broke under the call, as where a server asks for a certificate that does not come.
+        if matches!(status.code(), Code::Unavailable | Code::Unknown) && broken {
             return Self::Unreachable {
                 url: url.to_owned(),
                 reason: deepest(status),

@@ -44,8 +44,9 @@ mod pack;
 mod problem;
 mod scenes;
 mod styles;
+mod tls;
 
-pub use connection::{ApiKey, Client, ConnectOptions, InBetweenAnswers};
+pub use connection::{ApiKey, Bearer, Client, ConnectOptions, InBetweenAnswers, KeyedChannel, channel};
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
 pub use live::{
@@ -54,3 +55,4 @@ pub use live::{
 };
 pub use pack::Pack;
 pub use problem::{Problem, ProblemKind, SessionError};
+pub use tls::{ClientCertificate, TlsOptions};

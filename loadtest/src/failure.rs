@@ -49,7 +49,10 @@ impl Failure {
     /// The same as a number.
     pub fn exit(&self) -> u8 {
         match self {
-            Self::Input(_) | Self::Client(ClientError::Address { .. } | ClientError::Request(_)) => 2,
+            Self::Input(_)
+            | Self::Client(
+                ClientError::Address { .. } | ClientError::Certificate { .. } | ClientError::Request(_),
+            ) => 2,
             Self::Unreachable(_)
             | Self::Client(ClientError::Unreachable { .. } | ClientError::TimedOut { .. }) => 3,
             Self::Client(ClientError::Refused(_) | ClientError::Session(_) | ClientError::StreamEnded(_)) => {

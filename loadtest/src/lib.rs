@@ -13,6 +13,7 @@
 //! as its users would (no coordinated omission). In a **closed loop** each client waits for its answer before it asks again,
 //! and latency counts from the sending.
 
+pub mod access;
 pub mod arrivals;
 pub mod cli;
 pub mod failure;

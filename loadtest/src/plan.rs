@@ -6,6 +6,7 @@ use std::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::access::Access;
 use crate::arrivals::{Process, Stages};
 
 /// A load test, whole.
@@ -30,6 +31,9 @@ pub struct Plan {
     /// Latencies are kept by tenths of a second too, to tell how soon a server recovers.
     #[serde(default)]
     pub fine: bool,
+    /// Key and certificates; no report has them.
+    #[serde(skip)]
+    pub access: Access,
 }
 
 /// What is asked of the server.

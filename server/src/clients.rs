@@ -3,13 +3,17 @@
 //! A client is a key; without keys, a connection. What it takes counts for the client, for the address of its connection, and for all
 //! together, and each has a limit.
 
-use std::collections::HashMap;
+mod identity;
+
+use std::collections::{HashMap, HashSet};
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
+
+pub use identity::{Identity, Quota, Role};
 
 const TRANSFER: Metric = Metric::new(
     "troupe_transfer_memory_bytes",
@@ -17,9 +21,11 @@ const TRANSFER: Metric = Metric::new(
 );
 const REFUSED: Metric = Metric::new(
     "troupe_client_refusals_total",
-    "What clients were refused because of a limit, by kind (memory, streams) and whose limit it was (client, key, address, all)",
+    "What clients were refused because of a limit, by kind (memory, streams, sessions) and whose limit it was (client, key, address, all)",
 );
 
+/// From so many accounts on those that nobody uses are forgotten.
+const MANY_ACCOUNTS: usize = 1024;
 /// Memory is counted in such pieces, bytes.
 const PIECE: usize = 1024;
 
@@ -95,18 +101,56 @@ impl Whose {
 struct Level {
     whose: Whose,
     share: Share,
+    quota: Quota,
     memory: Arc<Semaphore>,
     streams: Arc<Semaphore>,
+    sessions: Mutex<OwnSessions>,
+}
+
+/// Sessions that count for a quota.
+#[derive(Debug, Default)]
+struct OwnSessions {
+    ids: HashSet<String>,
+    /// Those that are being opened.
+    coming: usize,
 }
 
 impl Level {
     fn new(whose: Whose, share: Share) -> Arc<Self> {
+        Self::with_quota(whose, share, Quota::default())
+    }
+
+    fn with_quota(whose: Whose, usual: Share, quota: Quota) -> Arc<Self> {
+        let share = Share {
+            bytes: quota.bytes.unwrap_or(usual.bytes),
+            streams: quota.streams.unwrap_or(usual.streams),
+        };
         Arc::new(Self {
             whose,
             share,
+            quota,
+            sessions: Mutex::default(),
             memory: Arc::new(Semaphore::new((share.bytes / PIECE).min(Semaphore::MAX_PERMITS))),
             streams: Arc::new(Semaphore::new(share.streams.min(Semaphore::MAX_PERMITS))),
         })
+    }
+
+    fn sessions(&self) -> MutexGuard<'_, OwnSessions> {
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What is allowed, in errors: with the quota's name where it is one.
+    fn allowed(&self, allowed: String, quota: Option<usize>, name: &str) -> String {
+        match quota {
+            Some(_) => format!("{allowed} ({name} of the key)"),
+            None => allowed,
+        }
+    }
+
+    /// Whether it counts anything.
+    fn is_used(level: &Arc<Self>) -> bool {
+        let sessions = level.sessions();
+        Arc::strong_count(level) > 1 || sessions.coming > 0 || !sessions.ids.is_empty()
     }
 }
 
@@ -116,7 +160,7 @@ pub struct Clients {
     shares: Shares,
     all: Arc<Level>,
     by_address: Mutex<HashMap<IpAddr, Weak<Level>>>,
-    /// As many as there are keys.
+    /// By account: as many as there are keys, and subjects of tokens that have something.
     by_key: Mutex<HashMap<String, Arc<Level>>>,
     metrics: Arc<ClientMetrics>,
 }
@@ -128,6 +172,7 @@ struct ClientMetrics {
     /// By whose limit it was, as [`Whose::EACH`].
     memory_refused: [Counter; 4],
     streams_refused: [Counter; 4],
+    sessions_refused: Counter,
 }
 
 impl ClientMetrics {
@@ -142,6 +187,10 @@ impl ClientMetrics {
             transfer: telemetry.gauge(&TRANSFER, &Labels::default()),
             memory_refused: refused("memory"),
             streams_refused: refused("streams"),
+            sessions_refused: {
+                let labels = Labels::default().with("kind", "sessions");
+                telemetry.counter(&REFUSED, &labels.with("whose", Whose::Key.label()))
+            },
         }
     }
 }
@@ -178,17 +227,18 @@ impl Clients {
         })
     }
 
-    /// The client whose key has this name, on a connection of `connected`.
-    pub fn with_key(&self, name: &str, connected: &Client) -> Arc<Client> {
+    /// The client of an account, on a connection of `connected`. Where its quota is another than before, it counts anew.
+    pub fn with_key(&self, account: &str, quota: Quota, connected: &Client) -> Arc<Client> {
         let mut keys = self.by_key.lock().unwrap_or_else(PoisonError::into_inner);
-        let of_key = match keys.get(name) {
-            Some(level) => level.clone(),
-            None => {
-                let level = Level::new(Whose::Key, self.shares.client);
-                keys.insert(name.to_owned(), level.clone());
-                level
+        let known = keys.get(account).filter(|level| level.quota == quota).cloned();
+        let of_key = known.unwrap_or_else(|| {
+            if keys.len() >= MANY_ACCOUNTS {
+                keys.retain(|_, level| Level::is_used(level));
             }
-        };
+            let level = Level::with_quota(Whose::Key, self.shares.client, quota);
+            keys.insert(account.to_owned(), level.clone());
+            level
+        });
         let [_, of_address, all] = &connected.levels;
         Arc::new(Client {
             levels: [of_key, of_address.clone(), all.clone()],
@@ -233,7 +283,7 @@ impl Client {
     ///
     /// # Errors
     /// [`Exhausted`] at once where there is none.
-    pub fn stream(&self) -> Result<StreamPlace, Exhausted> {
+    pub fn stream(self: &Arc<Self>) -> Result<StreamPlace, Exhausted> {
         let mut permits = Vec::with_capacity(self.levels.len());
         for level in &self.levels {
             let permit = level.streams.clone().try_acquire_owned().map_err(|_| {
@@ -241,20 +291,86 @@ impl Client {
                 Exhausted {
                     what: "no room for another stream",
                     whose: level.whose,
-                    allowed: format!("{} streams", level.share.streams),
+                    allowed: level.allowed(
+                        format!("{} streams", level.share.streams),
+                        level.quota.streams,
+                        "max_streams",
+                    ),
                     never: level.share.streams == 0,
                 }
             })?;
             permits.push(permit);
         }
-        Ok(StreamPlace { _permits: permits })
+        Ok(StreamPlace {
+            _client: self.clone(),
+            _permits: permits,
+        })
+    }
+
+    /// Room for `count` more sessions, if the client has a quota of them. Those of its sessions that `is_open` does not know any
+    /// more count no longer.
+    ///
+    /// # Errors
+    /// [`Exhausted`] where there is no room for all of them.
+    pub fn sessions(
+        self: &Arc<Self>,
+        count: usize,
+        is_open: impl Fn(&str) -> bool,
+    ) -> Result<Option<SessionPlaces>, Exhausted> {
+        let [level, ..] = &self.levels;
+        let Some(most) = level.quota.sessions else {
+            return Ok(None);
+        };
+        let mut own = level.sessions();
+        if own.ids.len() + own.coming + count > most {
+            own.ids.retain(|id| is_open(id));
+        }
+        if own.ids.len() + own.coming + count > most {
+            self.metrics.sessions_refused.increment(1);
+            return Err(Exhausted {
+                what: "no room for as many sessions",
+                whose: level.whose,
+                allowed: level.allowed(format!("{most} sessions"), Some(most), "max_sessions"),
+                never: count > most,
+            });
+        }
+        own.coming += count;
+        drop(own);
+        Ok(Some(SessionPlaces {
+            client: self.clone(),
+            count,
+        }))
     }
 }
 
 /// A client's place for a stream.
 #[derive(Debug)]
 pub struct StreamPlace {
+    /// So that its account is not forgotten.
+    _client: Arc<Client>,
     _permits: Vec<OwnedSemaphorePermit>,
+}
+
+/// A client's room for sessions that are being opened.
+#[derive(Debug)]
+pub struct SessionPlaces {
+    client: Arc<Client>,
+    count: usize,
+}
+
+impl SessionPlaces {
+    /// The sessions are open, and count until they are not.
+    pub fn keep<'a>(self, ids: impl IntoIterator<Item = &'a str>) {
+        let [level, ..] = &self.client.levels;
+        level.sessions().ids.extend(ids.into_iter().map(str::to_owned));
+    }
+}
+
+impl Drop for SessionPlaces {
+    fn drop(&mut self) {
+        let [level, ..] = &self.client.levels;
+        level.sessions().coming -= self.count;
+    }
 }
 
 /// Memory that a client has for a request or an answer.
@@ -291,7 +407,11 @@ impl Memory {
                     return Err(Exhausted {
                         what: "no memory left for this request and its answer",
                         whose: level.whose,
-                        allowed: format!("{} bytes on their way", level.share.bytes),
+                        allowed: level.allowed(
+                            format!("{} bytes on their way", level.share.bytes),
+                            level.quota.bytes,
+                            "transfer_memory_mib",
+                        ),
                         never: self.bytes.saturating_add(more) > level.share.bytes,
                     });
                 }
@@ -318,85 +438,5 @@ impl Drop for Memory {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn clients() -> Clients {
-        let share = |bytes, streams| Share { bytes, streams };
-        let shares = Shares {
-            client: share(10 << 10, 2),
-            address: share(15 << 10, 3),
-            all: share(20 << 10, 4),
-        };
-        Clients::new(shares, &Telemetry::new().unwrap())
-    }
-
-    fn address(last: u8) -> IpAddr {
-        IpAddr::from([10, 0, 0, last])
-    }
-
-    #[test]
-    fn each_level_has_a_limit_and_gets_back_what_is_dropped() {
-        let clients = clients();
-        let (a, b, c) = (
-            clients.connected(address(1)),
-            clients.connected(address(1)),
-            clients.connected(address(2)),
-        );
-        let first = a.memory(8 << 10).unwrap();
-        let error = a.memory(4 << 10).unwrap_err();
-        assert!(
-            error.to_string().starts_with("this client has no memory"),
-            "{error}"
-        );
-        assert!(!error.never && a.memory(11 << 10).unwrap_err().never);
-        let second = b.memory(7 << 10).unwrap();
-        let error = b.memory(1 << 10).unwrap_err();
-        assert!(error.to_string().starts_with("this address"), "{error}");
-        let third = c.memory(5 << 10).unwrap();
-        let error = c.memory(1 << 10).unwrap_err();
-        assert!(error.to_string().starts_with("all clients together"), "{error}");
-        drop((first, second, third));
-        assert!(a.memory(10 << 10).is_ok());
-    }
-
-    #[test]
-    fn memory_grows_by_pieces_and_a_refusal_changes_nothing() {
-        let clients = clients();
-        let client = clients.connected(address(1));
-        let mut memory = client.memory(1).unwrap();
-        memory.grow(1023).unwrap();
-        memory.grow(9 << 10).unwrap();
-        memory.grow(1).unwrap_err();
-        assert_eq!(memory.bytes(), 10 << 10);
-        drop(memory);
-        assert!(client.memory(10 << 10).is_ok());
-    }
-
-    #[test]
-    fn a_key_has_one_share_on_all_its_connections() {
-        let clients = clients();
-        let connections: Vec<_> = (1..4).map(|last| clients.connected(address(last))).collect();
-        let one = clients.with_key("one", &connections[0]);
-        let again = clients.with_key("one", &connections[1]);
-        let other = clients.with_key("other", &connections[2]);
-        let _held = one.memory(6 << 10).unwrap();
-        let error = again.memory(6 << 10).unwrap_err();
-        assert!(error.to_string().starts_with("this key"), "{error}");
-        assert!(other.memory(6 << 10).is_ok());
-        // What the key has does not count for the connection beside it.
-        assert!(connections[0].memory(9 << 10).is_ok());
-    }
-
-    #[test]
-    fn streams_of_one_client_leave_room_for_others() {
-        let clients = clients();
-        let client = clients.connected(address(1));
-        let held: Vec<_> = (0..2).map(|_| client.stream().unwrap()).collect();
-        assert!(client.stream().is_err());
-        assert!(clients.connected(address(1)).stream().is_ok());
-        assert!(clients.connected(address(2)).stream().is_ok());
-        drop(held);
-        assert!(client.stream().is_ok());
-    }
-}
+#[path = "clients/tests.rs"]
+mod tests;

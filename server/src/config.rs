@@ -2,6 +2,7 @@
 
 mod check;
 mod cli;
+mod error;
 mod parts;
 mod worst_case;
 
@@ -14,6 +15,7 @@ use crate::api::{Host, Origin};
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
 pub use cli::{Cli, Command, DoctorArgs, HealthArgs, KeyCommand};
+pub use error::ConfigError;
 pub use worst_case::{Part, WorstCase};
 
 /// The file that is read where `--config` names none; it need not exist.
@@ -38,6 +40,24 @@ pub struct Config {
     #[config(env = "TROUPE_KEYS", layer_attr(arg(long, value_name = "FILE")))]
     pub keys: Option<PathBuf>,
 
+    /// Public keys of an identity provider (JWKS file). With it the provider's tokens (JWT) let callers in, beside keys. Signed by
+    /// RS256, ES256 or EdDSA, with the claims `exp`, `sub`, `role` and perhaps `tenant`. Read again when it changes.
+    #[config(env = "TROUPE_JWKS", layer_attr(arg(long, value_name = "FILE")))]
+    pub jwks: Option<PathBuf>,
+
+    /// Issuer that tokens must name (claim `iss`). Left out: any.
+    #[config(env = "TROUPE_JWT_ISSUER", layer_attr(arg(long, value_name = "TEXT")))]
+    pub jwt_issuer: Option<String>,
+
+    /// Audience that tokens must name (claim `aud`). Left out: tokens must name none.
+    #[config(env = "TROUPE_JWT_AUDIENCE", layer_attr(arg(long, value_name = "TEXT")))]
+    pub jwt_audience: Option<String>,
+
+    /// File for a key of the role metrics, for Prometheus. The server makes it where there is none, if it asks for keys. Its owner
+    /// and its group may read it.
+    #[config(env = "TROUPE_METRICS_KEY", layer_attr(arg(long, value_name = "FILE")))]
+    pub metrics_key: Option<PathBuf>,
+
     /// Whether the server makes itself a key for one run and prints it, if there is no file of keys and allow_anonymous is
     /// false.
     #[config(
@@ -55,6 +75,20 @@ pub struct Config {
         layer_attr(arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true"))
     )]
     pub allow_anonymous: bool,
+
+    /// Certificate of the server (PEM file), with those of the authorities between it and a root. With it and tls_key the port
+    /// speaks TLS only. Changed files are read again within seconds, without a restart.
+    #[config(env = "TROUPE_TLS_CERTIFICATE", layer_attr(arg(long, value_name = "FILE")))]
+    pub tls_certificate: Option<PathBuf>,
+
+    /// Private key of tls_certificate (PEM file).
+    #[config(env = "TROUPE_TLS_KEY", layer_attr(arg(long, value_name = "FILE")))]
+    pub tls_key: Option<PathBuf>,
+
+    /// Certificates of the authorities whose clients may connect (PEM file). With it every client must show a certificate of
+    /// one of them (mTLS), health checks too.
+    #[config(env = "TROUPE_TLS_CLIENT_CA", layer_attr(arg(long, value_name = "FILE")))]
+    pub tls_client_ca: Option<PathBuf>,
 
     /// Origins of web pages that may use the server, beside its own pages, such as https://app.example.com. In the environment
     /// and in flags separated by commas. Requests with another Origin header are refused.
@@ -429,28 +463,6 @@ pub enum LogFormat {
     Text,
     /// For machines.
     Json,
-}
-
-/// A configuration that cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ConfigError {
-    /// `--config` names a file that is not there.
-    #[error("there is no configuration file at {}", .0.display())]
-    MissingFile(PathBuf),
-    /// A value of the wrong form, or a file that does not parse.
-    #[error("{0:#}")]
-    Load(#[from] confique::Error),
-    /// A value out of its range.
-    #[error("{option} is {found}; allowed: {allowed}")]
-    Value {
-        /// The option.
-        option: &'static str,
-        /// Its value.
-        found: String,
-        /// What it may be.
-        allowed: String,
-    },
 }
 
 impl Config {

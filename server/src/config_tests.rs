@@ -128,8 +128,9 @@ fn the_health_check_takes_a_url_or_the_servers_own_address() {
     let url = |text: &str| parse(&["--url", text]).map(|args| args.url.unwrap().to_string());
     assert_eq!(url("http://h:1").unwrap(), "http://h:1/readyz");
     assert_eq!(url("http://h:1/").unwrap(), "http://h:1/readyz");
+    assert_eq!(url("https://h:1").unwrap(), "https://h:1/readyz");
     assert_eq!(url("http://h:1/healthz").unwrap(), "http://h:1/healthz");
-    for wrong in ["127.0.0.1:8080", "/readyz", "https://h:1", "http://"] {
+    for wrong in ["127.0.0.1:8080", "/readyz", "ftp://h:1", "http://"] {
         let error = url(wrong).unwrap_err().to_string();
         assert!(error.contains("allowed: http://HOST:PORT"), "{error}");
     }
@@ -229,6 +230,26 @@ fn mistakes_name_the_option() {
         error(&["--network-memory-mib", "1073741825"]),
         "network_memory_mib is 1073741825; allowed: 0 to 1073741824"
     );
+    for (flags, text) in [
+        (
+            ["--tls-certificate", "a"],
+            "tls_key is missing; allowed: a file, because tls_certificate is set",
+        ),
+        (
+            ["--jwt-audience", "a"],
+            "jwks is missing; allowed: a file, because jwt_audience is set",
+        ),
+        (
+            ["--tls-key", "a"],
+            "tls_certificate is missing; allowed: a file, because tls_key is set",
+        ),
+        (
+            ["--tls-client-ca", "a"],
+            "tls_certificate is missing; allowed: a file, because tls_client_ca is set",
+        ),
+    ] {
+        assert_eq!(error(&flags), text);
+    }
     assert!(error(&["--max-queued-characters", "10"]).contains("max_characters_per_request (256) or more"));
     assert!(error(&["--config", "/nowhere/troupe.toml"]).contains("/nowhere/troupe.toml"));
     let file = File::new("mistake", "max_bach = 8\n");

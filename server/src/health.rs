@@ -1,14 +1,19 @@
 //! The health check of the command line: asks a running server whether it is ready. An image needs no HTTP client for its
 //! health check then.
 
+mod tls;
+
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
 use bytes::Bytes;
 use http::{StatusCode, Uri};
 use http_body_util::{BodyExt as _, Empty, Limited};
+use hyper_rustls::HttpsConnectorBuilder;
 use hyper_util::client::legacy::Client;
 use hyper_util::rt::TokioExecutor;
+
+pub use tls::{HealthTls, HealthTlsError};
 
 /// The page that is asked where a URL names none.
 pub(crate) const READY: &str = "/readyz";
@@ -25,6 +30,9 @@ pub enum HealthError {
     /// The answer came too late.
     #[error("no answer within {} ms", .0.as_millis())]
     Timeout(Duration),
+    /// Certificates cannot be used.
+    #[error(transparent)]
+    Tls(#[from] HealthTlsError),
     /// The server answered, but not with success.
     #[error("status {status}: {body}")]
     Status {
@@ -40,7 +48,7 @@ pub enum HealthError {
 ///
 /// # Errors
 /// Never for an address with a port; the library cannot know that.
-pub fn ready_url(listen: SocketAddr) -> Result<Uri, http::Error> {
+pub fn ready_url(listen: SocketAddr, tls: bool) -> Result<Uri, http::Error> {
     let ip = match listen.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
         IpAddr::V6(ip) if ip.is_unspecified() => IpAddr::V6(Ipv6Addr::LOCALHOST),
@@ -48,7 +56,7 @@ pub fn ready_url(listen: SocketAddr) -> Result<Uri, http::Error> {
     };
     let address = SocketAddr::new(ip, listen.port());
     Uri::builder()
-        .scheme("http")
+        .scheme(if tls { "https" } else { "http" })
         .authority(address.to_string())
         .path_and_query(READY)
         .build()
@@ -58,8 +66,13 @@ pub fn ready_url(listen: SocketAddr) -> Result<Uri, http::Error> {
 ///
 /// # Errors
 /// [`HealthError`] where there is no answer, or another one.
-pub async fn check(url: &Uri, timeout: Duration) -> Result<(), HealthError> {
-    let client = Client::builder(TokioExecutor::new()).build_http::<Empty<Bytes>>();
+pub async fn check(url: &Uri, tls: &HealthTls, timeout: Duration) -> Result<(), HealthError> {
+    let connector = HttpsConnectorBuilder::new()
+        .with_tls_config(tls.config(url.scheme_str() == Some("https"))?)
+        .https_or_http()
+        .enable_http1()
+        .build();
+    let client = Client::builder(TokioExecutor::new()).build::<_, Empty<Bytes>>(connector);
     let ask = async {
         let response = client.get(url.clone()).await?;
         let status = response.status();
@@ -88,16 +101,19 @@ mod tests {
             ("[::]:8080", "http://[::1]:8080/readyz"),
             ("192.0.2.7:80", "http://192.0.2.7:80/readyz"),
         ] {
-            assert_eq!(ready_url(listen.parse().unwrap()).unwrap().to_string(), url);
+            assert_eq!(
+                ready_url(listen.parse().unwrap(), false).unwrap().to_string(),
+                url
+            );
         }
     }
 
     #[tokio::test]
     async fn a_server_that_says_nothing_is_given_up() {
         let silent = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-        let url = ready_url(silent.local_addr().unwrap()).unwrap();
+        let url = ready_url(silent.local_addr().unwrap(), false).unwrap();
         let timeout = Duration::from_millis(50);
-        let error = check(&url, timeout).await.unwrap_err();
+        let error = check(&url, &HealthTls::default(), timeout).await.unwrap_err();
         assert_eq!(error.to_string(), "no answer within 50 ms");
     }
 }

@@ -80,15 +80,19 @@ fn new_key(name: &str, role: Role) -> anyhow::Result<ExitCode> {
 
 /// Fails where the server does not answer, or says that it is not ready.
 fn check_health(args: &HealthArgs) -> anyhow::Result<ExitCode> {
-    let url = match &args.url {
-        Some(url) => url.clone(),
-        None => health::ready_url(Config::load_for_health(args)?.listen)?,
+    let (url, tls) = match &args.url {
+        Some(url) => (url.clone(), args.tls(None)),
+        None => {
+            let config = Config::load_for_health(args)?;
+            let url = health::ready_url(config.listen, config.tls_certificate.is_some())?;
+            (url, args.tls(config.tls_certificate))
+        }
     };
     tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .context("cannot start the asynchronous runtime")?
-        .block_on(health::check(&url, args.timeout()))
+        .block_on(health::check(&url, &tls, args.timeout()))
         .with_context(|| url.to_string())?;
     say(&format!("{url}: ok\n"))?;
     Ok(ExitCode::SUCCESS)
@@ -157,7 +161,10 @@ async fn serve_until_stopped(config: Config) -> anyhow::Result<ExitCode> {
     if let Err(error) = say(&greeting(&server)) {
         tracing::warn!("{error:#}");
     }
-    signals.next().await;
+    tokio::select! {
+        () = signals.next() => {}
+        () = reload_at_hangup(&server) => {}
+    }
     tracing::info!("stopping: requests in flight may finish; a second signal ends the server at once");
     tokio::select! {
         clean = server.shut_down() => Ok(match clean {
@@ -171,8 +178,27 @@ async fn serve_until_stopped(config: Config) -> anyhow::Result<ExitCode> {
     }
 }
 
+/// Reads files again at each SIGHUP. Without such files the signal ends the process, as it does where a terminal is closed.
+#[cfg_attr(not(unix), allow(unused_variables, reason = "there is no such signal"))]
+async fn reload_at_hangup(server: &ServerHandle) {
+    #[cfg(unix)]
+    if server.reloads() {
+        use tokio::signal::unix::{SignalKind, signal};
+        match signal(SignalKind::hangup()) {
+            Ok(mut hangups) => {
+                while hangups.recv().await.is_some() {
+                    server.reload();
+                }
+            }
+            Err(error) => tracing::warn!(%error, "cannot listen for SIGHUP"),
+        }
+    }
+    std::future::pending().await
+}
+
 fn greeting(server: &ServerHandle) -> String {
     let address = server.address();
+    let scheme = if server.speaks_tls() { "https" } else { "http" };
     let packs = server
         .service()
         .list_packs()
@@ -206,19 +232,19 @@ fn greeting(server: &ServerHandle) -> String {
     };
     // Where the client looks by itself.
     let server = match (address.ip().is_loopback(), address.port()) {
-        (true, 8080) => String::new(),
-        _ => format!(" --server http://{address}"),
+        (true, 8080) if scheme == "http" => String::new(),
+        _ => format!(" --server {scheme}://{address}"),
     };
     format!(
-        "Troupe serves gRPC and HTTP on http://{address}\n\
+        "Troupe serves gRPC and HTTP on {scheme}://{address}\n\
          {packs}\
          Try next:\n\
          {key}  \
-           curl http://{address}/v1/packs{bearer}\n  \
+           curl {scheme}://{address}/v1/packs{bearer}\n  \
            {troupe}{server} drive\n  \
            {troupe}{server} inbetween {clip}\n  \
-           http://{address}/docs/ in a browser, for the HTTP interface\n  \
-           http://{address}/metrics, for Prometheus\n"
+           {scheme}://{address}/docs/ in a browser, for the HTTP interface\n  \
+           {scheme}://{address}/metrics, for Prometheus\n"
     )
 }
 

@@ -3,9 +3,12 @@
 mod access;
 mod activity;
 mod connections;
+mod error;
 mod files;
 mod keeping;
 mod places;
+mod reload;
+mod tls;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -13,30 +16,34 @@ use std::time::{Duration, Instant};
 
 use futures_util::future::join_all;
 use tokio::net::TcpListener;
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 use tokio::task::JoinHandle;
 use tonic_health::server::HealthReporter;
 use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
 
-use crate::api::{self, KeysError};
+use crate::api;
 use crate::batch::scheduler::Limits;
 use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
 use crate::clients::Clients;
 use crate::config::Config;
 use crate::packs::{LoadedPack, PackTable};
-use crate::records::RecordsError;
 use crate::service::Service;
 use crate::session::{Sessions, TimeSource};
 use crate::telemetry::Telemetry;
-use crate::world::{LoadError, Store};
+use crate::world::Store;
 use access::Access;
 use keeping::Keeping;
 use places::Places;
-use troupe_character::style::{StyleError, StyleTable};
+use reload::Source;
+use tls::{Tls, TlsFiles};
+use troupe_character::style::StyleTable;
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
 use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
 use troupe_engine::{Decision, EngineError, MotionBricks, Pipeline, Stages};
+
+pub use error::StartError;
+pub use tls::TlsError;
 
 /// The pack that is the default where nothing else is said.
 const USUAL_DEFAULT: &str = "human";
@@ -81,69 +88,6 @@ impl PackSource {
             decision,
         }
     }
-}
-
-/// Why a server did not start.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum StartError {
-    /// A pack that cannot be used.
-    #[error(transparent)]
-    Pack(#[from] PackError),
-    /// Two packs of one name, or a default that is not loaded.
-    #[error("{0}")]
-    Packs(String),
-    /// A style that cannot be used.
-    #[error(transparent)]
-    Style(#[from] StyleError),
-    /// A scene or an object definition that cannot be used.
-    #[error(transparent)]
-    World(#[from] LoadError),
-    /// The library of the engines does not load.
-    #[error(transparent)]
-    Library(EngineError),
-    /// An engine that does not start.
-    #[error("pack {pack}: {error}")]
-    Engine {
-        /// The pack's name.
-        pack: String,
-        /// What went wrong.
-        error: EngineError,
-    },
-    /// A file of keys that cannot be used.
-    #[error(transparent)]
-    Keys(#[from] KeysError),
-    /// A server that strangers could use.
-    #[error(
-        "listen is {0}, which other machines may reach, and there are no keys; allowed: a loopback address, or one of the \
-         options keys, one_time_key and allow_anonymous"
-    )]
-    Anonymous(SocketAddr),
-    /// More connections than the system gives files for.
-    #[error(
-        "max_connections is {asked}, and the limit of open files (ulimit -n) is {files}; allowed: 0 to {room}, or more with a \
-         higher limit"
-    )]
-    Files {
-        /// Connections that are asked for.
-        asked: usize,
-        /// The limit of open files.
-        files: u64,
-        /// Connections that fit into it.
-        room: usize,
-    },
-    /// The state of sessions cannot be kept, and was asked to be.
-    #[error(transparent)]
-    Records(#[from] RecordsError),
-    /// The server may take more memory than it is allowed to.
-    #[error("{0}")]
-    Memory(String),
-    /// The port cannot be used.
-    #[error("cannot listen: {0}")]
-    Listen(std::io::Error),
-    /// A part of the server that does not come up; a bug.
-    #[error("internal: {0}")]
-    Internal(String),
 }
 
 /// Most connections of a server: those that `config` asks for, or as many as the system's limit of open files leaves room for. Raises
@@ -233,7 +177,16 @@ pub async fn serve_packs_at(
 ) -> Result<ServerHandle, StartError> {
     let internal = |error: &dyn std::fmt::Display| StartError::Internal(error.to_string());
     let address = listener.local_addr().map_err(StartError::Listen)?;
-    let access = Access::new(&config, address)?;
+    let mut access = Access::new(&config, address)?;
+    let mut sources = std::mem::take(&mut access.sources);
+    let tls = match TlsFiles::of(&config) {
+        None => None,
+        Some(files) => {
+            let (tls, source) = tls(files)?;
+            sources.push(source);
+            Some(tls)
+        }
+    };
     let telemetry = Telemetry::new().map_err(|error| internal(&error))?;
     let sessions =
         Sessions::new(config.session_limits(), time, &telemetry).map_err(|error| internal(&error))?;
@@ -252,17 +205,27 @@ pub async fn serve_packs_at(
         &clients,
         &config.api_limits(),
         config.guard(address),
-        access.keys.clone(),
+        access.credentials.clone(),
     )
     .map_err(|error| internal(&error))?;
 
     let max_connections = max_connections(&config)?;
     let places = Places::new(max_connections, config.max_connections_per_address, &telemetry);
     let (stop, stopping) = watch::channel(false);
-    let accepting = connections::accept(listener, router, clients, config.clone(), places, stopping);
+    let accepting = connections::accept(
+        listener,
+        router,
+        clients,
+        tls.clone(),
+        config.clone(),
+        places,
+        stopping,
+    );
     let connections = tokio::spawn(accepting);
     let (drain_delay, drain_timeout) = (config.drain_delay(), config.drain_timeout());
     let upkeep = tokio::spawn(upkeep(service.clone()));
+    let reload = Arc::new(Notify::new());
+    let (reloads, reloading) = (!sources.is_empty(), reload::watch(sources, reload.clone()));
     let starting = tokio::spawn(start(
         config,
         max_connections,
@@ -279,10 +242,26 @@ pub async fn serve_packs_at(
         keeping: None,
         connections,
         upkeep,
+        reloading: tokio::spawn(reloading),
+        reload,
+        reloads,
+        secure: tls.is_some(),
         access,
         drain_delay,
         drain_timeout,
     })
+}
+
+/// The TLS of `files`, and how it is read again.
+fn tls(files: TlsFiles) -> Result<(Arc<Tls>, Source), TlsError> {
+    let paths = files.paths();
+    let seen = reload::fingerprint(&paths);
+    let tls = Arc::new(Tls::load(files)?);
+    let again = tls.clone();
+    Ok((
+        tls,
+        Source::new("TLS certificates", paths, seen, move || again.reload()),
+    ))
 }
 
 /// What must be done every now and then.
@@ -426,6 +405,10 @@ pub struct ServerHandle {
     keeping: Option<Keeping>,
     connections: JoinHandle<bool>,
     upkeep: JoinHandle<()>,
+    reloading: JoinHandle<()>,
+    reload: Arc<Notify>,
+    reloads: bool,
+    secure: bool,
     access: Access,
     drain_delay: Duration,
     drain_timeout: Duration,
@@ -439,7 +422,22 @@ impl ServerHandle {
 
     /// Whether calls need a key.
     pub fn asks_for_keys(&self) -> bool {
-        self.access.keys.is_some()
+        self.access.credentials.is_some()
+    }
+
+    /// Whether the port speaks TLS.
+    pub fn speaks_tls(&self) -> bool {
+        self.secure
+    }
+
+    /// Whether there are files that the server reads again when they change.
+    pub fn reloads(&self) -> bool {
+        self.reloads
+    }
+
+    /// Reads certificates and keys again now. What goes wrong is in the log.
+    pub fn reload(&self) {
+        self.reload.notify_one();
     }
 
     /// The key that the server made for this run.
@@ -501,6 +499,7 @@ impl ServerHandle {
             }
         };
         self.upkeep.abort();
+        self.reloading.abort();
         // Connections that became WebSockets are no longer among those above.
         let streams = tokio::time::timeout_at(deadline, self.service.sessions().streams_ended());
         let ended = streams.await.is_ok();

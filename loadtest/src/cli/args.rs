@@ -6,6 +6,9 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use troupe_client::ApiKey;
+
+use crate::access::Access;
 use crate::arrivals::Stages;
 
 /// Put load on a Troupe server and measure how it bears it.
@@ -219,6 +222,8 @@ pub(super) struct Common {
     /// Address of the server; of --workload http the whole address of the post.
     #[arg(long, visible_alias = "url", env = "TROUPE_SERVER", default_value = "http://127.0.0.1:8080", value_name = "URL", help_heading = SERVER)]
     pub(super) server: String,
+    #[command(flatten)]
+    pub(super) access: AccessArgs,
     /// What is asked of it.
     #[arg(long, value_enum, default_value_t = WorkloadArg::Inbetween, value_name = "WORKLOAD", help_heading = SERVER)]
     pub(super) workload: WorkloadArg,
@@ -234,6 +239,33 @@ pub(super) struct Common {
     /// All random choices follow from it.
     #[arg(long, default_value_t = 0, value_name = "NUMBER", help_heading = SERVER)]
     pub(super) seed: u64,
+}
+
+/// What lets the load tester in.
+#[derive(Debug, Clone, Args)]
+pub(super) struct AccessArgs {
+    /// API key, where the server asks for one. With one of the role admin the server's metrics are in the report.
+    #[arg(long, env = "TROUPE_KEY", hide_env_values = true, value_name = "KEY", help_heading = SERVER)]
+    key: Option<ApiKey>,
+    /// Certificates of the authorities to trust with an https:// address (PEM file). Left out: those of the system.
+    #[arg(long, env = "TROUPE_CA", value_name = "FILE", help_heading = SERVER)]
+    ca: Option<PathBuf>,
+    /// Certificate to show to a server that asks for one (PEM file).
+    #[arg(long, env = "TROUPE_CLIENT_CERTIFICATE", requires = "client_key", value_name = "FILE", help_heading = SERVER)]
+    client_certificate: Option<PathBuf>,
+    /// Private key of that certificate (PEM file).
+    #[arg(long, env = "TROUPE_CLIENT_KEY", requires = "client_certificate", value_name = "FILE", help_heading = SERVER)]
+    client_key: Option<PathBuf>,
+}
+
+impl From<AccessArgs> for Access {
+    fn from(args: AccessArgs) -> Self {
+        Self {
+            key: args.key.map(|key| key.as_str().to_owned()),
+            ca: args.ca,
+            client: args.client_certificate.zip(args.client_key),
+        }
+    }
 }
 
 #[derive(Debug, Args)]

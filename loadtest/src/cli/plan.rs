@@ -250,6 +250,7 @@ fn plan(common: &Common, warmup_s: f64, measured_s: f64, workload: Workload) -> 
         timeout_s: common.timeout.0.as_secs_f64(),
         processes: common.processes,
         fine: false,
+        access: common.access.clone().into(),
     }
 }
 

@@ -10,7 +10,7 @@ use crate::plan::{Load, Plan, Workload};
 fn help(command: &[&str]) -> String {
     let mut root = Arguments::command().term_width(100);
     for name in ["run", "search", "overload"] {
-        root = root.mut_subcommand(name, |c| c.mut_arg("server", |arg| arg.hide_env_values(true)));
+        root = root.mut_subcommand(name, |c| c.mut_args(|arg| arg.hide_env_values(true)));
     }
     root.build();
     let found = command

@@ -38,6 +38,7 @@ pub(crate) fn plan() -> Plan {
         timeout_s: 10.0,
         processes: 1,
         fine: false,
+        access: Default::default(),
     }
 }
 

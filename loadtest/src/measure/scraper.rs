@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use bytes::Bytes;
+use http::{HeaderValue, Request, header};
 use http_body_util::{BodyExt as _, Empty, Limited};
+use hyper_rustls::HttpsConnector;
 use hyper_util::client::legacy::Client;
 use hyper_util::client::legacy::connect::HttpConnector;
 use hyper_util::rt::TokioExecutor;
@@ -11,6 +13,7 @@ use tokio::time::Instant;
 
 use super::prometheus::Metrics;
 use super::recorder::Clock;
+use crate::access::Access;
 
 /// Longest wait for one scrape.
 const TIMEOUT: Duration = Duration::from_secs(5);
@@ -21,7 +24,8 @@ const MOST_BYTES: usize = 16 << 20;
 #[derive(Debug, Clone)]
 pub struct Scraper {
     uri: http::Uri,
-    client: Client<HttpConnector, Empty<Bytes>>,
+    client: Client<HttpsConnector<HttpConnector>, Empty<Bytes>>,
+    bearer: Option<HeaderValue>,
 }
 
 /// The metrics at a moment.
@@ -53,12 +57,14 @@ impl Scrapes {
 }
 
 impl Scraper {
-    /// Scrapes a server such as `http://127.0.0.1:8080`, at `/metrics`. None where it has no metrics.
-    pub async fn find(server: &str) -> Option<Self> {
+    /// Scrapes a server such as `http://127.0.0.1:8080`, at `/metrics`. None where it has no metrics, or none for this
+    /// key.
+    pub async fn find(server: &str, access: &Access) -> Option<Self> {
         let uri: http::Uri = format!("{}/metrics", server.trim_end_matches('/')).parse().ok()?;
         let scraper = Self {
             uri,
-            client: Client::builder(TokioExecutor::new()).build_http(),
+            client: Client::builder(TokioExecutor::new()).build(access.connector(HttpConnector::new()).ok()?),
+            bearer: access.bearer().ok()?,
         };
         let metrics = scraper.scrape().await?;
         metrics.sum("process_resident_memory_bytes", &[]).map(|_| scraper)
@@ -67,7 +73,13 @@ impl Scraper {
     /// The metrics now. None where the server does not give them in time.
     pub async fn scrape(&self) -> Option<Metrics> {
         let get = async {
-            let answer = self.client.get(self.uri.clone()).await.ok()?;
+            let mut request = Request::get(self.uri.clone()).body(Empty::new()).ok()?;
+            if let Some(bearer) = &self.bearer {
+                request
+                    .headers_mut()
+                    .insert(header::AUTHORIZATION, bearer.clone());
+            }
+            let answer = self.client.request(request).await.ok()?;
             if !answer.status().is_success() {
                 return None;
             }

@@ -19,7 +19,7 @@ use crate::workloads::prepare;
 /// See [`Failure`]. What goes wrong with single requests is in the report and no failure.
 pub async fn once(plan: &Plan, progress: &Progress) -> Result<Run, Failure> {
     let scraper = match plan.metrics_address() {
-        Some(address) => Scraper::find(address).await,
+        Some(address) => Scraper::find(address, &plan.access).await,
         None => None,
     };
     let before = match &scraper {

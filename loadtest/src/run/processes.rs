@@ -16,6 +16,7 @@ use tokio::time::Instant;
 
 use super::process::{clock, finish, own_use};
 use super::progress::Progress;
+use crate::access::Access;
 use crate::failure::Failure;
 use crate::measure::{Harvest, Pulse, Recorder};
 use crate::plan::{Plan, Share};
@@ -29,7 +30,12 @@ pub const WORKER: &str = "worker";
 #[serde(rename_all = "snake_case")]
 enum Order {
     /// Get ready.
-    Prepare { plan: Box<Plan>, share: Share },
+    Prepare {
+        plan: Box<Plan>,
+        /// The plan's, which it does not carry along itself.
+        access: Access,
+        share: Share,
+    },
     /// Begin at a moment, microseconds since 1970.
     Begin { at_us: u64 },
 }
@@ -148,8 +154,12 @@ impl Workers {
                 nth,
                 of: plan.processes,
             };
-            let plan = Box::new(plan.clone());
-            worker.tell(&Order::Prepare { plan, share }).await?;
+            let order = Order::Prepare {
+                plan: Box::new(plan.clone()),
+                access: plan.access.clone(),
+                share,
+            };
+            worker.tell(&order).await?;
             workers.push(worker);
         }
         for worker in &mut workers {
@@ -246,9 +256,15 @@ async fn labour(
     orders: &mut Lines<BufReader<tokio::io::Stdin>>,
     out: &mut tokio::io::Stdout,
 ) -> Result<Harvest, Failure> {
-    let Order::Prepare { plan, share } = hear(orders).await? else {
+    let Order::Prepare {
+        mut plan,
+        access,
+        share,
+    } = hear(orders).await?
+    else {
         return Err(broken("it was to begin before it was prepared"));
     };
+    plan.access = access;
     let prepared = prepare(&plan, share).await?;
     say(out, &Word::Ready).await?;
     let Order::Begin { at_us } = hear(orders).await? else {

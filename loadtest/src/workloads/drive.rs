@@ -9,7 +9,7 @@ use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Streaming;
-use tonic::transport::Channel;
+use troupe_client::KeyedChannel;
 use troupe_proto::v1;
 use v1::drive_request::Message as Ask;
 use v1::drive_response::Message as Told;
@@ -99,7 +99,7 @@ impl Stream {
         }
     }
 
-    async fn run(mut self, channel: Channel) {
+    async fn run(mut self, channel: KeyedChannel) {
         if let Err(status) = self.follow(channel).await {
             self.recorder.fault("STREAM_LOST", status.message());
             let lost = self.walkers.len() as u64;
@@ -107,7 +107,7 @@ impl Stream {
         }
     }
 
-    async fn follow(&mut self, channel: Channel) -> Result<(), tonic::Status> {
+    async fn follow(&mut self, channel: KeyedChannel) -> Result<(), tonic::Status> {
         let (asks, queue) = mpsc::channel(QUEUE);
         let session_ids = self.walkers.iter().map(|w| w.id.clone()).collect();
         // The queue is empty, so it has room.

@@ -1,6 +1,6 @@
 //! Live characters in groups, each with a connection.
 
-use tonic::transport::Channel;
+use troupe_client::KeyedChannel;
 
 use super::connect::channels;
 use super::sessions::{Opened, open_walkers};
@@ -14,7 +14,7 @@ use crate::plan::{Live, Plan, Share};
 pub(super) struct Groups {
     pub(super) opened: Opened,
     pub(super) joints: usize,
-    pub(super) groups: Vec<(Channel, Vec<Walker>)>,
+    pub(super) groups: Vec<(KeyedChannel, Vec<Walker>)>,
 }
 
 impl Groups {

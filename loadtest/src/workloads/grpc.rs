@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use http::uri::PathAndQuery;
-use tonic::transport::Channel;
 use tonic::{Code, Request, Status};
+use troupe_client::KeyedChannel;
 
 use super::answer::{Form, check, read, wrong};
 use super::codec::Raw;
@@ -22,7 +22,7 @@ const IN_BETWEEN: PathAndQuery = PathAndQuery::from_static("/troupe.v1.Motion/In
 /// Requests over a few connections.
 #[derive(Debug)]
 pub struct Grpc {
-    channels: Vec<Channel>,
+    channels: Vec<KeyedChannel>,
     set: RequestSet,
     timeout: Duration,
     answers: AtomicU64,

@@ -91,7 +91,7 @@ pub(super) async fn load(plan: &Plan, protocol: &Protocol, of: &Requests) -> Res
             ));
         }
         None => {
-            let client = Client::connect(&plan.server).await?;
+            let client = Client::connect_with(&plan.server, plan.access.options()).await?;
             let pack = client.pack(&of.pack).await?;
             let clip = read_clip(of.clip.as_deref(), &pack)?;
             made(&clip, &pack, of, plan.seed)?

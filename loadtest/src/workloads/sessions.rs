@@ -28,7 +28,7 @@ pub(super) struct Opened {
 pub(super) async fn client(plan: &Plan) -> Result<Client, Failure> {
     let options = ConnectOptions {
         request_timeout: plan.timeout(),
-        ..ConnectOptions::default()
+        ..plan.access.options()
     };
     Ok(Client::connect_with(&plan.server, options).await?)
 }

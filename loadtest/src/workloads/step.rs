@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep_until};
-use tonic::transport::Channel;
+use troupe_client::KeyedChannel;
 use troupe_proto::v1;
 use v1::sessions_client::SessionsClient;
 
@@ -85,7 +85,7 @@ struct Group {
 }
 
 impl Group {
-    async fn run(mut self, channel: Channel) {
+    async fn run(mut self, channel: KeyedChannel) {
         let mut rpc = SessionsClient::new(channel).max_decoding_message_size(MOST_ANSWER_BYTES);
         let (start, end) = (self.recorder.clock().start(), self.recorder.clock().end());
         let mut due = start + self.phase;

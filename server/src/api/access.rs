@@ -2,19 +2,22 @@
 
 use std::sync::Arc;
 
-use axum::Router;
 use axum::extract::{Request, State};
 use axum::middleware::{self, Next};
 use axum::response::Response;
+use axum::{Extension, Router};
 use http::{HeaderMap, Method, header};
 
+use super::credentials::{Admitted, Credentials};
 use super::error::ApiError;
-use super::keys::{Keys, Role};
 use super::reserve::GRPC_HEALTH;
-use crate::clients::{Client, Clients};
+use crate::clients::{Client, Clients, Role};
 
 /// Paths that need no key: health, and the documentation, which says the same of every server.
 const OPEN: [&str; 5] = ["/", "/healthz", "/readyz", "/openapi.json", "/docs"];
+/// The one path that a ticket opens, and the parameter that it comes in.
+const STREAM: &str = "/v1/drive";
+const TICKET: &str = "ticket=";
 /// How the names of procedures begin that write styles, scenes and definitions.
 const WRITES: [&str; 5] = ["Put", "Delete", "Add", "Move", "Remove"];
 /// The same over HTTP, where it is neither PUT nor DELETE.
@@ -26,7 +29,7 @@ fn needed(method: &Method, path: &str) -> Option<Role> {
         return None;
     }
     if path == "/metrics" {
-        return Some(Role::Admin);
+        return Some(Role::Metrics);
     }
     let writes = match path.starts_with("/troupe.v1.") {
         true => {
@@ -55,51 +58,81 @@ fn key(headers: &HeaderMap) -> Option<&str> {
     scheme.eq_ignore_ascii_case("bearer").then(|| key.trim())
 }
 
+/// The ticket of a request for a stream.
+fn ticket(request: &Request) -> Option<&str> {
+    let uri = request.uri();
+    let parameters = uri.query().filter(|_| uri.path() == STREAM)?;
+    parameters
+        .split('&')
+        .find_map(|parameter| parameter.strip_prefix(TICKET))
+}
+
 /// Who may come in, and what they share.
 #[derive(Clone)]
 struct Access {
-    keys: Arc<Keys>,
+    credentials: Arc<Credentials>,
     clients: Arc<Clients>,
 }
 
 /// Checks the keys of all calls. From here on the client of a call is its key, not its connection.
-pub(super) fn locked(router: Router, keys: Arc<Keys>, clients: Arc<Clients>) -> Router {
-    router.layer(middleware::from_fn_with_state(Access { keys, clients }, check))
+pub(super) fn locked(router: Router, credentials: Arc<Credentials>, clients: Arc<Clients>) -> Router {
+    let access = Access {
+        credentials: credentials.clone(),
+        clients,
+    };
+    router
+        .layer(Extension(credentials))
+        .layer(middleware::from_fn_with_state(access, check))
 }
 
 async fn check(State(access): State<Access>, mut request: Request, next: Next) -> Response {
-    match allowed(&access.keys, &request) {
+    match allowed(&access.credentials, &request) {
         Ok(None) => {}
-        Ok(Some(name)) => {
-            let connected = request.extensions().get::<Arc<Client>>().cloned();
+        Ok(Some(admitted)) => {
+            let extensions = request.extensions_mut();
+            let connected = extensions.get::<Arc<Client>>().cloned();
             let connected = connected.unwrap_or_else(|| access.clients.within());
-            let client = access.clients.with_key(name, &connected);
-            request.extensions_mut().insert(client);
+            extensions.insert(
+                access
+                    .clients
+                    .with_key(&admitted.account, admitted.quota, &connected),
+            );
+            extensions.insert(admitted.identity.clone());
+            extensions.insert(admitted);
         }
         Err(error) => return error.in_kind(request.headers()),
     }
     next.run(request).await
 }
 
-/// The name of the key that allows a call; none where it needs no key.
-fn allowed<'a>(keys: &'a Keys, request: &Request) -> Result<Option<&'a str>, ApiError> {
+/// Who it is whose call is allowed; none where it needs no key.
+fn allowed(credentials: &Credentials, request: &Request) -> Result<Option<Admitted>, ApiError> {
     let path = request.uri().path();
     let Some(needed) = needed(request.method(), path) else {
         return Ok(None);
     };
-    let key = key(request.headers()).ok_or(ApiError::NoKey)?;
-    let (name, role) = keys.find(key).ok_or(ApiError::UnknownKey)?;
-    if role < needed {
-        tracing::debug!(key = name, path, "a key's role does not allow a call");
+    let admitted = match (key(request.headers()), ticket(request)) {
+        (Some(key), _) => credentials.admit(key)?,
+        (None, Some(ticket)) => credentials
+            .tickets()
+            .redeem(ticket)
+            .ok_or(ApiError::UnknownTicket)?,
+        (None, None) => return Err(ApiError::NoKey),
+    };
+    let role = admitted.identity.role;
+    if !role.may(needed) {
+        tracing::debug!(key = %admitted.identity.name, path, "a key's role does not allow a call");
         return Err(ApiError::RoleTooLow { role, needed });
     }
-    Ok(Some(name))
+    Ok(Some(admitted))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::api::document;
+    use crate::api::{Keys, document};
+    use crate::clients::{Identity, Share, Shares};
+    use crate::telemetry::Telemetry;
     use troupe_proto::rpc::RPCS;
 
     /// The procedures that only authors may call. All others are for everybody with a key.
@@ -141,7 +174,7 @@ mod tests {
                 };
                 let expected = match path.as_str() {
                     "/healthz" | "/readyz" => None,
-                    "/metrics" => Some(Role::Admin),
+                    "/metrics" => Some(Role::Metrics),
                     _ => role(&id),
                 };
                 assert_eq!(needed(&method, &path), expected, "{method} {path}");
@@ -152,6 +185,54 @@ mod tests {
         assert_eq!(needed(&Method::GET, "/v1/nowhere"), Some(Role::Drive));
         assert_eq!(needed(&Method::PATCH, "/v1/scenes/a"), Some(Role::Author));
         assert_eq!(needed(&Method::GET, "/docsx"), Some(Role::Drive));
+    }
+
+    #[tokio::test]
+    async fn a_call_carries_who_calls() {
+        let entry = super::super::keys::entry("game", Role::Drive, "secret") + "tenant = \"a\"\n";
+        let credentials = Credentials::new(Keys::read(&entry).unwrap(), Keys::default(), None);
+        let share = Share {
+            bytes: 1024,
+            streams: 1,
+        };
+        let shares = Shares {
+            client: share,
+            address: share,
+            all: share,
+        };
+        let clients = Clients::new(shares, &Telemetry::new().unwrap());
+        let who = |identity: Extension<Identity>| async move { format!("{:?}", identity.0) };
+        let router = Router::new().route("/v1/who", axum::routing::get(who));
+        let mut router = locked(router, Arc::new(credentials), Arc::new(clients));
+        let request = Request::builder()
+            .uri("/v1/who")
+            .header(header::AUTHORIZATION, "Bearer secret")
+            .body(axum::body::Body::empty())
+            .unwrap();
+        let response = tower::Service::call(&mut router, request).await.unwrap();
+        let text = axum::body::to_bytes(response.into_body(), 1000).await.unwrap();
+        let expected = Identity {
+            name: "game".into(),
+            role: Role::Drive,
+            tenant: Some("a".into()),
+        };
+        assert_eq!(text, format!("{expected:?}"));
+    }
+
+    #[test]
+    fn a_ticket_comes_with_a_stream_alone() {
+        let of = |uri: &str| {
+            let request = Request::builder()
+                .uri(uri)
+                .body(axum::body::Body::empty())
+                .unwrap();
+            ticket(&request).map(str::to_owned)
+        };
+        assert_eq!(of("/v1/drive?ticket=a").as_deref(), Some("a"));
+        assert_eq!(of("/v1/drive?x=1&ticket=a&y").as_deref(), Some("a"));
+        for none in ["/v1/drive", "/v1/drive?tickets=a", "/v1/packs?ticket=a"] {
+            assert_eq!(of(none), None, "{none}");
+        }
     }
 
     #[test]

@@ -12,14 +12,14 @@ mod world;
 
 use std::time::Duration;
 
-use super::keys::Role;
+use super::tokens::TokenError;
 use crate::batch::SubmitError;
-use crate::clients::Exhausted;
+use crate::clients::{Exhausted, Role};
 use crate::service::ServiceError;
 use crate::session::SessionError;
 use crate::world::WorldError;
 use row::{
-    FORBIDDEN, FULL, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, Row, TOO_LARGE, TOO_LATE, Tabled,
+    FORBIDDEN, FULL, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, NOT_NOW, Row, TOO_LARGE, TOO_LATE, Tabled,
     UNAUTHENTICATED, UNAVAILABLE, UNIMPLEMENTED, WRONG_TYPE,
 };
 use troupe_character::FieldError;
@@ -94,8 +94,27 @@ pub enum ApiError {
     /// A key that the server does not know.
     #[error("Authorization has a key that the server does not know; allowed: {BEARER}")]
     UnknownKey,
+    /// A token that does not count.
+    #[error("Authorization has a token that does not count: {0}")]
+    Token(TokenError),
+    /// A ticket that is used up, late or made up.
+    #[error(
+        "ticket is not one that is open; allowed: one of POST /v1/tickets that is not used yet and younger than 30 s"
+    )]
+    UnknownTicket,
+    /// A client with too many tickets.
+    #[error("{whose} has no room for another ticket; allowed at a time: {most} that are not used yet")]
+    TooManyTickets {
+        /// Whose limit it is.
+        whose: &'static str,
+        /// The limit.
+        most: usize,
+    },
+    /// A ticket where none is needed.
+    #[error("the server asks for no keys, so a stream needs no ticket")]
+    NoTickets,
     /// A key that allows less.
-    #[error("the key's role is {}; allowed: {} or more", role.name(), needed.name())]
+    #[error("the key's role is {}; allowed: {}", role.name(), needed.and_above())]
     RoleTooLow {
         /// What it is.
         role: Role,
@@ -165,10 +184,23 @@ impl ApiError {
                     .field("Authorization")
                     .allowed(BEARER)
             }
+            Self::Token(_) => UNAUTHENTICATED
+                .because("TOKEN_INVALID")
+                .field("Authorization")
+                .allowed(BEARER),
+            Self::UnknownTicket => UNAUTHENTICATED
+                .because("TICKET_UNKNOWN")
+                .field("ticket")
+                .allowed("a ticket of POST /v1/tickets, once and within 30 s"),
+            Self::TooManyTickets { most, .. } => FULL
+                .because("TOO_MANY_TICKETS")
+                .allowed(format!("{most} that are not used yet"))
+                .retry_after(RETRY_AFTER),
+            Self::NoTickets => NOT_NOW.because("NO_KEYS"),
             Self::RoleTooLow { needed, .. } => FORBIDDEN
                 .because("ROLE_TOO_LOW")
                 .field("Authorization")
-                .allowed(format!("{} or more", needed.name())),
+                .allowed(needed.and_above()),
             Self::NoConnection => UNAVAILABLE
                 .because("TOO_MANY_CONNECTIONS")
                 .retry_after(RETRY_AFTER),

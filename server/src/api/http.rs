@@ -24,7 +24,7 @@ use self::json::{BodyLimits, JsonBody};
 use super::error::{ApiError, is_grpc};
 use super::shape::Shapes;
 use super::track::{self, HttpRpcs, Tracker};
-use super::{ApiLimits, openapi, ws};
+use super::{ApiLimits, openapi, tickets, ws};
 use crate::service::Service;
 use crate::wire::{MAX_MESSAGE, cut};
 use troupe_character::FieldError;
@@ -59,12 +59,13 @@ fn rpcs() -> OpenApiRouter<Arc<Service>> {
         .routes(routes!(scenes::detect))
 }
 
-/// The routes that operators use, with their documentation.
+/// The routes that are no remote procedures, with their documentation.
 fn operations() -> OpenApiRouter<Arc<Service>> {
     OpenApiRouter::new()
         .routes(routes!(healthz))
         .routes(routes!(readyz))
         .routes(routes!(metrics))
+        .routes(routes!(tickets::create))
 }
 
 /// The OpenAPI document.

@@ -5,6 +5,7 @@
 
 mod access;
 mod answers;
+mod credentials;
 mod error;
 mod grpc;
 mod guard;
@@ -12,12 +13,16 @@ mod http;
 pub mod keys;
 mod metrics;
 mod openapi;
+mod opening;
 mod reserve;
 mod shape;
 #[cfg(feature = "testing")]
 pub mod testing;
+mod tickets;
+mod tokens;
 mod track;
 mod traffic;
+mod verify;
 mod ws;
 
 use std::sync::Arc;
@@ -29,12 +34,15 @@ use tonic_health::server::HealthReporter;
 use crate::clients::Clients;
 use crate::service::Service;
 
+pub use crate::clients::Role;
+pub use credentials::Credentials;
 pub use error::{ApiError, ErrorBody, ErrorDetail};
 pub use grpc::set_serving;
 pub use guard::{Guard, Host, NotAHost, NotAnOrigin, Origin};
 pub use http::document;
-pub use keys::{Keys, KeysError, Role};
+pub use keys::{Keys, KeysError};
 pub use reserve::reserve;
+pub use tokens::{TokenError, TokenRules, Tokens, TokensError};
 
 /// Most bytes of one message on a stream.
 const MAX_STREAM_MESSAGE_BYTES: usize = 2 << 20;
@@ -55,7 +63,7 @@ pub struct ApiLimits {
 }
 
 /// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it, `guard`
-/// says which web pages may use them, and `keys` who else; without keys, everybody.
+/// says which web pages may use them, and `credentials` who else; without them, everybody.
 ///
 /// # Errors
 /// Where the descriptors of the gRPC reflection service do not read, which a build that passes its tests rules out.
@@ -65,7 +73,7 @@ pub fn router(
     clients: &Arc<Clients>,
     limits: &ApiLimits,
     guard: Guard,
-    keys: Option<Arc<Keys>>,
+    credentials: Option<Arc<Credentials>>,
 ) -> Result<Router, tonic_reflection::server::Error> {
     let grpc = grpc::router(service, health, limits)?;
     let traffic = traffic::Traffic::new(clients.clone(), limits.write_timeout);
@@ -73,8 +81,8 @@ pub fn router(
         .merge(http::router(service, limits))
         .fallback(http::unknown_route)
         .layer(middleware::from_fn_with_state(traffic, traffic::count));
-    let router = match keys {
-        Some(keys) => access::locked(router, keys, clients.clone()),
+    let router = match credentials {
+        Some(credentials) => access::locked(router, credentials, clients.clone()),
         None => router,
     };
     Ok(guard::guarded(router, guard))

@@ -43,6 +43,7 @@ const MAX_REASON_BYTES: usize = 123;
     path = "/v1/drive",
     operation_id = "Drive",
     tag = "sessions",
+    params(("ticket" = Option<String>, Query, description = "A ticket of POST /v1/tickets, in the place of a key: browsers cannot send one here")),
     responses(
         (status = 101, description = "A WebSocket: the client sends DriveRequest, the server DriveResponse", body = v1::DriveResponse),
         (status = 400, description = "Not the start of a WebSocket"),

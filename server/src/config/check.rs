@@ -75,6 +75,8 @@ impl Config {
             let allowed = format!("{} to {}", TTL_RANGE_MS.start(), TTL_RANGE_MS.end());
             return Err(not_allowed("session_ttl_ms", ttl_ms.into(), allowed));
         }
+        self.tls_is_whole()?;
+        self.tokens_are_whole()?;
         if self.max_queued_characters < self.max_characters_per_request {
             let least = self.max_characters_per_request;
             let allowed = format!("max_characters_per_request ({least}) or more");
@@ -83,6 +85,32 @@ impl Config {
         }
         Ok(self)
     }
+
+    /// A certificate is of no use without its key, nor are authorities of clients without TLS.
+    fn tls_is_whole(&self) -> Result<(), ConfigError> {
+        match (&self.tls_certificate, &self.tls_key, &self.tls_client_ca) {
+            (Some(_), None, _) => missing("tls_key", "tls_certificate"),
+            (None, Some(_), _) => missing("tls_certificate", "tls_key"),
+            (None, None, Some(_)) => missing("tls_certificate", "tls_client_ca"),
+            _ => Ok(()),
+        }
+    }
+
+    fn tokens_are_whole(&self) -> Result<(), ConfigError> {
+        match (&self.jwks, &self.jwt_issuer, &self.jwt_audience) {
+            (None, Some(_), _) => missing("jwks", "jwt_issuer"),
+            (None, None, Some(_)) => missing("jwks", "jwt_audience"),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn missing(option: &'static str, beside: &str) -> Result<(), ConfigError> {
+    Err(ConfigError::Value {
+        option,
+        found: "missing".to_owned(),
+        allowed: format!("a file, because {beside} is set"),
+    })
 }
 
 fn not_allowed(option: &'static str, found: u64, allowed: String) -> ConfigError {

@@ -10,7 +10,7 @@ use http::Uri;
 
 use super::Config;
 use crate::api::Role;
-use crate::health::READY;
+use crate::health::{HealthTls, READY};
 use troupe_engine::EngineChoice;
 
 type Layer = <Config as confique::Config>::Layer;
@@ -62,7 +62,7 @@ pub enum KeyCommand {
         #[arg(long, value_name = "NAME")]
         name: String,
         /// What it allows. drive: ask for motion, drive sessions, read. author: also write styles, scenes and object
-        /// definitions. admin: also read metrics.
+        /// definitions. admin: also read metrics. metrics: read metrics, and nothing else.
         #[arg(long, value_name = "ROLE")]
         role: Role,
     },
@@ -124,12 +124,42 @@ pub struct HealthArgs {
     /// Address that the server listens on.
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<SocketAddr>,
+    /// Certificates of the authorities to trust (PEM file), for an https URL. Left out and without a URL: the server's own
+    /// certificate, as tls_certificate names it.
+    #[arg(long, env = "TROUPE_CA", value_name = "FILE")]
+    ca: Option<PathBuf>,
+    /// Certificate to show to a server that asks for one, as with tls_client_ca (PEM file).
+    #[arg(
+        long,
+        env = "TROUPE_CLIENT_CERTIFICATE",
+        value_name = "FILE",
+        requires = "client_key"
+    )]
+    client_certificate: Option<PathBuf>,
+    /// Private key of that certificate (PEM file).
+    #[arg(
+        long,
+        env = "TROUPE_CLIENT_KEY",
+        value_name = "FILE",
+        requires = "client_certificate"
+    )]
+    client_key: Option<PathBuf>,
 }
 
 impl HealthArgs {
     /// How long to wait for the answer.
     pub fn timeout(&self) -> Duration {
         Duration::from_millis(self.timeout_ms)
+    }
+
+    /// How to ask a server that speaks TLS and shows the certificate in `own`.
+    pub fn tls(&self, own: Option<PathBuf>) -> HealthTls {
+        let client = self.client_certificate.clone().zip(self.client_key.clone());
+        HealthTls {
+            ca: self.ca.clone(),
+            own,
+            client,
+        }
     }
 
     /// The flags that are the server's too.
@@ -143,10 +173,13 @@ impl HealthArgs {
 
 /// A URL with a scheme that the health check speaks, and with a path.
 fn server_url(text: &str) -> Result<Uri, String> {
-    let allowed = "allowed: http://HOST:PORT or http://HOST:PORT/PATH";
+    let allowed = "allowed: http://HOST:PORT or https://HOST:PORT, with or without a path";
     let url: Uri = text.parse().map_err(|error| format!("{error}; {allowed}"))?;
     let mut parts = url.into_parts();
-    if parts.scheme != Some(http::uri::Scheme::HTTP) {
+    if !matches!(
+        parts.scheme.as_ref().map(http::uri::Scheme::as_str),
+        Some("http" | "https")
+    ) {
         return Err(allowed.to_owned());
     }
     if parts.path_and_query.as_ref().is_none_or(|path| path == "/") {

@@ -1,19 +1,23 @@
 //! Who may use the server: everybody, or those with a key.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::StartError;
-use crate::api::Keys;
+use super::reload::{Source, fingerprint};
+use crate::api::{Credentials, Keys, TokenRules, Tokens};
 use crate::config::Config;
 
-/// The keys that a server asks for.
-#[derive(Debug, Default)]
+/// What a server asks for.
+#[derive(Default)]
 pub(super) struct Access {
-    /// None where it asks for none.
-    pub(super) keys: Option<Arc<Keys>>,
+    /// None where it asks for nothing.
+    pub(super) credentials: Option<Arc<Credentials>>,
     /// The key itself, where it was made for this run.
     pub(super) one_time: Option<String>,
+    /// What is read again when its file changes.
+    pub(super) sources: Vec<Source>,
 }
 
 impl Access {
@@ -23,25 +27,62 @@ impl Access {
     /// [`StartError::Keys`] for a file that cannot be used, [`StartError::Anonymous`] where strangers could use the server and
     /// nobody has said that they may.
     pub(super) fn new(config: &Config, address: SocketAddr) -> Result<Self, StartError> {
-        if let Some(path) = &config.keys {
-            return Ok(Self {
-                keys: Some(Arc::new(Keys::load(path)?)),
-                one_time: None,
-            });
+        let local = address.ip().to_canonical().is_loopback();
+        let access = Self::of(config)?;
+        let locked = access.credentials.is_some();
+        if locked && !local && config.tls_certificate.is_none() {
+            tracing::warn!(
+                listen = %address,
+                "keys travel in plain text; set tls_certificate and tls_key, or end TLS in front of the server"
+            );
         }
-        if config.allow_anonymous {
-            return Ok(Self::default());
-        }
-        if config.one_time_key {
-            let (keys, key) = Keys::one_time();
-            return Ok(Self {
-                keys: Some(Arc::new(keys)),
-                one_time: Some(key),
-            });
-        }
-        match address.ip().to_canonical().is_loopback() {
-            true => Ok(Self::default()),
+        match locked || config.allow_anonymous || local {
+            true => Ok(access),
             false => Err(StartError::Anonymous(address)),
         }
+    }
+
+    fn of(config: &Config) -> Result<Self, StartError> {
+        let (mut sources, mut own, mut one_time) = (Vec::new(), Keys::default(), None);
+        let from_files = config.keys.is_some() || config.jwks.is_some();
+        if !from_files && (config.allow_anonymous || !config.one_time_key) {
+            return Ok(Self::default());
+        }
+        if !from_files {
+            let (keys, key) = Keys::one_time();
+            (own, one_time) = (keys, Some(key));
+        }
+        if let Some(path) = &config.metrics_key {
+            own = own.and(Keys::of_metrics(path)?);
+        }
+        let files = |path: &Option<PathBuf>| path.iter().cloned().collect::<Vec<_>>();
+        let (key_files, token_files) = (files(&config.keys), files(&config.jwks));
+        let seen = (fingerprint(&key_files), fingerprint(&token_files));
+        let keys = config.keys.as_deref().map(Keys::load).transpose()?;
+        let rules = TokenRules {
+            issuer: config.jwt_issuer.clone(),
+            audience: config.jwt_audience.clone(),
+        };
+        let tokens = config
+            .jwks
+            .as_deref()
+            .map(|path| Tokens::load(path, &rules))
+            .transpose()?;
+        let credentials = Arc::new(Credentials::new(keys.unwrap_or_default(), own, tokens));
+        if let Some(path) = config.keys.clone() {
+            let again = credentials.clone();
+            let read = move || Keys::load(&path).map(|keys| again.replace_keys(keys));
+            sources.push(Source::new("keys", key_files, seen.0, read));
+        }
+        if let Some(path) = config.jwks.clone() {
+            let again = credentials.clone();
+            let read = move || Tokens::load(&path, &rules).map(|tokens| again.replace_tokens(tokens));
+            sources.push(Source::new("keys of tokens", token_files, seen.1, read));
+        }
+        Ok(Self {
+            credentials: Some(credentials),
+            one_time,
+            sources,
+        })
     }
 }

@@ -225,6 +225,8 @@ impl<B: HttpBody + Unpin> HttpBody for CallBody<B> {
 pub(super) struct Held<T> {
     stream: T,
     activity: Arc<Activity>,
+    /// Whether bytes that were taken wait to be sent: those of TLS do.
+    unsent: bool,
     _place: Place,
 }
 
@@ -233,6 +235,7 @@ impl<T> Held<T> {
         Self {
             stream,
             activity,
+            unsent: false,
             _place: place,
         }
     }
@@ -269,7 +272,14 @@ impl<T: AsyncWrite + Unpin> AsyncWrite for Held<T> {
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_flush(context)
+        let sent = Pin::new(&mut self.stream).poll_flush(context);
+        let unsent = std::mem::replace(&mut self.unsent, sent.is_pending());
+        if self.unsent {
+            self.activity.blocked.store(true, Ordering::Release);
+        } else if unsent {
+            let _ = self.note(Poll::Ready(Ok(0)));
+        }
+        sent
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {

@@ -1,4 +1,4 @@
-//! The accept loop: HTTP/1.1 and HTTP/2 (prior knowledge, h2c) on one port.
+//! The accept loop: HTTP/1.1 and HTTP/2 on one port, with TLS or without (prior knowledge, h2c).
 
 use std::io::{self, Cursor};
 use std::sync::Arc;
@@ -15,6 +15,7 @@ use tokio::sync::watch;
 
 use super::activity::{Activity, Held, Watched};
 use super::places::{Place, Places};
+use super::tls::Tls;
 use crate::api;
 use crate::clients::Clients;
 use crate::config::Config;
@@ -22,6 +23,8 @@ use crate::telemetry::Seldom;
 
 /// How long to pause where the system has no more file handles.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+/// How long a TLS handshake may take at most.
+const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(10);
 /// How long a connection that closes may still take to complete a request.
 const HALF_REQUEST_GRACE: Duration = Duration::from_secs(1);
 /// How long a connection beyond the limit may take, in all and between two calls.
@@ -49,6 +52,7 @@ pub(super) async fn accept(
     listener: TcpListener,
     router: Router,
     clients: Arc<Clients>,
+    tls: Option<Arc<Tls>>,
     config: Config,
     places: Arc<Places>,
     mut stopping: watch::Receiver<bool>,
@@ -58,6 +62,8 @@ pub(super) async fn accept(
         reserve: api::reserve(router.clone()),
         router,
         clients,
+        tls,
+        places: places.clone(),
         first_bytes_timeout: config.request_timeout(),
         idle_timeout: config.idle_timeout(),
         lost: AtomicUsize::new(0),
@@ -137,6 +143,8 @@ struct Connections {
     builder: Builder<TokioExecutor>,
     router: Router,
     clients: Arc<Clients>,
+    tls: Option<Arc<Tls>>,
+    places: Arc<Places>,
     /// The routes of connections beyond the limit.
     reserve: Router,
     first_bytes_timeout: Duration,
@@ -168,15 +176,41 @@ impl Connections {
         first_bytes_timeout: Duration,
         idle_timeout: Duration,
     ) {
-        let begun = tokio::select! {
-            begun = tokio::time::timeout(first_bytes_timeout, begin(stream)) => begun,
+        let Some(tls) = &self.tls else {
+            let (read, write) = stream.into_split();
+            let begun = begin(read, write, first_bytes_timeout, &mut phase).await;
+            return self.serve_begun(begun, place, phase, idle_timeout).await;
+        };
+        let handshake = tokio::time::timeout(
+            HANDSHAKE_TIMEOUT.min(first_bytes_timeout),
+            tls.acceptor().accept(stream),
+        );
+        let handshake = tokio::select! {
+            handshake = handshake => handshake,
             () = reached(&mut phase, |phase| *phase >= Phase::Stopping) => return,
         };
-        let stream = match begun {
-            Ok(Ok(stream)) => stream,
-            Ok(Err(error)) => return tracing::debug!(%error, "a connection ended before its first request"),
-            Err(_) => return tracing::debug!("a connection did not begin a request in time"),
+        let error = match handshake {
+            Ok(Ok(stream)) => {
+                let (read, write) = tokio::io::split(stream);
+                let begun = begin(read, write, first_bytes_timeout, &mut phase).await;
+                return self.serve_begun(begun, place, phase, idle_timeout).await;
+            }
+            Ok(Err(error)) => error,
+            Err(_) => io::ErrorKind::TimedOut.into(),
         };
+        self.places.handshake_failed();
+        tracing::debug!(%error, "a TLS handshake failed");
+    }
+
+    /// Serves a connection whose first bytes are here.
+    async fn serve_begun(
+        &self,
+        begun: Option<impl AsyncRead + AsyncWrite + Unpin + Send + 'static>,
+        place: Place,
+        mut phase: watch::Receiver<Phase>,
+        idle_timeout: Duration,
+    ) {
+        let Some(stream) = begun else { return };
         let activity = Activity::new();
         let router = match place.is_reserved() {
             true => &self.reserve,
@@ -212,18 +246,40 @@ fn ended(result: Result<(), Box<dyn std::error::Error + Send + Sync>>) {
     }
 }
 
-/// Reads until it is clear which HTTP version a connection speaks, and gives a stream that begins with what was read.
+/// Reads until it is clear which HTTP version a connection speaks, and gives a stream that begins with what was read. None where
+/// that does not come in time, or the server stops.
 /// The connection builder decides the same, but without a time limit.
-async fn begin(mut stream: TcpStream) -> io::Result<impl AsyncRead + AsyncWrite + Unpin + Send + 'static> {
+async fn begin<R, W>(
+    read: R,
+    write: W,
+    limit: Duration,
+    phase: &mut watch::Receiver<Phase>,
+) -> Option<impl AsyncRead + AsyncWrite + Unpin + Send + 'static + use<R, W>>
+where
+    R: AsyncRead + Unpin + Send + 'static,
+    W: AsyncWrite + Unpin + Send + 'static,
+{
+    let begun = tokio::select! {
+        begun = tokio::time::timeout(limit, first_bytes(read)) => begun,
+        () = reached(phase, |phase| *phase >= Phase::Stopping) => return None,
+    };
+    match begun {
+        Ok(Ok(read)) => return Some(tokio::io::join(read, write)),
+        Ok(Err(error)) => tracing::debug!(%error, "a connection ended before its first request"),
+        Err(_) => tracing::debug!("a connection did not begin a request in time"),
+    }
+    None
+}
+
+async fn first_bytes<R: AsyncRead + Unpin>(mut read: R) -> io::Result<impl AsyncRead + Unpin + use<R>> {
     let mut first = Vec::with_capacity(HTTP2_PREFACE.len());
     while first.len() < HTTP2_PREFACE.len() && HTTP2_PREFACE.starts_with(&first) {
         let missing = (HTTP2_PREFACE.len() - first.len()) as u64;
-        if (&mut stream).take(missing).read_buf(&mut first).await? == 0 {
+        if (&mut read).take(missing).read_buf(&mut first).await? == 0 {
             break;
         }
     }
-    let (read, write) = stream.into_split();
-    Ok(tokio::io::join(Cursor::new(first).chain(read), write))
+    Ok(Cursor::new(first).chain(read))
 }
 
 fn builder(config: &Config) -> Builder<TokioExecutor> {

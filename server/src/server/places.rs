@@ -18,6 +18,11 @@ const REFUSED: Metric = Metric::new(
          from the reserve (reserve), or not accepted by the system (accept)",
 );
 
+const HANDSHAKES_FAILED: Metric = Metric::new(
+    "troupe_tls_handshakes_failed_total",
+    "TLS handshakes that failed: not in time, no TLS, or no certificate of a client that the server accepts",
+);
+
 /// Why a connection gets no place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Refusal {
@@ -37,6 +42,7 @@ struct ConnectionMetrics {
     address: Counter,
     reserve: Counter,
     accept: Counter,
+    handshakes_failed: Counter,
 }
 
 impl ConnectionMetrics {
@@ -48,6 +54,7 @@ impl ConnectionMetrics {
             address: refused("address"),
             reserve: refused("reserve"),
             accept: refused("accept"),
+            handshakes_failed: telemetry.counter(&HANDSHAKES_FAILED, &Labels::default()),
         }
     }
 }
@@ -109,6 +116,11 @@ impl Places {
             address,
             reserved,
         })
+    }
+
+    /// Notes a connection that did not come to speak TLS.
+    pub(super) fn handshake_failed(&self) {
+        self.metrics.handshakes_failed.increment(1);
     }
 
     /// Notes a connection that the system did not hand over.

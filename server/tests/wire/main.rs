@@ -5,8 +5,12 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod access_keys;
+mod access_tls;
+mod access_tokens;
 mod bad_input;
 mod bursts;
+mod certificates;
 mod connections;
 mod crowd;
 mod drive;

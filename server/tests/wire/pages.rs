@@ -288,7 +288,7 @@ async fn a_key_allows_what_its_role_allows() {
     let status = scenes.delete_scene(put(drive)).await.unwrap_err();
     assert_eq!(status.code(), Code::PermissionDenied);
     assert!(
-        status.message().contains("author or more"),
+        status.message().contains("allowed: author or admin"),
         "{}",
         status.message()
     );

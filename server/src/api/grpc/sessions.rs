@@ -9,7 +9,7 @@ use troupe_proto::v1;
 use troupe_proto::v1::sessions_server::Sessions;
 
 use super::answer;
-use crate::api::{ApiError, answers, traffic};
+use crate::api::{ApiError, answers, opening, traffic};
 use crate::clients::Client;
 use crate::service::Service;
 use crate::session::drive::{Outlet, outbox};
@@ -32,7 +32,8 @@ impl Sessions for SessionsApi {
         &self,
         request: Request<v1::CreateSessionsRequest>,
     ) -> Result<Response<v1::CreateSessionsResponse>, Status> {
-        answer(self.service.create_sessions(request.into_inner()).await)
+        let client = client(&request);
+        answer(opening::create_sessions(&self.service, client.as_ref(), request.into_inner()).await)
     }
 
     async fn resume_sessions(

@@ -12,6 +12,7 @@ use super::json::{self, JsonBody};
 use super::{Asked, Named, asked, named};
 use crate::api::answers;
 use crate::api::error::ApiError;
+use crate::api::opening;
 use crate::api::traffic;
 use crate::clients::Client;
 use crate::service::Service;
@@ -38,9 +39,12 @@ type Server = State<Arc<Service>>;
 )]
 pub(in crate::api) async fn create(
     State(service): Server,
+    Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::CreateSessionsRequest>,
 ) -> Result<Json<v1::CreateSessionsResponse>, ApiError> {
-    Ok(Json(service.create_sessions(request).await?))
+    Ok(Json(
+        opening::create_sessions(&service, Some(&client), request).await?,
+    ))
 }
 
 /// Take up sessions again after the connection broke or the server was started again

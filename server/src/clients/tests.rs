@@ -1,0 +1,179 @@
+use super::*;
+
+fn clients() -> Clients {
+    let share = |bytes, streams| Share { bytes, streams };
+    let shares = Shares {
+        client: share(10 << 10, 2),
+        address: share(15 << 10, 3),
+        all: share(20 << 10, 4),
+    };
+    Clients::new(shares, &Telemetry::new().unwrap())
+}
+
+fn address(last: u8) -> IpAddr {
+    IpAddr::from([10, 0, 0, last])
+}
+
+#[test]
+fn each_level_has_a_limit_and_gets_back_what_is_dropped() {
+    let clients = clients();
+    let (a, b, c) = (
+        clients.connected(address(1)),
+        clients.connected(address(1)),
+        clients.connected(address(2)),
+    );
+    let first = a.memory(8 << 10).unwrap();
+    let error = a.memory(4 << 10).unwrap_err();
+    assert!(
+        error.to_string().starts_with("this client has no memory"),
+        "{error}"
+    );
+    assert!(!error.never && a.memory(11 << 10).unwrap_err().never);
+    let second = b.memory(7 << 10).unwrap();
+    let error = b.memory(1 << 10).unwrap_err();
+    assert!(error.to_string().starts_with("this address"), "{error}");
+    let third = c.memory(5 << 10).unwrap();
+    let error = c.memory(1 << 10).unwrap_err();
+    assert!(error.to_string().starts_with("all clients together"), "{error}");
+    drop((first, second, third));
+    assert!(a.memory(10 << 10).is_ok());
+}
+
+#[test]
+fn memory_grows_by_pieces_and_a_refusal_changes_nothing() {
+    let clients = clients();
+    let client = clients.connected(address(1));
+    let mut memory = client.memory(1).unwrap();
+    memory.grow(1023).unwrap();
+    memory.grow(9 << 10).unwrap();
+    memory.grow(1).unwrap_err();
+    assert_eq!(memory.bytes(), 10 << 10);
+    drop(memory);
+    assert!(client.memory(10 << 10).is_ok());
+}
+
+#[test]
+fn a_key_has_one_share_on_all_its_connections() {
+    let clients = clients();
+    let connections: Vec<_> = (1..4).map(|last| clients.connected(address(last))).collect();
+    let one = clients.with_key("one", Quota::default(), &connections[0]);
+    let again = clients.with_key("one", Quota::default(), &connections[1]);
+    let other = clients.with_key("other", Quota::default(), &connections[2]);
+    let _held = one.memory(6 << 10).unwrap();
+    let error = again.memory(6 << 10).unwrap_err();
+    assert!(error.to_string().starts_with("this key"), "{error}");
+    assert!(other.memory(6 << 10).is_ok());
+    // What the key has does not count for the connection beside it.
+    assert!(connections[0].memory(9 << 10).is_ok());
+}
+
+#[test]
+fn streams_of_one_client_leave_room_for_others() {
+    let clients = clients();
+    let client = clients.connected(address(1));
+    let held: Vec<_> = (0..2).map(|_| client.stream().unwrap()).collect();
+    assert!(client.stream().is_err());
+    assert!(clients.connected(address(1)).stream().is_ok());
+    assert!(clients.connected(address(2)).stream().is_ok());
+    drop(held);
+    assert!(client.stream().is_ok());
+}
+
+#[test]
+fn a_key_may_have_quotas_of_its_own() {
+    let clients = clients();
+    let connection = clients.connected(address(1));
+    let quota = Quota {
+        sessions: Some(3),
+        streams: Some(1),
+        bytes: Some(2 << 10),
+    };
+    let key = || clients.with_key("small", quota, &connection);
+    let stream = key().stream().unwrap();
+    let error = key().stream().unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "this key has no room for another stream; allowed at a time: 1 streams (max_streams of the key)"
+    );
+    let error = key().memory(3 << 10).unwrap_err();
+    assert!(
+        error.to_string().contains("(transfer_memory_mib of the key)"),
+        "{error}"
+    );
+    // Another quota counts anew, with the same connection.
+    let wider = Quota {
+        streams: Some(2),
+        ..quota
+    };
+    assert!(clients.with_key("small", wider, &connection).stream().is_ok());
+    drop(stream);
+}
+
+#[test]
+fn sessions_of_a_quota_count_until_they_are_gone() {
+    let clients = clients();
+    let connection = clients.connected(address(1));
+    let quota = Quota {
+        sessions: Some(3),
+        ..Quota::default()
+    };
+    let key = clients.with_key("small", quota, &connection);
+    let all_open = |_: &str| true;
+    key.sessions(2, all_open).unwrap().unwrap().keep(["a", "b"]);
+    let coming = key.sessions(1, all_open).unwrap();
+    let error = key.sessions(1, all_open).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "this key has no room for as many sessions; allowed at a time: 3 sessions (max_sessions of the key)"
+    );
+    assert!(!error.never && key.sessions(4, all_open).unwrap_err().never);
+    // What could not be opened is free again, and so is what is closed.
+    drop(coming);
+    assert!(key.sessions(1, all_open).is_ok());
+    assert!(key.sessions(2, |id| id == "a").is_ok());
+    let unlimited = clients.with_key("large", Quota::default(), &connection);
+    assert!(unlimited.sessions(1000, all_open).unwrap().is_none());
+}
+
+#[test]
+fn accounts_that_nobody_uses_are_forgotten_and_others_are_not() {
+    let clients = clients();
+    let connection = clients.connected(address(1));
+    let quota = Quota {
+        sessions: Some(3),
+        ..Quota::default()
+    };
+    let with_session = clients.with_key("session", quota, &connection);
+    with_session
+        .sessions(3, |_| true)
+        .unwrap()
+        .unwrap()
+        .keep(["a", "b", "c"]);
+    drop(with_session);
+    let _stream = clients
+        .with_key(
+            "stream",
+            Quota {
+                streams: Some(1),
+                ..quota
+            },
+            &connection,
+        )
+        .stream()
+        .unwrap();
+    for number in 0..2 * MANY_ACCOUNTS {
+        clients.with_key(&number.to_string(), Quota::default(), &connection);
+    }
+    assert!(clients.by_key.lock().unwrap().len() <= MANY_ACCOUNTS);
+    let again = clients.with_key("session", quota, &connection);
+    assert!(again.sessions(1, |_| true).is_err());
+    let again = clients.with_key(
+        "stream",
+        Quota {
+            streams: Some(1),
+            ..quota
+        },
+        &connection,
+    );
+    assert!(again.stream().is_err());
+}

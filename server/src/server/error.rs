@@ -1,0 +1,80 @@
+//! Why a server does not start.
+
+use std::net::SocketAddr;
+
+use super::TlsError;
+use crate::api::{KeysError, TokensError};
+use crate::records::RecordsError;
+use crate::world::LoadError;
+use troupe_character::style::StyleError;
+use troupe_engine::EngineError;
+use troupe_engine::pack::PackError;
+
+/// Why a server did not start.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// A pack that cannot be used.
+    #[error(transparent)]
+    Pack(#[from] PackError),
+    /// Two packs of one name, or a default that is not loaded.
+    #[error("{0}")]
+    Packs(String),
+    /// A style that cannot be used.
+    #[error(transparent)]
+    Style(#[from] StyleError),
+    /// A scene or an object definition that cannot be used.
+    #[error(transparent)]
+    World(#[from] LoadError),
+    /// The library of the engines does not load.
+    #[error(transparent)]
+    Library(EngineError),
+    /// An engine that does not start.
+    #[error("pack {pack}: {error}")]
+    Engine {
+        /// The pack's name.
+        pack: String,
+        /// What went wrong.
+        error: EngineError,
+    },
+    /// A file of keys that cannot be used.
+    #[error(transparent)]
+    Keys(#[from] KeysError),
+    /// A file of a provider's keys that cannot be used.
+    #[error(transparent)]
+    Tokens(#[from] TokensError),
+    /// Certificates that cannot be used.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
+    /// A server that strangers could use.
+    #[error(
+        "listen is {0}, which other machines may reach, and there are no keys; allowed: a loopback address, or one of the \
+         options keys, jwks, one_time_key and allow_anonymous"
+    )]
+    Anonymous(SocketAddr),
+    /// More connections than the system gives files for.
+    #[error(
+        "max_connections is {asked}, and the limit of open files (ulimit -n) is {files}; allowed: 0 to {room}, or more with a \
+         higher limit"
+    )]
+    Files {
+        /// Connections that are asked for.
+        asked: usize,
+        /// The limit of open files.
+        files: u64,
+        /// Connections that fit into it.
+        room: usize,
+    },
+    /// The state of sessions cannot be kept, and was asked to be.
+    #[error(transparent)]
+    Records(#[from] RecordsError),
+    /// The server may take more memory than it is allowed to.
+    #[error("{0}")]
+    Memory(String),
+    /// The port cannot be used.
+    #[error("cannot listen: {0}")]
+    Listen(std::io::Error),
+    /// A part of the server that does not come up; a bug.
+    #[error("internal: {0}")]
+    Internal(String),
+}

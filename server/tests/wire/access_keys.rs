@@ -1,0 +1,262 @@
+//! Quotas of keys, tickets for browsers, and the key for metrics.
+
+use std::time::Duration;
+
+use http::StatusCode;
+use serde_json::{Value, json};
+use tokio_tungstenite::connect_async;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
+use tokio_tungstenite::tungstenite::{self, http as ws_http};
+use tonic::Code;
+use troupe_proto::v1;
+use troupe_server::api::{ErrorBody, Role, keys};
+
+use crate::common::calls::options;
+use crate::common::{TestServer, request};
+
+/// A server with a file of keys, and what it takes to ask it.
+struct Keyed {
+    server: TestServer,
+    _folder: tempfile::TempDir,
+}
+
+impl Keyed {
+    /// Each key has a name, a role, and more lines of its entry.
+    async fn start(entries: &[(&str, Role, &str)]) -> (Self, Vec<String>) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("keys.toml");
+        let mut text = String::new();
+        let made = entries.iter().map(|(name, role, more)| {
+            let key = keys::new_key();
+            text += &(keys::entry(name, *role, &key) + more);
+            key
+        });
+        let made = made.collect();
+        std::fs::write(&path, text).unwrap();
+        let server = TestServer::start_with(|config| config.keys = Some(path)).await;
+        (
+            Self {
+                server,
+                _folder: folder,
+            },
+            made,
+        )
+    }
+
+    async fn post(&self, path: &str, key: &str, body: Option<Value>) -> (StatusCode, Value) {
+        let call = reqwest::Client::new()
+            .post(self.server.url(path))
+            .bearer_auth(key);
+        let call = match body {
+            Some(body) => call.json(&body),
+            None => call,
+        };
+        let response = call.send().await.unwrap();
+        (response.status(), response.json().await.unwrap())
+    }
+
+    async fn create(&self, key: &str, ids: &[&str]) -> (StatusCode, Value) {
+        let sessions: Vec<_> = ids.iter().map(|id| json!({ "id": id })).collect();
+        self.post("/v1/sessions", key, Some(json!({ "sessions": sessions })))
+            .await
+    }
+
+    /// Begins a stream; an error is the server's answer.
+    async fn stream(&self, query: &str, headers: &[(&'static str, &str)]) -> Result<impl Sized + use<>, u16> {
+        let url = self.server.url("/v1/drive").replace("http", "ws") + query;
+        let mut request = url.into_client_request().unwrap();
+        for (name, value) in headers {
+            let value = ws_http::HeaderValue::from_str(value).unwrap();
+            request.headers_mut().insert(*name, value);
+        }
+        match connect_async(request).await {
+            Ok((stream, _)) => Ok(stream),
+            Err(tungstenite::Error::Http(answer)) => Err(answer.status().as_u16()),
+            Err(error) => panic!("{error}"),
+        }
+    }
+
+    async fn ticket(&self, key: &str) -> String {
+        let (status, body) = self.post("/v1/tickets", key, None).await;
+        assert_eq!(
+            (status, &body["expires_in_ms"]),
+            (StatusCode::OK, &json!(30_000)),
+            "{body}"
+        );
+        format!("?ticket={}", body["ticket"].as_str().unwrap())
+    }
+}
+
+#[tokio::test]
+async fn a_key_opens_as_many_sessions_as_its_quota() {
+    let (small, large) = (
+        ("small", Role::Drive, "max_sessions = 3\n"),
+        ("large", Role::Drive, ""),
+    );
+    let (keyed, keys) = Keyed::start(&[small, large]).await;
+    let [small, large] = [keys[0].as_str(), keys[1].as_str()];
+    assert_eq!(keyed.create(small, &["a", "b"]).await.0, StatusCode::OK);
+    let (status, body) = keyed.create(small, &["c", "d"]).await;
+    assert_eq!(status, StatusCode::TOO_MANY_REQUESTS, "{body}");
+    let message = body["error"]["message"].as_str().unwrap();
+    for part in ["this key", "3 sessions (max_sessions of the key)"] {
+        assert!(message.contains(part), "{part} is not in {message}");
+    }
+    assert_eq!(body["error"]["reason"], "CLIENT_LIMIT");
+    // What fails takes no room, and others have their own.
+    assert_eq!(keyed.create(small, &["a"]).await.0, StatusCode::CONFLICT);
+    assert_eq!(keyed.create(large, &["e", "f", "g", "h"]).await.0, StatusCode::OK);
+    assert_eq!(keyed.create(small, &["c"]).await.0, StatusCode::OK);
+
+    // The same over gRPC, and what is closed is free again.
+    let mut client = keyed.server.sessions().await;
+    let mut create = async |id: &str| {
+        let sessions = vec![options(id)];
+        let mut call = tonic::Request::new(v1::CreateSessionsRequest { sessions });
+        let bearer = format!("Bearer {small}").parse().unwrap();
+        call.metadata_mut().insert("authorization", bearer);
+        client.create_sessions(call).await
+    };
+    let status = create("i").await.unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted);
+    assert!(
+        status.message().contains("max_sessions of the key"),
+        "{}",
+        status.message()
+    );
+    let call = reqwest::Client::new()
+        .delete(keyed.server.url("/v1/sessions/b"))
+        .bearer_auth(small);
+    assert_eq!(call.send().await.unwrap().status(), StatusCode::OK);
+    create("i").await.unwrap();
+    // Nor do those count whose time is up.
+    keyed.server.clock.pass(Duration::from_secs(120));
+    assert_eq!(keyed.create(small, &["j", "k", "l"]).await.0, StatusCode::OK);
+    let name = r#"troupe_client_refusals_total{kind="sessions",whose="key"}"#;
+    keyed.server.metric(name, "2").await;
+}
+
+#[tokio::test]
+async fn a_key_has_streams_and_memory_by_its_quota() {
+    let more = "max_streams = 1\ntransfer_memory_mib = 1\n";
+    let (keyed, keys) = Keyed::start(&[("small", Role::Drive, more)]).await;
+    let bearer = format!("Bearer {}", keys[0]);
+    let headers = [("authorization", bearer.as_str())];
+    let held = keyed
+        .stream("", &headers)
+        .await
+        .unwrap_or_else(|status| panic!("{status}"));
+    assert_eq!(keyed.stream("", &headers).await.err(), Some(429));
+    drop(held);
+    let freed = async {
+        while keyed.stream("", &headers).await.is_err() {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(10), freed)
+        .await
+        .expect("the place is free again");
+
+    let call = reqwest::Client::new()
+        .post(keyed.server.url("/v1/inbetween"))
+        .bearer_auth(&keys[0])
+        .header("content-type", "application/json")
+        .body(vec![b' '; 2 << 20]);
+    let response = call.send().await.unwrap();
+    assert_eq!(response.status(), StatusCode::TOO_MANY_REQUESTS);
+    let error = response.json::<ErrorBody>().await.unwrap().error;
+    assert!(
+        error.message.contains("(transfer_memory_mib of the key)"),
+        "{}",
+        error.message
+    );
+}
+
+#[tokio::test]
+async fn a_ticket_opens_one_stream() {
+    let (drive, metrics) = (("drive", Role::Drive, ""), ("metrics", Role::Metrics, ""));
+    let (keyed, keys) = Keyed::start(&[drive, metrics]).await;
+    assert_eq!(keyed.stream("", &[]).await.err(), Some(401));
+    assert_eq!(keyed.stream("?ticket=ticket_0", &[]).await.err(), Some(401));
+    let ticket = keyed.ticket(&keys[0]).await;
+    // A page of another site cannot use it, and does not use it up.
+    let foreign = [("origin", "https://evil.example")];
+    assert_eq!(keyed.stream(&ticket, &foreign).await.err(), Some(403));
+    let _stream = keyed
+        .stream(&ticket, &[])
+        .await
+        .unwrap_or_else(|status| panic!("{status}"));
+    assert_eq!(keyed.stream(&ticket, &[]).await.err(), Some(401));
+
+    // It is for streams alone, and only keys that may drive get one.
+    let ticket = keyed.ticket(&keys[0]).await;
+    let response = keyed.server.get(&format!("/v1/packs{ticket}")).await;
+    assert_eq!(response.status(), StatusCode::UNAUTHORIZED);
+    assert_eq!(
+        keyed.post("/v1/tickets", &keys[1], None).await.0,
+        StatusCode::FORBIDDEN
+    );
+    let response = reqwest::Client::new()
+        .post(keyed.server.url("/v1/tickets"))
+        .send()
+        .await
+        .unwrap();
+    assert_eq!(response.status(), StatusCode::UNAUTHORIZED);
+}
+
+#[tokio::test]
+async fn a_ticket_counts_for_its_key() {
+    let (keyed, keys) = Keyed::start(&[("small", Role::Drive, "max_streams = 1\n")]).await;
+    let (first, second) = (keyed.ticket(&keys[0]).await, keyed.ticket(&keys[0]).await);
+    let _held = keyed
+        .stream(&first, &[])
+        .await
+        .unwrap_or_else(|status| panic!("{status}"));
+    assert_eq!(keyed.stream(&second, &[]).await.err(), Some(429));
+}
+
+#[tokio::test]
+async fn without_keys_there_are_no_tickets() {
+    let server = TestServer::start().await;
+    let response = reqwest::Client::new()
+        .post(server.url("/v1/tickets"))
+        .send()
+        .await
+        .unwrap();
+    assert_eq!(response.status(), StatusCode::CONFLICT);
+    let error = response.json::<ErrorBody>().await.unwrap().error;
+    assert_eq!(error.reason, "NO_KEYS");
+}
+
+#[tokio::test]
+async fn a_server_makes_a_key_for_its_metrics() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("metrics.key");
+    for _ in 0..2 {
+        // The second start finds the file of the first.
+        let for_server = path.clone();
+        let server = TestServer::start_with(|config| {
+            config.one_time_key = true;
+            config.metrics_key = Some(for_server);
+        })
+        .await;
+        let key = std::fs::read_to_string(&path).unwrap();
+        let status = async |path: &str| {
+            let call = reqwest::Client::new().get(server.url(path)).bearer_auth(&key);
+            call.send().await.unwrap().status()
+        };
+        assert_eq!(status("/metrics").await, StatusCode::OK);
+        assert_eq!(status("/v1/packs").await, StatusCode::FORBIDDEN);
+        let mut call = tonic::Request::new(request(1));
+        let bearer = format!("Bearer {key}").parse().unwrap();
+        call.metadata_mut().insert("authorization", bearer);
+        let status = server.grpc().await.in_between(call).await.unwrap_err();
+        assert_eq!(status.code(), Code::PermissionDenied);
+        assert!(
+            status.message().contains("drive, author or admin"),
+            "{}",
+            status.message()
+        );
+        server.handle.shut_down().await;
+    }
+}
