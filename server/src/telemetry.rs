@@ -3,6 +3,8 @@
 //!
 //! Each layer names its metrics ([`Metric`]) and owns their handles: `batch::metrics`, `session::metrics`, `api::metrics`.
 
+mod request;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -10,6 +12,7 @@ use metrics::{Key, Label, Level, Metadata, Recorder as _};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusRecorder};
 
 pub use metrics::{Counter, Gauge, Histogram};
+pub use request::{RequestContext, RequestId};
 
 /// Upper bounds of a histogram's buckets, by the unit that its name ends in.
 const BUCKETS: [(&str, &[f64]); 4] = [

@@ -11,6 +11,7 @@ mod guard;
 mod http;
 pub mod keys;
 mod metrics;
+mod observe;
 mod openapi;
 mod reserve;
 mod shape;
@@ -77,5 +78,5 @@ pub fn router(
         Some(keys) => access::locked(router, keys, clients.clone()),
         None => router,
     };
-    Ok(guard::guarded(router, guard))
+    Ok(observe::observed(guard::guarded(router, guard)))
 }

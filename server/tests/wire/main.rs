@@ -13,6 +13,7 @@ mod drive;
 mod generate;
 mod interactions;
 mod lifecycle;
+mod observe;
 mod openapi;
 mod overload;
 mod pages;

@@ -14,6 +14,7 @@ use utoipa::ToSchema;
 
 use super::row::Row;
 use super::{ApiError, DOMAIN};
+use crate::telemetry::RequestContext;
 use crate::wire::{MAX_MESSAGE, cut};
 
 impl ApiError {
@@ -43,6 +44,7 @@ impl ApiError {
                 line: place.map(|(line, _)| line as u32),
                 column: place.map(|(_, column)| column as u32),
                 retry_after_ms: retry_after.map(|after| after.as_millis() as u64),
+                request_id: RequestContext::current().map(|request| request.id.to_string()),
             },
         }
     }
@@ -89,6 +91,9 @@ impl ApiError {
         }
         if retry_after.is_some() {
             details.set_retry_info(retry_after);
+        }
+        if let Some(request) = RequestContext::current() {
+            details.set_request_info(request.id.as_str(), "");
         }
         let mut status = Status::with_error_details(codes.grpc, self.to_string(), details);
         status.set_source(std::sync::Arc::new(self.clone()));
@@ -194,4 +199,7 @@ pub struct ErrorDetail {
     /// When it is worth to try again, in milliseconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub retry_after_ms: Option<u64>,
+    /// The request's id, as in the header `x-request-id`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub request_id: Option<String>,
 }
