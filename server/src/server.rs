@@ -25,7 +25,7 @@ use crate::config::Config;
 use crate::packs::{LoadedPack, PackTable};
 use crate::service::Service;
 use crate::session::{Sessions, TimeSource};
-use crate::telemetry::Telemetry;
+use crate::telemetry::{Telemetry, TracesError};
 use crate::world::{LoadError, Store};
 use access::Access;
 use places::Places;
@@ -132,6 +132,9 @@ pub enum StartError {
     /// The server may take more memory than it is allowed to.
     #[error("{0}")]
     Memory(String),
+    /// A collector of traces that cannot be used.
+    #[error(transparent)]
+    Traces(#[from] TracesError),
     /// The port cannot be used.
     #[error("cannot listen: {0}")]
     Listen(std::io::Error),
@@ -228,7 +231,10 @@ pub async fn serve_packs_at(
     let internal = |error: &dyn std::fmt::Display| StartError::Internal(error.to_string());
     let address = listener.local_addr().map_err(StartError::Listen)?;
     let access = Access::new(&config, address)?;
-    let telemetry = Telemetry::new().map_err(|error| internal(&error))?;
+    let mut telemetry = Telemetry::new().map_err(|error| internal(&error))?;
+    if let Some(options) = config.trace_options() {
+        telemetry = telemetry.traced(&options)?;
+    }
     let sessions =
         Sessions::new(config.session_limits(), time, &telemetry).map_err(|error| internal(&error))?;
     let service = Arc::new(Service::new(
@@ -487,6 +493,10 @@ impl ServerHandle {
         // Connections that became WebSockets are no longer among those above.
         let streams = tokio::time::timeout_at(deadline, self.service.sessions().streams_ended());
         let ended = streams.await.is_ok();
+        if let Some(traces) = self.service.telemetry().traces().cloned() {
+            // It says itself what goes wrong.
+            let _ = tokio::task::spawn_blocking(move || traces.shut_down()).await;
+        }
         clean && ended
     }
 }

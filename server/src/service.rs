@@ -12,12 +12,12 @@ use std::time::{Duration, Instant};
 
 use troupe_proto::v1;
 
-use crate::batch::{Order, Served, SubmitError};
+use crate::batch::{Order, Served, SubmitError, trace_served};
 use crate::inbetween::{Plan, RequestLimits, finish, prepare};
 use crate::offload::offload;
 use crate::packs::{LoadedPack, PackTable};
 use crate::session::{LivePacks, SessionError, Sessions};
-use crate::telemetry::Telemetry;
+use crate::telemetry::{RequestContext, Telemetry};
 use crate::world::Store;
 use describe::describe;
 use troupe_engine::EngineError;
@@ -157,10 +157,14 @@ impl Service {
         })
         .await??;
 
+        let asked = Instant::now();
         let served = loaded
             .batcher
             .submit(items.into_iter().map(Into::into).collect(), order)
             .await?;
+        if let Some(trace) = RequestContext::current_trace() {
+            trace_served(&trace, asked, &served);
+        }
 
         let mut timing = timing(&served);
         let copied = served.scatter;
@@ -177,6 +181,7 @@ impl Service {
             .map(|frames| frames.frame_count)
             .sum();
         loaded.metrics.scattered(made, frames as usize);
+        RequestContext::part("finish", scattering, Vec::new);
         timing.scatter_us = (copied + made).as_micros() as u64;
         timing.total_us = arrived.elapsed().as_micros() as u64;
         Ok(v1::InBetweenResponse {

@@ -78,5 +78,8 @@ pub fn router(
         Some(keys) => access::locked(router, keys, clients.clone()),
         None => router,
     };
-    Ok(observe::observed(guard::guarded(router, guard)))
+    Ok(observe::observed(
+        guard::guarded(router, guard),
+        service.telemetry(),
+    ))
 }

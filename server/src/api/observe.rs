@@ -1,26 +1,36 @@
 //! What every request gets first: an id, in its answer and on its log lines.
 
 use axum::Router;
-use axum::extract::Request;
+use axum::extract::{Request, State};
 use axum::middleware::{self, Next};
 use axum::response::Response;
 use http::{HeaderName, HeaderValue};
+use opentelemetry::KeyValue;
 use tracing::Instrument as _;
 
-use crate::telemetry::{RequestContext, RequestId};
+use crate::telemetry::{RequestContext, RequestId, Telemetry, Traces};
 
 /// The header of a request's id, in requests and answers.
 pub(super) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
+/// How paths of remote procedures begin. Other requests have no traces.
+const RPCS: [&str; 2] = ["/v1/", "/troupe.v1."];
+
 /// Puts this in front of all routes.
-pub(super) fn observed(router: Router) -> Router {
-    router.layer(middleware::from_fn(|request, next: Next| {
-        with_id(request, |request| next.run(request))
-    }))
+pub(super) fn observed(router: Router, telemetry: &Telemetry) -> Router {
+    router.layer(middleware::from_fn_with_state(telemetry.clone(), observe))
 }
 
-/// Serves a request under an id.
-pub(super) async fn with_id<F>(mut request: Request, serve: impl FnOnce(Request) -> F) -> Response
+async fn observe(State(telemetry): State<Telemetry>, request: Request, next: Next) -> Response {
+    with_id(request, telemetry.traces(), |request| next.run(request)).await
+}
+
+/// Serves a request under an id, and traces it where it is one of those.
+pub(super) async fn with_id<F>(
+    mut request: Request,
+    traces: Option<&Traces>,
+    serve: impl FnOnce(Request) -> F,
+) -> Response
 where
     F: Future<Output = Response>,
 {
@@ -31,9 +41,16 @@ where
     if let Ok(header) = &header {
         request.headers_mut().insert(REQUEST_ID, header.clone());
     }
+    let path = request.uri().path();
+    let traces = traces.filter(|_| RPCS.iter().any(|start| path.starts_with(start)));
+    let trace = traces.and_then(|traces| traces.request(request.headers()));
+    if let Some(trace) = &trace {
+        trace.note(KeyValue::new("request.id", id.to_string()));
+    }
+    let trace_id = trace.as_ref().map(|trace| tracing::field::display(trace.id()));
     // The highest level, so that lines of every level show it.
-    let span = tracing::error_span!("request", %id);
-    let context = RequestContext { id };
+    let span = tracing::error_span!("request", %id, trace_id);
+    let context = RequestContext { id, trace };
     let mut response = context.scope(serve(request)).instrument(span).await;
     if let Ok(header) = header {
         response.headers_mut().insert(REQUEST_ID, header);

@@ -26,7 +26,7 @@ async fn answer(request: Request, next: Next) -> Response {
     let mut response = match HEALTH.contains(&path) || path.starts_with(GRPC_HEALTH) {
         true => next.run(request).await,
         false => {
-            with_id(request, async |request| {
+            with_id(request, None, async |request| {
                 ApiError::NoConnection.in_kind(request.headers())
             })
             .await

@@ -2,8 +2,12 @@
 
 use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;
+use std::time::Instant;
 
+use opentelemetry::KeyValue;
 use uuid::Uuid;
+
+use super::Trace;
 
 /// Most characters of an id that a caller gives.
 const MAX_ID: usize = 64;
@@ -51,12 +55,26 @@ impl Display for RequestId {
 pub struct RequestContext {
     /// Its id.
     pub id: RequestId,
+    /// Its trace, where it has one.
+    pub trace: Option<Trace>,
 }
 
 impl RequestContext {
     /// The request that this task serves.
     pub fn current() -> Option<Self> {
         CURRENT.try_with(Self::clone).ok()
+    }
+
+    /// The trace of the request that this task serves, where it has one.
+    pub fn current_trace() -> Option<Trace> {
+        CURRENT.try_with(|request| request.trace.clone()).ok().flatten()
+    }
+
+    /// Adds a part to the trace of the request that this task serves: one that began at `from` and ends now.
+    pub fn part(name: &'static str, from: Instant, attributes: impl FnOnce() -> Vec<KeyValue>) {
+        if let Some(trace) = Self::current_trace() {
+            trace.part(name, from, Instant::now(), attributes());
+        }
     }
 
     /// Does `work` for this request.
@@ -88,7 +106,10 @@ mod tests {
     async fn a_task_knows_its_request() {
         assert!(RequestContext::current().is_none());
         let id = RequestId::given_or_new(None);
-        let context = RequestContext { id: id.clone() };
+        let context = RequestContext {
+            id: id.clone(),
+            trace: None,
+        };
         let found = context.scope(async { RequestContext::current() }).await;
         assert_eq!(found.unwrap().id, id);
     }

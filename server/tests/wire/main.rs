@@ -25,4 +25,5 @@ mod session_errors;
 mod session_life;
 mod sessions;
 mod strangers;
+mod traces;
 mod websocket;
