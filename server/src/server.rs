@@ -4,6 +4,7 @@ mod access;
 mod activity;
 mod connections;
 mod files;
+mod limits;
 mod places;
 
 use std::net::SocketAddr;
@@ -257,6 +258,7 @@ pub async fn serve_packs_at(
     .map_err(|error| internal(&error))?;
 
     let max_connections = max_connections(&config)?;
+    limits::show(&config, max_connections, &telemetry);
     let places = Places::new(max_connections, config.max_connections_per_address, &telemetry);
     let (stop, stopping) = watch::channel(false);
     let accepting = connections::accept(listener, router, clients, config.clone(), places, stopping);
@@ -290,7 +292,10 @@ async fn upkeep(service: Arc<Service>) {
     let mut sweeps = tokio::time::interval(SWEEP_INTERVAL);
     loop {
         tokio::select! {
-            _ = metrics.tick() => service.telemetry().run_upkeep(),
+            _ = metrics.tick() => {
+                service.look();
+                service.telemetry().run_upkeep();
+            }
             _ = sweeps.tick() => {
                 let expired = service.sessions().sweep();
                 if expired > 0 {

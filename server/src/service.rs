@@ -3,6 +3,7 @@
 mod describe;
 mod error;
 mod generate;
+mod metrics;
 mod scenes;
 mod sessions;
 
@@ -20,6 +21,7 @@ use crate::session::{LivePacks, SessionError, Sessions};
 use crate::telemetry::{RequestContext, Telemetry};
 use crate::world::Store;
 use describe::describe;
+use metrics::ServiceMetrics;
 use troupe_engine::EngineError;
 use troupe_motion::model::{Capability, Output, Rig};
 
@@ -43,6 +45,7 @@ pub struct Service {
     limits: RequestLimits,
     timeout: Duration,
     sessions: Arc<Sessions>,
+    metrics: ServiceMetrics,
     telemetry: Telemetry,
 }
 
@@ -55,6 +58,7 @@ impl Service {
             limits,
             timeout,
             sessions: Arc::new(sessions),
+            metrics: ServiceMetrics::new(&telemetry),
             telemetry,
         }
     }
@@ -81,6 +85,12 @@ impl Service {
     /// The server's metrics.
     pub fn telemetry(&self) -> &Telemetry {
         &self.telemetry
+    }
+
+    /// Sets the metrics that nothing else sets: to be called every few seconds, and before metrics are read.
+    pub fn look(&self) {
+        self.metrics
+            .look(self.ready().is_ok(), self.store().ok().map(|store| &**store));
     }
 
     /// Whether the server should be sent requests.

@@ -8,11 +8,13 @@ mod answers;
 mod error;
 mod grpc;
 mod guard;
+mod head;
 mod http;
 pub mod keys;
 mod metrics;
 mod observe;
 mod openapi;
+mod refusals;
 mod reserve;
 mod shape;
 #[cfg(feature = "testing")]
@@ -69,7 +71,7 @@ pub fn router(
     keys: Option<Arc<Keys>>,
 ) -> Result<Router, tonic_reflection::server::Error> {
     let grpc = grpc::router(service, health, limits)?;
-    let traffic = traffic::Traffic::new(clients.clone(), limits.write_timeout);
+    let traffic = traffic::Traffic::new(clients.clone(), limits.write_timeout, service.telemetry());
     let router = grpc
         .merge(http::router(service, limits))
         .fallback(http::unknown_route)
@@ -79,7 +81,7 @@ pub fn router(
         None => router,
     };
     Ok(observe::observed(
-        guard::guarded(router, guard),
+        head::limited(guard::guarded(router, guard)),
         service.telemetry(),
     ))
 }

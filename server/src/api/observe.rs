@@ -1,5 +1,7 @@
 //! What every request gets first: an id, in its answer and on its log lines.
 
+use std::sync::Arc;
+
 use axum::Router;
 use axum::extract::{Request, State};
 use axum::middleware::{self, Next};
@@ -8,6 +10,8 @@ use http::{HeaderName, HeaderValue};
 use opentelemetry::KeyValue;
 use tracing::Instrument as _;
 
+use super::refusals::Refusals;
+use crate::clients::Client;
 use crate::telemetry::{RequestContext, RequestId, Telemetry, Traces};
 
 /// The header of a request's id, in requests and answers.
@@ -16,13 +20,33 @@ pub(super) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id"
 /// How paths of remote procedures begin. Other requests have no traces.
 const RPCS: [&str; 2] = ["/v1/", "/troupe.v1."];
 
-/// Puts this in front of all routes.
-pub(super) fn observed(router: Router, telemetry: &Telemetry) -> Router {
-    router.layer(middleware::from_fn_with_state(telemetry.clone(), observe))
+/// What the middleware knows.
+#[derive(Clone)]
+struct Observer {
+    telemetry: Telemetry,
+    refusals: Refusals,
 }
 
-async fn observe(State(telemetry): State<Telemetry>, request: Request, next: Next) -> Response {
-    with_id(request, telemetry.traces(), |request| next.run(request)).await
+/// Puts this in front of all routes.
+pub(super) fn observed(router: Router, telemetry: &Telemetry) -> Router {
+    let observer = Observer {
+        telemetry: telemetry.clone(),
+        refusals: Refusals::new(telemetry),
+    };
+    router.layer(middleware::from_fn_with_state(observer, observe))
+}
+
+async fn observe(State(observer): State<Observer>, request: Request, next: Next) -> Response {
+    let client = request.extensions().get::<Arc<Client>>();
+    let address = client.map(|client| client.address());
+    with_id(request, observer.telemetry.traces(), async |request| {
+        let response = next.run(request).await;
+        if let Some(refusal) = response.extensions().get() {
+            observer.refusals.note(*refusal, address);
+        }
+        response
+    })
+    .await
 }
 
 /// Serves a request under an id, and traces it where it is one of those.

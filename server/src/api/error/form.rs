@@ -14,6 +14,7 @@ use utoipa::ToSchema;
 
 use super::row::Row;
 use super::{ApiError, DOMAIN};
+use crate::api::refusals::Refusal;
 use crate::telemetry::RequestContext;
 use crate::wire::{MAX_MESSAGE, cut};
 
@@ -107,10 +108,14 @@ impl ApiError {
 
     /// [`ApiError::in_kind`], for a caller who speaks gRPC or does not.
     pub(in crate::api) fn in_protocol(&self, grpc: bool) -> Response {
-        match grpc {
+        let mut response = match grpc {
             true => self.status().into_http::<Body>(),
             false => self.clone().into_response(),
+        };
+        if let Some(refusal) = Refusal::of(self) {
+            response.extensions_mut().insert(refusal);
         }
+        response
     }
 
     /// The error behind a gRPC status: our own, or one that the gRPC library made while it read the request.
