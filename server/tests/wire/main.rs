@@ -13,6 +13,7 @@ mod drive;
 mod generate;
 mod interactions;
 mod lifecycle;
+mod metrics;
 mod observe;
 mod openapi;
 mod overload;
