@@ -16,6 +16,7 @@ test: lint rust-test python-test
 lint: python-env
 	cargo fmt --all --check
 	scripts/check-layers.sh
+	scripts/check-prometheus.sh
 	cargo clippy --workspace --all-targets --features troupe-cli/evaluator --locked -- -D warnings
 	scripts/tool.sh cargo-deny --log-level error check bans licenses sources
 	.venv/bin/typos

@@ -72,6 +72,8 @@ pub struct Refusal {
     pub violations: Vec<Violation>,
     /// The server's name for this kind of error, from `google.rpc.ErrorInfo`.
     pub reason: Option<String>,
+    /// The request's id, which the server's log lines show.
+    pub request_id: Option<String>,
 }
 
 /// One field of a request that the server did not accept.
@@ -219,6 +221,7 @@ impl ClientError {
         Self::Session(Box::new(SessionError {
             session: session.to_owned(),
             problem,
+            request_id: None,
         }))
     }
 
@@ -247,6 +250,12 @@ impl ClientError {
             None => Self::Refused(Box::new(refusal)),
         }
     }
+}
+
+/// The id of the request that a status answers.
+fn request_id(status: &tonic::Status) -> Option<String> {
+    let sent = status.metadata().get("x-request-id")?;
+    sent.to_str().ok().map(str::to_owned)
 }
 
 /// The innermost cause, which says "connection refused" where the outer ones say "transport error".
@@ -290,6 +299,7 @@ impl Refusal {
             message: status.message().to_owned(),
             violations,
             reason: info.map(|i| i.reason.clone()),
+            request_id: request_id(status),
         }
     }
 
@@ -313,13 +323,18 @@ impl Refusal {
                 field: first.map(|v| v.field.clone()),
                 allowed: first.and_then(|v| v.allowed.clone()),
             },
+            request_id: self.request_id.clone(),
         })
     }
 }
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ({:?})", self.message, self.code)?;
+        write!(f, "{} ({:?}", self.message, self.code)?;
+        if let Some(id) = &self.request_id {
+            write!(f, ", request {id}")?;
+        }
+        f.write_str(")")?;
         // The message mostly names the field already, or is all that is said of it.
         for violation in self
             .violations
@@ -400,6 +415,27 @@ mod tests {
         };
         assert_eq!((refusal.code, refusal.reason), (Code::InvalidArgument, None));
         assert!(refusal.violations.is_empty());
+    }
+
+    #[test]
+    fn the_requests_id_is_shown() {
+        let with_id = |reason| {
+            let mut details = ErrorDetails::new();
+            details.set_error_info(reason, "troupe", HashMap::new());
+            let mut status = tonic::Status::with_error_details(Code::NotFound, "there is none", details);
+            status
+                .metadata_mut()
+                .insert("x-request-id", "abc-1".parse().unwrap());
+            ClientError::from_status(&status, "http://x", Duration::from_secs(1)).to_string()
+        };
+        assert_eq!(
+            with_id("UNKNOWN_STYLE"),
+            "the server refused: there is none (NotFound, request abc-1)"
+        );
+        assert_eq!(
+            with_id("SESSION_EXPIRED"),
+            "session ``: there is none (request abc-1)"
+        );
     }
 
     #[test]

@@ -6,12 +6,18 @@ use troupe_proto::v1;
 
 /// A session that could not be served, or whose command was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("session `{session}`: {problem}")]
+#[error("session `{session}`: {problem}{}", of_request(.request_id.as_deref()))]
 pub struct SessionError {
     /// The session's name; empty where the server did not say which it was.
     pub session: String,
     /// Why.
     pub problem: Problem,
+    /// The id of the request that failed, which the server's log lines show. None where it is a part of an answer.
+    pub request_id: Option<String>,
+}
+
+fn of_request(id: Option<&str>) -> String {
+    id.map(|id| format!(" (request {id})")).unwrap_or_default()
 }
 
 /// Why one of many could not be served.

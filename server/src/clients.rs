@@ -8,10 +8,11 @@ mod identity;
 use std::collections::{HashMap, HashSet};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Instant;
 
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use crate::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
+use crate::telemetry::{Counter, Gauge, Labels, Metric, Seldom, Telemetry};
 
 pub use identity::{Identity, Quota, Role};
 
@@ -173,6 +174,7 @@ struct ClientMetrics {
     memory_refused: [Counter; 4],
     streams_refused: [Counter; 4],
     sessions_refused: Counter,
+    refusals: Mutex<Seldom>,
 }
 
 impl ClientMetrics {
@@ -191,6 +193,21 @@ impl ClientMetrics {
                 let labels = Labels::default().with("kind", "sessions");
                 telemetry.counter(&REFUSED, &labels.with("whose", Whose::Key.label()))
             },
+            refusals: Mutex::default(),
+        }
+    }
+
+    /// A client at `address` was refused.
+    fn refused(&self, by_whose: &[Counter; 4], whose: Whose, kind: &'static str, address: IpAddr) {
+        by_whose[whose as usize].increment(1);
+        let next = self
+            .refusals
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .next(Instant::now());
+        if let Some(held_back) = next {
+            let whose = whose.label();
+            tracing::warn!(kind, whose, %address, held_back, "a limit of clients is reached");
         }
     }
 }
@@ -218,6 +235,7 @@ impl Clients {
             level
         });
         Arc::new(Client {
+            address,
             levels: [
                 Level::new(Whose::Client, self.shares.client),
                 of_address,
@@ -241,6 +259,7 @@ impl Clients {
         });
         let [_, of_address, all] = &connected.levels;
         Arc::new(Client {
+            address: connected.address,
             levels: [of_key, of_address.clone(), all.clone()],
             metrics: self.metrics.clone(),
         })
@@ -255,11 +274,18 @@ impl Clients {
 /// One client.
 #[derive(Debug)]
 pub struct Client {
+    /// Of its connection; of IPv6 the network.
+    address: IpAddr,
     levels: [Arc<Level>; 3],
     metrics: Arc<ClientMetrics>,
 }
 
 impl Client {
+    /// The address of its connection; of IPv6 the network.
+    pub fn address(&self) -> IpAddr {
+        self.address
+    }
+
     /// Memory for a request or an answer, until it is dropped.
     ///
     /// # Errors
@@ -287,7 +313,8 @@ impl Client {
         let mut permits = Vec::with_capacity(self.levels.len());
         for level in &self.levels {
             let permit = level.streams.clone().try_acquire_owned().map_err(|_| {
-                self.metrics.streams_refused[level.whose as usize].increment(1);
+                let metrics = &self.metrics;
+                metrics.refused(&metrics.streams_refused, level.whose, "streams", self.address);
                 Exhausted {
                     what: "no room for another stream",
                     whose: level.whose,
@@ -403,7 +430,8 @@ impl Memory {
             match permit {
                 Some(permit) => fresh.push(permit),
                 None => {
-                    self.client.metrics.memory_refused[level.whose as usize].increment(1);
+                    let Client { metrics, address, .. } = &*self.client;
+                    metrics.refused(&metrics.memory_refused, level.whose, "memory", *address);
                     return Err(Exhausted {
                         what: "no memory left for this request and its answer",
                         whose: level.whose,

@@ -438,6 +438,19 @@ pub struct Config {
     )]
     pub idle_timeout_ms: u64,
 
+    /// Collector that gets traces of requests: OTLP over gRPC, without TLS. Left out: no traces.
+    #[config(env = "TROUPE_OTLP_ENDPOINT", layer_attr(arg(long, value_name = "URL")))]
+    pub otlp_endpoint: Option<String>,
+
+    /// Share of requests and of plans that are traced, from 0 to 1. A request that comes with a `traceparent` is traced if that
+    /// says so.
+    #[config(
+        env = "TROUPE_TRACE_SAMPLE_RATIO",
+        default = 0.1,
+        layer_attr(arg(long, value_name = "RATIO"))
+    )]
+    pub trace_sample_ratio: f64,
+
     /// What to log: a level (error, warn, info, debug, trace), or a level for each module.
     #[config(
         env = "TROUPE_LOG",

@@ -278,3 +278,20 @@ fn origins_and_hosts_are_lists() {
         "{error}"
     );
 }
+
+#[test]
+fn traces_need_a_collector_and_a_share() {
+    assert!(load(&[]).unwrap().trace_options().is_none());
+    let options = load(&["--otlp-endpoint", "http://collector:4317"])
+        .unwrap()
+        .trace_options();
+    assert_eq!(options.unwrap().sample_ratio, 0.1);
+    for (option, value, allowed) in [
+        ("--otlp-endpoint", "collector:4317", "http://HOST:PORT"),
+        ("--otlp-endpoint", "https://collector:4317", "http://HOST:PORT"),
+        ("--trace-sample-ratio", "1.5", "0 to 1"),
+    ] {
+        let error = load(&[option, value]).unwrap_err().to_string();
+        assert!(error.contains(value) && error.contains(allowed), "{error}");
+    }
+}

@@ -5,7 +5,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`telemetry`] | the registry of metrics; each layer owns its handles |
+//! | [`telemetry`] | the registry of metrics, of which each layer owns its handles; request ids and traces |
 //! | `offload` | work that takes long, away from the threads of I/O |
 //! | [`batch`] | queues, scheduling, the threads that own engines |
 //! | [`packs`] | the packs that are loaded, each with its engine and styles |

@@ -17,5 +17,8 @@ pub(crate) async fn offload<T: Send + 'static>(
     if things <= inline {
         return Ok(work());
     }
-    tokio::task::spawn_blocking(work).await.map_err(|_| WorkerStopped)
+    let span = tracing::Span::current();
+    tokio::task::spawn_blocking(move || span.in_scope(work))
+        .await
+        .map_err(|_| WorkerStopped)
 }

@@ -6,6 +6,7 @@ mod connections;
 mod error;
 mod files;
 mod keeping;
+mod limits;
 mod places;
 mod reload;
 mod tls;
@@ -187,7 +188,10 @@ pub async fn serve_packs_at(
             Some(tls)
         }
     };
-    let telemetry = Telemetry::new().map_err(|error| internal(&error))?;
+    let mut telemetry = Telemetry::new().map_err(|error| internal(&error))?;
+    if let Some(options) = config.trace_options() {
+        telemetry = telemetry.traced(&options)?;
+    }
     let sessions =
         Sessions::new(config.session_limits(), time, &telemetry).map_err(|error| internal(&error))?;
     let service = Arc::new(Service::new(
@@ -210,6 +214,7 @@ pub async fn serve_packs_at(
     .map_err(|error| internal(&error))?;
 
     let max_connections = max_connections(&config)?;
+    limits::show(&config, max_connections, &telemetry);
     let places = Places::new(max_connections, config.max_connections_per_address, &telemetry);
     let (stop, stopping) = watch::channel(false);
     let accepting = connections::accept(
@@ -270,7 +275,10 @@ async fn upkeep(service: Arc<Service>) {
     let mut sweeps = tokio::time::interval(SWEEP_INTERVAL);
     loop {
         tokio::select! {
-            _ = metrics.tick() => service.telemetry().run_upkeep(),
+            _ = metrics.tick() => {
+                service.look();
+                service.telemetry().run_upkeep();
+            }
             _ = sweeps.tick() => {
                 let expired = service.sessions().sweep();
                 if expired > 0 {
@@ -505,6 +513,10 @@ impl ServerHandle {
         let ended = streams.await.is_ok();
         if let Some(keeping) = self.keeping {
             keeping.finish().await;
+        }
+        if let Some(traces) = self.service.telemetry().traces().cloned() {
+            // It says itself what goes wrong.
+            let _ = tokio::task::spawn_blocking(move || traces.shut_down()).await;
         }
         clean && ended
     }

@@ -3,6 +3,7 @@
 mod describe;
 mod error;
 mod generate;
+mod metrics;
 mod scenes;
 mod sessions;
 
@@ -12,15 +13,16 @@ use std::time::{Duration, Instant};
 
 use troupe_proto::v1;
 
-use crate::batch::{Order, Served, SubmitError};
+use crate::batch::{Order, Served, SubmitError, trace_served};
 use crate::inbetween::{Plan, RequestLimits, finish, prepare};
 use crate::offload::offload;
 use crate::packs::{LoadedPack, PackTable};
 use crate::records::{Records, RecordsError};
 use crate::session::{Keeper, LivePacks, SessionError, Sessions};
-use crate::telemetry::Telemetry;
+use crate::telemetry::{RequestContext, Telemetry};
 use crate::world::Store;
 use describe::describe;
+use metrics::ServiceMetrics;
 use troupe_engine::EngineError;
 use troupe_motion::model::{Capability, Output, Rig};
 
@@ -44,6 +46,7 @@ pub struct Service {
     limits: RequestLimits,
     timeout: Duration,
     sessions: Arc<Sessions>,
+    metrics: ServiceMetrics,
     telemetry: Telemetry,
 }
 
@@ -56,6 +59,7 @@ impl Service {
             limits,
             timeout,
             sessions: Arc::new(sessions),
+            metrics: ServiceMetrics::new(&telemetry),
             telemetry,
         }
     }
@@ -93,6 +97,12 @@ impl Service {
     /// The server's metrics.
     pub fn telemetry(&self) -> &Telemetry {
         &self.telemetry
+    }
+
+    /// Sets the metrics that nothing else sets: to be called every few seconds, and before metrics are read.
+    pub fn look(&self) {
+        self.metrics
+            .look(self.ready().is_ok(), self.store().ok().map(|store| &**store));
     }
 
     /// Whether the server should be sent requests.
@@ -169,10 +179,14 @@ impl Service {
         })
         .await??;
 
+        let asked = Instant::now();
         let served = loaded
             .batcher
             .submit(items.into_iter().map(Into::into).collect(), order)
             .await?;
+        if let Some(trace) = RequestContext::current_trace() {
+            trace_served(&trace, asked, &served);
+        }
 
         let mut timing = timing(&served);
         let copied = served.scatter;
@@ -189,6 +203,7 @@ impl Service {
             .map(|frames| frames.frame_count)
             .sum();
         loaded.metrics.scattered(made, frames as usize);
+        RequestContext::part("finish", scattering, Vec::new);
         timing.scatter_us = (copied + made).as_micros() as u64;
         timing.total_us = arrived.elapsed().as_micros() as u64;
         Ok(v1::InBetweenResponse {

@@ -3,6 +3,9 @@
 //!
 //! Each layer names its metrics ([`Metric`]) and owns their handles: `batch::metrics`, `session::metrics`, `api::metrics`.
 
+mod request;
+mod traces;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -10,6 +13,8 @@ use metrics::{Key, Label, Level, Metadata, Recorder as _};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusRecorder};
 
 pub use metrics::{Counter, Gauge, Histogram};
+pub use request::{RequestContext, RequestId};
+pub use traces::{Trace, TraceOptions, Traces, TracesError};
 
 /// Upper bounds of a histogram's buckets, by the unit that its name ends in.
 const BUCKETS: [(&str, &[f64]); 4] = [
@@ -104,6 +109,7 @@ impl Labels {
 pub struct Telemetry {
     recorder: Arc<PrometheusRecorder>,
     process: Arc<metrics_process::Collector>,
+    traces: Option<Traces>,
 }
 
 impl Telemetry {
@@ -122,7 +128,22 @@ impl Telemetry {
         Ok(Self {
             recorder: Arc::new(recorder),
             process: Arc::new(process),
+            traces: None,
         })
+    }
+
+    /// The same, with traces. To be called on a tokio runtime.
+    ///
+    /// # Errors
+    /// [`TracesError`] for an endpoint that is none.
+    pub fn traced(mut self, options: &TraceOptions) -> Result<Self, TracesError> {
+        self.traces = Some(Traces::new(options, &self)?);
+        Ok(self)
+    }
+
+    /// What makes traces, where they are on.
+    pub fn traces(&self) -> Option<&Traces> {
+        self.traces.as_ref()
     }
 
     /// The registry in Prometheus' text format.

@@ -326,7 +326,11 @@ impl Stage {
                 }
             }
             DriveEvent::NotAttached { problem, id, .. } | DriveEvent::Left { problem, id, .. } => {
-                let error = SessionError { session: id, problem };
+                let error = SessionError {
+                    session: id,
+                    problem,
+                    request_id: None,
+                };
                 return Err(ClientError::Session(Box::new(error)).into());
             }
         }

@@ -12,6 +12,7 @@ mod world;
 
 use std::time::Duration;
 
+use super::head::MAX_HEAD_BYTES;
 use super::tokens::TokenError;
 use crate::batch::SubmitError;
 use crate::clients::{Exhausted, Role};
@@ -19,8 +20,8 @@ use crate::service::ServiceError;
 use crate::session::SessionError;
 use crate::world::WorldError;
 use row::{
-    FORBIDDEN, FULL, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, NOT_NOW, Row, TOO_LARGE, TOO_LATE, Tabled,
-    UNAUTHENTICATED, UNAVAILABLE, UNIMPLEMENTED, WRONG_TYPE,
+    FORBIDDEN, FULL, HEADERS, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, NOT_NOW, Row, TOO_LARGE, TOO_LATE,
+    Tabled, UNAUTHENTICATED, UNAVAILABLE, UNIMPLEMENTED, WRONG_TYPE,
 };
 use troupe_character::FieldError;
 use troupe_engine::EngineError;
@@ -68,6 +69,14 @@ pub enum ApiError {
     TooLarge {
         /// The limit.
         limit_bytes: usize,
+    },
+    /// Headers over the limit.
+    #[error(
+        "the headers take {found_bytes} bytes, 32 for each included; allowed: at most {MAX_HEAD_BYTES} bytes"
+    )]
+    HeadersTooLarge {
+        /// How many there are.
+        found_bytes: usize,
     },
     /// A client, an address or all clients have too much on their way.
     #[error(transparent)]
@@ -160,6 +169,10 @@ impl ApiError {
                 .because("REQUEST_TOO_LARGE")
                 .field("body")
                 .allowed(format!("at most {limit_bytes} bytes")),
+            Self::HeadersTooLarge { .. } => HEADERS
+                .because("HEADERS_TOO_LARGE")
+                .field("headers")
+                .allowed(format!("at most {MAX_HEAD_BYTES} bytes")),
             Self::Exhausted(error) => {
                 let row = FULL.because("CLIENT_LIMIT").allowed(error.allowed.as_str());
                 match error.never {

@@ -13,13 +13,16 @@ use axum::extract::{Request, State};
 use axum::middleware::{self, Next};
 use axum::response::Response;
 use http::uri::Authority;
-use http::{HeaderValue, Method, header};
+use http::{HeaderName, HeaderValue, Method, header};
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
 use super::error::ApiError;
+use super::observe::REQUEST_ID;
 
 /// How long a browser may remember what a preflight allowed.
 const PREFLIGHT_AGE: Duration = Duration::from_secs(600);
+/// The header of a caller's trace.
+const TRACE_PARENT: HeaderName = HeaderName::from_static("traceparent");
 /// Most characters of a header in an error.
 const MAX_ECHO: usize = 200;
 
@@ -245,8 +248,13 @@ fn cors(guard: Arc<Guard>) -> CorsLayer {
     CorsLayer::new()
         .allow_origin(AllowOrigin::predicate(listed))
         .allow_methods([Method::GET, Method::POST, Method::PUT, Method::DELETE])
-        .allow_headers([header::CONTENT_TYPE, header::AUTHORIZATION])
-        .expose_headers([header::RETRY_AFTER])
+        .allow_headers([
+            header::CONTENT_TYPE,
+            header::AUTHORIZATION,
+            REQUEST_ID,
+            TRACE_PARENT,
+        ])
+        .expose_headers([header::RETRY_AFTER, REQUEST_ID])
         .allow_private_network(true)
         .max_age(PREFLIGHT_AGE)
 }

@@ -207,6 +207,7 @@ pub(super) async fn readyz(State(service): State<Arc<Service>>) -> Result<&'stat
 #[utoipa::path(get, path = "/metrics", tag = "operations",
     responses((status = 200, description = "Metrics", body = String, content_type = "text/plain")))]
 pub(super) async fn metrics(State(service): State<Arc<Service>>) -> impl IntoResponse {
+    service.look();
     (
         [(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")],
         service.telemetry().render(),

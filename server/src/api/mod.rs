@@ -9,11 +9,14 @@ mod credentials;
 mod error;
 mod grpc;
 mod guard;
+mod head;
 mod http;
 pub mod keys;
 mod metrics;
+mod observe;
 mod openapi;
 mod opening;
+mod refusals;
 mod reserve;
 mod shape;
 #[cfg(feature = "testing")]
@@ -76,7 +79,7 @@ pub fn router(
     credentials: Option<Arc<Credentials>>,
 ) -> Result<Router, tonic_reflection::server::Error> {
     let grpc = grpc::router(service, health, limits)?;
-    let traffic = traffic::Traffic::new(clients.clone(), limits.write_timeout);
+    let traffic = traffic::Traffic::new(clients.clone(), limits.write_timeout, service.telemetry());
     let router = grpc
         .merge(http::router(service, limits))
         .fallback(http::unknown_route)
@@ -85,5 +88,8 @@ pub fn router(
         Some(credentials) => access::locked(router, credentials, clients.clone()),
         None => router,
     };
-    Ok(guard::guarded(router, guard))
+    Ok(observe::observed(
+        head::limited(guard::guarded(router, guard)),
+        service.telemetry(),
+    ))
 }

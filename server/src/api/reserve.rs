@@ -7,6 +7,7 @@ use axum::response::Response;
 use http::{HeaderValue, Version, header};
 
 use super::error::ApiError;
+use super::observe::with_id;
 
 /// Paths that operators and their tools ask.
 const HEALTH: [&str; 3] = ["/healthz", "/readyz", "/metrics"];
@@ -24,7 +25,12 @@ async fn answer(request: Request, next: Next) -> Response {
     let version = request.version();
     let mut response = match HEALTH.contains(&path) || path.starts_with(GRPC_HEALTH) {
         true => next.run(request).await,
-        false => ApiError::NoConnection.in_kind(request.headers()),
+        false => {
+            with_id(request, None, async |request| {
+                ApiError::NoConnection.in_kind(request.headers())
+            })
+            .await
+        }
     };
     // HTTP/2 has no such header; its connections are closed when they are idle.
     if version < Version::HTTP_2 {

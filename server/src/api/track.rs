@@ -2,14 +2,20 @@
 
 use std::collections::HashMap;
 use std::error::Error as _;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
+use axum::body::Body;
 use axum::extract::{MatchedPath, Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse as _, Response};
+use bytes::Bytes;
 use http::Method;
+use http_body::{Frame, SizeHint};
 use http_body_util::LengthLimitError;
+use opentelemetry::KeyValue;
 use tonic::Status;
 use troupe_proto::rpc::RPCS;
 use utoipa::openapi::{OpenApi, PathItem};
@@ -19,6 +25,10 @@ use super::error::{ApiError, CodeLabel};
 use super::metrics::RequestMetrics;
 use super::shape::{Shape, Shapes};
 use crate::service::Service;
+use crate::telemetry::{RequestContext, Trace};
+
+/// Codes that are the server's fault.
+const FAULTS: [&str; 3] = ["INTERNAL", "UNAVAILABLE", "UNKNOWN"];
 
 /// The state of the middleware.
 #[derive(Clone)]
@@ -46,11 +56,89 @@ struct Note<'a> {
     rpc: &'static str,
     code: &'static str,
     arrived: Instant,
+    trace: Option<Trace>,
+}
+
+impl<'a> Note<'a> {
+    /// A request for this procedure begins.
+    fn begin(metrics: &'a RequestMetrics, rpc: &'static str) -> Self {
+        let trace = RequestContext::current_trace();
+        if let Some(trace) = &trace {
+            trace.of_rpc(rpc);
+        }
+        Self {
+            metrics,
+            rpc,
+            code: "CANCELLED",
+            arrived: Instant::now(),
+            trace,
+        }
+    }
+
+    /// The answer. Its trace ends when it is sent.
+    fn reply(&self, response: Response) -> Response {
+        let Some(trace) = &self.trace else {
+            return response;
+        };
+        let sending = Sending {
+            trace: trace.clone(),
+            begun: Instant::now(),
+        };
+        response.map(|body| {
+            Body::new(Reply {
+                body,
+                _sending: sending,
+            })
+        })
+    }
 }
 
 impl Drop for Note<'_> {
     fn drop(&mut self) {
         self.metrics.answered(self.rpc, self.code, self.arrived.elapsed());
+        if let Some(trace) = &self.trace {
+            trace.note(KeyValue::new("code", self.code));
+            if FAULTS.contains(&self.code) {
+                trace.failed(self.code);
+            }
+        }
+    }
+}
+
+/// An answer of a traced request on its way.
+struct Reply {
+    body: Body,
+    _sending: Sending,
+}
+
+struct Sending {
+    trace: Trace,
+    begun: Instant,
+}
+
+impl Drop for Sending {
+    fn drop(&mut self) {
+        self.trace.part("reply", self.begun, Instant::now(), Vec::new());
+    }
+}
+
+impl http_body::Body for Reply {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        Pin::new(&mut self.body).poll_frame(context)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
     }
 }
 
@@ -62,18 +150,13 @@ pub(super) async fn http(
 ) -> Response {
     let path = request.extensions().get::<MatchedPath>();
     let rpc = path.map_or("unknown", |path| rpcs.of(request.method(), path.as_str()));
-    let mut note = Note {
-        metrics: &tracker.metrics,
-        rpc,
-        code: "CANCELLED",
-        arrived: Instant::now(),
-    };
+    let mut note = Note::begin(&tracker.metrics, rpc);
     let response = match tokio::time::timeout(tracker.timeout, next.run(request)).await {
         Ok(response) => response,
         Err(_) => ApiError::DeadlineExceeded(tracker.timeout).into_response(),
     };
     note.code = code_of(&response);
-    response
+    note.reply(response)
 }
 
 /// The remote procedures behind the HTTP routes.
@@ -139,12 +222,7 @@ pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, 
         .get("grpc-timeout")
         .and_then(|value| grpc_timeout(value.to_str().ok()?));
     let limit = asked.map_or(tracker.timeout, |asked| asked.min(tracker.timeout));
-    let mut note = Note {
-        metrics: &tracker.metrics,
-        rpc,
-        code: "CANCELLED",
-        arrived: Instant::now(),
-    };
+    let mut note = Note::begin(&tracker.metrics, rpc);
     let handled = async {
         // A stream has no end to wait for.
         let shape = tracker.shapes.of(rpc).filter(|_| rpc != "Drive");
@@ -167,11 +245,11 @@ pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, 
         }
         None => {
             note.code = "OK";
-            return response;
+            return note.reply(response);
         }
     };
     note.code = error.label();
-    error.status().into_http()
+    note.reply(error.status().into_http())
 }
 
 /// Reads the one message of a request and looks at its shape before it is decoded.

@@ -15,9 +15,19 @@ use tokio_util::task::AbortOnDropHandle;
 
 use super::error::{ApiError, is_grpc};
 use crate::clients::{Client, Clients, Exhausted, Memory};
+use crate::telemetry::{Counter, Labels, Metric, Telemetry};
 
 /// Answers up to this size are small: they are not counted, and not cut into pieces, bytes.
 const SMALL: usize = 64 << 10;
+
+const RECEIVED: Metric = Metric::new(
+    "troupe_request_body_bytes_total",
+    "Bytes of requests, without headers and live streams",
+);
+const SENT: Metric = Metric::new(
+    "troupe_answer_body_bytes_total",
+    "Bytes of answers, without headers and live streams",
+);
 
 /// Paths of streams.
 const STREAMS: [&str; 2] = ["/v1/drive", "/troupe.v1.Sessions/Drive"];
@@ -28,13 +38,19 @@ pub(super) struct Traffic {
     clients: Arc<Clients>,
     /// How long an answer may wait for its reader.
     write_timeout: Duration,
+    /// Bytes of requests and answers.
+    received: Counter,
+    sent: Counter,
 }
 
 impl Traffic {
-    pub(super) fn new(clients: Arc<Clients>, write_timeout: Duration) -> Self {
+    pub(super) fn new(clients: Arc<Clients>, write_timeout: Duration, telemetry: &Telemetry) -> Self {
+        let counter = |metric| telemetry.counter(metric, &Labels::default());
         Self {
             clients,
             write_timeout,
+            received: counter(&RECEIVED),
+            sent: counter(&SENT),
         }
     }
 }
@@ -83,6 +99,7 @@ pub(super) async fn count(State(traffic): State<Traffic>, mut request: Request, 
             inner,
             memory: Arc::downgrade(&memory),
             refused: refused.clone(),
+            received: traffic.received.clone(),
         })
     });
     let response = next.run(request).await;
@@ -90,14 +107,14 @@ pub(super) async fn count(State(traffic): State<Traffic>, mut request: Request, 
     if let Some(error) = refused.get() {
         return ApiError::from(error.clone()).in_protocol(grpc);
     }
-    match hold(&client, response, traffic.write_timeout) {
+    match hold(&client, response, &traffic) {
         Ok(response) => response,
         Err(error) => ApiError::from(error).in_protocol(grpc),
     }
 }
 
 /// Counts an answer until it is sent, or nobody takes it any more.
-fn hold(client: &Arc<Client>, mut response: Response, limit: Duration) -> Result<Response, Exhausted> {
+fn hold(client: &Arc<Client>, mut response: Response, traffic: &Traffic) -> Result<Response, Exhausted> {
     let reserved = response.extensions_mut().remove::<Option<Reserved>>();
     let mut memory = reserved.flatten().and_then(|reserved| reserved.take());
     let size = response.body().size_hint().exact();
@@ -106,7 +123,10 @@ fn hold(client: &Arc<Client>, mut response: Response, limit: Duration) -> Result
     {
         memory = Some(client.memory(usize::try_from(size).unwrap_or(usize::MAX))?);
     }
-    if memory.is_none() && size.is_some() {
+    if memory.is_none()
+        && let Some(size) = size
+    {
+        traffic.sent.increment(size);
         return Ok(response);
     }
     Ok(response.map(|inner| {
@@ -116,12 +136,13 @@ fn hold(client: &Arc<Client>, mut response: Response, limit: Duration) -> Result
             memory,
             waits_since: Some(Instant::now()),
         }));
-        let watch = tokio::spawn(watch(Arc::downgrade(&held), limit));
+        let watch = tokio::spawn(watch(Arc::downgrade(&held), traffic.write_timeout));
         Body::new(Outgoing {
             held,
             _watch: AbortOnDropHandle::new(watch),
             client: client.clone(),
             size: size.map(SizeHint::with_exact),
+            sent: traffic.sent.clone(),
         })
     }))
 }
@@ -131,6 +152,7 @@ struct Counted {
     inner: Body,
     memory: Weak<Mutex<Memory>>,
     refused: Arc<OnceLock<Exhausted>>,
+    received: Counter,
 }
 
 impl http_body::Body for Counted {
@@ -146,6 +168,7 @@ impl http_body::Body for Counted {
             && let Some(data) = frame.data_ref()
             && let Some(memory) = self.memory.upgrade()
         {
+            self.received.increment(data.len() as u64);
             let grown = lock(&memory).grow(data.len());
             if let Err(error) = grown {
                 let message = axum::Error::new(error.clone());
@@ -212,6 +235,7 @@ struct Outgoing {
     client: Arc<Client>,
     /// As it was announced, of answers whose size is known.
     size: Option<SizeHint>,
+    sent: Counter,
 }
 
 impl http_body::Body for Outgoing {
@@ -254,6 +278,7 @@ impl http_body::Body for Outgoing {
         let length = held.piece.len().min(SMALL);
         let piece = held.piece.split_to(length);
         held.waits_since = Some(Instant::now());
+        this.sent.increment(length as u64);
         Poll::Ready(Some(Ok(Frame::data(piece))))
     }
 

@@ -15,6 +15,7 @@ use futures_util::{SinkExt as _, StreamExt as _};
 use prost::Message as _;
 use tokio::sync::oneshot;
 use tokio::time::{MissedTickBehavior, timeout};
+use tracing::Instrument as _;
 use troupe_proto::v1;
 use troupe_proto::v1::drive_response::Message as Say;
 
@@ -66,10 +67,14 @@ pub(super) async fn drive(
     let bytes = limits.bytes.min(MAX_STREAM_MESSAGE_BYTES);
     let limits = BodyLimits { bytes, ..limits };
     let upgrade = upgrade.max_message_size(bytes).max_frame_size(bytes);
+    let span = tracing::Span::current();
     Ok(upgrade
-        .on_upgrade(move |socket| async move {
-            serve(socket, permit, limits).await;
-            drop(of_client);
+        .on_upgrade(move |socket| {
+            let serving = async move {
+                serve(socket, permit, limits).await;
+                drop(of_client);
+            };
+            serving.instrument(span)
         })
         .into_response())
 }

@@ -76,6 +76,23 @@ pub struct Served {
     pub work: Duration,
     /// Jobs of the largest of these steps.
     pub batch_size: usize,
+    /// These steps.
+    pub steps: Vec<ServedStep>,
+}
+
+/// A step that gave some of an answer. Other requests may have been in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ServedStep {
+    /// When it started.
+    pub started: Instant,
+    /// When it ended.
+    pub ended: Instant,
+    /// Jobs in it.
+    pub jobs: usize,
+    /// Rows of its network calls, padding included; 0 where there is no such number.
+    pub rows: usize,
+    /// The networks.
+    pub inference: Duration,
 }
 
 impl Served {
@@ -94,6 +111,10 @@ pub struct Piece {
     pub output: Output,
     /// Whether it is the character's last.
     pub is_last: bool,
+    /// From the request's arrival to the start of its first character.
+    pub queued: Duration,
+    /// The step that made it.
+    pub step: ServedStep,
 }
 
 /// The way to a pack's workers. Clones share it; the workers end when the last one is gone.

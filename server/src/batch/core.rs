@@ -9,7 +9,7 @@ use troupe_engine::EngineError;
 use troupe_engine::generator::{JobId, Progress, StepReport};
 use troupe_motion::model::{Output, Task};
 
-use super::batcher::{Piece, Served, SubmitError};
+use super::batcher::{Piece, Served, ServedStep, SubmitError};
 use super::metrics::{PackMetrics, Rejection};
 use super::order::Order;
 use super::scheduler::{
@@ -275,6 +275,13 @@ impl Core {
                 return self.fail(ended, request, error.into(), replies);
             }
         };
+        let step = ServedStep {
+            started,
+            ended,
+            jobs: report.jobs,
+            rows: report.rows,
+            inference: report.inference(),
+        };
         let begun = started.saturating_duration_since(job.arrived);
         let served = &mut job.served;
         served.started = match std::mem::replace(&mut job.has_output, true) {
@@ -285,8 +292,12 @@ impl Core {
         // A step that gave answers for several characters of the request counts once.
         if job.counted.replace((started, ended)) != Some((started, ended)) {
             served.assemble += report.assemble;
-            served.inference += report.inference();
+            served.inference += step.inference;
             served.scatter += report.scatter;
+            // The reader of parts gets each with its step.
+            if matches!(job.reply, Reply::Whole(_)) {
+                served.steps.push(step);
+            }
         }
         served.batch_size = served.batch_size.max(report.jobs);
         if is_last {
@@ -305,6 +316,8 @@ impl Core {
                     character,
                     output,
                     is_last,
+                    queued: job.served.queued,
+                    step,
                 };
                 if let Err(error) = parts.try_send(Ok(piece)) {
                     return self.stop_reading(ended, request, &error, replies);

@@ -1,9 +1,11 @@
 //! Metrics of queues, batches and engines.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use super::batcher::Served;
 use super::order::Class;
 use super::scheduler::BatchReason;
+use super::trace::trace_served;
 use crate::telemetry::{Counter, Gauge, Histogram, Labels, Metric, Telemetry};
 use troupe_engine::Decision;
 use troupe_engine::generator::StepReport;
@@ -210,6 +212,14 @@ impl PackMetrics {
     /// Frames of a live character's plan were made.
     pub fn planned(&self, frames: usize) {
         self.frames.increment(frames as u64);
+    }
+
+    /// A plan that was asked for at `asked` is there. A share of plans has a trace each.
+    pub fn trace_plan(&self, asked: Instant, served: &Served) {
+        let trace = (self.telemetry.traces()).and_then(|traces| traces.root("plan", asked));
+        if let Some(trace) = trace {
+            trace_served(&trace, asked, served);
+        }
     }
 
     /// A request was turned away, or dropped before it ran.

@@ -17,8 +17,10 @@ mod metrics;
 mod order;
 mod parker;
 pub mod scheduler;
+mod trace;
 mod worker;
 
-pub use batcher::{Answer, Batcher, GeneratorFactory, Parts, Piece, Served, SubmitError};
+pub use batcher::{Answer, Batcher, GeneratorFactory, Parts, Piece, Served, ServedStep, SubmitError};
 pub use metrics::{PackMetrics, Rejection};
 pub use order::{Class, Order, OwnerId};
+pub use trace::{trace_queue, trace_served, trace_step};

@@ -284,13 +284,11 @@ async fn parts_come_one_by_one_in_order_and_end_with_the_last() {
         let piece = parts.next().await.unwrap().unwrap();
         let is_last = number == 2;
         assert_eq!(
-            piece,
-            Piece {
-                character: 0,
-                output,
-                is_last
-            }
+            (piece.character, &piece.output, piece.is_last),
+            (0, &output, is_last)
         );
+        assert_eq!(piece.step.jobs, 1);
+        assert!(piece.step.started < piece.step.ended);
         assert_eq!(piece.output.into_motion().unwrap().frames(), PART_FRAMES);
     }
     assert_eq!(parts.next().await.map(Result::unwrap), None);

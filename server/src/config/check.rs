@@ -70,6 +70,24 @@ impl Config {
                 return Err(not_allowed(option, value, format!("0 to {most}")));
             }
         }
+        if !(0.0..=1.0).contains(&self.trace_sample_ratio) {
+            return Err(ConfigError::Value {
+                option: "trace_sample_ratio",
+                found: self.trace_sample_ratio.to_string(),
+                allowed: "0 to 1".to_owned(),
+            });
+        }
+        let is_http = |url: &String| {
+            let url = url.parse::<http::Uri>();
+            url.is_ok_and(|url| url.scheme_str() == Some("http") && url.host().is_some())
+        };
+        if let Some(url) = self.otlp_endpoint.as_ref().filter(|url| !is_http(url)) {
+            return Err(ConfigError::Value {
+                option: "otlp_endpoint",
+                found: url.clone(),
+                allowed: "http://HOST:PORT".to_owned(),
+            });
+        }
         let ttl_ms = self.session_ttl_ms;
         if !TTL_RANGE_MS.contains(&ttl_ms) {
             let allowed = format!("{} to {}", TTL_RANGE_MS.start(), TTL_RANGE_MS.end());

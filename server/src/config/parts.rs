@@ -10,6 +10,7 @@ use crate::batch::scheduler::Limits;
 use crate::clients::{Share, Shares};
 use crate::inbetween::RequestLimits;
 use crate::session::SessionLimits;
+use crate::telemetry::TraceOptions;
 use crate::world::Folders;
 use troupe_engine::machine::{Machine, available_cores};
 use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
@@ -46,6 +47,14 @@ impl Config {
             max_wait: Duration::from_millis(self.max_queue_ms),
             ageing: self.ageing(),
         }
+    }
+
+    /// Where traces go. None where there are none.
+    pub fn trace_options(&self) -> Option<TraceOptions> {
+        self.otlp_endpoint.clone().map(|endpoint| TraceOptions {
+            endpoint,
+            sample_ratio: self.trace_sample_ratio,
+        })
     }
 
     /// How long an idle worker spins before it parks.

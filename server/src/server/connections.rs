@@ -43,6 +43,10 @@ const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
 /// by default that would end the connection, with all other calls on it, from the 21st on. A limit there must be, for
 /// such calls cost a server more than the client (CVE-2023-44487).
 const MAX_GIVEN_UP_UNSEEN: usize = 1024;
+/// Headers of a request beyond which the library itself refuses it, with an empty answer: how many there may be over HTTP/1, and
+/// their bytes over HTTP/2. `api/head.rs` has the limit for requests that get a full answer.
+const MAX_HEADERS: usize = 512;
+const MAX_HEAD_BYTES: u32 = 64 << 10;
 /// What an HTTP/2 connection begins with (RFC 9113, section 3.4).
 const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
@@ -287,6 +291,7 @@ fn builder(config: &Config) -> Builder<TokioExecutor> {
     builder
         .http1()
         .timer(TokioTimer::new())
+        .max_headers(MAX_HEADERS)
         // For each head of a request, the wait between two requests included. The first bytes have `begin`'s limit.
         .header_read_timeout(config.request_timeout());
     builder
@@ -294,6 +299,7 @@ fn builder(config: &Config) -> Builder<TokioExecutor> {
         .timer(TokioTimer::new())
         .initial_stream_window_size(CALL_WINDOW_BYTES)
         .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
+        .max_header_list_size(MAX_HEAD_BYTES)
         .max_concurrent_streams(config.max_calls_per_connection)
         .max_pending_accept_reset_streams(MAX_GIVEN_UP_UNSEEN)
         .keep_alive_interval(config.keepalive())

@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use super::TlsError;
 use crate::api::{KeysError, TokensError};
 use crate::records::RecordsError;
+use crate::telemetry::TracesError;
 use crate::world::LoadError;
 use troupe_character::style::StyleError;
 use troupe_engine::EngineError;
@@ -68,6 +69,9 @@ pub enum StartError {
     /// The state of sessions cannot be kept, and was asked to be.
     #[error(transparent)]
     Records(#[from] RecordsError),
+    /// A collector of traces that cannot be used.
+    #[error(transparent)]
+    Traces(#[from] TracesError),
     /// The server may take more memory than it is allowed to.
     #[error("{0}")]
     Memory(String),

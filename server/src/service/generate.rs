@@ -5,8 +5,9 @@ use std::time::Instant;
 use troupe_proto::v1;
 
 use super::{REQUEST_TARGET, Service, ServiceError};
-use crate::batch::{Order, Parts};
+use crate::batch::{Order, Parts, trace_queue, trace_step};
 use crate::inbetween::{PartWriter, prepare_generate};
+use crate::telemetry::{RequestContext, Trace};
 
 /// An answer that is being made. Dropping it gives it up.
 #[derive(Debug)]
@@ -14,6 +15,9 @@ use crate::inbetween::{PartWriter, prepare_generate};
 pub struct Generation {
     parts: Parts,
     writer: PartWriter,
+    /// Its trace, where it has one, and when it came to the batcher, until there is a part.
+    trace: Option<Trace>,
+    asked: Option<Instant>,
 }
 
 impl Generation {
@@ -26,6 +30,12 @@ impl Generation {
             Ok(piece) => piece,
             Err(error) => return Some(Err(error.into())),
         };
+        if let Some(trace) = &self.trace {
+            if let Some(asked) = self.asked.take() {
+                trace_queue(trace, asked, piece.queued);
+            }
+            trace_step(trace, &piece.step);
+        }
         Some(
             self.writer
                 .write(piece.output, piece.is_last)
@@ -47,6 +57,8 @@ impl Service {
         loaded.require(task.needs(), "pack")?;
         let order = Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.timeout);
         Ok(Generation {
+            asked: Some(Instant::now()),
+            trace: RequestContext::current_trace(),
             parts: loaded.batcher.stream(task, order)?,
             writer: PartWriter::new(rig, frame),
         })

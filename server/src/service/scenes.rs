@@ -35,7 +35,9 @@ impl Service {
     /// # Errors
     /// [`ServiceError`] for the first value that is not accepted, or where the scene cannot be kept.
     pub async fn put_scene(&self, request: v1::PutSceneRequest) -> Result<v1::SceneSummary, ServiceError> {
-        self.blocking(move |store| store.put(&request)).await
+        let put = self.blocking(move |store| store.put(&request)).await?;
+        self.metrics.scenes_uploaded.increment(1);
+        Ok(put)
     }
 
     /// `troupe.v1.Scenes/GetScene`.
@@ -108,8 +110,11 @@ impl Service {
         request: v1::PutObjectDefinitionRequest,
     ) -> Result<v1::PutObjectDefinitionResponse, ServiceError> {
         let pack = self.table()?.find("pack", &request.pack)?.pack.rig.clone();
-        self.blocking(move |store| store.put_object(&request, &pack))
-            .await
+        let put = self
+            .blocking(move |store| store.put_object(&request, &pack))
+            .await?;
+        self.metrics.objects_uploaded.increment(1);
+        Ok(put)
     }
 
     /// `troupe.v1.Scenes/GetObjectDefinition`.

@@ -65,6 +65,8 @@ impl Service {
         let pack = self.table()?.find("pack", &request.pack)?.clone();
         // It may write a file.
         let put = tokio::task::spawn_blocking(move || styles::put(&pack, request.style.as_ref()));
-        Ok(put.await.map_err(|_| WorkerStopped)??)
+        let style = put.await.map_err(|_| WorkerStopped)??;
+        self.metrics.styles_uploaded.increment(1);
+        Ok(style)
     }
 }

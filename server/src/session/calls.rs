@@ -12,7 +12,7 @@ use super::executor::Executor;
 use super::{CommandResult, LivePacks, Registry, SessionError, StepPlan, Stepped, TimeSource};
 use super::{commands, describe, metrics, options, peek, step};
 use crate::offload::offload;
-use crate::telemetry::{Gauge, Telemetry};
+use crate::telemetry::{Gauge, RequestContext, Telemetry};
 use crate::wire::units;
 use crate::world::{CharacterPlace, Store};
 use troupe_character::Path;
@@ -298,6 +298,7 @@ impl Sessions {
             (commands, stepped)
         };
         let (commands, stepped) = self.executor.run(work).await?;
+        RequestContext::part("advance", arrived, Vec::new);
         if let (true, Some(problem)) = (stepped.blocks.is_empty(), stepped.problems.first()) {
             return Err(problem.error.clone());
         }

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use tokio::runtime::{Builder, Runtime};
 use tokio_util::task::AbortOnDropHandle;
+use tracing::Instrument as _;
 
 use crate::offload::WorkerStopped;
 
@@ -39,7 +40,7 @@ impl Executor {
         work: impl Future<Output = T> + Send + 'static,
     ) -> Result<T, WorkerStopped> {
         let runtime = self.0.as_ref().ok_or(WorkerStopped)?;
-        let task = AbortOnDropHandle::new(runtime.spawn(work));
+        let task = AbortOnDropHandle::new(runtime.spawn(work.in_current_span()));
         task.await.map_err(|_| WorkerStopped)
     }
 
@@ -47,7 +48,7 @@ impl Executor {
     pub fn spawn(&self, work: impl Future<Output = ()> + Send + 'static) {
         // There is a runtime until the executor is dropped.
         if let Some(runtime) = &self.0 {
-            runtime.spawn(work);
+            runtime.spawn(work.in_current_span());
         }
     }
 }

@@ -54,6 +54,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
         }
         if let Ok(served) = &result {
             cell.pack().load.measured(asked.elapsed(), served.work);
+            cell.pack().loaded.metrics.trace_plan(asked, served);
         }
         let plan = result
             .and_then(|served| {

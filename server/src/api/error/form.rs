@@ -14,6 +14,8 @@ use utoipa::ToSchema;
 
 use super::row::Row;
 use super::{ApiError, DOMAIN};
+use crate::api::refusals::Refusal;
+use crate::telemetry::RequestContext;
 use crate::wire::{MAX_MESSAGE, cut};
 
 impl ApiError {
@@ -43,6 +45,7 @@ impl ApiError {
                 line: place.map(|(line, _)| line as u32),
                 column: place.map(|(_, column)| column as u32),
                 retry_after_ms: retry_after.map(|after| after.as_millis() as u64),
+                request_id: RequestContext::current().map(|request| request.id.to_string()),
             },
         }
     }
@@ -90,6 +93,9 @@ impl ApiError {
         if retry_after.is_some() {
             details.set_retry_info(retry_after);
         }
+        if let Some(request) = RequestContext::current() {
+            details.set_request_info(request.id.as_str(), "");
+        }
         let mut status = Status::with_error_details(codes.grpc, self.to_string(), details);
         status.set_source(std::sync::Arc::new(self.clone()));
         status
@@ -102,10 +108,14 @@ impl ApiError {
 
     /// [`ApiError::in_kind`], for a caller who speaks gRPC or does not.
     pub(in crate::api) fn in_protocol(&self, grpc: bool) -> Response {
-        match grpc {
+        let mut response = match grpc {
             true => self.status().into_http::<Body>(),
             false => self.clone().into_response(),
+        };
+        if let Some(refusal) = Refusal::of(self) {
+            response.extensions_mut().insert(refusal);
         }
+        response
     }
 
     /// The error behind a gRPC status: our own, or one that the gRPC library made while it read the request.
@@ -194,4 +204,7 @@ pub struct ErrorDetail {
     /// When it is worth to try again, in milliseconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub retry_after_ms: Option<u64>,
+    /// The request's id, as in the header `x-request-id`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub request_id: Option<String>,
 }

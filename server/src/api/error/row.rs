@@ -38,6 +38,11 @@ pub(super) const TOO_LARGE: Codes = codes(
     StatusCode::PAYLOAD_TOO_LARGE,
     "RESOURCE_EXHAUSTED",
 );
+pub(super) const HEADERS: Codes = codes(
+    Code::ResourceExhausted,
+    StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
+    "RESOURCE_EXHAUSTED",
+);
 pub(super) const WRONG_TYPE: Codes = codes(
     Code::InvalidArgument,
     StatusCode::UNSUPPORTED_MEDIA_TYPE,

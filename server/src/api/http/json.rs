@@ -1,6 +1,7 @@
 //! Messages as JSON. Errors name the field.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use axum::body::{Bytes, HttpBody as _};
 use axum::extract::{FromRequest, Request};
@@ -14,6 +15,7 @@ use crate::api::error::ApiError;
 use crate::api::shape::Shapes;
 use crate::offload::WorkerStopped;
 use crate::service::ServiceError;
+use crate::telemetry::RequestContext;
 use crate::wire::{MAX_MESSAGE, MAX_PATH, cut};
 use troupe_character::document::plain;
 
@@ -94,7 +96,9 @@ fn field_at_fault(path: &str, message: &str) -> String {
 pub(in crate::api) async fn written<T: Serialize>(
     answer: impl FnOnce() -> T + Send + 'static,
 ) -> Result<Response, ApiError> {
+    let begun = Instant::now();
     let written = tokio::task::spawn_blocking(move || serde_json::to_vec(&answer())).await;
+    RequestContext::part("encode", begun, Vec::new);
     let json = written
         .map_err(|_| ServiceError::from(WorkerStopped))?
         .map_err(|error| ApiError::Internal(error.to_string()))?;

@@ -1,0 +1,50 @@
+//! Metrics of the service: whether it is ready, its scenes, uploads.
+
+use crate::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
+use crate::world::Store;
+
+const READY: Metric = Metric::new("troupe_ready", "1 where the server takes requests, else 0");
+const SCENES: Metric = Metric::new("troupe_scenes", "Scenes that there are");
+const SCENE_MEMORY: Metric = Metric::new(
+    "troupe_scene_memory_bytes",
+    "Memory of all scenes: colliders, as they are estimated, and objects",
+);
+const UPLOADS: Metric = Metric::new(
+    "troupe_uploads_total",
+    "Styles, scenes and object definitions that were uploaded, by kind",
+);
+
+/// The metrics of a service.
+#[derive(Debug)]
+pub(super) struct ServiceMetrics {
+    ready: Gauge,
+    scenes: Gauge,
+    scene_memory: Gauge,
+    pub(super) styles_uploaded: Counter,
+    pub(super) scenes_uploaded: Counter,
+    pub(super) objects_uploaded: Counter,
+}
+
+impl ServiceMetrics {
+    pub(super) fn new(telemetry: &Telemetry) -> Self {
+        let none = Labels::default();
+        let uploads = |kind| telemetry.counter(&UPLOADS, &none.with("kind", kind));
+        Self {
+            ready: telemetry.gauge(&READY, &none),
+            scenes: telemetry.gauge(&SCENES, &none),
+            scene_memory: telemetry.gauge(&SCENE_MEMORY, &none),
+            styles_uploaded: uploads("style"),
+            scenes_uploaded: uploads("scene"),
+            objects_uploaded: uploads("object"),
+        }
+    }
+
+    /// Sets what is looked at now and then.
+    pub(super) fn look(&self, ready: bool, store: Option<&Store>) {
+        self.ready.set(f64::from(u8::from(ready)));
+        let scenes = store.map(|store| store.scenes().all()).unwrap_or_default();
+        let bytes: usize = scenes.values().map(|cell| cell.snapshot().bytes()).sum();
+        self.scenes.set(scenes.len() as f64);
+        self.scene_memory.set(bytes as f64);
+    }
+}
