@@ -36,6 +36,7 @@ COPY LICENSE NOTICE /opt/troupe/
 COPY --from=build --chown=10001:10001 /out/state/ /var/lib/troupe/
 # For a key that Prometheus reads, where TROUPE_METRICS_KEY names a file in it. Apart, so that Prometheus sees nothing else.
 COPY --from=build --chown=10001:10001 /out/credentials/ /var/lib/troupe-credentials/
+# Sessions are kept in /var/lib/troupe/PORT, where that folder can be written.
 # Whoever reaches the port needs a key: the one that the server prints, or one of the file that TROUPE_KEYS names.
 ENV TROUPE_LISTEN=0.0.0.0:8080 \
     TROUPE_ONE_TIME_KEY=true \
@@ -44,6 +45,7 @@ ENV TROUPE_LISTEN=0.0.0.0:8080 \
     TROUPE_SCENES=/var/lib/troupe/scenes \
     TROUPE_OBJECTS=/var/lib/troupe/objects \
     TROUPE_CACHE=/var/lib/troupe/cache \
+    XDG_STATE_HOME=/var/lib \
     ORT_DYLIB_PATH=/opt/troupe/lib/libonnxruntime.so
 LABEL org.opencontainers.image.title="Troupe" \
       org.opencontainers.image.description="Motion server: live characters and motion in-betweening over gRPC, HTTP and WebSocket" \

@@ -34,6 +34,7 @@ impl Limit {
             // A full one has some sixty objects and arrays; its id may hold more of their signs.
             ("Character", _) => limit("characters", limits.characters, 1024),
             ("SessionOptions", _) => limit("sessions", limits.sessions, 1024),
+            ("SessionResume", _) => limit("sessions", limits.sessions, 16),
             (_, "Describe.frames") => limit("keyframes", 2048, 16),
             ("Keyframe", _) => limit("keyframes", 256, 64),
             ("Command", _) => limit("commands", MAX_COMMANDS, 64),

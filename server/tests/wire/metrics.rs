@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use troupe_engine::accuracy::Accuracy;
@@ -10,6 +11,7 @@ use troupe_engine::{Check, Decision, EngineKind, Workers};
 use troupe_server::batch::PackMetrics;
 
 use crate::common::{TestServer, request};
+use crate::restart::Folder;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 const INTRODUCTION: &str = "# Metrics
@@ -72,8 +74,14 @@ fn read(exposition: &str) -> Families {
 
 /// What a server exports that has done a bit of everything.
 async fn exported() -> Families {
-    let server =
-        TestServer::start_with(|config| config.otlp_endpoint = Some("http://127.0.0.1:9".into())).await;
+    static CALLS: AtomicU32 = AtomicU32::new(0);
+    let folder = Folder::new(&format!("metrics-{}", CALLS.fetch_add(1, Ordering::Relaxed)));
+    let store = folder.path().to_owned();
+    let server = TestServer::start_with(|config| {
+        config.otlp_endpoint = Some("http://127.0.0.1:9".into());
+        config.store = Some(store);
+    })
+    .await;
     server
         .send(reqwest::Method::POST, "/v1/inbetween", &request(1))
         .await;
