@@ -102,8 +102,8 @@ pub struct Drive {
     /// How the stream ended, to be told once all that came before has been given.
     end: Option<Result<(), ClientError>>,
     ended: bool,
-    /// It broke, and is to be opened again.
-    broken: bool,
+    /// Why it broke, until it is opened again.
+    broken: Option<ClientError>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -163,7 +163,7 @@ impl Client {
             events: Vec::new(),
             end: None,
             ended: false,
-            broken: false,
+            broken: None,
         })
     }
 }
@@ -279,14 +279,14 @@ impl Drive {
         if self.ended {
             return Ok(None);
         }
-        if self.broken {
+        if self.broken.is_some() {
             self.mend().await?;
         }
         self.flush();
         let mut newest = None;
         // Messages that tell this client nothing, such as commands that came late, are no reason to stop waiting.
         while newest.is_none() && self.events.is_empty() && self.end.is_none() {
-            if self.broken {
+            if self.broken.is_some() {
                 self.mend().await?;
                 self.flush();
                 continue;
@@ -296,8 +296,9 @@ impl Drive {
             let mut came = Some(first);
             while let Some(message) = came {
                 self.sort(message, &mut newest)?;
-                let enough =
-                    self.end.is_some() || self.broken || (self.options.every_tick && newest.is_some());
+                let enough = self.end.is_some()
+                    || self.broken.is_some()
+                    || (self.options.every_tick && newest.is_some());
                 came = if enough {
                     None
                 } else {
@@ -327,18 +328,23 @@ impl Drive {
     }
 
     /// Opens a stream again that broke. Until that is done it counts as broken, however often this is tried.
+    ///
+    /// # Errors
+    /// Why it broke, where it cannot be opened again in time.
     async fn mend(&mut self) -> Result<(), ClientError> {
         let limit = self.options.reconnect.unwrap_or_default();
         let mended = self.reconnect(limit).await;
-        self.broken = false;
         self.ended = mended.is_err();
-        mended
+        match (self.broken.take(), mended) {
+            (Some(why), Err(_)) => Err(why),
+            _ => Ok(()),
+        }
     }
 
     /// The stream ended with an error: for good, or until it is opened again.
     fn ends(&mut self, error: ClientError) {
         match self.options.reconnect.is_some() && reconnect::is_break(&error) {
-            true => self.broken = true,
+            true => self.broken = Some(error),
             false => self.end = Some(Err(error)),
         }
     }
@@ -352,7 +358,7 @@ impl Drive {
         let told = match message {
             Ok(Some(message)) => message.message.ok_or(AnswerError::Missing("message"))?,
             Ok(None) => {
-                if self.end.is_none() && !self.broken {
+                if self.end.is_none() && self.broken.is_none() {
                     self.ends(ended_without_a_word());
                 }
                 return Ok(());
