@@ -102,6 +102,7 @@ fn the_descriptor_set_describes_the_service() {
         methods("Sessions"),
         [
             "CreateSessions",
+            "ResumeSessions",
             "GetSession",
             "ListSessions",
             "CloseSessions",
