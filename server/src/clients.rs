@@ -4,6 +4,7 @@
 //! together, and each has a limit.
 
 mod identity;
+mod turns;
 
 use std::collections::{HashMap, HashSet};
 use std::net::{IpAddr, Ipv4Addr};
@@ -12,9 +13,11 @@ use std::time::Instant;
 
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
+use self::turns::Line;
 use crate::telemetry::{Counter, Gauge, Labels, Metric, Seldom, Telemetry};
 
-pub use identity::{Identity, Quota, Role};
+pub use identity::{Identity, Quota, Role, TENANT_NAMES, Tenant, names_a_tenant};
+pub use turns::Turns;
 
 const TRANSFER: Metric = Metric::new(
     "troupe_transfer_memory_bytes",
@@ -105,6 +108,7 @@ struct Level {
     quota: Quota,
     memory: Arc<Semaphore>,
     streams: Arc<Semaphore>,
+    turns: Arc<Line>,
     sessions: Mutex<OwnSessions>,
 }
 
@@ -133,6 +137,7 @@ impl Level {
             sessions: Mutex::default(),
             memory: Arc::new(Semaphore::new((share.bytes / PIECE).min(Semaphore::MAX_PERMITS))),
             streams: Arc::new(Semaphore::new(share.streams.min(Semaphore::MAX_PERMITS))),
+            turns: Line::new(),
         })
     }
 
@@ -284,6 +289,12 @@ impl Client {
     /// The address of its connection; of IPv6 the network.
     pub fn address(&self) -> IpAddr {
         self.address
+    }
+
+    /// Its turns on the threads for characters.
+    pub fn turns(&self) -> Turns {
+        let [of_client, of_address, _] = &self.levels;
+        Turns::new([&of_client.turns, &of_address.turns])
     }
 
     /// Memory for a request or an answer, until it is dropped.

@@ -283,6 +283,15 @@ pub struct Config {
     )]
     pub max_scene_memory_mib: usize,
 
+    /// Most tenants at a time. A tenant of a key or token has sessions, scenes, object definitions and added styles of its own,
+    /// which do not exist for others. What it uploads lies in the store, in tenants/NAME.
+    #[config(
+        env = "TROUPE_MAX_TENANTS",
+        default = 64,
+        layer_attr(arg(long, value_name = "COUNT"))
+    )]
+    pub max_tenants: usize,
+
     /// Folder of object definitions: a folder for each pack, named as the pack, with one TOML or JSON file a definition, named
     /// for it. Uploaded ones are kept there. Left out: in the store.
     #[config(env = "TROUPE_OBJECTS", layer_attr(arg(long, value_name = "FOLDER")))]

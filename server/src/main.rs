@@ -34,7 +34,7 @@ fn main() -> ExitCode {
     let result = match &cli.command {
         Some(Command::Doctor(args)) => doctor(args),
         Some(Command::Health(args)) => check_health(args),
-        Some(Command::Key(KeyCommand::New { name, role })) => new_key(name, *role),
+        Some(Command::Key(KeyCommand::New { name, role, tenant })) => new_key(name, *role, tenant.as_deref()),
         None if cli.print_config => say(&Config::template()).map(|()| ExitCode::SUCCESS),
         None => run(cli),
     };
@@ -71,9 +71,12 @@ fn doctor(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Makes a key.
-fn new_key(name: &str, role: Role) -> anyhow::Result<ExitCode> {
+fn new_key(name: &str, role: Role, tenant: Option<&str>) -> anyhow::Result<ExitCode> {
     let key = keys::new_key();
-    let entry = keys::entry(name, role, &key);
+    let mut entry = keys::entry(name, role, &key);
+    if let Some(tenant) = tenant {
+        entry += &keys::tenant_line(tenant).map_err(anyhow::Error::msg)?;
+    }
     say(&format!("# The key, which is shown this once: {key}\n{entry}"))?;
     Ok(ExitCode::SUCCESS)
 }

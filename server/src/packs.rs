@@ -77,6 +77,17 @@ impl LoadedPack {
             }),
         }
     }
+
+    /// The pack with other styles.
+    pub fn with_styles(&self, styles: StyleTable) -> Self {
+        Self {
+            pack: self.pack.clone(),
+            batcher: self.batcher.clone(),
+            engine: self.engine,
+            styles: Arc::new(styles),
+            metrics: self.metrics.clone(),
+        }
+    }
 }
 
 /// All packs of a server.
@@ -106,6 +117,21 @@ impl PackTable {
             name: wanted.chars().take(MAX_ECHO).collect(),
             field: field.to_string(),
             loaded: self.packs.keys().cloned().collect(),
+        })
+    }
+
+    /// A table of the same packs with other styles.
+    ///
+    /// # Errors
+    /// That of `styles`.
+    pub fn with_styles<E>(&self, styles: impl Fn(&LoadedPack) -> Result<StyleTable, E>) -> Result<Self, E> {
+        let of = |loaded: &Arc<LoadedPack>| {
+            let name = loaded.pack.name().to_owned();
+            Ok((name, Arc::new(loaded.with_styles(styles(loaded)?))))
+        };
+        Ok(Self {
+            packs: self.all().map(of).collect::<Result<_, E>>()?,
+            default: self.default.clone(),
         })
     }
 

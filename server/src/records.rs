@@ -93,12 +93,6 @@ impl Changes {
         self.0.is_empty()
     }
 
-    /// The records that are new or others, in order.
-    #[cfg(test)]
-    pub fn into_records(self) -> Vec<Vec<u8>> {
-        self.0.into_iter().filter_map(|(_, _, record)| record).collect()
-    }
-
     /// How many records.
     pub fn len(&self) -> usize {
         self.0.len()

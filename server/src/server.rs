@@ -320,10 +320,10 @@ async fn start(
     // All of them, for a library should not be left while another pack's workers are still inside it.
     let loaded = join_all(loading).await.into_iter().collect::<Result<_, _>>()?;
     let (opening, wanted) = (service.clone(), keeping::Wanted::of(&config));
-    let interval = config.snapshot_interval();
+    let (interval, tenants) = (config.snapshot_interval(), config.tenant_options());
     let open = move || -> Result<_, StartError> {
         let records = wanted.open()?;
-        Ok(opening.open(PackTable::new(loaded, default), store, records)?)
+        Ok(opening.open(PackTable::new(loaded, default), store, tenants, records)?)
     };
     let keeper = tokio::task::spawn_blocking(open).await.map_err(gone)??;
     api::set_serving(&health, true).await;

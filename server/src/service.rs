@@ -14,11 +14,12 @@ use std::time::{Duration, Instant};
 use troupe_proto::v1;
 
 use crate::batch::{Order, Served, SubmitError, trace_served};
+use crate::clients::Tenant;
 use crate::inbetween::{Plan, RequestLimits, finish, prepare};
-use crate::offload::offload;
+use crate::offload::{WorkerStopped, offload};
 use crate::packs::{LoadedPack, PackTable};
 use crate::records::{Records, RecordsError};
-use crate::session::{Keeper, LivePacks, SessionError, Sessions};
+use crate::session::{Keeper, LivePacks, SessionError, Sessions, Space, Spaces, TenantOptions};
 use crate::telemetry::{RequestContext, Telemetry};
 use crate::world::Store;
 use describe::describe;
@@ -37,14 +38,23 @@ const INLINE_CHARACTERS: usize = 4;
 /// order of their arrival; beside the plans of live characters their class offset is added.
 const REQUEST_TARGET: Duration = Duration::from_millis(100);
 
-/// The state that all requests share. It starts without packs and serves once [`Service::open`] has given it some.
+/// The service as a tenant has it. It starts without packs and serves once [`Service::open`] has given it some.
 #[derive(Debug)]
 pub struct Service {
-    /// Packs, and the scenes and definitions that go with them.
-    opened: OnceLock<(LivePacks, Arc<Store>)>,
+    common: Arc<Common>,
+    /// What the tenant has; none for callers without one.
+    space: Option<Arc<Space>>,
+}
+
+/// What all tenants share.
+#[derive(Debug)]
+struct Common {
+    /// Packs, and the sessions, scenes and definitions that go with them.
+    spaces: OnceLock<Arc<Spaces>>,
     draining: AtomicBool,
     limits: RequestLimits,
     timeout: Duration,
+    /// Those of callers without a tenant.
     sessions: Arc<Sessions>,
     metrics: ServiceMetrics,
     telemetry: Telemetry,
@@ -54,13 +64,16 @@ impl Service {
     /// A service that is not ready yet. Its callers do not wait for an answer longer than `timeout`.
     pub fn new(limits: RequestLimits, timeout: Duration, sessions: Sessions, telemetry: Telemetry) -> Self {
         Self {
-            opened: OnceLock::new(),
-            draining: AtomicBool::new(false),
-            limits,
-            timeout,
-            sessions: Arc::new(sessions),
-            metrics: ServiceMetrics::new(&telemetry),
-            telemetry,
+            common: Arc::new(Common {
+                spaces: OnceLock::new(),
+                draining: AtomicBool::new(false),
+                limits,
+                timeout,
+                sessions: Arc::new(sessions),
+                metrics: ServiceMetrics::new(&telemetry),
+                telemetry,
+            }),
+            space: None,
         }
     }
 
@@ -72,37 +85,64 @@ impl Service {
         &self,
         packs: PackTable,
         store: Store,
+        tenants: TenantOptions,
         records: Option<Records>,
     ) -> Result<Option<Keeper>, RecordsError> {
-        let (packs, store) = (LivePacks::new(packs, &self.telemetry), Arc::new(store));
-        let keeper = |records| self.sessions.keeper(&packs, &store, records, &self.telemetry);
+        let Common {
+            sessions, telemetry, ..
+        } = &*self.common;
+        let packs = LivePacks::new(packs, telemetry);
+        let spaces = Arc::new(Spaces::new(packs, store, sessions.clone(), tenants));
+        let keeper = |records| Keeper::new(&spaces, records, telemetry);
         let keeper = records.map(keeper).transpose()?;
-        if self.opened.set((packs, store)).is_err() {
+        if self.common.spaces.set(spaces).is_err() {
             tracing::warn!("the service is open already");
         }
         Ok(keeper)
     }
 
+    /// The service as `tenant` has it. The first time this reads the tenant's files.
+    ///
+    /// # Errors
+    /// [`ServiceError::Starting`], [`ServiceError::TooManyTenants`], and [`ServiceError::Tenant`] where its files cannot be read.
+    pub async fn of(self: &Arc<Self>, tenant: Tenant) -> Result<Arc<Self>, ServiceError> {
+        if tenant.is_none() {
+            return Ok(self.clone());
+        }
+        let spaces = self.common.spaces.get().ok_or(ServiceError::Starting)?.clone();
+        let space = match spaces.known(&tenant) {
+            Some(space) => space,
+            None => tokio::task::spawn_blocking(move || spaces.of(&tenant))
+                .await
+                .map_err(|_| WorkerStopped)??,
+        };
+        Ok(Arc::new(Self {
+            common: self.common.clone(),
+            space: Some(space),
+        }))
+    }
+
     /// Reports "not ready" from now on, so that no new work is sent here. What comes is still served.
     pub fn announce_stop(&self) {
-        self.draining.store(true, Ordering::Relaxed);
+        self.common.draining.store(true, Ordering::Relaxed);
     }
 
     /// [`announce_stop`](Self::announce_stop), and ends streams. Requests are still served.
     pub fn drain(&self) {
         self.announce_stop();
-        self.sessions.drain();
+        self.common.sessions.drain();
     }
 
     /// The server's metrics.
     pub fn telemetry(&self) -> &Telemetry {
-        &self.telemetry
+        &self.common.telemetry
     }
 
     /// Sets the metrics that nothing else sets: to be called every few seconds, and before metrics are read.
     pub fn look(&self) {
-        self.metrics
-            .look(self.ready().is_ok(), self.store().ok().map(|store| &**store));
+        self.common
+            .metrics
+            .look(self.ready().is_ok(), self.common.spaces.get());
     }
 
     /// Whether the server should be sent requests.
@@ -110,7 +150,7 @@ impl Service {
     /// # Errors
     /// [`ServiceError`] while it starts or drains, or where an engine has stopped.
     pub fn ready(&self) -> Result<(), ServiceError> {
-        if self.draining.load(Ordering::Relaxed) {
+        if self.common.draining.load(Ordering::Relaxed) {
             return Err(SessionError::ShuttingDown.into());
         }
         match self.table()?.all().all(|loaded| loaded.batcher.is_running()) {
@@ -119,12 +159,16 @@ impl Service {
         }
     }
 
-    fn opened(&self) -> Result<&(LivePacks, Arc<Store>), ServiceError> {
-        self.opened.get().ok_or(ServiceError::Starting)
+    fn space(&self) -> Result<&Arc<Space>, ServiceError> {
+        match (&self.space, self.common.spaces.get()) {
+            (Some(space), _) => Ok(space),
+            (None, Some(spaces)) => Ok(spaces.common()),
+            (None, None) => Err(ServiceError::Starting),
+        }
     }
 
     fn table(&self) -> Result<&PackTable, ServiceError> {
-        self.opened().map(|(packs, _)| packs.table())
+        self.space().map(|space| space.packs.table())
     }
 
     /// The scenes and object definitions.
@@ -132,7 +176,7 @@ impl Service {
     /// # Errors
     /// [`ServiceError::Starting`] while the server starts.
     pub fn store(&self) -> Result<&Arc<Store>, ServiceError> {
-        self.opened().map(|(_, store)| store)
+        self.space().map(|space| &space.store)
     }
 
     /// `troupe.v1.Motion/ListPacks`.
@@ -168,12 +212,12 @@ impl Service {
         loaded.require(Capability::Inbetween, "pack")?;
         let characters = request.characters.len();
         // One that is too large is told so, and not to come back.
-        let most = self.limits.max_characters;
+        let most = self.common.limits.max_characters;
         if let Some(error) = loaded.batcher.refuse(characters.min(most)) {
             return Err(error.into());
         }
-        let order = Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.timeout);
-        let (rig, limits) = (loaded.pack.rig.clone(), self.limits);
+        let order = Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.common.timeout);
+        let (rig, limits) = (loaded.pack.rig.clone(), self.common.limits);
         let (items, plans) = offload(characters, INLINE_CHARACTERS, move || {
             prepare(&request, &rig, limits)
         })

@@ -89,6 +89,21 @@ impl StyleTable {
     /// [`StyleError`], which names the file and what is wrong with it.
     pub fn load(rig: &Rig, pack_folder: &FilePath, folder: Option<PathBuf>) -> Result<Self, StyleError> {
         let own = load_folder(&pack_folder.join(FOLDER), rig, true)?;
+        let own = own.into_iter().map(|style| ready(style, rig));
+        Self::with_added(own.collect(), rig, folder)
+    }
+
+    /// A table with the pack's own styles of this one, and added ones of its own, kept in `folder`/`pack name`.
+    ///
+    /// # Errors
+    /// [`StyleError`], as [`StyleTable::load`].
+    pub fn beside(&self, rig: &Rig, folder: Option<PathBuf>) -> Result<Self, StyleError> {
+        let mut own = Styles::clone(&self.styles.load());
+        own.retain(|_, style| style.built_in);
+        Self::with_added(own, rig, folder)
+    }
+
+    fn with_added(mut own: Styles, rig: &Rig, folder: Option<PathBuf>) -> Result<Self, StyleError> {
         let folder = folder.map(|folder| folder.join(rig.name()));
         let mut added = match &folder {
             Some(folder) => load_folder(folder, rig, false)?,
@@ -102,7 +117,7 @@ impl StyleTable {
             );
         }
         added.retain(|style| {
-            let taken = own.iter().any(|own| own.name == style.name);
+            let taken = own.contains_key(&style.name);
             if taken {
                 let path = folder
                     .clone()
@@ -113,21 +128,14 @@ impl StyleTable {
             }
             !taken
         });
-        Ok(Self::new(rig, own.into_iter().chain(added), folder))
-    }
-
-    fn new(rig: &Rig, styles: impl Iterator<Item = Style>, folder: Option<PathBuf>) -> Self {
-        let ready = |style: Style| {
-            style.cycles(&rig.skeleton);
-            (style.name.clone(), Arc::new(style))
-        };
-        Self {
+        own.extend(added.into_iter().map(|style| ready(style, rig)));
+        Ok(Self {
             pack: rig.name().to_owned(),
             skeleton: Arc::clone(&rig.skeleton),
-            styles: ArcSwap::from_pointee(styles.map(ready).collect()),
+            styles: ArcSwap::from_pointee(own),
             folder,
             writing: Mutex::new(()),
-        }
+        })
     }
 
     /// The style of this name.
@@ -194,6 +202,11 @@ impl StyleTable {
         self.styles.store(Arc::new(styles));
         Ok(style)
     }
+}
+
+fn ready(style: Style, rig: &Rig) -> (String, Arc<Style>) {
+    style.cycles(&rig.skeleton);
+    (style.name.clone(), Arc::new(style))
 }
 
 #[cfg(test)]

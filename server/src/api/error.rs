@@ -230,6 +230,10 @@ impl Tabled for ServiceError {
     fn row(&self) -> Row<'_> {
         match self {
             Self::Starting => UNAVAILABLE.because("NOT_READY"),
+            Self::TooManyTenants { most } => FULL
+                .because("TOO_MANY_TENANTS")
+                .allowed(format!("at most {most} at a time (max_tenants)")),
+            Self::Tenant => INTERNAL.because("TENANT_NOT_READ"),
             Self::Field(error) => error.row(),
             Self::UnknownPack(error) => error.row(),
             Self::CannotDo(error) => error.row(),

@@ -23,6 +23,7 @@ use troupe_proto::v1::sessions_server::SessionsServer;
 
 use self::scenes::ScenesApi;
 use self::sessions::SessionsApi;
+use super::ours::ours;
 use super::track::{self, Tracker};
 use super::{ApiError, ApiLimits, MAX_STREAM_MESSAGE_BYTES};
 use crate::service::Service;
@@ -64,7 +65,12 @@ impl Motion for MotionApi {
         &self,
         request: Request<v1::InBetweenRequest>,
     ) -> Result<Response<v1::InBetweenResponse>, Status> {
-        answer(self.0.in_between(request.into_inner()).await)
+        answer(
+            ours(&self.0, &request)
+                .await?
+                .in_between(request.into_inner())
+                .await,
+        )
     }
 
     type GenerateStream = GenerateStream;
@@ -73,7 +79,7 @@ impl Motion for MotionApi {
         &self,
         request: Request<v1::GenerateRequest>,
     ) -> Result<Response<Self::GenerateStream>, Status> {
-        let generation = self.0.generate(request.get_ref());
+        let generation = ours(&self.0, &request).await?.generate(request.get_ref());
         let generation = generation.map_err(|error| ApiError::from(error).status())?;
         let parts = futures_util::stream::unfold(generation, |mut generation| async {
             let part = generation.next().await?;

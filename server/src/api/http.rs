@@ -22,6 +22,7 @@ use utoipa_swagger_ui::SwaggerUi;
 
 use self::json::{BodyLimits, JsonBody};
 use super::error::{ApiError, is_grpc};
+use super::ours::Ours;
 use super::shape::Shapes;
 use super::track::{self, HttpRpcs, Tracker};
 use super::{ApiLimits, openapi, tickets, ws};
@@ -119,7 +120,7 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
     )
 )]
 pub(super) async fn in_between(
-    State(service): State<Arc<Service>>,
+    Ours(service): Ours,
     JsonBody(request): JsonBody<v1::InBetweenRequest>,
 ) -> Result<Response, ApiError> {
     let answer = service.in_between(request).await?;
@@ -134,9 +135,7 @@ pub(super) async fn in_between(
     tag = "motion",
     responses((status = 200, description = "All packs, sorted by name", body = v1::ListPacksResponse))
 )]
-pub(super) async fn list_packs(
-    State(service): State<Arc<Service>>,
-) -> Result<Json<v1::ListPacksResponse>, ApiError> {
+pub(super) async fn list_packs(Ours(service): Ours) -> Result<Json<v1::ListPacksResponse>, ApiError> {
     Ok(Json(service.list_packs()?))
 }
 
@@ -152,7 +151,7 @@ pub(super) async fn list_packs(
     )
 )]
 pub(super) async fn get_pack(
-    State(service): State<Arc<Service>>,
+    Ours(service): Ours,
     name: Result<Path<String>, PathRejection>,
 ) -> Result<Json<v1::Pack>, ApiError> {
     Ok(Json(service.get_pack(&named("name", name)?)?))

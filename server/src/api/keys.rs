@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 
-use crate::clients::{Identity, Quota, Role};
+use crate::clients::{Identity, Quota, Role, TENANT_NAMES, names_a_tenant};
 
 /// What a key begins with, so that one can be found where it does not belong.
 const PREFIX: &str = "troupe_";
 /// Bytes of a key that nobody can guess.
 const SECRET_BYTES: usize = 32;
 pub(super) const HASH_BYTES: usize = 32;
-/// Longest name and tenant, bytes.
+/// Longest name, bytes.
 const MAX_NAME_BYTES: usize = 128;
 /// The name of the key that a server makes for scrapes of its metrics.
 const METRICS: &str = "metrics";
@@ -95,9 +95,9 @@ impl Entry {
         if !fits(name) {
             return Some(format!("name is {name:?}; allowed: 1 to {MAX_NAME_BYTES} bytes"));
         }
-        if let Some(tenant) = tenant.as_deref().filter(|tenant| !fits(tenant)) {
+        if let Some(tenant) = tenant.as_deref().filter(|tenant| !names_a_tenant(tenant)) {
             return Some(format!(
-                "tenant of {name:?} is {tenant:?}; allowed: 1 to {MAX_NAME_BYTES} bytes"
+                "tenant of {name:?} is {tenant:?}; allowed: {TENANT_NAMES}"
             ));
         }
         let quotas = [
@@ -277,6 +277,17 @@ pub fn entry(name: &str, role: Role, key: &str) -> String {
     let name = toml::Value::from(name);
     let (sha256, role) = (hex(&hash(key)), role.name());
     format!("[[keys]]\nname = {name}\nsha256 = \"{sha256}\"\nrole = \"{role}\"\n")
+}
+
+/// The line that makes an entry that of a tenant.
+///
+/// # Errors
+/// A sentence with what a tenant may be called.
+pub fn tenant_line(tenant: &str) -> Result<String, String> {
+    match names_a_tenant(tenant) {
+        true => Ok(format!("tenant = \"{tenant}\"\n")),
+        false => Err(format!("tenant is {tenant:?}; allowed: {TENANT_NAMES}")),
+    }
 }
 
 pub(super) fn hash(key: &str) -> [u8; HASH_BYTES] {

@@ -16,6 +16,7 @@ mod metrics;
 mod observe;
 mod openapi;
 mod opening;
+mod ours;
 mod refusals;
 mod reserve;
 mod shape;

@@ -11,13 +11,13 @@ use jsonwebtoken::{Algorithm, DecodingKey, Validation, decode, decode_header, ge
 
 use super::keys::{HASH_BYTES, hash};
 use super::verify;
-use crate::clients::{Identity, Role};
+use crate::clients::{Identity, Role, TENANT_NAMES, names_a_tenant};
 
 /// How far the clocks of a server and of a provider may be apart, seconds.
 const LEEWAY_S: u64 = 30;
 /// Most tokens that are remembered.
 const MOST_CHECKED: usize = 1024;
-/// Longest name and tenant, bytes.
+/// Longest name, bytes.
 const MAX_NAME_BYTES: usize = 128;
 
 /// Why a file of a provider's keys cannot be used.
@@ -71,8 +71,8 @@ pub enum TokenError {
     Audience,
     /// A claim is missing, or has a value that it may not have.
     #[error(
-        "a claim is missing or out of range; allowed: exp, sub and tenant of 1 to {MAX_NAME_BYTES} bytes (tenant may be left \
-         out), role as drive, author, admin or metrics"
+        "a claim is missing or out of range; allowed: exp, sub of 1 to {MAX_NAME_BYTES} bytes, role as drive, author, admin or \
+         metrics, tenant (which may be left out) of {TENANT_NAMES}"
     )]
     Claims,
 }
@@ -223,7 +223,7 @@ fn identity(claims: Claims) -> Result<Identity, TokenError> {
         sub, role, tenant, ..
     } = claims;
     let fits = |name: &str| (1..=MAX_NAME_BYTES).contains(&name.len());
-    match fits(&sub) && tenant.as_deref().is_none_or(fits) {
+    match fits(&sub) && tenant.as_deref().is_none_or(names_a_tenant) {
         true => Ok(Identity {
             name: sub.into(),
             role,

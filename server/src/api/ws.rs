@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use axum::Extension;
-use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
 use axum::response::{IntoResponse as _, Response};
@@ -23,8 +22,8 @@ use super::MAX_STREAM_MESSAGE_BYTES;
 use super::answers;
 use super::error::ApiError;
 use super::http::json::{self, BodyLimits};
-use crate::clients::Client;
-use crate::service::Service;
+use super::ours::Ours;
+use crate::clients::{Client, Turns};
 use crate::session::drive::{Outlet, StreamPermit, outbox};
 use crate::wire::{MAX_MESSAGE, cut};
 
@@ -53,7 +52,7 @@ const MAX_REASON_BYTES: usize = 123;
     )
 )]
 pub(super) async fn drive(
-    State(service): State<Arc<Service>>,
+    Ours(service): Ours,
     Extension(limits): Extension<BodyLimits>,
     Extension(client): Extension<Arc<Client>>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
@@ -62,7 +61,7 @@ pub(super) async fn drive(
         message: format!("this path takes a WebSocket: {}", rejection.body_text()),
         field: None,
     })?;
-    let of_client = client.stream()?;
+    let (of_client, turns) = (client.stream()?, client.turns());
     let permit = service.sessions().open_stream()?;
     let bytes = limits.bytes.min(MAX_STREAM_MESSAGE_BYTES);
     let limits = BodyLimits { bytes, ..limits };
@@ -71,7 +70,7 @@ pub(super) async fn drive(
     Ok(upgrade
         .on_upgrade(move |socket| {
             let serving = async move {
-                serve(socket, permit, limits).await;
+                serve(socket, permit, limits, turns).await;
                 drop(of_client);
             };
             serving.instrument(span)
@@ -104,7 +103,7 @@ impl Form {
 }
 
 /// Serves a stream to its end.
-async fn serve(socket: WebSocket, permit: StreamPermit, limits: BodyLimits) {
+async fn serve(socket: WebSocket, permit: StreamPermit, limits: BodyLimits, turns: Turns) {
     let form = Arc::new(Form::default());
     let sessions = permit.sessions().clone();
     let (mut sink, source) = socket.split();
@@ -117,7 +116,7 @@ async fn serve(socket: WebSocket, permit: StreamPermit, limits: BodyLimits) {
         .boxed();
     let (outbox, outlet) = outbox(answers::drive);
     let (ended, conversation) = oneshot::channel();
-    sessions.spawn(async move {
+    sessions.spawn(turns, async move {
         permit.run(&mut inbound, outbox).await;
         // Where nobody waits for it the connection is gone.
         let _ = ended.send((inbound, permit));

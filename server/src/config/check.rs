@@ -24,6 +24,7 @@ impl Config {
             ("max_scene_memory_mib", self.max_scene_memory_mib),
             ("max_streams", self.max_streams),
             ("max_streams_per_client", self.max_streams_per_client),
+            ("max_tenants", self.max_tenants),
             ("write_timeout_ms", self.write_timeout_ms as usize),
             ("drive_stall_timeout_ms", self.drive_stall_timeout_ms as usize),
             ("request_timeout_ms", self.request_timeout_ms as usize),

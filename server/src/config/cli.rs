@@ -65,6 +65,10 @@ pub enum KeyCommand {
         /// definitions. admin: also read metrics. metrics: read metrics, and nothing else.
         #[arg(long, value_name = "ROLE")]
         role: Role,
+        /// Whose sessions, scenes, definitions and styles it is for. Those of one tenant do not exist for another, nor for keys
+        /// without a tenant.
+        #[arg(long, value_name = "NAME")]
+        tenant: Option<String>,
     },
 }
 

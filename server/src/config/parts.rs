@@ -9,7 +9,7 @@ use crate::api::{ApiLimits, Guard};
 use crate::batch::scheduler::Limits;
 use crate::clients::{Share, Shares};
 use crate::inbetween::RequestLimits;
-use crate::session::SessionLimits;
+use crate::session::{SessionLimits, TenantOptions};
 use crate::telemetry::TraceOptions;
 use crate::world::Folders;
 use troupe_engine::machine::{Machine, available_cores};
@@ -143,6 +143,14 @@ impl Config {
 
     fn in_store(&self, name: &str) -> Option<PathBuf> {
         self.store_folder().map(|folder| folder.join(name))
+    }
+
+    /// What tenants have, and how many there may be.
+    pub fn tenant_options(&self) -> TenantOptions {
+        TenantOptions {
+            folder: self.in_store("tenants"),
+            most: self.max_tenants,
+        }
     }
 
     /// The folder of what outlives the server. The usual one only where it is there, or can be made.

@@ -3,7 +3,7 @@
 use crate::batch::SubmitError;
 use crate::offload::WorkerStopped;
 use crate::packs::{CannotDo, UnknownPack};
-use crate::session::SessionError;
+use crate::session::{SessionError, SpaceError};
 use crate::world::WorldError;
 use troupe_character::FieldError;
 use troupe_character::post::NonFinite;
@@ -15,6 +15,15 @@ pub enum ServiceError {
     /// The packs are not there yet.
     #[error("the server is starting: its packs are not loaded yet")]
     Starting,
+    /// As many tenants as there may be.
+    #[error("the server has no room for another tenant; allowed: at most {most} at a time (max_tenants)")]
+    TooManyTenants {
+        /// How many there may be.
+        most: usize,
+    },
+    /// What the caller's tenant keeps cannot be read.
+    #[error("what the caller's tenant keeps cannot be read; the server's log has the reason")]
+    Tenant,
     /// A value that is not accepted.
     #[error(transparent)]
     Field(#[from] FieldError),
@@ -39,4 +48,16 @@ pub enum ServiceError {
     /// The work of a call did not come to its end.
     #[error(transparent)]
     Stopped(#[from] WorkerStopped),
+}
+
+impl From<SpaceError> for ServiceError {
+    fn from(error: SpaceError) -> Self {
+        match error {
+            SpaceError::TooMany { most } => Self::TooManyTenants { most },
+            error => {
+                tracing::error!(%error, "a tenant is not served");
+                Self::Tenant
+            }
+        }
+    }
 }

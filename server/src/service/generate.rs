@@ -55,7 +55,7 @@ impl Service {
         let rig = loaded.pack.rig.clone();
         let (task, frame) = prepare_generate(request, &rig)?;
         loaded.require(task.needs(), "pack")?;
-        let order = Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.timeout);
+        let order = Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.common.timeout);
         Ok(Generation {
             asked: Some(Instant::now()),
             trace: RequestContext::current_trace(),

@@ -1,7 +1,9 @@
 //! Metrics of the service: whether it is ready, its scenes, uploads.
 
+use std::sync::Arc;
+
+use crate::session::Spaces;
 use crate::telemetry::{Counter, Gauge, Labels, Metric, Telemetry};
-use crate::world::Store;
 
 const READY: Metric = Metric::new("troupe_ready", "1 where the server takes requests, else 0");
 const SCENES: Metric = Metric::new("troupe_scenes", "Scenes that there are");
@@ -40,11 +42,15 @@ impl ServiceMetrics {
     }
 
     /// Sets what is looked at now and then.
-    pub(super) fn look(&self, ready: bool, store: Option<&Store>) {
+    pub(super) fn look(&self, ready: bool, spaces: Option<&Arc<Spaces>>) {
         self.ready.set(f64::from(u8::from(ready)));
-        let scenes = store.map(|store| store.scenes().all()).unwrap_or_default();
-        let bytes: usize = scenes.values().map(|cell| cell.snapshot().bytes()).sum();
-        self.scenes.set(scenes.len() as f64);
+        let (mut count, mut bytes) = (0, 0);
+        for space in spaces.map(|spaces| spaces.all()).unwrap_or_default() {
+            let scenes = space.store.scenes().all();
+            count += scenes.len();
+            bytes += scenes.values().map(|cell| cell.snapshot().bytes()).sum::<usize>();
+        }
+        self.scenes.set(count as f64);
         self.scene_memory.set(bytes as f64);
     }
 }

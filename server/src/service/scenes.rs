@@ -36,7 +36,7 @@ impl Service {
     /// [`ServiceError`] for the first value that is not accepted, or where the scene cannot be kept.
     pub async fn put_scene(&self, request: v1::PutSceneRequest) -> Result<v1::SceneSummary, ServiceError> {
         let put = self.blocking(move |store| store.put(&request)).await?;
-        self.metrics.scenes_uploaded.increment(1);
+        self.common.metrics.scenes_uploaded.increment(1);
         Ok(put)
     }
 
@@ -113,7 +113,7 @@ impl Service {
         let put = self
             .blocking(move |store| store.put_object(&request, &pack))
             .await?;
-        self.metrics.objects_uploaded.increment(1);
+        self.common.metrics.objects_uploaded.increment(1);
         Ok(put)
     }
 
@@ -154,7 +154,7 @@ impl Service {
     /// [`ServiceError`] for a value that is not accepted, and for a session or scene that is not there.
     pub fn detect(&self, request: &v1::DetectRequest) -> Result<v1::DetectResponse, ServiceError> {
         let standing = |id: &str| {
-            self.sessions
+            self.sessions()
                 .standing(id, "session_id")
                 .map_err(ServiceError::from)
         };

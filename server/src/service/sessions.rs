@@ -5,13 +5,17 @@ use std::sync::Arc;
 use troupe_proto::v1;
 
 use super::{Service, ServiceError};
+use crate::clients::Turns;
 use crate::offload::WorkerStopped;
-use crate::session::{Resumed, Sessions, styles};
+use crate::session::{Resumed, Sessions, Space, styles};
 
 impl Service {
     /// The sessions and streams. They need packs only to be created.
     pub fn sessions(&self) -> &Arc<Sessions> {
-        &self.sessions
+        match &self.space {
+            Some(space) => &space.sessions,
+            None => &self.common.sessions,
+        }
     }
 
     /// `troupe.v1.Sessions/CreateSessions`.
@@ -22,17 +26,21 @@ impl Service {
         &self,
         request: v1::CreateSessionsRequest,
     ) -> Result<v1::CreateSessionsResponse, ServiceError> {
-        let (packs, store) = self.opened()?;
-        Ok(self.sessions.create(packs, store, request).await?)
+        let Space { packs, store, .. } = &**self.space()?;
+        Ok(self.sessions().create(packs, store, request).await?)
     }
 
     /// `troupe.v1.Sessions/ResumeSessions`. While the server starts there are none yet, which is not to be taken for their end.
     ///
     /// # Errors
     /// [`ServiceError`] for the request as a whole; what is wrong with one session is in its problem.
-    pub async fn resume_sessions(&self, request: v1::ResumeSessionsRequest) -> Result<Resumed, ServiceError> {
-        self.opened()?;
-        Ok(self.sessions.resume(request).await?)
+    pub async fn resume_sessions(
+        &self,
+        request: v1::ResumeSessionsRequest,
+        turns: Turns,
+    ) -> Result<Resumed, ServiceError> {
+        self.space()?;
+        Ok(self.sessions().resume(request, turns).await?)
     }
 
     /// `troupe.v1.Sessions/ListStyles`.
@@ -66,7 +74,7 @@ impl Service {
         // It may write a file.
         let put = tokio::task::spawn_blocking(move || styles::put(&pack, request.style.as_ref()));
         let style = put.await.map_err(|_| WorkerStopped)??;
-        self.metrics.styles_uploaded.increment(1);
+        self.common.metrics.styles_uploaded.increment(1);
         Ok(style)
     }
 }

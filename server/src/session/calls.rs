@@ -11,6 +11,7 @@ use super::drive::{Roster, StreamPermit};
 use super::executor::Executor;
 use super::{CommandResult, LivePacks, Registry, SessionError, StepPlan, Stepped, TimeSource};
 use super::{commands, describe, metrics, options, peek, step};
+use crate::clients::{Tenant, Turns};
 use crate::offload::offload;
 use crate::telemetry::{Gauge, RequestContext, Telemetry};
 use crate::wire::units;
@@ -42,10 +43,16 @@ pub struct SessionLimits {
     pub stall_timeout: Duration,
 }
 
-/// All sessions and streams of a server.
+/// The sessions of one tenant, and how all of them run.
 #[derive(Debug)]
 pub struct Sessions {
     registry: Arc<Registry>,
+    common: Arc<Common>,
+}
+
+/// What the sessions of all tenants share.
+#[derive(Debug)]
+struct Common {
     limits: SessionLimits,
     time: TimeSource,
     streams: Gauge,
@@ -55,47 +62,57 @@ pub struct Sessions {
 }
 
 impl Sessions {
-    /// A server's sessions: none yet.
+    /// A server's sessions: none yet, of callers without a tenant.
     ///
     /// # Errors
     /// Where the system gives no threads.
     pub fn new(limits: SessionLimits, time: TimeSource, telemetry: &Telemetry) -> std::io::Result<Self> {
         Ok(Self {
             registry: Arc::new(Registry::new(limits.sessions)),
-            limits,
-            time,
-            streams: metrics::streams(telemetry),
-            places: Arc::new(Semaphore::new(limits.streams)),
-            draining: watch::Sender::new(false),
-            executor: Executor::new()?,
+            common: Arc::new(Common {
+                limits,
+                time,
+                streams: metrics::streams(telemetry),
+                places: Arc::new(Semaphore::new(limits.streams)),
+                draining: watch::Sender::new(false),
+                executor: Executor::new()?,
+            }),
         })
+    }
+
+    /// Those of another tenant. Limits, threads and the end are the same.
+    pub fn of_tenant(&self, tenant: Tenant) -> Self {
+        Self {
+            registry: Arc::new(self.registry.of_tenant(tenant)),
+            common: self.common.clone(),
+        }
     }
 
     /// The limits.
     pub fn limits(&self) -> &SessionLimits {
-        &self.limits
+        &self.common.limits
     }
 
-    /// Open sessions.
+    /// Open sessions of all tenants.
     pub fn open(&self) -> usize {
         self.registry.len()
     }
 
-    /// Ends sessions whose time is up; answers how many. To be called now and then.
+    /// Ends sessions of all tenants whose time is up; answers how many. To be called now and then.
     pub fn sweep(&self) -> usize {
-        self.registry.sweep(self.time.now())
+        self.registry.sweep(self.common.time.now())
     }
 
     /// Ends all streams, and takes no new ones.
     pub fn drain(&self) {
-        self.draining.send_replace(true);
+        self.common.draining.send_replace(true);
     }
 
     /// Waits until no stream is open.
     pub async fn streams_ended(&self) {
-        let all = self.limits.streams as u32;
+        let all = self.common.limits.streams as u32;
         // The semaphore is never closed; were it, there would be no stream either.
-        let _ = self.places.acquire_many(all).await;
+        let _ = self.common.places.acquire_many(all).await;
     }
 
     pub(super) fn registry(&self) -> &Arc<Registry> {
@@ -103,35 +120,37 @@ impl Sessions {
     }
 
     pub(super) fn time(&self) -> &TimeSource {
-        &self.time
+        &self.common.time
     }
 
     pub(super) fn executor(&self) -> &Executor {
-        &self.executor
+        &self.common.executor
     }
 
     pub(super) fn draining(&self) -> watch::Receiver<bool> {
-        self.draining.subscribe()
+        self.common.draining.subscribe()
     }
 
     pub(super) fn roster(&self, close_at_end: bool) -> Roster {
-        let (registry, time) = (self.registry.clone(), self.time.clone());
-        Roster::new(registry, time, self.limits.per_stream, close_at_end)
+        let (registry, time) = (self.registry.clone(), self.common.time.clone());
+        Roster::new(registry, time, self.common.limits.per_stream, close_at_end)
     }
 
     /// Notes how many streams are open, `leaving` of which are about to go.
     pub(super) fn streams_changed(&self, leaving: usize) {
-        let free = self.places.available_permits() + leaving;
-        self.streams.set(self.limits.streams.saturating_sub(free) as f64);
+        let free = self.common.places.available_permits() + leaving;
+        self.common
+            .streams
+            .set(self.common.limits.streams.saturating_sub(free) as f64);
     }
 
     pub(super) async fn apply(&self, commands: &[v1::Command]) -> Vec<CommandResult> {
-        commands::apply(&self.registry, &self.time, commands).await
+        commands::apply(&self.registry, &self.common.time, commands).await
     }
 
-    /// Runs a stream, or what else advances characters, on the threads for that.
-    pub fn spawn(&self, work: impl Future<Output = ()> + Send + 'static) {
-        self.executor.spawn(work);
+    /// Runs a stream, or what else advances characters, on the threads for that, in the turns of its client.
+    pub fn spawn(&self, turns: Turns, work: impl Future<Output = ()> + Send + 'static) {
+        self.common.executor.spawn(turns, work);
     }
 
     /// A place for a stream.
@@ -139,13 +158,13 @@ impl Sessions {
     /// # Errors
     /// [`SessionError::TooManyStreams`], or [`SessionError::ShuttingDown`] while the server shuts down.
     pub fn open_stream(self: &Arc<Self>) -> Result<StreamPermit, SessionError> {
-        if *self.draining.borrow() {
+        if *self.common.draining.borrow() {
             return Err(SessionError::ShuttingDown);
         }
-        match self.places.clone().try_acquire_owned() {
+        match self.common.places.clone().try_acquire_owned() {
             Ok(permit) => Ok(StreamPermit::new(permit, self.clone())),
             Err(_) => Err(SessionError::TooManyStreams {
-                limit: self.limits.streams,
+                limit: self.common.limits.streams,
             }),
         }
     }
@@ -161,9 +180,14 @@ impl Sessions {
         request: v1::CreateSessionsRequest,
     ) -> Result<v1::CreateSessionsResponse, SessionError> {
         let count = request.sessions.len();
-        units::length(&Path::root().field("sessions"), count, 1, self.limits.per_request)?;
-        let usual_ttl = Duration::from_millis(self.limits.ttl_ms.into());
-        self.registry.room_for(count, usual_ttl, self.time.now())?;
+        units::length(
+            &Path::root().field("sessions"),
+            count,
+            1,
+            self.common.limits.per_request,
+        )?;
+        let usual_ttl = Duration::from_millis(self.common.limits.ttl_ms.into());
+        self.registry.room_for(count, usual_ttl, self.common.time.now())?;
         let (this, packs, store) = (self.clone(), packs.clone(), store.clone());
         let work = move || this.create_now(&packs, &store, &request);
         offload(count, INLINE_SESSIONS, work).await?
@@ -183,11 +207,11 @@ impl Sessions {
                 wanted,
                 packs,
                 store,
-                &self.limits,
+                &self.common.limits,
             )?;
-            cells.push(Arc::new(SessionCell::new(parts, self.time.clone())));
+            cells.push(Arc::new(SessionCell::new(parts, self.common.time.clone())));
         }
-        let now = self.time.now();
+        let now = self.common.time.now();
         self.registry
             .insert(&cells, now, |index| format!("sessions[{index}].id"))?;
         Ok(v1::CreateSessionsResponse {
@@ -200,7 +224,7 @@ impl Sessions {
     /// # Errors
     /// [`SessionError`] where the session is not open.
     pub fn get(&self, id: &str) -> Result<v1::Session, SessionError> {
-        let now = self.time.now();
+        let now = self.common.time.now();
         let cell = self.registry.get(id, now, &|| "id".to_owned())?;
         Ok(describe::session(&cell, now))
     }
@@ -223,7 +247,7 @@ impl Sessions {
         let (mut cells, total) = self.registry.page(after, size as usize + 1);
         let more = cells.len() > size as usize;
         cells.truncate(size as usize);
-        let now = self.time.now();
+        let now = self.common.time.now();
         let last = cells.last().filter(|_| more);
         Ok(v1::ListSessionsResponse {
             next_page_token: last.map(|cell| cell.id().to_string()).unwrap_or_default(),
@@ -242,7 +266,7 @@ impl Sessions {
     ) -> Result<v1::CloseSessionsResponse, SessionError> {
         let root = Path::root();
         units::length(&root.field("ids"), request.ids.len(), 1, MAX_CLOSED)?;
-        let now = self.time.now();
+        let now = self.common.time.now();
         let closed = request
             .ids
             .iter()
@@ -260,13 +284,14 @@ impl Sessions {
     pub async fn command(
         self: &Arc<Self>,
         request: v1::CommandRequest,
+        turns: Turns,
     ) -> Result<Vec<CommandResult>, SessionError> {
         let root = Path::root();
         let count = request.commands.len();
         units::length(&root.field("commands"), count, 1, commands::MAX_COMMANDS)?;
         let this = self.clone();
         let work = async move { this.apply(&request.commands).await };
-        Ok(self.executor.run(work).await?)
+        Ok(self.common.executor.run(turns, work).await?)
     }
 
     /// Checks what a step asks for, and works out how much its answer takes.
@@ -274,8 +299,8 @@ impl Sessions {
     /// # Errors
     /// [`SessionError::Field`] for a request that makes no sense.
     pub fn plan_step(&self, request: &v1::StepRequest) -> Result<StepPlan, SessionError> {
-        let now = self.time.now();
-        Ok(step::check(request, &self.limits, |id| {
+        let now = self.common.time.now();
+        Ok(step::check(request, &self.common.limits, |id| {
             let cell = self.registry.get(id, now, &String::new).ok()?;
             Some(cell.pack().rig().skeleton.joint_count())
         })?)
@@ -289,15 +314,16 @@ impl Sessions {
         self: &Arc<Self>,
         request: v1::StepRequest,
         plan: StepPlan,
+        turns: Turns,
     ) -> Result<Stepped, SessionError> {
         let arrived = std::time::Instant::now();
         let this = self.clone();
         let work = async move {
             let commands = this.apply(&request.commands).await;
-            let stepped = step::step(&this.registry, &this.time, &request.session_ids, plan).await;
+            let stepped = step::step(&this.registry, this.time(), &request.session_ids, plan).await;
             (commands, stepped)
         };
-        let (commands, stepped) = self.executor.run(work).await?;
+        let (commands, stepped) = self.common.executor.run(turns, work).await?;
         RequestContext::part("advance", arrived, Vec::new);
         if let (true, Some(problem)) = (stepped.blocks.is_empty(), stepped.problems.first()) {
             return Err(problem.error.clone());
@@ -314,7 +340,9 @@ impl Sessions {
     /// # Errors
     /// [`SessionError`] where the session is not open, or in no scene.
     pub fn standing(&self, id: &str, field: &str) -> Result<CharacterPlace, SessionError> {
-        let cell = self.registry.get(id, self.time.now(), &|| field.to_owned())?;
+        let cell = self
+            .registry
+            .get(id, self.common.time.now(), &|| field.to_owned())?;
         let live = cell.live();
         let resident = live.resident().ok_or_else(|| SessionError::Refused {
             refusal: Refusal::NoScene,
@@ -338,7 +366,7 @@ impl Sessions {
         let most = peek::MAX_PEEK_FRAMES;
         let frames = if request.frames == 0 { most } else { request.frames };
         units::count_within(&root.field("frames"), frames, 1, most)?;
-        let now = self.time.now();
+        let now = self.common.time.now();
         let field = || "session_id".to_owned();
         let cell = self.registry.get(&request.session_id, now, &field)?;
         Ok(peek::peek(&cell, frames as usize, now))

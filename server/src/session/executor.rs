@@ -7,6 +7,7 @@ use tokio::runtime::{Builder, Runtime};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::Instrument as _;
 
+use crate::clients::Turns;
 use crate::offload::WorkerStopped;
 
 /// Longest that one task works before the others get a turn.
@@ -31,24 +32,25 @@ impl Executor {
         Ok(Self(Some(runtime)))
     }
 
-    /// Runs `work` there, and gives it up where nobody waits for it any more.
+    /// Runs `work` there in `turns`, and gives it up where nobody waits for it any more.
     ///
     /// # Errors
     /// [`WorkerStopped`].
     pub async fn run<T: Send + 'static>(
         &self,
+        turns: Turns,
         work: impl Future<Output = T> + Send + 'static,
     ) -> Result<T, WorkerStopped> {
         let runtime = self.0.as_ref().ok_or(WorkerStopped)?;
-        let task = AbortOnDropHandle::new(runtime.spawn(work.in_current_span()));
+        let task = AbortOnDropHandle::new(runtime.spawn(turns.take(work).in_current_span()));
         task.await.map_err(|_| WorkerStopped)
     }
 
-    /// Runs `work` there, whether anybody waits for it or not.
-    pub fn spawn(&self, work: impl Future<Output = ()> + Send + 'static) {
+    /// Runs `work` there in `turns`, whether anybody waits for it or not.
+    pub fn spawn(&self, turns: Turns, work: impl Future<Output = ()> + Send + 'static) {
         // There is a runtime until the executor is dropped.
         if let Some(runtime) = &self.0 {
-            runtime.spawn(work.in_current_span());
+            runtime.spawn(turns.take(work).in_current_span());
         }
     }
 }
@@ -94,7 +96,7 @@ mod tests {
         let stop = Arc::new(AtomicBool::new(false));
         for _ in 0..64 {
             let stop = stop.clone();
-            executor.spawn(async move {
+            executor.spawn(Turns::endless(), async move {
                 let mut turn = Turn::begin();
                 while !stop.load(Ordering::Relaxed) {
                     std::hint::spin_loop();
@@ -103,7 +105,7 @@ mod tests {
             });
         }
         for _ in 0..10 {
-            assert_eq!(executor.run(async { 7 }).await, Ok(7));
+            assert_eq!(executor.run(Turns::endless(), async { 7 }).await, Ok(7));
         }
         stop.store(true, Ordering::Relaxed);
     }
@@ -116,7 +118,8 @@ mod tests {
             let _alive = alive;
             std::future::pending::<()>().await;
         };
-        let waited = tokio::time::timeout(Duration::from_millis(20), executor.run(work)).await;
+        let waited =
+            tokio::time::timeout(Duration::from_millis(20), executor.run(Turns::endless(), work)).await;
         assert!(waited.is_err());
         assert!(ended.await.is_err());
     }

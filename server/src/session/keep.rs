@@ -11,8 +11,9 @@ use serde::{Deserialize, Serialize};
 use troupe_motion::conventions::Convention;
 use troupe_motion::model::Capability;
 
+use super::LivePacks;
 use super::cell::{Parts, SessionCell};
-use super::{LivePacks, Registry, Sessions};
+use super::space::{Spaces, of_record};
 use crate::records::{Changes, Kind, Records, RecordsError};
 use crate::telemetry::{Counter, Gauge, Labels, Metric, Seldom, Telemetry};
 use crate::world::Store;
@@ -41,7 +42,7 @@ const PAGE: usize = 256;
 /// Rounds take at most this share of the time of one core.
 const SHARE: u32 = 10;
 
-/// A session as it is kept. Its id is the record's name.
+/// A session as it is kept. Its tenant and id are the record's name.
 #[derive(Debug, Serialize, Deserialize)]
 struct Record<'a> {
     format: u32,
@@ -64,8 +65,8 @@ struct Stamp {
     priority: f32,
 }
 
-/// By id.
-type Stamps = HashMap<Arc<str>, Stamp>;
+/// By the names of records.
+type Stamps = HashMap<String, Stamp>;
 
 /// What a round did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -79,11 +80,10 @@ pub struct Round {
 /// Keeps the sessions of a server.
 #[derive(Debug)]
 pub struct Keeper {
-    registry: Arc<Registry>,
-    world: Arc<Store>,
+    spaces: Arc<Spaces>,
     records: Records,
     sessions: Stamps,
-    /// Revisions.
+    /// Revisions, by the names of records.
     scenes: HashMap<String, u64>,
     buffer: Vec<u8>,
     age: Gauge,
@@ -93,24 +93,24 @@ pub struct Keeper {
     written: Instant,
 }
 
-impl Sessions {
-    /// Restores the sessions and scenes of `records`, and gives what keeps them from now on. What cannot be restored is left out with
-    /// a warning, and goes with the next round.
+impl Keeper {
+    /// Restores the sessions and scenes of `records`, and keeps them from now on. What cannot be restored is left out with a
+    /// warning, and goes with the next round.
     ///
     /// # Errors
     /// [`RecordsError`] where the records cannot be read.
-    pub fn keeper(
-        &self,
-        packs: &LivePacks,
-        world: &Arc<Store>,
+    pub fn new(
+        spaces: &Arc<Spaces>,
         mut records: Records,
         telemetry: &Telemetry,
-    ) -> Result<Keeper, RecordsError> {
+    ) -> Result<Self, RecordsError> {
         let labels = Labels::default();
-        let scenes = restore_scenes(world, &mut records)?;
-        let (restored, left_out) = self.restore(packs, world, &mut records)?;
-        let known = |id: &str| restored.contains_key(id);
-        world.free_all_but(known);
+        let scenes = restore_scenes(spaces, &mut records)?;
+        let (restored, left_out) = restore(spaces, &mut records)?;
+        for space in spaces.all() {
+            let known = |id: &str| restored.contains_key(&space.record_name(id));
+            space.store.free_all_but(known);
+        }
         for (result, count) in [("restored", restored.len()), ("left_out", left_out.len())] {
             let counter = telemetry.counter(&RESTORED, &labels.with("result", result));
             counter.increment(count as u64);
@@ -121,9 +121,8 @@ impl Sessions {
         let mut sessions = restored;
         // They are not there, so the first round removes their records.
         sessions.extend(left_out);
-        Ok(Keeper {
-            registry: self.registry().clone(),
-            world: world.clone(),
+        Ok(Self {
+            spaces: spaces.clone(),
             records,
             sessions,
             scenes,
@@ -135,40 +134,38 @@ impl Sessions {
             written: Instant::now(),
         })
     }
+}
 
-    /// Restores what sessions can be: those, and those that cannot.
-    fn restore(
-        &self,
-        packs: &LivePacks,
-        world: &Store,
-        records: &mut Records,
-    ) -> Result<(Stamps, Stamps), RecordsError> {
-        let (mut restored, mut left_out) = (Stamps::new(), Stamps::new());
-        for (id, record) in records.all(Kind::Session)? {
-            let id: Arc<str> = Arc::from(id);
-            let made = parts(&id, &record, packs, world).and_then(|parts| {
-                let cell = Arc::new(SessionCell::new(parts, self.time().clone()));
-                let inserted = self
-                    .registry()
-                    .insert(std::slice::from_ref(&cell), self.time().now(), |_| {
-                        "id".to_owned()
-                    });
-                inserted.map(|()| cell).map_err(|error| error.to_string())
-            });
-            match made {
-                Ok(cell) => drop(restored.insert(id, stamp(&cell))),
-                Err(reason) => {
-                    tracing::warn!(
-                        session = &*id,
-                        reason,
-                        "a session of the process before is left out"
-                    );
-                    left_out.insert(id, Stamp::NONE);
-                }
+/// Restores what sessions can be: those, and those that cannot.
+fn restore(spaces: &Spaces, records: &mut Records) -> Result<(Stamps, Stamps), RecordsError> {
+    let (mut restored, mut left_out) = (Stamps::new(), Stamps::new());
+    for (name, record) in records.all(Kind::Session)? {
+        match restore_session(spaces, &name, &record) {
+            Ok(cell) => drop(restored.insert(name, stamp(&cell))),
+            Err(reason) => {
+                tracing::warn!(
+                    session = name,
+                    reason,
+                    "a session of the process before is left out"
+                );
+                left_out.insert(name, Stamp::NONE);
             }
         }
-        Ok((restored, left_out))
     }
+    Ok((restored, left_out))
+}
+
+fn restore_session(spaces: &Spaces, name: &str, record: &[u8]) -> Result<Arc<SessionCell>, String> {
+    let (tenant, id) = of_record(name);
+    let space = spaces.of(&tenant).map_err(|error| error.to_string())?;
+    let parts = parts(&Arc::from(id), record, &space.packs, &space.store)?;
+    let time = space.sessions.time();
+    let cell = Arc::new(SessionCell::new(parts, time.clone()));
+    let inserted = space
+        .sessions
+        .registry()
+        .insert(std::slice::from_ref(&cell), time.now(), |_| "id".to_owned());
+    inserted.map(|()| cell).map_err(|error| error.to_string())
 }
 
 impl Stamp {
@@ -227,10 +224,12 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
 }
 
 /// Restores what scenes can be; their revisions. Those that cannot have none.
-fn restore_scenes(world: &Store, records: &mut Records) -> Result<HashMap<String, u64>, RecordsError> {
+fn restore_scenes(spaces: &Spaces, records: &mut Records) -> Result<HashMap<String, u64>, RecordsError> {
     let mut revisions = HashMap::new();
     for (name, record) in records.all(Kind::Scene)? {
-        if let Err(reason) = world.restore_scene(&name, &record) {
+        let (tenant, scene) = of_record(&name);
+        let space = spaces.of(&tenant).map_err(|error| error.to_string());
+        if let Err(reason) = space.and_then(|space| space.store.restore_scene(scene, &record)) {
             tracing::warn!(
                 scene = name,
                 reason,
@@ -283,23 +282,25 @@ impl Keeper {
     /// Notes sessions that changed, and those that are gone. What is known of all of them then.
     fn note_sessions(&mut self, changes: &mut Changes) -> Stamps {
         let mut now = Stamps::with_capacity(self.sessions.len());
-        let mut after: Option<Arc<str>> = None;
-        loop {
-            let (page, _) = self.registry.page(after.as_deref(), PAGE);
-            for cell in &page {
-                let stamp = stamp(cell);
-                if self.sessions.get(cell.id()) != Some(&stamp) && cell.end().is_none() {
-                    changes.put(Kind::Session, &**cell.id(), self.record(cell));
+        for space in self.spaces.all() {
+            let mut after: Option<Arc<str>> = None;
+            loop {
+                let (page, _) = space.sessions.registry().page(after.as_deref(), PAGE);
+                for cell in &page {
+                    let (name, stamp) = (space.record_name(cell.id()), stamp(cell));
+                    if self.sessions.get(&name) != Some(&stamp) && cell.end().is_none() {
+                        changes.put(Kind::Session, &*name, self.record(cell));
+                    }
+                    now.insert(name, stamp);
                 }
-                now.insert(cell.id().clone(), stamp);
-            }
-            match page.last() {
-                Some(last) if page.len() == PAGE => after = Some(last.id().clone()),
-                _ => break,
+                match page.last() {
+                    Some(last) if page.len() == PAGE => after = Some(last.id().clone()),
+                    _ => break,
+                }
             }
         }
-        for id in self.sessions.keys().filter(|id| !now.contains_key(*id)) {
-            changes.remove(Kind::Session, &**id);
+        for name in self.sessions.keys().filter(|name| !now.contains_key(*name)) {
+            changes.remove(Kind::Session, &**name);
         }
         now
     }
@@ -329,12 +330,16 @@ impl Keeper {
     /// Notes scenes that changed, and those that are gone; the revisions of all.
     fn note_scenes(&self, changes: &mut Changes) -> HashMap<String, u64> {
         let mut now = HashMap::new();
-        for (name, cell) in self.world.scenes().all().iter() {
-            let scene = cell.snapshot();
-            if self.scenes.get(name) != Some(&scene.revision()) {
-                self.world.note_scene(name, &scene, changes);
+        for space in self.spaces.all() {
+            for (scene, cell) in space.store.scenes().all().iter() {
+                let (name, snapshot) = (space.record_name(scene), cell.snapshot());
+                if self.scenes.get(&name) != Some(&snapshot.revision())
+                    && let Some(record) = space.store.record_of(scene, &snapshot)
+                {
+                    changes.put(Kind::Scene, &*name, record);
+                }
+                now.insert(name, snapshot.revision());
             }
-            now.insert(name.clone(), scene.revision());
         }
         for name in self.scenes.keys().filter(|name| !now.contains_key(*name)) {
             changes.remove(Kind::Scene, name.as_str());

@@ -1,25 +1,27 @@
 //! Packs as sessions know them: with what their characters' plans are measured by.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use super::metrics::SessionMetrics;
 use crate::packs::{LoadedPack, PackTable, UnknownPack};
 use crate::telemetry::{Seldom, Telemetry};
 use troupe_character::live::load::PlanLoad;
+use troupe_character::style::StyleError;
 use troupe_motion::model::Rig;
 
-/// A pack and its sessions.
+/// A pack with a tenant's styles, and what the sessions of all tenants share of it.
 #[derive(Debug)]
 pub struct LivePack {
     /// The pack.
     pub loaded: Arc<LoadedPack>,
     /// The metrics of its sessions.
-    pub metrics: SessionMetrics,
+    pub metrics: Arc<SessionMetrics>,
     /// When it was last told that a plan failed.
-    pub failures: Mutex<Seldom>,
+    pub failures: Arc<Mutex<Seldom>>,
     /// How busy it is with their plans.
-    pub load: PlanLoad,
+    pub load: Arc<PlanLoad>,
 }
 
 impl LivePack {
@@ -27,9 +29,9 @@ impl LivePack {
     pub fn new(loaded: Arc<LoadedPack>, telemetry: &Telemetry) -> Self {
         let version = &loaded.pack.manifest.version;
         Self {
-            metrics: SessionMetrics::new(telemetry, loaded.pack.name(), version),
-            failures: Mutex::default(),
-            load: PlanLoad::default(),
+            metrics: Arc::new(SessionMetrics::new(telemetry, loaded.pack.name(), version)),
+            failures: Arc::default(),
+            load: Arc::default(),
             loaded,
         }
     }
@@ -56,6 +58,31 @@ impl LivePacks {
         };
         let by_name = Arc::new(table.all().map(live).collect());
         Self { table, by_name }
+    }
+
+    /// The same packs for a tenant, with added styles of its own, kept in `folder`.
+    ///
+    /// # Errors
+    /// [`StyleError`] where its styles cannot be read.
+    pub fn of_tenant(&self, folder: Option<&Path>) -> Result<Self, StyleError> {
+        let styles = |loaded: &LoadedPack| {
+            let folder = folder.map(Path::to_owned);
+            loaded.styles.beside(&loaded.pack.rig, folder)
+        };
+        let table = self.table.with_styles(styles)?;
+        let live = |loaded: &Arc<LoadedPack>| {
+            let name = loaded.pack.name().to_owned();
+            let common = &self.by_name[&name];
+            let pack = LivePack {
+                loaded: loaded.clone(),
+                metrics: common.metrics.clone(),
+                failures: common.failures.clone(),
+                load: common.load.clone(),
+            };
+            (name, Arc::new(pack))
+        };
+        let by_name = Arc::new(table.all().map(live).collect());
+        Ok(Self { table, by_name })
     }
 
     /// The packs themselves.

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::cell::SessionCell;
 use crate::batch::{Order, SubmitError};
+use crate::clients::Turns;
 use crate::packs::LoadedPack;
 use troupe_character::live::{
     Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, Pins, PlanFailed, PlanRequest, finish_live,
@@ -39,7 +40,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let order = Order::live(cell.owner_id(), deadline(&cell, &request));
     let place = (cell.pack().loaded.batcher).enqueue(vec![request.item.into()], order);
     let (shape, pins) = (request.shape, request.pins);
-    tokio::spawn(async move {
+    let work = async move {
         let mut result = match place {
             Ok(answer) => answer.await,
             Err(error) => Err(error),
@@ -63,7 +64,9 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
             })
             .and_then(|raw| finish(&raw, &shape, pins.as_deref(), &cell.pack().loaded));
         awaited.arrived(plan);
-    });
+    };
+    // What is made of its motion takes as long as the rest of a character's frames, and counts for the same client.
+    tokio::spawn(Turns::current().take(work));
 }
 
 /// A plan that somebody waits for. Where it is dropped without an answer, for a panic or the end of the runtime, it has

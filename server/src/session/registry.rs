@@ -1,4 +1,4 @@
-//! All open sessions by id, and the ids of those that expired lately.
+//! All open sessions by tenant and id, and the ids of those that expired lately.
 
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::ops::Bound;
@@ -9,6 +9,7 @@ use super::SessionError;
 use super::cell::{End, SessionCell};
 use super::metrics::Eviction;
 use super::options::MAX_ID_CHARS;
+use crate::clients::Tenant;
 
 /// About the most memory that an open session takes, bytes: 38 KiB were measured for one that walks in the default pack, and one
 /// in a scene keeps events and keyframes besides.
@@ -18,38 +19,105 @@ const MAX_TOMBSTONES: usize = 65_536;
 
 type ById = BTreeMap<Arc<str>, Arc<SessionCell>>;
 
-/// All open sessions.
+/// The open sessions of one tenant. Those of others share room and time with them, and do not exist otherwise.
 #[derive(Debug)]
 pub struct Registry {
-    open: RwLock<ById>,
+    all: Arc<All>,
+    tenant: Tenant,
+}
+
+/// Those of all tenants.
+#[derive(Debug)]
+struct All {
+    open: RwLock<Open>,
     expired: Mutex<Tombstones>,
     limit: usize,
 }
 
-impl Registry {
-    /// A registry of at most `limit` sessions.
-    pub fn new(limit: usize) -> Self {
-        Self {
-            open: RwLock::default(),
-            expired: Mutex::new(Tombstones::new(MAX_TOMBSTONES)),
-            limit,
+#[derive(Debug, Default)]
+struct Open {
+    of: HashMap<Tenant, ById>,
+    count: usize,
+}
+
+impl Open {
+    fn add(&mut self, tenant: &Tenant, cell: &Arc<SessionCell>) {
+        let own = match self.of.get_mut(tenant) {
+            Some(own) => own,
+            None => self.of.entry(tenant.clone()).or_default(),
+        };
+        if own.insert(cell.id().clone(), cell.clone()).is_none() {
+            self.count += 1;
         }
     }
 
-    fn read(&self) -> RwLockReadGuard<'_, ById> {
+    fn remove(&mut self, tenant: &Tenant, id: &str) -> Option<Arc<SessionCell>> {
+        let own = self.of.get_mut(tenant)?;
+        let removed = own.remove(id)?;
+        if own.is_empty() {
+            self.of.remove(tenant);
+        }
+        self.count -= 1;
+        Some(removed)
+    }
+
+    /// Each with whose it is.
+    fn each(&self) -> impl Iterator<Item = (&Tenant, &Arc<SessionCell>)> {
+        let of = |(tenant, own)| ById::values(own).map(move |cell| (tenant, cell));
+        self.of.iter().flat_map(of)
+    }
+}
+
+impl All {
+    fn read(&self) -> RwLockReadGuard<'_, Open> {
         self.open.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn write(&self) -> RwLockWriteGuard<'_, ById> {
+    fn write(&self) -> RwLockWriteGuard<'_, Open> {
         self.open.write().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Open sessions.
-    pub fn len(&self) -> usize {
-        self.read().len()
+    fn tombstones(&self) -> MutexGuard<'_, Tombstones> {
+        self.expired.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether no session is open.
+    /// Removes an expired session and remembers its id.
+    fn bury(&self, tenant: &Tenant, cell: &SessionCell) {
+        // In this order, so that nobody finds it neither open nor expired.
+        self.tombstones().add((tenant.clone(), cell.id().clone()));
+        let removed = self.write().remove(tenant, cell.id());
+        cell.pack().metrics.ended(Eviction::Expired);
+        drop(removed);
+    }
+}
+
+impl Registry {
+    /// A registry of at most `limit` sessions over all tenants: that of callers without a tenant.
+    pub fn new(limit: usize) -> Self {
+        Self {
+            all: Arc::new(All {
+                open: RwLock::default(),
+                expired: Mutex::new(Tombstones::new(MAX_TOMBSTONES)),
+                limit,
+            }),
+            tenant: None,
+        }
+    }
+
+    /// The sessions of another tenant.
+    pub fn of_tenant(&self, tenant: Tenant) -> Self {
+        Self {
+            all: self.all.clone(),
+            tenant,
+        }
+    }
+
+    /// Open sessions of all tenants.
+    pub fn len(&self) -> usize {
+        self.all.read().count
+    }
+
+    /// Whether no session of any tenant is open.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -74,29 +142,29 @@ impl Registry {
     /// longest idle first. Where there is room enough for all others they stay.
     fn expire_idle(&self, more: usize, usual_ttl: Duration, now: Instant) {
         let (mut idle, open): (Vec<_>, usize) = {
-            let open = self.read();
-            let idle = open.values().filter(|cell| cell.left(now) < cell.ttl());
-            let idle = idle.map(|cell| (cell.idle(now), cell.clone()));
-            (idle.filter(|(time, _)| *time >= usual_ttl).collect(), open.len())
+            let open = self.all.read();
+            let idle = open.each().filter(|(_, cell)| cell.left(now) < cell.ttl());
+            let idle = idle.map(|(tenant, cell)| (cell.idle(now), tenant.clone(), cell.clone()));
+            (idle.filter(|(time, ..)| *time >= usual_ttl).collect(), open.count)
         };
-        let missing = (open + more).saturating_sub(self.limit);
+        let missing = (open + more).saturating_sub(self.all.limit);
         if missing > idle.len() {
             return;
         }
-        idle.sort_by_key(|(time, _)| std::cmp::Reverse(*time));
-        for (_, cell) in idle.into_iter().take(missing) {
+        idle.sort_by_key(|(time, ..)| std::cmp::Reverse(*time));
+        for (_, tenant, cell) in idle.into_iter().take(missing) {
             if cell.expire_after(usual_ttl, now) {
-                self.bury(&cell);
+                self.all.bury(&tenant, &cell);
             }
         }
     }
 
     fn check_room(&self, open: usize, more: usize) -> Result<(), SessionError> {
-        match open + more <= self.limit {
+        match open + more <= self.all.limit {
             true => Ok(()),
             false => Err(SessionError::TooMany {
                 open,
-                limit: self.limit,
+                limit: self.all.limit,
                 place: "",
             }),
         }
@@ -114,21 +182,22 @@ impl Registry {
         field: impl Fn(usize) -> String,
     ) -> Result<(), SessionError> {
         self.expire_named(cells, now);
-        let mut open = self.write();
-        self.check_room(open.len(), cells.len())?;
+        let mut open = self.all.write();
+        self.check_room(open.count, cells.len())?;
         let mut new = HashSet::with_capacity(cells.len());
         for (index, cell) in cells.iter().enumerate() {
-            if open.contains_key(cell.id()) || !new.insert(cell.id()) {
+            let own = open.of.get(&self.tenant);
+            if own.is_some_and(|own| own.contains_key(cell.id())) || !new.insert(cell.id()) {
                 return Err(SessionError::Exists {
                     id: cell.id().to_string(),
                     field: field(index),
                 });
             }
         }
-        let mut expired = self.tombstones();
+        let mut expired = self.all.tombstones();
         for cell in cells {
-            open.insert(cell.id().clone(), cell.clone());
-            expired.forget(cell.id());
+            open.add(&self.tenant, cell);
+            expired.forget(&(self.tenant.clone(), cell.id().clone()));
             cell.pack().metrics.opened(1);
         }
         Ok(())
@@ -137,21 +206,22 @@ impl Registry {
     /// Ends the sessions that have an id of `cells` and whose time is up.
     fn expire_named(&self, cells: &[Arc<SessionCell>], now: Instant) {
         let named: Vec<Arc<SessionCell>> = {
-            let open = self.read();
+            let open = self.all.read();
+            let own = open.of.get(&self.tenant);
             cells
                 .iter()
-                .filter_map(|cell| open.get(cell.id()).cloned())
+                .filter_map(|cell| own?.get(cell.id()).cloned())
                 .collect()
         };
         for cell in named {
             if cell.expire(now) {
-                self.bury(&cell);
+                self.all.bury(&self.tenant, &cell);
             }
         }
     }
 
-    fn tombstones(&self) -> MutexGuard<'_, Tombstones> {
-        self.expired.lock().unwrap_or_else(PoisonError::into_inner)
+    fn find(&self, id: &str) -> Option<Arc<SessionCell>> {
+        self.all.read().of.get(&self.tenant)?.get(id).cloned()
     }
 
     /// The session of that id, which the request gave in `field`.
@@ -164,15 +234,14 @@ impl Registry {
         now: Instant,
         field: &dyn Fn() -> String,
     ) -> Result<Arc<SessionCell>, SessionError> {
-        let found = self.read().get(id).cloned();
-        match found {
+        match self.find(id) {
             Some(cell) => {
                 if cell.expire(now) {
-                    self.bury(&cell);
+                    self.all.bury(&self.tenant, &cell);
                 }
                 cell.gone(field).map_or(Ok(cell), Err)
             }
-            None if self.tombstones().knows(id) => Err(SessionError::Expired {
+            None if self.all.tombstones().knows(&self.tenant, id) => Err(SessionError::Expired {
                 id: id.to_owned(),
                 field: field(),
             }),
@@ -183,14 +252,17 @@ impl Registry {
         }
     }
 
-    /// Up to `count` sessions whose ids come after `after`, by id, and how many are open in all.
+    /// Up to `count` sessions whose ids come after `after`, by id, and how many the tenant has in all.
     pub fn page(&self, after: Option<&str>, count: usize) -> (Vec<Arc<SessionCell>>, usize) {
-        let open = self.read();
+        let open = self.all.read();
+        let Some(own) = open.of.get(&self.tenant) else {
+            return (Vec::new(), 0);
+        };
         let from = after.map_or(Bound::Unbounded, Bound::Excluded);
-        let range = open.range::<str, _>((from, Bound::Unbounded));
+        let range = own.range::<str, _>((from, Bound::Unbounded));
         (
             range.take(count).map(|(_, cell)| cell.clone()).collect(),
-            open.len(),
+            own.len(),
         )
     }
 
@@ -206,7 +278,7 @@ impl Registry {
     pub fn close_cell(&self, cell: &SessionCell) -> bool {
         let closed = cell.finish(End::Closed);
         if closed {
-            let removed = self.write().remove(cell.id());
+            let removed = self.all.write().remove(&self.tenant, cell.id());
             cell.pack().metrics.ended(Eviction::Closed);
             // A character is freed outside the lock.
             drop(removed);
@@ -214,41 +286,33 @@ impl Registry {
         closed
     }
 
-    /// Ends sessions whose time is up at `now`; answers how many.
+    /// Ends sessions of all tenants whose time is up at `now`; answers how many.
     pub fn sweep(&self, now: Instant) -> usize {
-        let due: Vec<Arc<SessionCell>> = {
-            let open = self.read();
-            open.values()
-                .filter(|cell| cell.left(now).is_zero())
-                .cloned()
-                .collect()
+        let due: Vec<(Tenant, Arc<SessionCell>)> = {
+            let open = self.all.read();
+            let due = open.each().filter(|(_, cell)| cell.left(now).is_zero());
+            due.map(|(tenant, cell)| (tenant.clone(), cell.clone())).collect()
         };
         let mut ended = 0;
-        for cell in due {
+        for (tenant, cell) in due {
             if cell.expire(now) {
-                self.bury(&cell);
+                self.all.bury(&tenant, &cell);
                 ended += 1;
             }
         }
         ended
     }
-
-    /// Removes an expired session and remembers its id.
-    fn bury(&self, cell: &SessionCell) {
-        // In this order, so that nobody finds it neither open nor expired.
-        self.tombstones().add(cell.id().clone());
-        let removed = self.write().remove(cell.id());
-        cell.pack().metrics.ended(Eviction::Expired);
-        drop(removed);
-    }
 }
+
+/// A session's id, and whose it is.
+type Name = (Tenant, Arc<str>);
 
 /// The ids of the last so many expired sessions.
 #[derive(Debug)]
 struct Tombstones {
     /// By age; an entry counts only while `by_id` has the same number for its id.
-    by_age: VecDeque<(u64, Arc<str>)>,
-    by_id: HashMap<Arc<str>, u64>,
+    by_age: VecDeque<(u64, Name)>,
+    by_id: HashMap<Name, u64>,
     next: u64,
     limit: usize,
 }
@@ -263,7 +327,7 @@ impl Tombstones {
         }
     }
 
-    fn add(&mut self, id: Arc<str>) {
+    fn add(&mut self, id: Name) {
         self.next += 1;
         self.by_id.insert(id.clone(), self.next);
         self.by_age.push_back((self.next, id));
@@ -275,12 +339,12 @@ impl Tombstones {
         }
     }
 
-    fn forget(&mut self, id: &str) {
+    fn forget(&mut self, id: &Name) {
         self.by_id.remove(id);
     }
 
-    fn knows(&self, id: &str) -> bool {
-        self.by_id.contains_key(id)
+    fn knows(&self, tenant: &Tenant, id: &str) -> bool {
+        self.by_id.contains_key(&(tenant.clone(), Arc::from(id)))
     }
 }
 

@@ -402,23 +402,24 @@ async fn threads_that_race_for_a_session_take_it_one_at_a_time_and_not_after_its
 fn tombstones_are_few_and_the_newest() {
     let mut tombstones = Tombstones::new(3);
     for index in 0..10 {
-        tombstones.add(Arc::from(format!("{index}")));
+        tombstones.add((None, format!("{index}").into()));
     }
     assert_eq!((tombstones.by_age.len(), tombstones.by_id.len()), (3, 3));
-    assert!(tombstones.knows("9") && tombstones.knows("7") && !tombstones.knows("6"));
+    assert!(tombstones.knows(&None, "9") && tombstones.knows(&None, "7"));
+    assert!(!tombstones.knows(&None, "6") && !tombstones.knows(&Some("a".into()), "9"));
 }
 
 #[test]
 fn an_id_that_is_used_again_is_not_forgotten_early() {
     let mut tombstones = Tombstones::new(3);
-    tombstones.add(Arc::from("a"));
-    tombstones.forget("a");
-    assert!(!tombstones.knows("a"));
-    tombstones.add(Arc::from("b"));
-    tombstones.add(Arc::from("a"));
+    tombstones.add((None, "a".into()));
+    tombstones.forget(&(None, "a".into()));
+    assert!(!tombstones.knows(&None, "a"));
+    tombstones.add((None, "b".into()));
+    tombstones.add((None, "a".into()));
     // The first "a" makes room, which must not take the second with it.
-    tombstones.add(Arc::from("c"));
-    assert!(tombstones.knows("a") && tombstones.knows("b") && tombstones.knows("c"));
+    tombstones.add((None, "c".into()));
+    assert!(tombstones.knows(&None, "a") && tombstones.knows(&None, "b") && tombstones.knows(&None, "c"));
 }
 
 #[tokio::test]

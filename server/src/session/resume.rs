@@ -6,6 +6,7 @@ use troupe_proto::v1;
 
 use super::cell::{Owner, SessionCell};
 use super::{SessionError, SessionProblem, Sessions, describe};
+use crate::clients::Turns;
 use crate::wire::{check_frame, to_native, units};
 use troupe_character::live::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 use troupe_character::{FieldError, Path};
@@ -27,13 +28,14 @@ impl Sessions {
     pub async fn resume(
         self: &Arc<Self>,
         request: v1::ResumeSessionsRequest,
+        turns: Turns,
     ) -> Result<Resumed, SessionError> {
         let root = Path::root();
         let count = request.sessions.len();
         units::length(&root.field("sessions"), count, 1, self.limits().per_request)?;
         let this = self.clone();
         let work = async move { this.resume_all(&request).await };
-        Ok(self.executor().run(work).await?)
+        Ok(self.executor().run(turns, work).await?)
     }
 
     async fn resume_all(&self, request: &v1::ResumeSessionsRequest) -> Resumed {

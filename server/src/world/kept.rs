@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use super::Store;
-use crate::records::{Changes, Kind};
 use troupe_character::scene::{Holder, Instance, Scene, SceneError, State, Transform};
 
 /// Changes with what a record is. Records of another format are left out.
@@ -50,19 +49,20 @@ impl Object {
 }
 
 impl Store {
-    /// Notes the objects of a scene. One that is not kept as a file has no record.
-    pub fn note_scene(&self, name: &str, scene: &Scene, changes: &mut Changes) {
-        let Some(content) = self.kept().get(name).map(|file| file.content) else {
-            return;
-        };
+    /// The record of a scene's objects. One that is not kept as a file has none.
+    pub fn record_of(&self, name: &str, scene: &Scene) -> Option<Vec<u8>> {
+        let content = self.kept().get(name).map(|file| file.content)?;
         let record = Record {
             format: FORMAT,
             content,
             objects: scene.instances().map(|instance| Object::of(instance)).collect(),
         };
         match postcard::to_allocvec(&record) {
-            Ok(bytes) => changes.put(Kind::Scene, name, bytes),
-            Err(error) => tracing::error!(scene = name, %error, "the objects of a scene are not kept"),
+            Ok(bytes) => Some(bytes),
+            Err(error) => {
+                tracing::error!(scene = name, %error, "the objects of a scene are not kept");
+                None
+            }
         }
     }
 

@@ -36,15 +36,13 @@ fn put(store: &Store, text: &str) {
         .unwrap();
 }
 
+fn record(store: &Store) -> Option<Vec<u8>> {
+    store.record_of("yard", &store.scenes().get("yard").unwrap().snapshot())
+}
+
 /// The record of the yard.
 fn note(store: &Store) -> Vec<u8> {
-    let mut changes = Changes::default();
-    store.note_scene(
-        "yard",
-        &store.scenes().get("yard").unwrap().snapshot(),
-        &mut changes,
-    );
-    changes.into_records().pop().unwrap()
+    record(store).unwrap()
 }
 
 #[test]
@@ -97,11 +95,5 @@ fn a_scene_without_a_file_has_no_record() {
     let store = Store::load(Folders::default(), usize::MAX, [&walker_rig()]).unwrap();
     store.put_definition(definition(), CUP, Format::Toml).unwrap();
     put(&store, YARD);
-    let mut changes = Changes::default();
-    store.note_scene(
-        "yard",
-        &store.scenes().get("yard").unwrap().snapshot(),
-        &mut changes,
-    );
-    assert!(changes.is_empty());
+    assert_eq!(record(&store), None);
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::convert::Infallible;
 use std::path::{Path as FilePath, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use sha2::{Digest as _, Sha256};
 use troupe_character::document::{Document as _, DocumentError, Format, forget, is_full, keep, read_kept};
@@ -23,14 +23,36 @@ pub struct Folders {
     pub objects: Option<PathBuf>,
 }
 
-/// The scenes and definitions of a server.
+/// What the scenes of all stores of a server may take.
+#[derive(Debug)]
+struct Memory {
+    max_bytes: usize,
+    tables: Mutex<Vec<Weak<SceneTable>>>,
+}
+
+impl Memory {
+    /// What all scenes take but that of `table` with this name, bytes.
+    fn taken(&self, table: &SceneTable, name: &str) -> usize {
+        let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
+        tables.retain(|table| table.strong_count() > 0);
+        let mut bytes = 0;
+        for other in tables.iter().filter_map(Weak::upgrade) {
+            let replaced = |scene: &str| std::ptr::eq(&*other, table) && scene == name;
+            let scenes = other.all();
+            let stay = scenes.iter().filter(|(scene, _)| !replaced(scene));
+            bytes += stay.map(|(_, cell)| cell.snapshot().bytes()).sum::<usize>();
+        }
+        bytes
+    }
+}
+
+/// The scenes and definitions of a server, or of a tenant.
 #[derive(Debug)]
 pub struct Store {
-    scenes: SceneTable,
+    scenes: Arc<SceneTable>,
     definitions: Arc<Definitions>,
     folders: Folders,
-    /// Most memory of all scenes, bytes.
-    max_bytes: usize,
+    memory: Arc<Memory>,
     /// The definitions that the kept files of scenes name. One upload or deletion at a time has it.
     kept: Mutex<Kept>,
 }
@@ -122,6 +144,27 @@ impl Store {
         max_bytes: usize,
         packs: impl IntoIterator<Item = &'a Rig>,
     ) -> Result<Self, LoadError> {
+        let tables = Mutex::default();
+        Self::load_within(folders, Arc::new(Memory { max_bytes, tables }), packs)
+    }
+
+    /// Reads the files of a tenant's `folders`. Its scenes share the memory with those of this store.
+    ///
+    /// # Errors
+    /// [`LoadError`], as [`Store::load`].
+    pub fn beside<'a>(
+        &self,
+        folders: Folders,
+        packs: impl IntoIterator<Item = &'a Rig>,
+    ) -> Result<Self, LoadError> {
+        Self::load_within(folders, self.memory.clone(), packs)
+    }
+
+    fn load_within<'a>(
+        folders: Folders,
+        memory: Arc<Memory>,
+        packs: impl IntoIterator<Item = &'a Rig>,
+    ) -> Result<Self, LoadError> {
         let mut definitions: Vec<Definition> = Vec::new();
         if let Some(folder) = &folders.objects {
             for pack in packs {
@@ -138,11 +181,15 @@ impl Store {
                 scenes.add(&name, scene)?;
             }
         }
+        let scenes = Arc::new(scenes);
+        let mut tables = memory.tables.lock().unwrap_or_else(PoisonError::into_inner);
+        tables.push(Arc::downgrade(&scenes));
+        drop(tables);
         Ok(Self {
             scenes,
             definitions: Arc::new(definitions),
             folders,
-            max_bytes,
+            memory,
             kept: Mutex::new(kept),
         })
     }
@@ -198,16 +245,14 @@ impl Store {
 
     /// Whether the scene of this name may take so much memory.
     fn memory_for(&self, name: &str, bytes: usize) -> Result<(), StoreError> {
-        let scenes = self.scenes.all();
-        let others = scenes.iter().filter(|(other, _)| **other != *name);
-        let taken: usize = others.map(|(_, cell)| cell.snapshot().bytes()).sum();
-        match taken + bytes <= self.max_bytes {
+        let taken = self.memory.taken(&self.scenes, name);
+        match taken + bytes <= self.memory.max_bytes {
             true => Ok(()),
             false => Err(StoreError::NoMemory {
                 name: name.to_owned(),
                 bytes,
                 taken,
-                most: self.max_bytes,
+                most: self.memory.max_bytes,
             }),
         }
     }

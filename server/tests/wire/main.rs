@@ -31,5 +31,6 @@ mod session_errors;
 mod session_life;
 mod sessions;
 mod strangers;
+mod tenants;
 mod traces;
 mod websocket;

@@ -160,6 +160,22 @@ async fn crowds_in_a_scene_of_overlapping_hulls_cost_others_no_tick() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn many_streams_of_one_client_get_no_more_turns_than_one() {
+    let server = TestServer::start().await;
+    put_pile(&server, 512, 0).await;
+    let mut attacker = server.sessions().await;
+    let mut streams = Vec::new();
+    for stream in 0..200 {
+        let names = ids(&format!("s{stream}"), 4);
+        create(&mut attacker, in_the_pile(&names)).await;
+        streams.push(drive(&mut attacker, &names).await);
+    }
+    let victim = Victim::start(&server).await;
+    tokio::time::sleep(ATTACK).await;
+    victim.unharmed().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_step_of_many_interactions_among_many_objects_holds_up_nobody() {
     let server = TestServer::start().await;
     put_pile(&server, 256, 2048).await;

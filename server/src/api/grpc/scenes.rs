@@ -8,6 +8,7 @@ use troupe_proto::v1::scenes_server::Scenes;
 
 use super::answer;
 use crate::api::answers;
+use crate::api::ours::ours;
 use crate::service::Service;
 
 /// The Scenes service.
@@ -19,25 +20,40 @@ impl Scenes for ScenesApi {
         &self,
         request: Request<v1::PutSceneRequest>,
     ) -> Result<Response<v1::SceneSummary>, Status> {
-        answer(self.0.put_scene(request.into_inner()).await)
+        answer(
+            ours(&self.0, &request)
+                .await?
+                .put_scene(request.into_inner())
+                .await,
+        )
     }
 
     async fn get_scene(&self, request: Request<v1::GetSceneRequest>) -> Result<Response<v1::Scene>, Status> {
-        answer(self.0.get_scene(request.into_inner()).await)
+        answer(
+            ours(&self.0, &request)
+                .await?
+                .get_scene(request.into_inner())
+                .await,
+        )
     }
 
     async fn list_scenes(
         &self,
-        _: Request<v1::ListScenesRequest>,
+        request: Request<v1::ListScenesRequest>,
     ) -> Result<Response<v1::ListScenesResponse>, Status> {
-        answer(self.0.list_scenes())
+        answer(ours(&self.0, &request).await?.list_scenes())
     }
 
     async fn delete_scene(
         &self,
         request: Request<v1::DeleteSceneRequest>,
     ) -> Result<Response<v1::DeleteSceneResponse>, Status> {
-        answer(self.0.delete_scene(request.into_inner()).await)
+        answer(
+            ours(&self.0, &request)
+                .await?
+                .delete_scene(request.into_inner())
+                .await,
+        )
     }
 
     async fn add_objects(
@@ -45,7 +61,8 @@ impl Scenes for ScenesApi {
         request: Request<v1::AddObjectsRequest>,
     ) -> Result<Response<v1::ObjectsResponse>, Status> {
         answer(
-            self.0
+            ours(&self.0, &request)
+                .await?
                 .add_objects(request.into_inner())
                 .await
                 .map(answers::objects),
@@ -57,7 +74,8 @@ impl Scenes for ScenesApi {
         request: Request<v1::MoveObjectsRequest>,
     ) -> Result<Response<v1::ObjectsResponse>, Status> {
         answer(
-            self.0
+            ours(&self.0, &request)
+                .await?
                 .move_objects(request.into_inner())
                 .await
                 .map(answers::objects),
@@ -69,7 +87,8 @@ impl Scenes for ScenesApi {
         request: Request<v1::RemoveObjectsRequest>,
     ) -> Result<Response<v1::ObjectsResponse>, Status> {
         answer(
-            self.0
+            ours(&self.0, &request)
+                .await?
                 .remove_objects(request.into_inner())
                 .await
                 .map(answers::objects),
@@ -80,34 +99,49 @@ impl Scenes for ScenesApi {
         &self,
         request: Request<v1::PutObjectDefinitionRequest>,
     ) -> Result<Response<v1::PutObjectDefinitionResponse>, Status> {
-        answer(self.0.put_object_definition(request.into_inner()).await)
+        answer(
+            ours(&self.0, &request)
+                .await?
+                .put_object_definition(request.into_inner())
+                .await,
+        )
     }
 
     async fn get_object_definition(
         &self,
         request: Request<v1::GetObjectDefinitionRequest>,
     ) -> Result<Response<v1::GetObjectDefinitionResponse>, Status> {
-        answer(self.0.get_object_definition(request.into_inner()).await)
+        answer(
+            ours(&self.0, &request)
+                .await?
+                .get_object_definition(request.into_inner())
+                .await,
+        )
     }
 
     async fn list_object_definitions(
         &self,
-        _: Request<v1::ListObjectDefinitionsRequest>,
+        request: Request<v1::ListObjectDefinitionsRequest>,
     ) -> Result<Response<v1::ListObjectDefinitionsResponse>, Status> {
-        answer(self.0.list_object_definitions().await)
+        answer(ours(&self.0, &request).await?.list_object_definitions().await)
     }
 
     async fn delete_object_definition(
         &self,
         request: Request<v1::DeleteObjectDefinitionRequest>,
     ) -> Result<Response<v1::DeleteObjectDefinitionResponse>, Status> {
-        answer(self.0.delete_object_definition(request.into_inner()).await)
+        answer(
+            ours(&self.0, &request)
+                .await?
+                .delete_object_definition(request.into_inner())
+                .await,
+        )
     }
 
     async fn detect(
         &self,
         request: Request<v1::DetectRequest>,
     ) -> Result<Response<v1::DetectResponse>, Status> {
-        answer(self.0.detect(request.get_ref()))
+        answer(ours(&self.0, &request).await?.detect(request.get_ref()))
     }
 }

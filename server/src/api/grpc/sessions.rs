@@ -9,8 +9,9 @@ use troupe_proto::v1;
 use troupe_proto::v1::sessions_server::Sessions;
 
 use super::answer;
+use crate::api::ours::ours;
 use crate::api::{ApiError, answers, opening, traffic};
-use crate::clients::Client;
+use crate::clients::{Client, Turns};
 use crate::service::Service;
 use crate::session::drive::{Outlet, outbox};
 
@@ -26,6 +27,11 @@ fn client<T>(request: &Request<T>) -> Option<Arc<Client>> {
     request.extensions().get().cloned()
 }
 
+/// The turns of who asks.
+fn turns<T>(request: &Request<T>) -> Turns {
+    client(request).map_or_else(Turns::endless, |client| client.turns())
+}
+
 #[tonic::async_trait]
 impl Sessions for SessionsApi {
     async fn create_sessions(
@@ -33,54 +39,85 @@ impl Sessions for SessionsApi {
         request: Request<v1::CreateSessionsRequest>,
     ) -> Result<Response<v1::CreateSessionsResponse>, Status> {
         let client = client(&request);
-        answer(opening::create_sessions(&self.service, client.as_ref(), request.into_inner()).await)
+        answer(
+            opening::create_sessions(
+                &*ours(&self.service, &request).await?,
+                client.as_ref(),
+                request.into_inner(),
+            )
+            .await,
+        )
     }
 
     async fn resume_sessions(
         &self,
         request: Request<v1::ResumeSessionsRequest>,
     ) -> Result<Response<v1::ResumeSessionsResponse>, Status> {
-        let resumed = self.service.resume_sessions(request.into_inner());
-        answer(resumed.await.map(answers::resumed))
+        let turns = turns(&request);
+        let service = ours(&self.service, &request).await?;
+        answer(
+            service
+                .resume_sessions(request.into_inner(), turns)
+                .await
+                .map(answers::resumed),
+        )
     }
 
     async fn get_session(
         &self,
         request: Request<v1::GetSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        answer(self.service.sessions().get(&request.into_inner().id))
+        answer(
+            ours(&self.service, &request)
+                .await?
+                .sessions()
+                .get(&request.into_inner().id),
+        )
     }
 
     async fn list_sessions(
         &self,
         request: Request<v1::ListSessionsRequest>,
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
-        answer(self.service.sessions().list(request.get_ref()))
+        answer(
+            ours(&self.service, &request)
+                .await?
+                .sessions()
+                .list(request.get_ref()),
+        )
     }
 
     async fn close_sessions(
         &self,
         request: Request<v1::CloseSessionsRequest>,
     ) -> Result<Response<v1::CloseSessionsResponse>, Status> {
-        answer(self.service.sessions().close(request.get_ref()))
+        answer(
+            ours(&self.service, &request)
+                .await?
+                .sessions()
+                .close(request.get_ref()),
+        )
     }
 
     async fn command(
         &self,
         request: Request<v1::CommandRequest>,
     ) -> Result<Response<v1::CommandResponse>, Status> {
-        let commands = self.service.sessions().command(request.into_inner());
+        let service = ours(&self.service, &request).await?;
+        let turns = turns(&request);
+        let commands = service.sessions().command(request.into_inner(), turns);
         answer(commands.await.map(answers::commands))
     }
 
     async fn step(&self, request: Request<v1::StepRequest>) -> Result<Response<v1::StepResponse>, Status> {
-        let sessions = self.service.sessions();
+        let service = ours(&self.service, &request).await?;
+        let sessions = service.sessions();
         let plan = sessions
             .plan_step(request.get_ref())
             .map_err(|error| ApiError::from(error).status())?;
-        let bytes = plan.answer_bytes() * traffic::COPIES_AS_PROTOBUF;
+        let (turns, bytes) = (turns(&request), plan.answer_bytes() * traffic::COPIES_AS_PROTOBUF);
         let reserved = traffic::reserve(client(&request).as_ref(), bytes).map_err(|error| error.status())?;
-        let stepped = sessions.step(request.into_inner(), plan).await;
+        let stepped = sessions.step(request.into_inner(), plan, turns).await;
         let mut response = answer(stepped.map(answers::step))?;
         response.extensions_mut().insert(reserved);
         Ok(response)
@@ -92,11 +129,13 @@ impl Sessions for SessionsApi {
         &self,
         request: Request<Streaming<v1::DriveRequest>>,
     ) -> Result<Response<Self::DriveStream>, Status> {
+        let service = ours(&self.service, &request).await?;
+        let turns = turns(&request);
         let of_client = match client(&request).map(|client| client.stream()).transpose() {
             Ok(place) => place,
             Err(error) => return Err(ApiError::from(error).status()),
         };
-        let place = match self.service.sessions().open_stream() {
+        let place = match service.sessions().open_stream() {
             Ok(place) => place,
             Err(error) => return Err(ApiError::from(error).status()),
         };
@@ -106,8 +145,8 @@ impl Sessions for SessionsApi {
             .map(move |said| said.map_err(|status| ApiError::of_status(&status, limit).problem()));
         let (outbox, outlet) = outbox(answers::drive);
         // It ends by itself: with the server, or with the client, whose going drops the outlet.
-        let sessions = self.service.sessions();
-        sessions.spawn(async move {
+        let sessions = service.sessions().clone();
+        sessions.spawn(turns, async move {
             place.run(&mut inbound, outbox).await;
             drop(of_client);
         });
@@ -118,21 +157,35 @@ impl Sessions for SessionsApi {
     }
 
     async fn peek(&self, request: Request<v1::PeekRequest>) -> Result<Response<v1::PeekResponse>, Status> {
-        answer(self.service.sessions().peek(request.get_ref()))
+        answer(
+            ours(&self.service, &request)
+                .await?
+                .sessions()
+                .peek(request.get_ref()),
+        )
     }
 
     async fn list_styles(
         &self,
         request: Request<v1::ListStylesRequest>,
     ) -> Result<Response<v1::ListStylesResponse>, Status> {
-        answer(self.service.list_styles(request.get_ref()))
+        answer(
+            ours(&self.service, &request)
+                .await?
+                .list_styles(request.get_ref()),
+        )
     }
 
     async fn get_style(&self, request: Request<v1::GetStyleRequest>) -> Result<Response<v1::Style>, Status> {
-        answer(self.service.get_style(request.get_ref()))
+        answer(ours(&self.service, &request).await?.get_style(request.get_ref()))
     }
 
     async fn put_style(&self, request: Request<v1::PutStyleRequest>) -> Result<Response<v1::Style>, Status> {
-        answer(self.service.put_style(request.into_inner()).await)
+        answer(
+            ours(&self.service, &request)
+                .await?
+                .put_style(request.into_inner())
+                .await,
+        )
     }
 }

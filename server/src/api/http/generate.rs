@@ -1,10 +1,8 @@
 //! `POST /v1/generate`: the parts of an answer as lines of JSON.
 
 use std::convert::Infallible;
-use std::sync::Arc;
 
 use axum::body::Body;
-use axum::extract::State;
 use axum::response::{IntoResponse as _, Response};
 use bytes::Bytes;
 use http::header;
@@ -12,7 +10,8 @@ use troupe_proto::v1;
 
 use super::json::JsonBody;
 use crate::api::error::ApiError;
-use crate::service::{Service, ServiceError};
+use crate::api::ours::Ours;
+use crate::service::ServiceError;
 
 /// What the answer is: one JSON value a line.
 const LINES: &str = "application/x-ndjson";
@@ -35,7 +34,7 @@ const LINES: &str = "application/x-ndjson";
     )
 )]
 pub(crate) async fn generate(
-    State(service): State<Arc<Service>>,
+    Ours(service): Ours,
     JsonBody(request): JsonBody<v1::GenerateRequest>,
 ) -> Result<Response, ApiError> {
     let mut generation = service.generate(&request)?;

@@ -1,9 +1,6 @@
 //! Scenes and object definitions over HTTP.
 
-use std::sync::Arc;
-
 use axum::Json;
-use axum::extract::State;
 use serde::Deserialize;
 use troupe_proto::v1;
 
@@ -11,11 +8,9 @@ use super::json::JsonBody;
 use super::{Asked, Named, asked, named};
 use crate::api::answers;
 use crate::api::error::ApiError;
-use crate::service::Service;
+use crate::api::ours::Ours;
 use crate::wire::cut;
 use troupe_character::FieldError;
-
-type Server = State<Arc<Service>>;
 
 /// The name in a body that also is in the path: the same, or none.
 fn same_name(field: &str, body: &str, path: &str) -> Result<(), FieldError> {
@@ -44,7 +39,7 @@ fn agreed(field: &str, body: &str, path: Named<String>) -> Result<String, ApiErr
     tag = "scenes",
     responses((status = 200, description = "All scenes, sorted by name", body = v1::ListScenesResponse))
 )]
-pub(in crate::api) async fn list(State(service): Server) -> Result<Json<v1::ListScenesResponse>, ApiError> {
+pub(in crate::api) async fn list(Ours(service): Ours) -> Result<Json<v1::ListScenesResponse>, ApiError> {
     Ok(Json(service.list_scenes()?))
 }
 
@@ -63,7 +58,7 @@ pub(in crate::api) async fn list(State(service): Server) -> Result<Json<v1::List
     )
 )]
 pub(in crate::api) async fn put(
-    State(service): Server,
+    Ours(service): Ours,
     name: Named<String>,
     JsonBody(mut request): JsonBody<v1::PutSceneRequest>,
 ) -> Result<Json<v1::SceneSummary>, ApiError> {
@@ -101,7 +96,7 @@ pub(in crate::api) struct SceneForm {
     )
 )]
 pub(in crate::api) async fn get(
-    State(service): Server,
+    Ours(service): Ours,
     name: Named<String>,
     form: Asked<SceneForm>,
 ) -> Result<Json<v1::Scene>, ApiError> {
@@ -130,7 +125,7 @@ pub(in crate::api) async fn get(
     )
 )]
 pub(in crate::api) async fn delete(
-    State(service): Server,
+    Ours(service): Ours,
     name: Named<String>,
 ) -> Result<Json<v1::DeleteSceneResponse>, ApiError> {
     let request = v1::DeleteSceneRequest {
@@ -155,7 +150,7 @@ pub(in crate::api) async fn delete(
     )
 )]
 pub(in crate::api) async fn add(
-    State(service): Server,
+    Ours(service): Ours,
     name: Named<String>,
     JsonBody(mut request): JsonBody<v1::AddObjectsRequest>,
 ) -> Result<Json<v1::ObjectsResponse>, ApiError> {
@@ -179,7 +174,7 @@ pub(in crate::api) async fn add(
     )
 )]
 pub(in crate::api) async fn move_objects(
-    State(service): Server,
+    Ours(service): Ours,
     name: Named<String>,
     JsonBody(mut request): JsonBody<v1::MoveObjectsRequest>,
 ) -> Result<Json<v1::ObjectsResponse>, ApiError> {
@@ -203,7 +198,7 @@ pub(in crate::api) async fn move_objects(
     )
 )]
 pub(in crate::api) async fn remove(
-    State(service): Server,
+    Ours(service): Ours,
     name: Named<String>,
     JsonBody(mut request): JsonBody<v1::RemoveObjectsRequest>,
 ) -> Result<Json<v1::ObjectsResponse>, ApiError> {
@@ -226,7 +221,7 @@ pub(in crate::api) async fn remove(
     )
 )]
 pub(in crate::api) async fn detect(
-    State(service): Server,
+    Ours(service): Ours,
     JsonBody(request): JsonBody<v1::DetectRequest>,
 ) -> Result<Json<v1::DetectResponse>, ApiError> {
     Ok(Json(service.detect(&request)?))
@@ -241,7 +236,7 @@ pub(in crate::api) async fn detect(
     responses((status = 200, description = "All definitions, sorted by name", body = v1::ListObjectDefinitionsResponse))
 )]
 pub(in crate::api) async fn list_objects(
-    State(service): Server,
+    Ours(service): Ours,
 ) -> Result<Json<v1::ListObjectDefinitionsResponse>, ApiError> {
     Ok(Json(service.list_object_definitions().await?))
 }
@@ -262,7 +257,7 @@ pub(in crate::api) async fn list_objects(
     )
 )]
 pub(in crate::api) async fn put_object(
-    State(service): Server,
+    Ours(service): Ours,
     name: Named<String>,
     JsonBody(mut request): JsonBody<v1::PutObjectDefinitionRequest>,
 ) -> Result<Json<v1::PutObjectDefinitionResponse>, ApiError> {
@@ -294,7 +289,7 @@ pub(in crate::api) struct ObjectForm {
     )
 )]
 pub(in crate::api) async fn get_object(
-    State(service): Server,
+    Ours(service): Ours,
     name: Named<String>,
     form: Asked<ObjectForm>,
 ) -> Result<Json<v1::GetObjectDefinitionResponse>, ApiError> {
@@ -318,7 +313,7 @@ pub(in crate::api) async fn get_object(
     )
 )]
 pub(in crate::api) async fn delete_object(
-    State(service): Server,
+    Ours(service): Ours,
     name: Named<String>,
 ) -> Result<Json<v1::DeleteObjectDefinitionResponse>, ApiError> {
     let request = v1::DeleteObjectDefinitionRequest {

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use axum::extract::State;
 use axum::response::Response;
 use axum::{Extension, Json};
 use serde::Deserialize;
@@ -13,13 +12,11 @@ use super::{Asked, Named, asked, named};
 use crate::api::answers;
 use crate::api::error::ApiError;
 use crate::api::opening;
+use crate::api::ours::Ours;
 use crate::api::traffic;
 use crate::clients::Client;
-use crate::service::Service;
 use crate::wire::cut;
 use troupe_character::FieldError;
-
-type Server = State<Arc<Service>>;
 
 /// Open sessions, all or none
 #[utoipa::path(
@@ -38,7 +35,7 @@ type Server = State<Arc<Service>>;
     )
 )]
 pub(in crate::api) async fn create(
-    State(service): Server,
+    Ours(service): Ours,
     Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::CreateSessionsRequest>,
 ) -> Result<Json<v1::CreateSessionsResponse>, ApiError> {
@@ -60,10 +57,13 @@ pub(in crate::api) async fn create(
     )
 )]
 pub(in crate::api) async fn resume(
-    State(service): Server,
+    Ours(service): Ours,
+    Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::ResumeSessionsRequest>,
 ) -> Result<Json<v1::ResumeSessionsResponse>, ApiError> {
-    Ok(Json(answers::resumed(service.resume_sessions(request).await?)))
+    Ok(Json(answers::resumed(
+        service.resume_sessions(request, client.turns()).await?,
+    )))
 }
 
 /// Which page of the list.
@@ -87,7 +87,7 @@ pub(in crate::api) struct Page {
     responses((status = 200, description = "A page of sessions", body = v1::ListSessionsResponse))
 )]
 pub(in crate::api) async fn list(
-    State(service): Server,
+    Ours(service): Ours,
     page: Asked<Page>,
 ) -> Result<Json<v1::ListSessionsResponse>, ApiError> {
     let Page {
@@ -114,7 +114,7 @@ pub(in crate::api) async fn list(
     )
 )]
 pub(in crate::api) async fn get(
-    State(service): Server,
+    Ours(service): Ours,
     id: Named<String>,
 ) -> Result<Json<v1::Session>, ApiError> {
     Ok(Json(service.sessions().get(&named("id", id)?)?))
@@ -129,7 +129,7 @@ pub(in crate::api) async fn get(
     responses((status = 200, description = "How many were closed: 1 or 0", body = v1::CloseSessionsResponse))
 )]
 pub(in crate::api) async fn close(
-    State(service): Server,
+    Ours(service): Ours,
     id: Named<String>,
 ) -> Result<Json<v1::CloseSessionsResponse>, ApiError> {
     let request = v1::CloseSessionsRequest {
@@ -161,7 +161,7 @@ pub(in crate::api) struct Future {
     )
 )]
 pub(in crate::api) async fn peek(
-    State(service): Server,
+    Ours(service): Ours,
     id: Named<String>,
     future: Asked<Future>,
 ) -> Result<Json<v1::PeekResponse>, ApiError> {
@@ -187,11 +187,12 @@ pub(in crate::api) async fn peek(
     )
 )]
 pub(in crate::api) async fn command(
-    State(service): Server,
+    Ours(service): Ours,
+    Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::CommandRequest>,
 ) -> Result<Json<v1::CommandResponse>, ApiError> {
     Ok(Json(answers::commands(
-        service.sessions().command(request).await?,
+        service.sessions().command(request, client.turns()).await?,
     )))
 }
 
@@ -215,7 +216,7 @@ pub(in crate::api) async fn command(
     )
 )]
 pub(in crate::api) async fn step(
-    State(service): Server,
+    Ours(service): Ours,
     Extension(client): Extension<Arc<Client>>,
     JsonBody(request): JsonBody<v1::StepRequest>,
 ) -> Result<Response, ApiError> {
@@ -223,7 +224,7 @@ pub(in crate::api) async fn step(
     let plan = sessions.plan_step(&request)?;
     let bytes = plan.answer_bytes() * traffic::COPIES_AS_JSON;
     let reserved = traffic::reserve(Some(&client), bytes)?;
-    let stepped = sessions.step(request, plan).await?;
+    let stepped = sessions.step(request, plan, client.turns()).await?;
     let mut response = json::written(move || answers::step(stepped)).await?;
     response.extensions_mut().insert(reserved);
     Ok(response)
@@ -241,7 +242,7 @@ pub(in crate::api) async fn step(
     )
 )]
 pub(in crate::api) async fn list_styles(
-    State(service): Server,
+    Ours(service): Ours,
     name: Named<String>,
 ) -> Result<Json<v1::ListStylesResponse>, ApiError> {
     let request = v1::ListStylesRequest {
@@ -263,7 +264,7 @@ pub(in crate::api) async fn list_styles(
     )
 )]
 pub(in crate::api) async fn get_style(
-    State(service): Server,
+    Ours(service): Ours,
     names: Named<(String, String)>,
 ) -> Result<Json<v1::Style>, ApiError> {
     let (pack, style) = named("style", names)?;
@@ -287,7 +288,7 @@ pub(in crate::api) async fn get_style(
     )
 )]
 pub(in crate::api) async fn put_style(
-    State(service): Server,
+    Ours(service): Ours,
     names: Named<(String, String)>,
     JsonBody(style): JsonBody<v1::Style>,
 ) -> Result<Json<v1::Style>, ApiError> {

@@ -1,0 +1,39 @@
+//! The service as the caller's tenant has it.
+
+use std::sync::Arc;
+
+use axum::extract::FromRequestParts;
+use http::request::Parts;
+use tonic::Status;
+
+use super::error::ApiError;
+use crate::clients::Identity;
+use crate::service::Service;
+
+/// An extractor of HTTP handlers.
+pub(super) struct Ours(pub(super) Arc<Service>);
+
+impl FromRequestParts<Arc<Service>> for Ours {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, service: &Arc<Service>) -> Result<Self, ApiError> {
+        of(service, &parts.extensions).await.map(Self)
+    }
+}
+
+async fn of(service: &Arc<Service>, extensions: &http::Extensions) -> Result<Arc<Service>, ApiError> {
+    let identity = extensions.get::<Identity>();
+    let tenant = identity.and_then(|identity| identity.tenant.clone());
+    Ok(service.of(tenant).await?)
+}
+
+/// The same for a call of gRPC.
+pub(super) async fn ours<T>(
+    service: &Arc<Service>,
+    request: &tonic::Request<T>,
+) -> Result<Arc<Service>, Status> {
+    let identity = request.extensions().get::<Identity>();
+    let tenant = identity.and_then(|identity| identity.tenant.clone());
+    let service = service.of(tenant).await;
+    service.map_err(|error| ApiError::from(error).status())
+}
