@@ -1,12 +1,13 @@
 //! UniMoGen as a [`Generator`]: a step is one call of the network, for the oldest job and those that fit beside it.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use troupe_motion::model::{Dims, Output, Task, all_finite};
+use troupe_motion::model::{Dims, Motion, Output, PathTask, Task, all_finite};
 
 use super::batch::Call;
 use super::job::{Job, check};
 use super::network::Denoiser;
+use super::probe::probe_task;
 use super::rows::Coding;
 use super::schedule::Schedule;
 use crate::generator::{Generator, JobId, Progress, StepReport};
@@ -62,6 +63,49 @@ impl UniMoGen {
     #[must_use]
     pub fn with_call_rows(self, call_rows: usize) -> Self {
         Self { call_rows, ..self }
+    }
+
+    /// Makes two motions of the pack's first body, the second one for its [time](Generator::trial). To be called before any job.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the network fails, or gives what is out of the contract: the pack is broken.
+    pub fn warm_up(&mut self, pack: &Pack) -> Result<(), EngineError> {
+        let task = probe_task(pack, 0, self.dims.max_frames()).ok_or(EngineError::WrongTask)?;
+        for _ in 0..2 {
+            let started = Instant::now();
+            self.run(std::slice::from_ref(&task))?;
+            let took = started.elapsed();
+            self.trial = Some(TrialRun { rows: 1, took });
+        }
+        Ok(())
+    }
+
+    /// The motions of these tasks, in their order. For a generator without jobs.
+    ///
+    /// # Errors
+    /// [`EngineError`] of the first task that fails.
+    pub fn run(&mut self, tasks: &[PathTask]) -> Result<Vec<Motion>, EngineError> {
+        for (index, task) in tasks.iter().enumerate() {
+            let id = JobId {
+                request: index as u64,
+                character: 0,
+            };
+            self.admit(id, Task::Path(task.clone()));
+        }
+        let mut motions = vec![Motion::default(); tasks.len()];
+        let mut failed = None;
+        while !self.is_idle() {
+            let stepped = self.step(&mut |id, progress| match progress {
+                Progress::Done(Output::Motion(motion)) => motions[id.request as usize] = motion,
+                Progress::Failed(error) => failed = Some(error),
+                Progress::Done(_) | Progress::Part(_) => {}
+            });
+            if let Some(error) = stepped.err().or(failed.take()) {
+                self.clear();
+                return Err(error);
+            }
+        }
+        Ok(motions)
     }
 
     /// The jobs of the next call, places in rising order: the oldest, then those of as many frames that fit beside it.
@@ -181,16 +225,5 @@ impl Generator for UniMoGen {
 
     fn trial(&self) -> Option<TrialRun> {
         self.trial
-    }
-}
-
-impl UniMoGen {
-    /// Makes a motion of each body of the pack, so that everything is warm, and notes how long a character takes.
-    ///
-    /// # Errors
-    /// [`EngineError`] where the network fails or gives numbers that are not finite.
-    pub fn warm_up(&mut self, pack: &Pack) -> Result<(), EngineError> {
-        let _ = (pack, Duration::ZERO);
-        Ok(())
     }
 }

@@ -8,12 +8,14 @@ mod generator;
 mod job;
 mod network;
 mod noise;
+mod probe;
 mod rows;
 mod schedule;
 
 pub use batch::Call;
 pub use generator::{CALL_ROWS, UniMoGen};
 pub use network::Denoiser;
+pub use probe::probe_task;
 
 /// Numbers of a row in a frame.
 pub const ROW_CHANNELS: usize = 6;
