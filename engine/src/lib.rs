@@ -21,6 +21,7 @@ mod specs;
 mod tensors;
 #[cfg(any(test, feature = "testing"))]
 pub mod toy;
+pub mod unimogen;
 
 use crate::pack::Stage;
 
@@ -32,6 +33,7 @@ pub use raw::{RawLoop, straight_walk};
 pub use select::{Check, Decision, Selector};
 pub use sizes::BatchSizes;
 pub use tensors::{DecoderOutput, PoseOutput, RootInput, RootOutput, Rows, TokenInput};
+pub use unimogen::UniMoGen;
 
 /// Runs the networks of one pack.
 ///
@@ -125,6 +127,24 @@ pub enum EngineError {
         stage: Stage,
         /// What is wrong with its output.
         problem: String,
+    },
+    /// A network of a family without stages that failed, or gave values out of the contract.
+    #[error("{file}: {problem}")]
+    Network {
+        /// The network's file.
+        file: &'static str,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A task out of the pack's ranges.
+    #[error("the task's {field} is {found}; allowed: {allowed}")]
+    Task {
+        /// The task's field.
+        field: &'static str,
+        /// What it holds.
+        found: String,
+        /// What it may hold.
+        allowed: String,
     },
     /// A task of a kind that the pack has no networks for.
     #[error("the pack has no networks for such a task")]

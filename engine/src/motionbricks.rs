@@ -44,7 +44,7 @@ impl Generator for MotionBricks {
                 self.ids.push(id);
                 self.tasks.push(task);
             }
-            Task::Prompt(_) | Task::Describe(_) => self.foreign.push(id),
+            Task::Path(_) | Task::Prompt(_) | Task::Describe(_) => self.foreign.push(id),
         }
     }
 

@@ -1,14 +1,16 @@
 //! A tiny model family without networks, for tests: what it can do is known, and it needs several steps for each job.
 //!
-//! It proves that scheduler, sessions and API know no family. Keyframes are met by a straight walk, after [`STEPS`] steps.
+//! It proves that scheduler, sessions and API know no family. Keyframes are met by a straight walk, after [`STEPS`] steps, and
+//! paths are followed in the neutral pose.
 //! Words are acted out a part of [`PART_FRAMES`] frames a step, one part a word. A motion is put into words, a word a step.
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use troupe_motion::features::FEATURES_PER_JOINT;
 use troupe_motion::model::{
-    DescribeTask, Dims, GLOBAL_ROOT, KeyTensors, KeyframeTask, Motion, Output, PromptTask, Task,
+    DescribeTask, Dims, GLOBAL_ROOT, KeyTensors, KeyframeTask, Motion, Output, PathTask, PromptTask, Task,
 };
+use troupe_motion::rotation::{six_d, yaw};
 
 use crate::EngineError;
 use crate::generator::{Generator, JobId, Progress, StepReport};
@@ -98,6 +100,7 @@ fn advance(dims: &Dims, task: &Task, step: usize) -> Option<Progress> {
         Task::Keyframes(task) => {
             (step + 1 == STEPS).then(|| Progress::Done(Output::Motion(walk(dims, task))))
         }
+        Task::Path(task) => (step + 1 == STEPS).then(|| Progress::Done(Output::Motion(follow(task)))),
         Task::Prompt(task) => Some(act(dims, task, step)),
         Task::Describe(task) => Some(tell(task, step)),
     }
@@ -160,6 +163,25 @@ fn walk(dims: &Dims, task: &KeyframeTask) -> Motion {
     });
     let pose = task.context.last().and_then(|key| key.pose.as_deref());
     motion_of(dims, roots, pose)
+}
+
+/// Along the path in the neutral pose.
+fn follow(task: &PathTask) -> Motion {
+    let body = &task.body;
+    let mut motion = Motion::default();
+    for &[x, z, heading] in &task.path {
+        let (sin, cos) = heading.sin_cos();
+        motion
+            .root
+            .extend([x, body.height_m + sway(task.seed), z, cos, sin]);
+        for &neutral in &body.neutral {
+            motion.rotations.extend(six_d(yaw(heading) * neutral));
+        }
+        motion
+            .contacts
+            .extend(std::iter::repeat_n(1.0, body.rig.dims.contacts));
+    }
+    motion
 }
 
 /// Frames at those roots, all in one pose.

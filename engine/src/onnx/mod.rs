@@ -1,6 +1,7 @@
 //! The stages on ONNX Runtime, loaded at run time from the library that `ORT_DYLIB_PATH` names.
 
 mod calls;
+mod denoiser;
 mod exit;
 mod network;
 mod openvino;
@@ -21,6 +22,7 @@ use super::{
 use crate::pack::{Pack, Stage};
 
 use calls::CALL_ROWS;
+pub use denoiser::OnnxDenoiser;
 use network::{FixedNetworks, Given, Inputs, Network, Number};
 pub use pool::NetworkPool;
 use pool::PackWorker;

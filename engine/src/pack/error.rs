@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use troupe_motion::model::BodyError;
 use troupe_motion::robot::RobotError;
 
 /// A pack that cannot be used, and where it is.
@@ -53,6 +54,22 @@ pub enum PackProblem {
     /// Hinges that do not make a robot of the skeleton.
     #[error("pack.toml: {0}")]
     Robot(#[from] RobotError),
+    /// A body's file that is not valid TOML, or lacks or misspells a field. The text shows the line.
+    #[error("bodies/{body}.toml: {cause}")]
+    BodyFile {
+        /// The body.
+        body: String,
+        /// What is wrong with it.
+        cause: Box<toml::de::Error>,
+    },
+    /// A body that contradicts itself.
+    #[error("bodies/{body}.toml: {problem}")]
+    Body {
+        /// The body.
+        body: String,
+        /// What is wrong with it.
+        problem: Box<BodyError>,
+    },
     /// The ONNX files are not those that the manifest speaks of.
     #[error("the ONNX files do not match the manifest: content_hash is {expected}, the files have {found}")]
     ContentHash {

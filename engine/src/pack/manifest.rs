@@ -6,6 +6,7 @@ use troupe_motion::model::{Capabilities, Capability, Dims};
 use troupe_motion::robot::RobotDoc;
 
 use super::PackProblem;
+use super::unimogen::{UNIMOGEN, UniMoGenDoc};
 
 /// The newest manifest format; format 1 loads as well.
 const FORMAT: u32 = 2;
@@ -61,6 +62,9 @@ pub struct Manifest {
     /// The skeleton's hinges, where it is a robot's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot: Option<RobotDoc>,
+    /// What a pack of the family UniMoGen says beside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unimogen: Option<UniMoGenDoc>,
     /// How it was trained; free.
     #[serde(default)]
     pub training: toml::Table,
@@ -174,6 +178,14 @@ impl Manifest {
             let allowed = format!("at least {keyframes} frames, for the context and target keyframes");
             return Err(field("max_tokens x frames_per_token", dims.max_frames(), allowed));
         }
+        match (&self.unimogen, self.family == UNIMOGEN) {
+            (Some(table), true) => table.check(&dims)?,
+            (None, true) => return Err(field("unimogen", "missing", "the table [unimogen]")),
+            (Some(_), false) => {
+                return Err(field("unimogen", "there", "none, for the family is another"));
+            }
+            (None, false) => {}
+        }
         Ok(dims)
     }
 
@@ -195,7 +207,7 @@ fn format_1_capabilities() -> Capabilities {
     }
 }
 
-fn field(field: &'static str, found: impl ToString, allowed: impl Into<String>) -> PackProblem {
+pub(super) fn field(field: &'static str, found: impl ToString, allowed: impl Into<String>) -> PackProblem {
     PackProblem::Field {
         field,
         found: found.to_string(),

@@ -1,24 +1,26 @@
-//! Model packs: a folder with `pack.toml` and one ONNX file a stage. Loading checks the manifest, the files' content
+//! Model packs: a folder with `pack.toml` and an ONNX file for each network. Loading checks the manifest, the files' content
 //! hash and (in [`crate::onnx`]) every tensor of every stage, so that a wrong pack fails at start and says why.
 
 mod error;
 mod manifest;
 #[cfg(feature = "testing")]
 pub mod testing;
+mod unimogen;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sha2::{Digest as _, Sha256};
-use troupe_motion::model::Rig;
+use troupe_motion::model::{Body, Rig};
 
 pub use error::{PackError, PackProblem};
 pub use manifest::{MOTIONBRICKS, Manifest};
+pub use unimogen::{DENOISER_FILE, RATE, UNIMOGEN, UniMoGenDoc};
 
 /// Name of the manifest inside a pack folder.
 pub const MANIFEST_FILE: &str = "pack.toml";
 
-/// The three networks of a pack, in the order in which they run (and in which the content hash reads them).
+/// The three networks of a MotionBricks pack, in the order in which they run (and in which the content hash reads them).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
     /// Constraints to token count and root trajectory.
@@ -57,8 +59,12 @@ impl Stage {
 pub struct Pack {
     /// The manifest as written.
     pub manifest: Manifest,
-    /// What it animates.
+    /// What it animates; of a pack with many bodies, the default one.
     pub rig: Arc<Rig>,
+    /// The bodies that one network moves; empty for a family of one skeleton.
+    pub bodies: Vec<Arc<Body>>,
+    /// The words that the network knows, in the order of its inputs; empty for a family without.
+    pub words: Vec<String>,
     /// The folder, where the ONNX files are.
     pub folder: PathBuf,
 }
@@ -76,7 +82,8 @@ impl Pack {
     }
 
     fn try_load(folder: &Path) -> Result<Self, PackProblem> {
-        let pack = Self::from_manifest(Manifest::parse(&read_text(&folder.join(MANIFEST_FILE))?)?, folder)?;
+        let mut pack =
+            Self::from_manifest(Manifest::parse(&read_text(&folder.join(MANIFEST_FILE))?)?, folder)?;
         let found = content_hash(folder, pack.files())?;
         let expected = &pack.manifest.content_hash;
         if !expected.eq_ignore_ascii_case(&found) {
@@ -85,10 +92,14 @@ impl Pack {
                 found,
             });
         }
+        if let Some(table) = &pack.manifest.unimogen {
+            let bodies = table.read_bodies(folder, pack.manifest.fps, &pack.rig.dims)?;
+            pack.bodies = bodies.into_iter().map(Arc::new).collect();
+        }
         Ok(pack)
     }
 
-    /// A pack from an already parsed manifest, without looking at its files.
+    /// A pack from an already parsed manifest, without looking at its files: it has no bodies.
     ///
     /// # Errors
     /// [`PackProblem`] where the manifest contradicts itself.
@@ -101,6 +112,8 @@ impl Pack {
         };
         let rig = Rig::new(&manifest.name, manifest.fps, dims, skeleton);
         Ok(Self {
+            bodies: Vec::new(),
+            words: (manifest.unimogen.as_ref()).map_or_else(Vec::new, |table| table.words.clone()),
             manifest,
             rig: Arc::new(rig),
             folder: folder.to_owned(),
@@ -111,6 +124,7 @@ impl Pack {
     pub fn files(&self) -> &'static [&'static str] {
         match self.manifest.family.as_str() {
             MOTIONBRICKS => &["root.onnx", "pose.onnx", "decoder.onnx"],
+            UNIMOGEN => &[DENOISER_FILE],
             _ => &[],
         }
     }
@@ -118,6 +132,17 @@ impl Pack {
     /// The pack's name.
     pub fn name(&self) -> &str {
         &self.manifest.name
+    }
+
+    /// The body of that name; of the empty name, the default one. None where there is no such body.
+    pub fn body(&self, name: &str) -> Option<&Arc<Body>> {
+        let table = self.manifest.unimogen.as_ref()?;
+        let wanted = if name.is_empty() {
+            &table.default_body
+        } else {
+            name
+        };
+        self.bodies.iter().find(|body| body.name == wanted)
     }
 
     /// The file of one stage.

@@ -34,6 +34,7 @@ pub fn pack_of(rig: Rig) -> Pack {
         content_hash: format!("sha256:{}", "0".repeat(64)),
         skeleton: (*rig.skeleton).clone(),
         robot: None,
+        unimogen: None,
         training: toml::Table::new(),
         evaluation: toml::Table::new(),
     };
@@ -41,5 +42,7 @@ pub fn pack_of(rig: Rig) -> Pack {
         folder: PathBuf::from(&manifest.name),
         manifest,
         rig: Arc::new(rig),
+        bodies: Vec::new(),
+        words: Vec::new(),
     }
 }

@@ -217,3 +217,125 @@ fn format_2_says_its_family_and_what_it_can_do() {
         assert!(error.contains(said), "{error}");
     }
 }
+
+fn tiny() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/unimogen")
+}
+
+#[test]
+fn a_pack_of_many_bodies_loads_all_of_them() {
+    let pack = Pack::load(&tiny()).unwrap();
+    assert_eq!(pack.files(), ["denoiser.onnx"]);
+    assert_eq!(pack.words, ["old", "run", "walk"]);
+    let names: Vec<&str> = pack.bodies.iter().map(|body| body.name.as_str()).collect();
+    assert_eq!(names, ["turned", "toy"]);
+    assert_eq!(pack.body("").unwrap().name, "turned");
+    let toy = pack.body("toy").unwrap();
+    assert_eq!(
+        (toy.joints(), toy.rig.dims.joints, toy.rig.dims.contacts),
+        (14, 14, 4)
+    );
+    assert_eq!(toy.words, ["run"]);
+    assert_eq!(toy.rig.skeleton.robot.as_ref().unwrap().hinges().len(), 9);
+    assert!(pack.body("cat").is_none());
+}
+
+#[test]
+fn heights_and_sizes_are_those_that_follow_from_the_neutral_pose() {
+    use troupe_motion::model::BodyParts;
+    let trained = Path::new(env!("CARGO_MANIFEST_DIR")).join("../training/packs/unimogen");
+    for folder in [tiny(), trained] {
+        let pack = Pack::load(&folder).unwrap();
+        for body in &pack.bodies {
+            let parts = BodyParts {
+                name: body.name.clone(),
+                skeleton: (*body.rig.skeleton).clone(),
+                neutral: body.neutral.to_vec(),
+                sides: body.sides.to_vec(),
+                height_m: None,
+                size_m: None,
+                words: body.words.clone(),
+            };
+            let again = Body::new(parts, 30.0, &body.rig.dims).unwrap();
+            let off = (again.height_m - body.height_m).abs() + (again.size_m - body.size_m).abs();
+            assert!(
+                off < 2e-5,
+                "{}: {} and {}",
+                body.name,
+                again.height_m,
+                again.size_m
+            );
+        }
+    }
+}
+
+#[test]
+fn every_mistake_in_the_table_of_bodies_is_named() {
+    let text = std::fs::read_to_string(tiny().join(MANIFEST_FILE)).unwrap();
+    for (from, to, said) in [
+        (
+            "default_body = \"turned\"",
+            "default_body = \"cat\"",
+            "unimogen.default_body is cat",
+        ),
+        (
+            "\"turned\", \"toy\"",
+            "\"turned\", \"turned\"",
+            "unimogen.bodies is turned; allowed: each name once",
+        ),
+        (
+            "\"turned\", \"toy\"",
+            "\"turned\", \"../toy\"",
+            "names of 1 to 64 of a-z",
+        ),
+        (
+            "words = [\"old\", \"run\", \"walk\"]",
+            "words = []",
+            "unimogen.words is 0; allowed: 1 to 1024",
+        ),
+        (
+            "slots = 16",
+            "slots = 8",
+            "unimogen.slots is 8; allowed: 16 to 16",
+        ),
+        (
+            "diffusion_steps = 50",
+            "diffusion_steps = 49",
+            "unimogen.signal is 50; allowed: 49 to 49",
+        ),
+        (
+            "sampler_steps = 4",
+            "sampler_steps = 51",
+            "unimogen.sampler_steps is 51; allowed: 1 to 50",
+        ),
+        ("signal = [0.9982", "signal = [1.9982", "falling, between 0 and 1"),
+        (
+            "\"bone_x\", \"bone_y\"",
+            "\"bone_y\", \"bone_x\"",
+            "allowed: bone_x, bone_y",
+        ),
+        ("root_low = [-0.2", "root_low = [0.2", "below root_high"),
+        (
+            "bend_gain = 2.0",
+            "bend_gain = 0.0",
+            "unimogen.bend_gain is 0; allowed: more than 0",
+        ),
+        (
+            "frames_per_token = 4",
+            "frames_per_token = 2",
+            "frames_per_token is 2; allowed: 4 to 4",
+        ),
+        ("family = \"unimogen\"", "family = \"other\"", "unimogen is there"),
+        (
+            "bend_gain = 2.0",
+            "bend_gain = 2.0\nbend = 1",
+            "unknown field `bend`",
+        ),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let changed = text.replacen(from, to, 1);
+        let checked = Manifest::parse(&changed).and_then(|manifest| manifest.check());
+        let error = checked.unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+}

@@ -3,14 +3,18 @@
 //! A model of any family takes [`Task`]s and gives [`Output`]s. Everything is in the segment frame: the origin under the last
 //! context root, +Z along its heading.
 
+mod body;
 mod capability;
 mod dims;
 mod motion;
 mod rig;
 mod task;
 
+pub use body::{
+    Body, BodyError, BodyParts, DESCRIPTION, InlineJoint, InlineSkeleton, MAX_BODY_JOINTS, SLOTS,
+};
 pub use capability::{Capabilities, Capability};
 pub use dims::{Dims, GLOBAL_ROOT, LOCAL_ROOT, POSE_FEATURES, SIX_D};
 pub use motion::{Motion, Output, Trace, all_finite};
 pub use rig::Rig;
-pub use task::{DescribeTask, GapPose, KeyTensors, KeyframeTask, PromptTask, RootGuide, Task};
+pub use task::{DescribeTask, GapPose, KeyTensors, KeyframeTask, PathTask, PromptTask, RootGuide, Task};

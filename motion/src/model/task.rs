@@ -1,6 +1,8 @@
 //! What a generator is asked for, in the segment frame.
 
-use super::{Dims, GLOBAL_ROOT, LOCAL_ROOT};
+use std::sync::Arc;
+
+use super::{Body, Dims, GLOBAL_ROOT, LOCAL_ROOT};
 use crate::root::wrap_angle;
 
 /// One keyframe as networks read it, in the segment frame.
@@ -101,6 +103,31 @@ impl KeyframeTask {
     }
 }
 
+/// A path to follow, by a body of any skeleton, in the segment frame.
+///
+/// The answer has as many frames as the path. Its root is the network's own, not drawn to path or keyframes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PathTask {
+    /// What is to move.
+    pub body: Arc<Body>,
+    /// The first frames: none to begin anywhere, or as many as the pack has context frames. A keyframe counts where it has both a
+    /// global root and a pose.
+    pub context: Vec<KeyTensors>,
+    /// The last frames, at most as many as the pack has targets; as the context.
+    pub targets: Vec<KeyTensors>,
+    /// `[frames][x, z, heading]`, metres and radians. It passes the roots of context and targets. Frames are as many as a segment of
+    /// the pack may have, whole tokens.
+    pub path: Box<[[f32; 3]]>,
+    /// A weight for each word of the pack; all zero for no style.
+    pub style: Vec<f32>,
+    /// Steps of the sampler, from 1 to the pack's diffusion steps.
+    pub steps: u32,
+    /// 1 has the style as it was trained, more exaggerates it.
+    pub guidance: f32,
+    /// Seed of all random choices.
+    pub seed: u64,
+}
+
 /// Words to act out.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PromptTask {
@@ -132,6 +159,8 @@ pub struct DescribeTask {
 pub enum Task {
     /// Fill the gap between context and target keyframes.
     Keyframes(KeyframeTask),
+    /// Follow a path.
+    Path(PathTask),
     /// Act out words.
     Prompt(PromptTask),
     /// Put a motion into words.
@@ -143,6 +172,7 @@ impl Task {
     pub fn needs(&self) -> super::Capability {
         match self {
             Self::Keyframes(_) => super::Capability::Inbetween,
+            Self::Path(_) => super::Capability::Path,
             Self::Prompt(_) => super::Capability::Text,
             Self::Describe(_) => super::Capability::Describe,
         }
@@ -152,5 +182,11 @@ impl Task {
 impl From<KeyframeTask> for Task {
     fn from(task: KeyframeTask) -> Self {
         Self::Keyframes(task)
+    }
+}
+
+impl From<PathTask> for Task {
+    fn from(task: PathTask) -> Self {
+        Self::Path(task)
     }
 }

@@ -1,0 +1,124 @@
+//! The network of a UniMoGen pack on ONNX Runtime: one session, which takes every shape.
+
+use std::borrow::Cow;
+
+use ort::session::{Session, SessionInputValue};
+use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
+use troupe_motion::model::{DESCRIPTION, SLOTS};
+
+use super::{Runtime, SessionOptions, exit, one_line, session};
+use crate::EngineError;
+use crate::pack::{DENOISER_FILE, Pack};
+use crate::unimogen::{Call, Denoiser, PATH_FEATURES, ROW_CHANNELS};
+
+/// The output.
+const CLEAN: &str = "clean";
+/// An axis that any call may have another length of.
+const OPEN: i64 = -1;
+
+/// A session of one worker.
+pub struct OnnxDenoiser {
+    session: Session,
+}
+
+impl OnnxDenoiser {
+    /// Loads the network of `pack`, and checks its tensors.
+    ///
+    /// # Errors
+    /// [`EngineError::Load`] or [`EngineError::Signature`].
+    pub fn load(runtime: &Runtime, pack: &Pack, options: SessionOptions) -> Result<Self, EngineError> {
+        let file = DENOISER_FILE;
+        let path = pack.folder.join(file);
+        let session =
+            session::open(runtime, options, &path).map_err(|reason| EngineError::Load { file, reason })?;
+        check(pack.words.len(), session.inputs(), session.outputs())
+            .map_err(|problem| EngineError::Signature { file, problem })?;
+        Ok(Self { session })
+    }
+
+    fn run(&mut self, call: &Call, clean: &mut [f32]) -> Result<(), String> {
+        let mut inputs: Vec<(Cow<'_, str>, SessionInputValue<'_>)> = Vec::new();
+        for (name, shape, numbers) in call.floats() {
+            let tensor = TensorRef::from_array_view((shape, numbers)).map_err(|error| one_line(&error))?;
+            inputs.push((name.into(), tensor.into()));
+        }
+        for (name, shape, numbers) in call.integers() {
+            let tensor = TensorRef::from_array_view((shape, numbers)).map_err(|error| one_line(&error))?;
+            inputs.push((name.into(), tensor.into()));
+        }
+        let _call = exit::enter();
+        let outputs = self.session.run(inputs).map_err(|error| one_line(&error))?;
+        let value = outputs.get(CLEAN).ok_or_else(|| format!("it gave no {CLEAN}"))?;
+        let (_, found) = value
+            .try_extract_tensor::<f32>()
+            .map_err(|error| one_line(&error))?;
+        if found.len() != clean.len() {
+            let wanted = clean.len();
+            return Err(format!(
+                "it gave {CLEAN} of {} elements, expected {wanted}",
+                found.len()
+            ));
+        }
+        clean.copy_from_slice(found);
+        Ok(())
+    }
+}
+
+impl Denoiser for OnnxDenoiser {
+    fn denoise(&mut self, call: &Call, clean: &mut [f32]) -> Result<(), EngineError> {
+        self.run(call, clean).map_err(|problem| EngineError::Network {
+            file: DENOISER_FILE,
+            problem,
+        })
+    }
+}
+
+/// Compares the tensors with what a pack of so many words needs.
+fn check(words: usize, inputs: &[Outlet], outputs: &[Outlet]) -> Result<(), String> {
+    use TensorElementType::{Float32, Int64};
+    let (channels, path) = (ROW_CHANNELS as i64, PATH_FEATURES as i64);
+    let (described, slots, words) = (DESCRIPTION as i64, SLOTS as i64, words as i64);
+    let wanted = [
+        ("x", Float32, &[OPEN, OPEN, channels][..]),
+        ("given", Float32, &[OPEN, OPEN]),
+        ("path", Float32, &[OPEN, OPEN, path]),
+        ("step", Float32, &[OPEN]),
+        ("style", Float32, &[OPEN, words]),
+        ("description", Float32, &[OPEN, described]),
+        ("owner", Int64, &[OPEN]),
+        ("rows", Int64, &[OPEN, slots]),
+        ("reads", Float32, &[OPEN, slots]),
+    ];
+    for (name, element, axes) in wanted {
+        check_outlet("input", name, element, axes, inputs)?;
+    }
+    if let Some(extra) = inputs
+        .iter()
+        .find(|input| wanted.iter().all(|(name, ..)| name != &input.name()))
+    {
+        return Err(format!("unknown input {}", extra.name()));
+    }
+    check_outlet("output", CLEAN, Float32, &[OPEN, OPEN, channels], outputs)
+}
+
+fn check_outlet(
+    kind: &str,
+    name: &str,
+    element: TensorElementType,
+    axes: &[i64],
+    outlets: &[Outlet],
+) -> Result<(), String> {
+    let outlet = outlets.iter().find(|outlet| outlet.name() == name);
+    let outlet = outlet.ok_or_else(|| format!("the {kind} {name} is missing"))?;
+    let ValueType::Tensor { ty, shape, .. } = outlet.dtype() else {
+        return Err(format!("the {kind} {name} is no tensor"));
+    };
+    // An exporter may leave an output's axes open; every run checks its length.
+    let fits = |(&found, &wanted): (&i64, &i64)| found == wanted || (found == OPEN && kind == "output");
+    if *ty != element || shape.len() != axes.len() || !shape.iter().zip(axes).all(fits) {
+        return Err(format!(
+            "the {kind} {name} is {ty:?} {shape:?}, expected {element:?} {axes:?} with open axes of -1"
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,123 @@
+//! The inputs of one call: the rows of a mixture of characters, one after another.
+
+use troupe_motion::model::{Body, DESCRIPTION, SLOTS};
+
+use super::{PATH_FEATURES, ROW_CHANNELS};
+
+/// Inputs of one call, as docs/unimogen-pack.md names them. Its buffers are used again.
+#[derive(Debug, Default)]
+pub struct Call {
+    /// Frames T of every character.
+    pub frames: usize,
+    /// Words K.
+    pub words: usize,
+    /// `[R, T, 6]`.
+    pub x: Vec<f32>,
+    /// `[B, T]`.
+    pub given: Vec<f32>,
+    /// `[B, T, 3]`.
+    pub path: Vec<f32>,
+    /// `[B]`.
+    pub step: Vec<f32>,
+    /// `[B, K]`.
+    pub style: Vec<f32>,
+    /// `[R, 19]`.
+    pub description: Vec<f32>,
+    /// `[R]`.
+    pub owner: Vec<i64>,
+    /// `[R, 16]`.
+    pub rows: Vec<i64>,
+    /// `[R, 16]`.
+    pub reads: Vec<f32>,
+}
+
+/// What a call is told of one character.
+pub(super) struct Character<'a> {
+    pub body: &'a Body,
+    /// Noisy rows `[J + 1, T, 6]`.
+    pub x: &'a [f32],
+    /// `[T]`.
+    pub given: &'a [f32],
+    /// `[T]`.
+    pub path: &'a [[f32; PATH_FEATURES]],
+    pub step: usize,
+    /// Weights of the words; none for no style.
+    pub style: Option<&'a [f32]>,
+}
+
+impl Call {
+    /// Characters B, second copies of those with guidance included.
+    pub fn characters(&self) -> usize {
+        self.step.len()
+    }
+
+    /// Rows R.
+    pub fn row_count(&self) -> usize {
+        self.owner.len()
+    }
+
+    /// Empties it for characters of so many frames and words.
+    pub(super) fn clear(&mut self, frames: usize, words: usize) {
+        let Self {
+            x,
+            given,
+            path,
+            step,
+            style,
+            description,
+            owner,
+            rows,
+            reads,
+            ..
+        } = self;
+        for list in [x, given, path, step, style, description, reads] {
+            list.clear();
+        }
+        owner.clear();
+        rows.clear();
+        (self.frames, self.words) = (frames, words);
+    }
+
+    /// Adds a character behind the others.
+    pub(super) fn push(&mut self, character: &Character<'_>) {
+        let Character { body, style, .. } = character;
+        let (index, first) = (self.characters() as i64, self.row_count() as i64);
+        self.x.extend_from_slice(character.x);
+        self.given.extend_from_slice(character.given);
+        self.path.extend_from_slice(character.path.as_flattened());
+        self.step.push(character.step as f32);
+        match style {
+            Some(style) => self.style.extend_from_slice(style),
+            None => self.style.resize(self.style.len() + self.words, 0.0),
+        }
+        self.description
+            .extend_from_slice(body.description.as_flattened());
+        self.owner.resize(self.owner.len() + body.row_count(), index);
+        self.rows
+            .extend(body.rows.as_flattened().iter().map(|row| first + row));
+        self.reads.extend_from_slice(body.reads.as_flattened());
+    }
+
+    /// Its tensors of floats in the order of names: name, shape, numbers.
+    pub(crate) fn floats(&self) -> [(&'static str, Vec<usize>, &[f32]); 7] {
+        let (rows, characters, frames) = (self.row_count(), self.characters(), self.frames);
+        [
+            ("x", vec![rows, frames, ROW_CHANNELS], &self.x),
+            ("given", vec![characters, frames], &self.given),
+            ("path", vec![characters, frames, PATH_FEATURES], &self.path),
+            ("step", vec![characters], &self.step),
+            ("style", vec![characters, self.words], &self.style),
+            ("description", vec![rows, DESCRIPTION], &self.description),
+            ("reads", vec![rows, SLOTS], &self.reads),
+        ]
+    }
+
+    /// Its tensors of whole numbers.
+    pub(crate) fn integers(&self) -> [(&'static str, Vec<usize>, &[i64]); 2] {
+        let rows = self.row_count();
+        [
+            ("owner", vec![rows], &self.owner),
+            ("rows", vec![rows, SLOTS], &self.rows),
+        ]
+    }
+}

@@ -1,0 +1,229 @@
+//! UniMoGen as a [`Generator`]: a step is one call of the network, for the oldest job and those that fit beside it.
+
+use std::time::Instant;
+
+use troupe_motion::model::{Dims, Motion, Output, PathTask, Task, all_finite};
+
+use super::batch::Call;
+use super::job::{Job, check};
+use super::network::Denoiser;
+use super::probe::probe_task;
+use super::rows::Coding;
+use super::schedule::Schedule;
+use crate::generator::{Generator, JobId, Progress, StepReport};
+use crate::pack::{DENOISER_FILE, Pack};
+use crate::{EngineError, TrialRun};
+
+/// Rows of a call, unless one job alone has more: about eight people. A row costs the same in a larger call, and a small one lets
+/// new jobs join sooner and old ones leave.
+pub const CALL_ROWS: usize = 200;
+
+/// The family on one worker.
+pub struct UniMoGen {
+    coding: Coding,
+    schedule: Schedule,
+    dims: Dims,
+    words: usize,
+    denoiser: Box<dyn Denoiser>,
+    max_jobs: usize,
+    call_rows: usize,
+    /// Oldest first.
+    jobs: Vec<Job>,
+    /// Tasks that cannot be done.
+    refused: Vec<(JobId, EngineError)>,
+    call: Call,
+    clean: Vec<f32>,
+    trial: Option<TrialRun>,
+}
+
+impl UniMoGen {
+    /// A generator of a pack, which holds up to `max_jobs` jobs.
+    ///
+    /// # Errors
+    /// [`EngineError::WrongTask`] where the pack is of another family.
+    pub fn new(pack: &Pack, denoiser: Box<dyn Denoiser>, max_jobs: usize) -> Result<Self, EngineError> {
+        let table = pack.manifest.unimogen.as_ref().ok_or(EngineError::WrongTask)?;
+        Ok(Self {
+            coding: Coding::new(table, pack.manifest.fps),
+            schedule: Schedule::new(&table.signal),
+            dims: pack.rig.dims,
+            words: table.words.len(),
+            denoiser,
+            max_jobs: max_jobs.max(1),
+            call_rows: CALL_ROWS,
+            jobs: Vec::new(),
+            refused: Vec::new(),
+            call: Call::default(),
+            clean: Vec::new(),
+            trial: None,
+        })
+    }
+
+    /// The same with calls of up to so many rows.
+    #[must_use]
+    pub fn with_call_rows(self, call_rows: usize) -> Self {
+        Self { call_rows, ..self }
+    }
+
+    /// Makes two motions of the pack's first body, the second one for its [time](Generator::trial). To be called before any job.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the network fails, or gives what is out of the contract: the pack is broken.
+    pub fn warm_up(&mut self, pack: &Pack) -> Result<(), EngineError> {
+        let task = probe_task(pack, 0, self.dims.max_frames()).ok_or(EngineError::WrongTask)?;
+        for _ in 0..2 {
+            let started = Instant::now();
+            self.run(std::slice::from_ref(&task))?;
+            let took = started.elapsed();
+            self.trial = Some(TrialRun { rows: 1, took });
+        }
+        Ok(())
+    }
+
+    /// The motions of these tasks, in their order. For a generator without jobs.
+    ///
+    /// # Errors
+    /// [`EngineError`] of the first task that fails.
+    pub fn run(&mut self, tasks: &[PathTask]) -> Result<Vec<Motion>, EngineError> {
+        for (index, task) in tasks.iter().enumerate() {
+            let id = JobId {
+                request: index as u64,
+                character: 0,
+            };
+            self.admit(id, Task::Path(task.clone()));
+        }
+        let mut motions = vec![Motion::default(); tasks.len()];
+        let mut failed = None;
+        while !self.is_idle() {
+            let stepped = self.step(&mut |id, progress| match progress {
+                Progress::Done(Output::Motion(motion)) => motions[id.request as usize] = motion,
+                Progress::Failed(error) => failed = Some(error),
+                Progress::Done(_) | Progress::Part(_) => {}
+            });
+            if let Some(error) = stepped.err().or(failed.take()) {
+                self.clear();
+                return Err(error);
+            }
+        }
+        Ok(motions)
+    }
+
+    /// The jobs of the next call, places in rising order: the oldest, then those of as many frames that fit beside it.
+    fn chosen(&self) -> Vec<usize> {
+        let Some(oldest) = self.jobs.first() else {
+            return Vec::new();
+        };
+        let mut rows = 0;
+        let fits = |(place, job): (usize, &Job)| {
+            let fits =
+                job.frames() == oldest.frames() && (rows == 0 || rows + job.call_rows() <= self.call_rows);
+            rows += if fits { job.call_rows() } else { 0 };
+            fits.then_some(place)
+        };
+        self.jobs.iter().enumerate().filter_map(fits).collect()
+    }
+
+    /// Fills the call: the chosen jobs, then copies without style of those with guidance.
+    fn assemble(&mut self, chosen: &[usize]) {
+        let frames = chosen.first().map_or(0, |&place| self.jobs[place].frames());
+        self.call.clear(frames, self.words);
+        let jobs = || chosen.iter().map(|&place| &self.jobs[place]);
+        for job in jobs() {
+            self.call.push(&job.character(&self.schedule, true));
+        }
+        for job in jobs().filter(|job| job.is_guided()) {
+            self.call.push(&job.character(&self.schedule, false));
+        }
+    }
+
+    /// Hands the chosen jobs what the call gave. Tells `out` of those that are done.
+    fn scatter(&mut self, chosen: &[usize], out: &mut dyn FnMut(JobId, Progress)) {
+        let styled: usize = chosen.iter().map(|&place| self.jobs[place].rows().len()).sum();
+        let (mut styled, mut plain) = self.clean.split_at_mut(styled);
+        let mut over = Vec::new();
+        for &place in chosen {
+            let job = &mut self.jobs[place];
+            let length = job.rows().len();
+            let Some(own) = styled.split_off_mut(..length) else {
+                break;
+            };
+            let copy = job.is_guided().then(|| plain.split_off_mut(..length)).flatten();
+            let was_last = job.advance(&self.schedule, own, copy.as_deref());
+            if !all_finite(job.rows()) {
+                let problem = "numbers that are not finite".to_owned();
+                out(
+                    job.id,
+                    Progress::Failed(EngineError::Network {
+                        file: DENOISER_FILE,
+                        problem,
+                    }),
+                );
+            } else if was_last {
+                out(job.id, Progress::Done(Output::Motion(job.motion(&self.coding))));
+            } else {
+                continue;
+            }
+            over.push(job.id);
+        }
+        self.jobs.retain(|job| !over.contains(&job.id));
+    }
+}
+
+impl Generator for UniMoGen {
+    fn free(&self) -> usize {
+        self.max_jobs.saturating_sub(self.jobs.len())
+    }
+
+    fn is_idle(&self) -> bool {
+        self.jobs.is_empty() && self.refused.is_empty()
+    }
+
+    fn admit(&mut self, id: JobId, task: Task) {
+        let Task::Path(task) = task else {
+            self.refused.push((id, EngineError::WrongTask));
+            return;
+        };
+        match check(&task, &self.dims, self.words, self.schedule.steps()) {
+            Ok(()) => self.jobs.push(Job::new(id, task, &self.coding)),
+            Err(error) => self.refused.push((id, error)),
+        }
+    }
+
+    fn cancel(&mut self, id: JobId) {
+        self.refused.retain(|(other, _)| *other != id);
+        self.jobs.retain(|job| job.id != id);
+    }
+
+    fn step(&mut self, out: &mut dyn FnMut(JobId, Progress)) -> Result<StepReport, EngineError> {
+        for (id, error) in self.refused.drain(..) {
+            out(id, Progress::Failed(error));
+        }
+        let started = Instant::now();
+        let chosen = self.chosen();
+        if chosen.is_empty() {
+            return Ok(StepReport::default());
+        }
+        self.assemble(&chosen);
+        self.clean.resize(self.call.x.len(), 0.0);
+        let assembled = Instant::now();
+        self.denoiser.denoise(&self.call, &mut self.clean)?;
+        let denoised = Instant::now();
+        self.scatter(&chosen, out);
+        Ok(StepReport {
+            jobs: chosen.len(),
+            rows: 0,
+            assemble: assembled - started,
+            networks: vec![("denoiser", denoised - assembled)],
+            scatter: denoised.elapsed(),
+        })
+    }
+
+    fn clear(&mut self) {
+        self.jobs.clear();
+        self.refused.clear();
+    }
+
+    fn trial(&self) -> Option<TrialRun> {
+        self.trial
+    }
+}

@@ -1,0 +1,259 @@
+//! UniMoGen on ONNX Runtime: the reference's motion, and the same bits alone and in company. Needs the library (`make runtime`).
+//!
+//! 200 random mixes of the trained pack's bodies take minutes:
+//! `cargo test --release -p troupe-engine --test unimogen -- --ignored --nocapture`
+
+#![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use serde::Deserialize;
+use troupe_engine::generator::{Generator, JobId, Progress};
+use troupe_engine::onnx::{Growth, OnnxDenoiser, Runtime, SessionOptions};
+use troupe_engine::pack::Pack;
+use troupe_engine::{EngineKind, UniMoGen};
+use troupe_motion::features::{FEATURES_PER_JOINT, pose_features_from_world};
+use troupe_motion::model::{Body, KeyTensors, Motion, Output, PathTask};
+use troupe_motion::rotation::{angle_between, from_six_d, from_wxyz, yaw};
+use troupe_motion::{Quat, Vec3};
+
+#[derive(Deserialize)]
+struct Reference {
+    sampler_steps: u32,
+    requests: Vec<Request>,
+    answers: Vec<Answer>,
+}
+
+#[derive(Deserialize)]
+struct Request {
+    body: String,
+    seed: u64,
+    guidance: f32,
+    style: Vec<f32>,
+    path_m: Vec<[f32; 2]>,
+    heading_rad: Vec<f32>,
+    #[serde(default)]
+    past_root_m: Vec<[f32; 3]>,
+    #[serde(default)]
+    past_rotations_wxyz: Vec<Vec<[f32; 4]>>,
+}
+
+#[derive(Deserialize)]
+struct Answer {
+    root_m: Vec<[f32; 3]>,
+    rotations_wxyz: Vec<[f32; 4]>,
+}
+
+fn manifest_folder() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn tiny() -> PathBuf {
+    manifest_folder().join("tests/unimogen")
+}
+
+fn generator(pack: &Pack, engine: EngineKind) -> UniMoGen {
+    let options = SessionOptions {
+        engine,
+        threads: 1,
+        spin: false,
+        fixed_shapes: false,
+        growth: Growth::None,
+    };
+    let denoiser = OnnxDenoiser::load(&Runtime::new(None).unwrap(), pack, options).unwrap();
+    UniMoGen::new(pack, Box::new(denoiser), 64).unwrap()
+}
+
+fn key(body: &Body, root: Vec3, rotations: &[Quat]) -> KeyTensors {
+    let mut pose = vec![0.0; body.joints() * FEATURES_PER_JOINT];
+    // Positions are not read.
+    pose_features_from_world(root, &vec![root; body.joints()], rotations, &mut pose);
+    KeyTensors {
+        global_root: Some([root.x, root.y, root.z, 1.0, 0.0]),
+        pose: Some(pose.into()),
+        ..KeyTensors::default()
+    }
+}
+
+/// From this step on no job joins.
+const LATEST: usize = 3;
+
+/// Steps until all is done. Before each step `between` may admit jobs.
+fn run(generator: &mut UniMoGen, mut between: impl FnMut(&mut UniMoGen, usize)) -> BTreeMap<u64, Motion> {
+    let mut done = BTreeMap::new();
+    for step in 0.. {
+        between(generator, step);
+        match generator.is_idle() {
+            true if step >= LATEST => break,
+            true => continue,
+            false => {}
+        }
+        generator
+            .step(&mut |id, progress| match progress {
+                Progress::Done(Output::Motion(motion)) => {
+                    done.insert(id.request, motion);
+                }
+                other => panic!("{other:?}"),
+            })
+            .unwrap();
+    }
+    done
+}
+
+fn id(request: usize) -> JobId {
+    JobId {
+        request: request as u64,
+        character: 0,
+    }
+}
+
+#[test]
+fn the_reference_gets_the_references_motion() {
+    let pack = Pack::load(&tiny()).unwrap();
+    let text = std::fs::read_to_string(tiny().join("reference.json")).unwrap();
+    let reference: Reference = serde_json::from_str(&text).unwrap();
+    let mut generator = generator(&pack, EngineKind::Cpu);
+    let done = run(&mut generator, |generator, step| {
+        for (index, request) in reference.requests.iter().enumerate().filter(|_| step == 0) {
+            let body = pack.body(&request.body).unwrap();
+            let past = request.past_root_m.iter().zip(&request.past_rotations_wxyz);
+            let task = PathTask {
+                context: past
+                    .map(|(&root, world)| {
+                        let world: Vec<Quat> = world.iter().map(|&q| from_wxyz(q)).collect();
+                        key(body, root.into(), &world)
+                    })
+                    .collect(),
+                targets: Vec::new(),
+                path: (request.path_m.iter().zip(&request.heading_rad))
+                    .map(|(&[x, z], &heading)| [x, z, heading])
+                    .collect(),
+                style: request.style.clone(),
+                steps: reference.sampler_steps,
+                guidance: request.guidance,
+                seed: request.seed,
+                body: body.clone(),
+            };
+            generator.admit(id(index), task.into());
+        }
+    });
+    for (index, answer) in reference.answers.iter().enumerate() {
+        let motion = &done[&(index as u64)];
+        assert_eq!(motion.frames(), answer.root_m.len());
+        for (found, wanted) in motion.root.chunks_exact(5).zip(&answer.root_m) {
+            for (a, b) in found.iter().zip(wanted) {
+                assert!((a - b).abs() < 2e-4, "{found:?} is not {wanted:?}");
+            }
+        }
+        let last = motion.rotations.len() - answer.rotations_wxyz.len() * 6;
+        for (found, &wanted) in motion.rotations[last..]
+            .as_chunks()
+            .0
+            .iter()
+            .zip(&answer.rotations_wxyz)
+        {
+            let apart = angle_between(from_six_d(*found), from_wxyz(wanted));
+            assert!(apart < 1e-3, "{apart} rad apart");
+        }
+    }
+}
+
+/// A task of any body: a walk on a curve, with a past or without, some with a target, some guided.
+fn any_task(pack: &Pack, frames: usize, seed: u64) -> PathTask {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let body = &pack.bodies[rng.random_range(0..pack.bodies.len())];
+    let (speed, turn) = (rng.random_range(0.0..2.0_f32), rng.random_range(-1.0..1.0_f32));
+    let path: Box<[[f32; 3]]> = (0..frames)
+        .map(|frame| {
+            let t = frame as f32 / 30.0;
+            [0.3 * turn * t * t, speed * t, turn * t]
+        })
+        .collect();
+    let at = |&[x, z, heading]: &[f32; 3]| {
+        let world: Vec<Quat> = body
+            .neutral
+            .iter()
+            .map(|&neutral| yaw(heading) * neutral)
+            .collect();
+        key(body, Vec3::new(x, body.height_m, z), &world)
+    };
+    let past = if rng.random_bool(0.7) { 4 } else { 0 };
+    let targets = if rng.random_bool(0.2) { 1 } else { 0 };
+    PathTask {
+        body: body.clone(),
+        context: path[..past].iter().map(at).collect(),
+        targets: path[frames - targets..].iter().map(at).collect(),
+        style: (pack.words.iter())
+            .map(|_| {
+                if rng.random_bool(0.1) {
+                    rng.random_range(0.0..1.0)
+                } else {
+                    0.0
+                }
+            })
+            .collect(),
+        steps: rng.random_range(1..=4),
+        guidance: if rng.random_bool(0.2) { 2.0 } else { 1.0 },
+        seed,
+        path,
+    }
+}
+
+/// Mixes of tasks that join one another at any step, against the same tasks alone.
+fn compare_mixes(pack: &Pack, engine: EngineKind, tasks: usize, mixes: usize) -> usize {
+    let mut generator = generator(pack, engine).with_call_rows(1000);
+    let lengths = [20, 36, 68];
+    let tasks: Vec<PathTask> = (0..tasks)
+        .map(|seed| any_task(pack, lengths[seed % lengths.len()], seed as u64))
+        .collect();
+    let alone: Vec<Motion> = (tasks.iter().enumerate())
+        .map(|(index, task)| {
+            let mut done = run(&mut generator, |generator, step| {
+                if step == 0 {
+                    generator.admit(id(index), task.clone().into());
+                }
+            });
+            done.remove(&(index as u64)).unwrap()
+        })
+        .collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut differ = 0;
+    for mix in 0..mixes {
+        // Distinct tasks, and the step before which each joins.
+        let mut joining = BTreeMap::new();
+        for _ in 0..rng.random_range(2..=9) {
+            joining.insert(rng.random_range(0..tasks.len()), rng.random_range(0..LATEST));
+        }
+        let done = run(&mut generator, |generator, step| {
+            for (&task, _) in joining.iter().filter(|(_, joins)| **joins == step) {
+                generator.admit(id(task), tasks[task].clone().into());
+            }
+        });
+        assert_eq!(done.len(), joining.len());
+        let different = done
+            .iter()
+            .filter(|(index, motion)| **motion != alone[**index as usize]);
+        let different = different.count();
+        if different > 0 {
+            println!("mix {mix}: {different} of {} differ", done.len());
+        }
+        differ += different;
+    }
+    differ
+}
+
+#[test]
+fn any_mixture_gets_the_same_bits_alone() {
+    let pack = Pack::load(&tiny()).unwrap();
+    assert_eq!(compare_mixes(&pack, EngineKind::Cpu, 12, 12), 0);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn any_mixture_of_trained_bodies_gets_the_same_bits_alone() {
+    let pack = Pack::load(&manifest_folder().join("../training/packs/unimogen")).unwrap();
+    assert_eq!(compare_mixes(&pack, EngineKind::Cpu, 40, 200), 0);
+}

@@ -1,0 +1,194 @@
+//! Bodies of users: a skeleton alone, and what is left out is derived from it.
+
+use glam::{Quat, Vec3};
+
+use super::description::is_leaf;
+use super::{Body, BodyError, BodyParts, MAX_BODY_JOINTS, bones, extent, places};
+use crate::model::Dims;
+use crate::robot::RobotDoc;
+use crate::root::heading_of;
+use crate::skeleton::{ContactParams, Joint, Skeleton};
+
+/// Joints farther than this share of the body's extent from the middle have a side.
+const SIDE_SHARE: f32 = 0.02;
+/// Ends that are higher than this share of the body's extent above the lowest one do not touch the ground.
+const GROUND_SHARE: f32 = 0.05;
+/// A contact joint counts as touching the ground up to this height above where it stands, metres.
+const CONTACT_ROOM_M: f32 = 0.05;
+/// Feet that are faster do not stand, metres a second.
+const CONTACT_SPEED_MPS: f32 = 0.4;
+
+/// One joint of a user's skeleton.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InlineJoint {
+    /// Unique, not empty.
+    pub name: String,
+    /// The parent's name; empty for the root, which comes first.
+    pub parent: String,
+    /// Offset from the parent in the parent's frame, metres. That of the root is not used.
+    pub offset_m: Vec3,
+}
+
+/// A user's skeleton.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct InlineSkeleton {
+    /// Parents before their children. The answer has the same order.
+    pub joints: Vec<InlineJoint>,
+    /// The body's left in the root's own frame, unit length. Left out: what is +X in the neutral pose.
+    pub left_axis: Option<Vec3>,
+    /// Names of the joints that touch the ground. Left out: the lowest ends.
+    pub contacts: Option<Vec<String>>,
+    /// World rotations of the neutral pose, one a joint. Left out: the rest pose, turned to head along +Z.
+    pub neutral: Option<Vec<Quat>>,
+    /// 1 left, -1 right, 0 middle, one a joint. Left out: by the places of the neutral pose.
+    pub sides: Option<Vec<i8>>,
+    /// The hinges of a robot.
+    pub robot: Option<RobotDoc>,
+}
+
+impl InlineSkeleton {
+    /// The body of the skeleton. `dims` has the sizes of the pack's windows.
+    ///
+    /// # Errors
+    /// [`BodyError`], which names the field and its range.
+    pub fn body(&self, name: &str, fps: f32, dims: &Dims) -> Result<Body, BodyError> {
+        let left_axis = self.left_axis();
+        let mut skeleton = Skeleton::new(self.linked()?, left_axis, 0.0, None)?;
+        let joints = skeleton.joint_count();
+        let given = self.neutral.as_deref();
+        if let Some(neutral) = given.filter(|neutral| neutral.len() != joints) {
+            let found = format!("{} long", neutral.len());
+            let allowed = format!("{joints}, one a joint");
+            return Err(BodyError::field("neutral.rotations", found, allowed));
+        }
+        let rest = Quat::from_rotation_y(-heading_of(Quat::IDENTITY, left_axis));
+        let neutral = given.map_or_else(|| vec![rest; joints], <[Quat]>::to_vec);
+        let places = places(&skeleton, &bones(&skeleton, &neutral));
+        skeleton.contacts = Some(self.contact_params(&skeleton, &places)?);
+        if let Some(robot) = &self.robot {
+            skeleton = skeleton.with_robot(robot)?;
+        }
+        let sides = (self.sides.clone()).unwrap_or_else(|| sides(&places));
+        let parts = BodyParts {
+            name: name.to_owned(),
+            skeleton,
+            neutral,
+            sides,
+            height_m: None,
+            size_m: None,
+            words: Vec::new(),
+        };
+        Body::new(parts, fps, dims)
+    }
+
+    fn left_axis(&self) -> Vec3 {
+        let neutral = self.neutral.as_deref().and_then(<[Quat]>::first);
+        let left = || neutral.map_or(Vec3::X, |root| (root.conjugate() * Vec3::X).normalize());
+        self.left_axis.unwrap_or_else(left)
+    }
+
+    /// The joints with their parents found.
+    fn linked(&self) -> Result<Vec<Joint>, BodyError> {
+        let count = self.joints.len();
+        if !(1..=MAX_BODY_JOINTS).contains(&count) {
+            let allowed = format!("1 to {MAX_BODY_JOINTS} joints");
+            return Err(BodyError::field("skeleton.joints", count, allowed));
+        }
+        let linked = self.joints.iter().enumerate().map(|(index, joint)| {
+            let parent = self.parent_of(index)?;
+            Ok(Joint {
+                name: joint.name.clone(),
+                parent,
+                offset_m: joint.offset_m,
+            })
+        });
+        linked.collect()
+    }
+
+    fn parent_of(&self, index: usize) -> Result<Option<usize>, BodyError> {
+        let name = &self.joints[index].parent;
+        let wrong = |found: String, allowed: &str| {
+            Err(BodyError::field(
+                format!("skeleton.joints[{index}].parent"),
+                found,
+                allowed,
+            ))
+        };
+        if name.is_empty() {
+            return match index {
+                0 => Ok(None),
+                _ => wrong(
+                    "empty, which makes it a second root".to_owned(),
+                    "the name of a joint before it",
+                ),
+            };
+        }
+        match self.place_of(name) {
+            None => wrong(format!("{name:?}"), "the name of a joint"),
+            Some(_) if self.is_in_cycle(index) => {
+                wrong(format!("{name:?}, which closes a cycle"), "no cycles")
+            }
+            Some(_) if index == 0 => wrong(format!("{name:?}"), "empty: the root comes first"),
+            Some(parent) if parent > index => {
+                wrong(format!("{name:?}, which comes later"), "parents before children")
+            }
+            parent => Ok(parent),
+        }
+    }
+
+    fn place_of(&self, name: &str) -> Option<usize> {
+        self.joints.iter().position(|joint| joint.name == name)
+    }
+
+    /// Whether the way up from a joint comes back to it.
+    fn is_in_cycle(&self, start: usize) -> bool {
+        let up = |joint: &usize| self.place_of(&self.joints[*joint].parent);
+        let way = std::iter::successors(up(&start), up);
+        way.take(self.joints.len()).any(|joint| joint == start)
+    }
+
+    /// The joints that touch the ground: where they stand in the neutral pose the lowest of them is on the ground.
+    fn contact_params(&self, skeleton: &Skeleton, places: &[Vec3]) -> Result<ContactParams, BodyError> {
+        let joints = match &self.contacts {
+            Some(names) => {
+                let found = names.iter().enumerate().map(|(index, name)| {
+                    let field = || format!("skeleton.contacts[{index}]");
+                    let missing = || BodyError::field(field(), format!("{name:?}"), "the name of a joint");
+                    let joint = skeleton.joint_index(name).ok_or_else(missing)?;
+                    match names[..index].contains(name) {
+                        true => Err(BodyError::field(field(), format!("{name:?}"), "each joint once")),
+                        false => Ok(joint),
+                    }
+                });
+                found.collect::<Result<Vec<_>, _>>()?
+            }
+            None => lowest_ends(skeleton, places),
+        };
+        let height = |&joint: &usize| places[joint].y;
+        let ground = joints.iter().map(height).min_by(f32::total_cmp).unwrap_or(0.0);
+        let clearance_m: Vec<f32> = joints.iter().map(|joint| height(joint) - ground).collect();
+        Ok(ContactParams {
+            max_height_m: clearance_m
+                .iter()
+                .map(|clearance| clearance + CONTACT_ROOM_M)
+                .collect(),
+            max_speed_mps: CONTACT_SPEED_MPS,
+            clearance_m,
+            joints,
+        })
+    }
+}
+
+fn lowest_ends(skeleton: &Skeleton, places: &[Vec3]) -> Vec<usize> {
+    let ends = || (1..places.len()).filter(|&joint| is_leaf(skeleton, joint));
+    let lowest = ends().map(|joint| places[joint].y).min_by(f32::total_cmp);
+    let most = lowest.unwrap_or(0.0) + GROUND_SHARE * extent(places);
+    ends().filter(|&joint| places[joint].y <= most).collect()
+}
+
+/// By the places of the neutral pose: +X is left.
+fn sides(places: &[Vec3]) -> Vec<i8> {
+    let most = SIDE_SHARE * extent(places);
+    let side = |place: &Vec3| i8::from(place.x > most) - i8::from(place.x < -most);
+    places.iter().map(side).collect()
+}
