@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
+use troupe_engine::accuracy::compare_paths;
 use troupe_engine::generator::{Generator as _, JobId, Progress};
 use troupe_engine::machine::available_cores;
 use troupe_engine::onnx::{Growth, OnnxDenoiser, Runtime, SessionOptions};
@@ -55,6 +56,9 @@ fn main() -> Result<(), Failed> {
         bench.frames,
         available_cores()
     );
+    if engine != EngineKind::Cpu {
+        bench.accuracy()?;
+    }
     bench.alone(workers)?;
     for jobs in [8, 32] {
         bench.mixed(jobs, workers)?;
@@ -97,6 +101,27 @@ impl Bench {
         (0..count)
             .filter_map(|index| probe_task(&self.pack, index, self.frames).map(unguided))
             .collect()
+    }
+
+    /// How far the engine is from f32.
+    fn accuracy(&self) -> Result<(), Failed> {
+        let reference = Self {
+            runtime: self.runtime.clone(),
+            pack: self.pack.clone(),
+            engine: EngineKind::Cpu,
+            frames: self.frames,
+        };
+        let started = Instant::now();
+        let accuracy = compare_paths(&self.pack, reference.denoiser(1)?, self.denoiser(1)?)?;
+        println!(
+            "\naccuracy, {} characters, {:.1} s:",
+            accuracy.characters,
+            started.elapsed().as_secs_f64()
+        );
+        for bar in accuracy.bars() {
+            println!("  {bar}");
+        }
+        Ok(())
     }
 
     /// One motion at a time, of each body.
