@@ -26,7 +26,7 @@ type Failed = Box<dyn std::error::Error + Send + Sync>;
 #[derive(Parser)]
 struct Options {
     /// The pack's folder.
-    #[arg(long, default_value = "training/packs/unimogen")]
+    #[arg(long, default_value = "models/unimogen")]
     pack: PathBuf,
     /// The engine; auto is the CPU in f32.
     #[arg(long, value_enum, default_value = "auto")]

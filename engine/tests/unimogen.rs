@@ -277,7 +277,7 @@ fn any_mixture_gets_the_same_bits_alone() {
 #[test]
 #[ignore = "takes minutes"]
 fn any_mixture_of_trained_bodies_gets_the_same_bits_alone_on_each_engine() {
-    let pack = Pack::load(&manifest_folder().join("../training/packs/unimogen")).unwrap();
+    let pack = Pack::load(&manifest_folder().join("../models/unimogen")).unwrap();
     let runtime = Runtime::new(None).unwrap();
     let bf16 = Machine::detect().has_bf16() && runtime.offers(EngineKind::OpenvinoBf16);
     let engines = [(EngineKind::Cpu, true), (EngineKind::OpenvinoBf16, bf16)];

@@ -27,7 +27,7 @@ const JOINT_MAX_M: f64 = 0.02;
 const CONTACTS_DIFFER: f64 = 0.01;
 
 // Whole motions, of bodies that are scaled to a size of 1 m: three times what rounding to bf16 does with the pack in
-// `training/packs/unimogen`, and well below what that pack gets wrong itself.
+// `models/unimogen`, and well below what that pack gets wrong itself.
 /// The root: half of how far the network strays from its path (4 mm, people).
 const PATHS_ROOT_MEAN_M: f64 = 0.002;
 /// Anywhere: a third of a walker's step in a frame.

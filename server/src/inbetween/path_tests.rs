@@ -7,7 +7,7 @@ use troupe_motion::rotation::six_d;
 fn pack() -> Pack {
     Pack::load(FilePath::new(concat!(
         env!("CARGO_MANIFEST_DIR"),
-        "/../training/packs/unimogen"
+        "/../models/unimogen"
     )))
     .unwrap()
 }
