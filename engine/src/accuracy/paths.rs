@@ -9,13 +9,11 @@ use troupe_motion::{Quat, Vec3};
 
 use super::{Accuracy, CONTACT, Kind, Sums, finite_or_huge, global_roots};
 use crate::pack::Pack;
-use crate::unimogen::{Denoiser, probe_task};
+use crate::unimogen::{Denoiser, LIVE_FRAMES, probe_task};
 use crate::{EngineError, UniMoGen};
 
 /// Tasks of each body.
 const ROUNDS: usize = 2;
-/// Frames of a plan of a live session.
-const SHORT_FRAMES: usize = 36;
 
 /// Compares two networks of a UniMoGen pack on tasks of all its bodies, the longest windows and short ones. Lengths are those of
 /// bodies that are scaled to a size of 1 m.
@@ -28,7 +26,7 @@ pub fn compare_paths(
     candidate: Box<dyn Denoiser>,
 ) -> Result<Accuracy, EngineError> {
     let dims = pack.rig.dims;
-    let short = SHORT_FRAMES.clamp(dims.min_frames(), dims.max_frames());
+    let short = LIVE_FRAMES.clamp(dims.min_frames(), dims.max_frames());
     let bodies = pack.bodies.len();
     let frames = |index| if index < bodies { dims.max_frames() } else { short };
     let tasks: Vec<PathTask> = (0..ROUNDS * bodies)
