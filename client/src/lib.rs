@@ -38,6 +38,7 @@
 
 mod connection;
 mod error;
+mod generate;
 mod inbetween;
 pub mod live;
 mod pack;
@@ -48,6 +49,7 @@ mod tls;
 
 pub use connection::{ApiKey, Bearer, Client, ConnectOptions, InBetweenAnswers, KeyedChannel, channel};
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
+pub use generate::{FollowPath, Generated, Generating};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
 pub use live::{
     Act, Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, Frame, FrameOptions, Frames,

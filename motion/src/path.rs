@@ -5,7 +5,7 @@ use crate::root::wrap_angle;
 /// Slower than this the way has no direction to head along, metres a second.
 const STANDING_MPS: f32 = 0.05;
 /// Half the time over which the direction of the way is taken, seconds.
-const DIRECTION_S: f32 = 0.1;
+const DIRECTION_S: f32 = 0.4;
 
 /// Where to be, and when.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -280,8 +280,10 @@ fn points(path: &Path<'_>, goal: &v1::PathGoal, size_m: f32) -> Result<(GroundPa
     if timed == 0 {
         let places: Vec<[f32; 2]> = points.iter().map(|point| point.place).collect();
         let way: f32 = places.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
-        let usual = seconds.map_or(WALK * size_m, |seconds| way / seconds);
-        let times = GroundPath::times_at(&places, speed.unwrap_or(usual.clamp(least, most)));
+        let usual = seconds.map_or((WALK * size_m).clamp(least, most), |seconds| {
+            (way / seconds).max(least)
+        });
+        let times = GroundPath::times_at(&places, speed.unwrap_or(usual));
         points
             .iter_mut()
             .zip(times)
