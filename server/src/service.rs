@@ -6,6 +6,8 @@ mod generate;
 mod metrics;
 mod scenes;
 mod sessions;
+#[cfg(feature = "testing")]
+mod testing;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -119,7 +121,8 @@ impl Service {
         }
     }
 
-    fn opened(&self) -> Result<&(LivePacks, Arc<Store>), ServiceError> {
+    /// What it serves with.
+    pub(crate) fn opened(&self) -> Result<&(LivePacks, Arc<Store>), ServiceError> {
         self.opened.get().ok_or(ServiceError::Starting)
     }
 

@@ -55,20 +55,17 @@ pub struct Sessions {
 }
 
 impl Sessions {
-    /// A server's sessions: none yet.
-    ///
-    /// # Errors
-    /// Where the system gives no threads.
-    pub fn new(limits: SessionLimits, time: TimeSource, telemetry: &Telemetry) -> std::io::Result<Self> {
-        Ok(Self {
+    /// A server's sessions: none yet. `executor` runs their characters.
+    pub fn new(limits: SessionLimits, time: TimeSource, executor: Executor, telemetry: &Telemetry) -> Self {
+        Self {
             registry: Arc::new(Registry::new(limits.sessions)),
             limits,
             time,
             streams: metrics::streams(telemetry),
             places: Arc::new(Semaphore::new(limits.streams)),
             draining: watch::Sender::new(false),
-            executor: Executor::new()?,
-        })
+            executor,
+        }
     }
 
     /// The limits.
