@@ -15,7 +15,8 @@ use troupe_motion::model::Capabilities;
 use troupe_proto::v1;
 use troupe_server::api::testing::Reader;
 use troupe_server::config::Config;
-use troupe_server::server::{PackSource, ServerHandle, serve_packs};
+use troupe_server::server::testing::serve_here;
+use troupe_server::server::{PackSource, ServerHandle};
 use troupe_server::service::Service;
 
 /// What all targets find: a definition, and a scene with two objects of it.
@@ -87,7 +88,7 @@ impl Local {
         config.snapshot_interval_ms = 60_000;
         let (handle, router) = runtime.block_on(async {
             let listener = TcpListener::bind(config.listen).await.expect("a port");
-            let served = serve_packs(config.clone(), listener, || Ok(vec![source()])).await;
+            let served = serve_here(config.clone(), listener, || Ok(vec![source()])).await;
             let mut handle = served.expect("a server");
             handle.ready().await.expect("a pack");
             let router = handle.routes(&config).expect("routes");

@@ -34,7 +34,7 @@ const NUMBERS: [&str; 18] = [
 pub fn mutate(bytes: &[u8], seed: u64) -> Vec<u8> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut changed = bytes.to_vec();
-    for _ in 0..random.random_range(1..4) {
+    for _ in 0..random.random_range(1..3) {
         let next = match random.random_bool(0.5) {
             true => with_json(&changed, &mut random),
             false => None,

@@ -14,7 +14,7 @@ mod listen;
 mod places;
 mod reload;
 #[cfg(feature = "testing")]
-mod testing;
+pub mod testing;
 mod tls;
 
 use std::net::SocketAddr;

@@ -1,13 +1,33 @@
-//! The routes of a running server without its connections, for fuzz targets.
+//! A server on one thread, and its routes without connections, for fuzz targets.
 
 use std::sync::Arc;
 
 use axum::Router;
+use tokio::net::TcpListener;
 
-use super::{ServerHandle, StartError};
+use super::{Around, PackSource, ServerHandle, StartError, keeping, serve_on};
 use crate::api;
 use crate::clients::Clients;
 use crate::config::Config;
+use crate::session::{Executor, TimeSource};
+
+/// [`super::serve_packs`], with characters on the thread of the caller.
+///
+/// # Errors
+/// [`StartError`] where the server cannot be set up.
+pub async fn serve_here(
+    config: Config,
+    listener: TcpListener,
+    packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
+) -> Result<ServerHandle, StartError> {
+    let address = listener.local_addr().map_err(StartError::Listen)?;
+    let around = Around {
+        time: TimeSource::default(),
+        executor: Executor::here(),
+        records: keeping::records_of(&config),
+    };
+    serve_on(config, listener, address, around, packs).await
+}
 
 impl ServerHandle {
     /// All routes, as connections have them. `config` is the server's.

@@ -38,8 +38,8 @@ impl Executor {
         })
     }
 
-    /// No threads but those that this is called on: a simulation has its time for everything.
-    #[cfg(test)]
+    /// No threads but those that this is called on: a simulation has its time for everything, and a fuzz target one order.
+    #[cfg(any(test, feature = "testing"))]
     pub fn here() -> Self {
         Self {
             threads: None,
