@@ -1,6 +1,6 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test fuzz runtime python-env python-lock real-clips pack picture samples styles eval live-eval object-eval film \
+.PHONY: run test lint rust-test python-test fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack picture samples styles eval live-eval object-eval film \
 	film-objects film-crowd image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -40,6 +40,14 @@ python-test: python-env
 # libFuzzer on one target: make fuzz TARGET=object SECONDS=60 (see fuzz/README.md)
 fuzz:
 	scripts/fuzz.sh $(TARGET) $(SECONDS)
+
+# libFuzzer on every target, a million executions each or RUNS, and a table of what they saw.
+fuzz-all:
+	scripts/fuzz.sh all $(RUNS)
+
+# The bug that is planted in each target must be found.
+fuzz-planted:
+	scripts/fuzz.sh planted $(RUNS)
 
 # The ONNX Runtime library, pinned by hash, at .runtime/libonnxruntime.so: with OpenVINO where the CPU computes in bf16, else
 # the plain one. TROUPE_RUNTIME=cpu, openvino or gpu decides otherwise.

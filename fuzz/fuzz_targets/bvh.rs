@@ -1,4 +1,4 @@
 #![no_main]
 //! See [`troupe_fuzz::bvh`].
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| troupe_fuzz::bvh(bytes));
+troupe_fuzz::target!(bvh);

@@ -1,4 +1,4 @@
 #![no_main]
 //! See [`troupe_fuzz::inbetween`].
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| troupe_fuzz::inbetween(bytes));
+troupe_fuzz::target!(inbetween);

@@ -2,6 +2,12 @@
 //!
 //! `fuzz_targets/` hands them to libFuzzer; `tests/corpus.rs` runs the corpus and changed copies of it on any toolchain.
 
+mod calls;
+mod home;
+mod mutate;
+mod snapshot;
+mod websocket;
+
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -14,30 +20,78 @@ use troupe_character::scene::NamedScene;
 use troupe_engine::pack::{Manifest, Pack};
 use troupe_motion::bvh::{self, BvhFile, BvhOptions, BvhWriteOptions};
 use troupe_motion::codec;
+use troupe_motion::robot::{read_csv, write_csv};
 use troupe_motion::rotation::angle_between;
 use troupe_proto::v1;
 use troupe_server::api::testing::Reader;
 use troupe_server::config::Config;
 use troupe_server::inbetween::{RequestLimits, prepare, prepare_generate};
 
+pub use calls::{CALLS, Call, calls};
+pub use home::{Local, STOOL, YARD, options};
+pub use mutate::mutate;
+pub use snapshot::{HEAD_BYTES, snapshot};
+pub use websocket::{SEPARATOR, websocket};
+
 /// A target's name and function.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target, by its name.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 12] = [
     ("bvh", bvh),
+    ("calls", calls),
     ("codec", codec),
+    ("csv", csv),
     ("drive", drive),
     ("generate", generate),
     ("inbetween", inbetween),
     ("manifest", manifest),
     ("object", object),
     ("scene", scene),
+    ("snapshot", snapshot),
+    ("websocket", websocket),
 ];
 
-/// The default pack without its networks, and the example definitions for it.
+/// libFuzzer's changes of bytes for a quarter, and [`mutate`] for the rest. Answers how many bytes of `data` count.
+pub fn mutated(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
+    if seed.is_multiple_of(4) {
+        return libfuzzer_sys::fuzzer_mutate(data, size, max_size);
+    }
+    let changed = mutate(&data[..size], seed.into());
+    let length = changed.len().min(max_size);
+    data[..length].copy_from_slice(&changed[..length]);
+    length
+}
+
+/// The program of a target.
+#[macro_export]
+macro_rules! target {
+    ($name:ident) => {
+        libfuzzer_sys::fuzz_target!(|bytes: &[u8]| $crate::$name(bytes));
+        libfuzzer_sys::fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
+            $crate::mutated(data, size, max_size, seed)
+        });
+    };
+}
+
+/// With the feature `planted`: a bug that the fuzzer must find. It is where all `steps` are taken, which say what has been read.
+fn planted<const COUNT: usize>(steps: impl FnOnce() -> [bool; COUNT]) {
+    if cfg!(feature = "planted") {
+        climb(&steps());
+    }
+}
+
+/// Panics at the end of all steps. How far an input comes shows in the counters of this loop, so that the fuzzer goes on from there.
+#[inline(never)]
+fn climb(steps: &[bool]) {
+    let taken = steps.iter().take_while(|step| **step).count();
+    assert!(taken < steps.len(), "a planted bug");
+}
+
+/// The packs without their networks, and the example definitions for it.
 struct Home {
     pack: Pack,
+    robot: Pack,
     definitions: Definitions,
     reader: Reader,
 }
@@ -46,14 +100,19 @@ fn home() -> &'static Home {
     static HOME: OnceLock<Home> = OnceLock::new();
     HOME.get_or_init(|| {
         let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        let manifest = Manifest::parse(include_str!("../../models/human/pack.toml")).expect("a manifest");
-        let pack = Pack::from_manifest(manifest, Path::new("unused")).expect("a pack");
+        let pack = |text: &str| {
+            let manifest = Manifest::parse(text).expect("a manifest");
+            Pack::from_manifest(manifest, Path::new("unused")).expect("a pack")
+        };
+        let robot = pack(include_str!("../../models/g1/pack.toml"));
+        let pack = pack(include_str!("../../models/human/pack.toml"));
         let examples = object::load_folder(&top.join("examples/objects"), &pack.rig).expect("definitions");
         let config = Config::local(Path::new("unused")).expect("a configuration");
         Home {
             definitions: Definitions::new(examples).expect("different names"),
             reader: Reader::new(&config.api_limits()),
             pack,
+            robot,
         }
     })
 }
@@ -71,6 +130,7 @@ pub fn bvh(bytes: &[u8]) {
         && let Ok(written) = BvhFile::from_clip(&clip, &BvhWriteOptions::default())
     {
         bvh::parse(&bvh::write(&written)).expect("a clip's file is read");
+        planted(|| [file.joints().len() == 2, file.frame_time_s() < 0.02]);
     }
 }
 
@@ -93,13 +153,35 @@ pub fn codec(bytes: &[u8]) {
             root.is_finite() && again.abs_diff_eq(root, 0.05),
             "{root}: {again}"
         );
+        planted(|| [root.x > 100.0, root.z < -100.0, root.y.abs() < 1.0]);
     }
+}
+
+/// Motion of a robot, as CSV. What is read is written, and read again.
+pub fn csv(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    let clip = match read_csv(text, &home().robot.rig.skeleton, 30.0) {
+        Ok(clip) => clip,
+        Err(error) => return assert!(!error.to_string().is_empty()),
+    };
+    let Ok(written) = write_csv(&clip) else { return };
+    let again = read_csv(&written, &clip.skeleton, 30.0).expect("what was written is read");
+    assert_eq!(again.frames(), clip.frames());
+    let above = |height| clip.root_positions.iter().any(|root| root.y > height);
+    planted(|| [clip.frames() == 2, above(10.0), above(100.0)]);
 }
 
 /// A message of a client on a stream, as text and as protobuf.
 pub fn drive(bytes: &[u8]) {
     if let Ok(request) = home().reader.json::<v1::DriveRequest>(bytes) {
         survives(&request);
+        if let Some(v1::drive_request::Message::Command(request)) = &request.message {
+            for command in &request.commands {
+                planted(|| planted_command(command));
+            }
+        }
     }
     if let Ok(request) = home().reader.drive(bytes) {
         let again = v1::DriveRequest::decode(request.encode_to_vec().as_slice());
@@ -111,14 +193,32 @@ pub fn drive(bytes: &[u8]) {
     }
 }
 
+fn planted_command(command: &v1::Command) -> [bool; 2] {
+    let Some(v1::command::Intent::Locomote(locomote)) = &command.intent else {
+        return [false; 2];
+    };
+    let height = locomote.height.unwrap_or_default();
+    let priority = command.priority.unwrap_or_default();
+    [height > 10.0, priority > 1.0]
+}
+
 /// The body of a request to generate, and its checks.
 pub fn generate(bytes: &[u8]) {
     let Ok(request) = home().reader.json::<v1::GenerateRequest>(bytes) else {
         return;
     };
     survives(&request);
-    if let Err(error) = prepare_generate(&request, &home().pack.rig) {
-        assert!(!error.field.is_empty() && !error.to_string().is_empty());
+    match prepare_generate(&request, &home().pack.rig) {
+        Ok(_) => planted(|| {
+            let Some(v1::generate_request::Goal::Prompt(prompt)) = &request.goal else {
+                return [false; 2];
+            };
+            [
+                prompt.frame_count.is_some_and(|count| count > 99),
+                request.temperature > 1.0,
+            ]
+        }),
+        Err(error) => assert!(!error.field.is_empty() && !error.to_string().is_empty()),
     }
 }
 
@@ -129,7 +229,15 @@ pub fn inbetween(bytes: &[u8]) {
     };
     survives(&request);
     match prepare(&request, &home().pack.rig, RequestLimits { max_characters: 256 }) {
-        Ok((items, plans)) => assert_eq!(items.len(), plans.len()),
+        Ok((items, plans)) => {
+            assert_eq!(items.len(), plans.len());
+            let characters = &request.characters;
+            for one in characters {
+                let steps = one.pose_steps.unwrap_or_default();
+                let frames = one.frame_count.unwrap_or_default();
+                planted(|| [steps > 2, frames > 40]);
+            }
+        }
         Err(error) => assert!(!error.field.is_empty() && !error.to_string().is_empty()),
     }
 }
@@ -147,6 +255,8 @@ pub fn manifest(bytes: &[u8]) {
         Ok(pack) => {
             let text = toml::to_string(&pack.manifest).expect("a manifest is TOML");
             Manifest::parse(&text).expect("what was written is read");
+            let dims = &pack.rig.dims;
+            planted(|| [dims.min_tokens > 3, dims.max_tokens > 16, dims.codes < 100]);
         }
         Err(problem) => assert!(!problem.to_string().is_empty()),
     }
@@ -160,6 +270,9 @@ pub fn object(bytes: &[u8]) {
             Ok(definition) => {
                 let text = definition.doc.to_toml().expect("a definition is TOML");
                 Definition::from_toml(&text, rig).expect("what was written is read");
+                let doc = &definition.doc;
+                let heavy = doc.variants.iter().any(|variant| variant.weight > 100.0);
+                planted(|| [doc.name.len() > 9, heavy]);
             }
             Err(error) => explained(&error),
         }
@@ -171,7 +284,16 @@ pub fn scene(bytes: &[u8]) {
     let definitions = home().definitions.snapshot();
     for (text, format) in texts(bytes) {
         match NamedScene::read(text, format, &*definitions) {
-            Ok(named) => assert!(named.scene.instances().all(|object| !object.id.is_empty())),
+            Ok(named) => {
+                assert!(named.scene.instances().all(|object| !object.id.is_empty()));
+                let heights = || named.scene.instances().map(|object| object.transform.position.y);
+                planted(|| {
+                    [
+                        heights().any(|height| height > 1.0),
+                        heights().any(|height| height < -1.0),
+                    ]
+                });
+            }
             Err(error) => explained(&error),
         }
     }

@@ -8,7 +8,7 @@ use std::path::Path;
 use rand::seq::IndexedRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use troupe_fuzz::TARGETS;
+use troupe_fuzz::{TARGETS, mutate};
 
 /// Pieces that do not belong where they are put.
 const PIECES: [&str; 16] = [
@@ -48,9 +48,12 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
     files.iter().map(|file| std::fs::read(file).unwrap()).collect()
 }
 
-/// A changed copy: a few bytes are turned, cut, repeated, or replaced by a piece or by a part of another seed.
+/// A changed copy: [`mutate`]'s, or a few bytes are turned, cut, repeated, or replaced by a piece or by a part of another seed.
 fn changed(seeds: &[Vec<u8>], random: &mut ChaCha8Rng) -> Vec<u8> {
     let mut bytes = seeds.choose(random).unwrap().clone();
+    if random.random_bool(0.5) {
+        return mutate(&bytes, random.random());
+    }
     for _ in 0..random.random_range(1..5) {
         let from = random.random_range(0..=bytes.len());
         let to = bytes.len().min(from + random.random_range(0..24));
@@ -105,4 +108,4 @@ macro_rules! targets {
     };
 }
 
-targets!(bvh codec drive generate inbetween manifest object scene);
+targets!(bvh calls codec csv drive generate inbetween manifest object scene snapshot websocket);

@@ -12,7 +12,7 @@ use troupe_server::api::{Role, keys};
 use troupe_server::config::{Cli, Command, Config, DoctorArgs, HealthArgs, KeyCommand, LogFormat};
 use troupe_server::doctor::Report;
 use troupe_server::health;
-use troupe_server::server::{ServerHandle, serve};
+use troupe_server::server::{ServerHandle, Stopped, serve};
 
 /// The process's allocator, the C libraries' too: in one run of a network, ONNX Runtime and OpenVINO take and give back memory
 /// hundreds of times, and the C library's own took 5 % of a worker's time for it.
@@ -169,16 +169,14 @@ async fn serve_until_stopped(config: Config) -> anyhow::Result<ExitCode> {
         () = reload_at_hangup(&server) => {}
     }
     tracing::info!("stopping: requests in flight may finish; a second signal ends the server at once");
-    tokio::select! {
-        clean = server.shut_down() => Ok(match clean {
-            true => ExitCode::SUCCESS,
-            false => ExitCode::FAILURE,
-        }),
-        () = signals.next() => {
+    Ok(match server.shut_down_unless(signals.next()).await {
+        Stopped::Clean => ExitCode::SUCCESS,
+        Stopped::Lost => ExitCode::FAILURE,
+        Stopped::Forced => {
             tracing::warn!("stopped again: not waiting for requests in flight");
-            Ok(ExitCode::from(FORCED))
+            ExitCode::from(FORCED)
         }
-    }
+    })
 }
 
 /// Reads files again at each SIGHUP. Without such files the signal ends the process, as it does where a terminal is closed.

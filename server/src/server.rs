@@ -3,12 +3,18 @@
 mod access;
 mod activity;
 mod connections;
+#[cfg(test)]
+mod drain_tests;
 mod error;
 mod files;
+mod handle;
 mod keeping;
 mod limits;
+mod listen;
 mod places;
 mod reload;
+#[cfg(feature = "testing")]
+pub mod testing;
 mod tls;
 
 use std::net::SocketAddr;
@@ -18,9 +24,7 @@ use std::time::{Duration, Instant};
 use futures_util::future::join_all;
 use tokio::net::TcpListener;
 use tokio::sync::{Notify, watch};
-use tokio::task::JoinHandle;
 use tonic_health::server::HealthReporter;
-use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
 
 use crate::api;
 use crate::batch::scheduler::Limits;
@@ -29,11 +33,12 @@ use crate::clients::Clients;
 use crate::config::Config;
 use crate::packs::{LoadedPack, PackTable};
 use crate::service::Service;
-use crate::session::{Sessions, TimeSource};
+use crate::session::{Executor, Sessions, TimeSource};
 use crate::telemetry::Telemetry;
 use crate::world::Store;
 use access::Access;
-use keeping::Keeping;
+use keeping::{Keeping, OpenRecords};
+use listen::Listen;
 use places::Places;
 use reload::Source;
 use tls::{Tls, TlsFiles};
@@ -44,6 +49,7 @@ use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
 use troupe_engine::{Decision, EngineError, MotionBricks, Pipeline, Stages};
 
 pub use error::StartError;
+pub use handle::{ServerHandle, Stopped};
 pub use tls::TlsError;
 
 /// The pack that is the default where nothing else is said.
@@ -174,8 +180,34 @@ pub async fn serve_packs_at(
     time: TimeSource,
     packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
 ) -> Result<ServerHandle, StartError> {
-    let internal = |error: &dyn std::fmt::Display| StartError::Internal(error.to_string());
     let address = listener.local_addr().map_err(StartError::Listen)?;
+    let around = Around {
+        time,
+        executor: Executor::new().map_err(|error| StartError::Internal(error.to_string()))?,
+        records: keeping::records_of(&config),
+    };
+    serve_on(config, listener, address, around, packs).await
+}
+
+/// What a server finds around it, besides its port.
+struct Around {
+    /// The time by which sessions expire.
+    time: TimeSource,
+    /// What runs characters.
+    executor: Executor,
+    /// What outlived the server before.
+    records: OpenRecords,
+}
+
+/// [`serve_packs_at`], on a port that may be none of the system's.
+async fn serve_on(
+    config: Config,
+    listener: impl Listen,
+    address: SocketAddr,
+    around: Around,
+    packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
+) -> Result<ServerHandle, StartError> {
+    let internal = |error: &dyn std::fmt::Display| StartError::Internal(error.to_string());
     let mut access = Access::new(&config, address)?;
     let mut sources = std::mem::take(&mut access.sources);
     let tls = match TlsFiles::of(&config) {
@@ -190,8 +222,12 @@ pub async fn serve_packs_at(
     if let Some(options) = config.trace_options() {
         telemetry = telemetry.traced(&options)?;
     }
-    let sessions =
-        Sessions::new(config.session_limits(), time, &telemetry).map_err(|error| internal(&error))?;
+    let Around {
+        time,
+        executor,
+        records,
+    } = around;
+    let sessions = Sessions::new(config.session_limits(), time, executor, &telemetry);
     let service = Arc::new(Service::new(
         config.request_limits(),
         config.request_timeout(),
@@ -234,6 +270,7 @@ pub async fn serve_packs_at(
         max_connections,
         service.clone(),
         health.clone(),
+        records,
         packs,
     ));
     Ok(ServerHandle {
@@ -293,6 +330,7 @@ async fn start(
     max_connections: usize,
     service: Arc<Service>,
     health: HealthReporter,
+    records: OpenRecords,
     packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
 ) -> Result<Option<Keeping>, StartError> {
     let gone = |_| StartError::Internal("a task that loads files has stopped".to_owned());
@@ -317,15 +355,14 @@ async fn start(
     let loading = sources.into_iter().map(|source| load(&config, &service, source));
     // All of them, for a library should not be left while another pack's workers are still inside it.
     let loaded = join_all(loading).await.into_iter().collect::<Result<_, _>>()?;
-    let (opening, wanted) = (service.clone(), keeping::Wanted::of(&config));
+    let opening = service.clone();
     let (interval, tenants) = (config.snapshot_interval(), config.tenant_options());
     let open = move || -> Result<_, StartError> {
-        let records = wanted.open()?;
-        Ok(opening.open(PackTable::new(loaded, default), store, tenants, records)?)
+        Ok(opening.open(PackTable::new(loaded, default), store, tenants, records()?)?)
     };
     let keeper = tokio::task::spawn_blocking(open).await.map_err(gone)??;
     api::set_serving(&health, true).await;
-    keeper.map(|keeper| Keeping::start(keeper, interval)).transpose()
+    Ok(keeper.map(|keeper| Keeping::start(keeper, interval)))
 }
 
 fn default_pack(config: &Config, sources: &[PackSource]) -> Result<String, StartError> {
@@ -399,123 +436,4 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         styles: Arc::new(styles),
         metrics,
     })
-}
-
-/// A running server. Dropping the handle does not stop it.
-pub struct ServerHandle {
-    address: SocketAddr,
-    service: Arc<Service>,
-    health: HealthReporter,
-    stop: watch::Sender<bool>,
-    starting: Option<JoinHandle<Result<Option<Keeping>, StartError>>>,
-    keeping: Option<Keeping>,
-    connections: JoinHandle<bool>,
-    upkeep: JoinHandle<()>,
-    reloading: JoinHandle<()>,
-    reload: Arc<Notify>,
-    reloads: bool,
-    secure: bool,
-    access: Access,
-    drain_delay: Duration,
-    drain_timeout: Duration,
-}
-
-impl ServerHandle {
-    /// The address that the server listens on.
-    pub fn address(&self) -> SocketAddr {
-        self.address
-    }
-
-    /// Whether calls need a key.
-    pub fn asks_for_keys(&self) -> bool {
-        self.access.credentials.is_some()
-    }
-
-    /// Whether the port speaks TLS.
-    pub fn speaks_tls(&self) -> bool {
-        self.secure
-    }
-
-    /// Whether there are files that the server reads again when they change.
-    pub fn reloads(&self) -> bool {
-        self.reloads
-    }
-
-    /// Reads certificates and keys again now. What goes wrong is in the log.
-    pub fn reload(&self) {
-        self.reload.notify_one();
-    }
-
-    /// The key that the server made for this run.
-    pub fn one_time_key(&self) -> Option<&str> {
-        self.access.one_time.as_deref()
-    }
-
-    /// What the server serves with: packs, metrics, readiness.
-    pub fn service(&self) -> &Arc<Service> {
-        &self.service
-    }
-
-    /// Waits until all packs are loaded and warm.
-    ///
-    /// # Errors
-    /// [`StartError`] where they are not to be had; the server is then of no use.
-    pub async fn ready(&mut self) -> Result<(), StartError> {
-        match self.starting.as_mut() {
-            Some(starting) => {
-                let result = starting.await;
-                self.starting = None;
-                self.keeping = result.map_err(|error| StartError::Internal(error.to_string()))??;
-                Ok(())
-            }
-            None => Ok(()),
-        }
-    }
-
-    /// Says that the server is not ready, and serves on for the configured delay. Then stops accepting connections, lets
-    /// requests finish for at most the configured time, and cuts what is left. Answers whether everything finished.
-    pub async fn shut_down(mut self) -> bool {
-        self.service.announce_stop();
-        if let Some(starting) = self.starting.take() {
-            starting.abort();
-            // Once it is gone it cannot say any more that the server serves.
-            if let Ok(Ok(keeping)) = starting.await {
-                self.keeping = keeping;
-            }
-        }
-        api::set_serving(&self.health, false).await;
-        tokio::time::sleep(self.drain_delay).await;
-        let deadline = tokio::time::Instant::now() + self.drain_timeout + FAREWELL;
-        self.service.drain();
-        // Ends the streams of health watchers, once they have the status: open streams would hold up the stop.
-        for service in [
-            "",
-            motion_server::SERVICE_NAME,
-            sessions_server::SERVICE_NAME,
-            scenes_server::SERVICE_NAME,
-        ] {
-            self.health.clear_service_status(service).await;
-        }
-        let _ = self.stop.send(true);
-        let clean = match self.connections.await {
-            Ok(clean) => clean,
-            Err(error) => {
-                tracing::error!(%error, "the accept loop failed");
-                false
-            }
-        };
-        self.upkeep.abort();
-        self.reloading.abort();
-        // Connections that became WebSockets are no longer among those above.
-        let streams = tokio::time::timeout_at(deadline, self.service.sessions().streams_ended());
-        let ended = streams.await.is_ok();
-        if let Some(keeping) = self.keeping {
-            keeping.finish().await;
-        }
-        if let Some(traces) = self.service.telemetry().traces().cloned() {
-            // It says itself what goes wrong.
-            let _ = tokio::task::spawn_blocking(move || traces.shut_down()).await;
-        }
-        clean && ended
-    }
 }

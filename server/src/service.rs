@@ -6,6 +6,8 @@ mod generate;
 mod metrics;
 mod scenes;
 mod sessions;
+#[cfg(feature = "testing")]
+mod testing;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -92,7 +94,7 @@ impl Service {
             sessions, telemetry, ..
         } = &*self.common;
         let packs = LivePacks::new(packs, telemetry);
-        let spaces = Arc::new(Spaces::new(packs, store, sessions.clone(), tenants));
+        let spaces = Arc::new(Spaces::new(packs, Arc::new(store), sessions.clone(), tenants));
         let keeper = |records| Keeper::new(&spaces, records, telemetry);
         let keeper = records.map(keeper).transpose()?;
         if self.common.spaces.set(spaces).is_err() {
@@ -159,7 +161,8 @@ impl Service {
         }
     }
 
-    fn space(&self) -> Result<&Arc<Space>, ServiceError> {
+    /// What it serves with.
+    pub(crate) fn space(&self) -> Result<&Arc<Space>, ServiceError> {
         match (&self.space, self.common.spaces.get()) {
             (Some(space), _) => Ok(space),
             (None, Some(spaces)) => Ok(spaces.common()),

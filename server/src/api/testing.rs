@@ -1,7 +1,12 @@
 //! The way of a message from its bytes to its checks, for fuzz targets.
 
-use std::sync::Arc;
+use std::collections::VecDeque;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll};
 
+use axum::extract::ws::Message;
+use futures_util::{Sink, Stream};
 use serde::de::DeserializeOwned;
 use troupe_proto::rpc::Request;
 use troupe_proto::v1;
@@ -11,6 +16,8 @@ use super::error::ApiError;
 use super::http::json::{self, BodyLimits};
 use super::shape::Shapes;
 use super::ws;
+use crate::clients::Turns;
+use crate::service::{Service, ServiceError};
 
 /// Reads messages as the server does.
 pub struct Reader(BodyLimits);
@@ -38,5 +45,64 @@ impl Reader {
     /// [`ApiError`] where it is too large, or cannot be read.
     pub fn drive(&self, bytes: &[u8]) -> Result<v1::DriveRequest, ApiError> {
         ws::decode(bytes, &self.0)
+    }
+
+    /// Has a client send `messages` on a stream over WebSocket, one after the other, and gives what the server sends.
+    ///
+    /// # Errors
+    /// [`ApiError`] where there is no place for a stream.
+    pub async fn websocket(
+        &self,
+        service: &Service,
+        messages: Vec<Message>,
+    ) -> Result<Vec<Message>, ApiError> {
+        let permit = service.sessions().open_stream().map_err(ServiceError::from)?;
+        let said = Arc::new(Mutex::new(Vec::new()));
+        let socket = Socket {
+            asks: messages.into(),
+            says: said.clone(),
+        };
+        ws::serve(socket, permit, self.0.clone().of_stream(), Turns::endless()).await;
+        Ok(std::mem::take(
+            &mut *said.lock().unwrap_or_else(PoisonError::into_inner),
+        ))
+    }
+}
+
+/// A client's end of a WebSocket that has said all that it will.
+struct Socket {
+    asks: VecDeque<Message>,
+    says: Arc<Mutex<Vec<Message>>>,
+}
+
+impl Stream for Socket {
+    type Item = Result<Message, axum::Error>;
+
+    fn poll_next(mut self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        Poll::Ready(self.asks.pop_front().map(Ok))
+    }
+}
+
+impl Sink<Message> for Socket {
+    type Error = axum::Error;
+
+    fn poll_ready(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Result<(), axum::Error>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn start_send(self: Pin<&mut Self>, message: Message) -> Result<(), axum::Error> {
+        self.says
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push(message);
+        Ok(())
+    }
+
+    fn poll_flush(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Result<(), axum::Error>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn poll_close(self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Result<(), axum::Error>> {
+        Poll::Ready(Ok(()))
     }
 }

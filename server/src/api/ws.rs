@@ -7,10 +7,9 @@ use std::time::Duration;
 
 use axum::Extension;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
-use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
+use axum::extract::ws::{CloseFrame, Message, WebSocketUpgrade, close_code};
 use axum::response::{IntoResponse as _, Response};
-use futures_util::stream::SplitSink;
-use futures_util::{SinkExt as _, StreamExt as _};
+use futures_util::{Sink, SinkExt as _, Stream, StreamExt as _};
 use prost::Message as _;
 use tokio::sync::oneshot;
 use tokio::time::{MissedTickBehavior, timeout};
@@ -33,6 +32,14 @@ const FAREWELL: Duration = Duration::from_secs(2);
 const PING_INTERVAL: Duration = Duration::from_secs(20);
 /// Most bytes of a reason in a close frame (RFC 6455, section 5.5).
 const MAX_REASON_BYTES: usize = 123;
+
+impl BodyLimits {
+    /// Those of a message on a stream.
+    pub(super) fn of_stream(self) -> Self {
+        let bytes = self.bytes.min(MAX_STREAM_MESSAGE_BYTES);
+        Self { bytes, ..self }
+    }
+}
 
 /// Drive sessions over a WebSocket
 ///
@@ -63,8 +70,8 @@ pub(super) async fn drive(
     })?;
     let (of_client, turns) = (client.stream()?, client.turns());
     let permit = service.sessions().open_stream()?;
-    let bytes = limits.bytes.min(MAX_STREAM_MESSAGE_BYTES);
-    let limits = BodyLimits { bytes, ..limits };
+    let limits = limits.of_stream();
+    let bytes = limits.bytes;
     let upgrade = upgrade.max_message_size(bytes).max_frame_size(bytes);
     let span = tracing::Span::current();
     Ok(upgrade
@@ -102,8 +109,11 @@ impl Form {
     }
 }
 
-/// Serves a stream to its end.
-async fn serve(socket: WebSocket, permit: StreamPermit, limits: BodyLimits, turns: Turns) {
+/// Serves a stream to its end. `socket` is a WebSocket, or what a fuzz target has in its place.
+pub(super) async fn serve<S>(socket: S, permit: StreamPermit, limits: BodyLimits, turns: Turns)
+where
+    S: Stream<Item = Result<Message, axum::Error>> + Sink<Message, Error = axum::Error> + Send + 'static,
+{
     let form = Arc::new(Form::default());
     let sessions = permit.sessions().clone();
     let (mut sink, source) = socket.split();
@@ -143,7 +153,11 @@ async fn serve(socket: WebSocket, permit: StreamPermit, limits: BodyLimits, turn
 }
 
 /// Writes what the stream says until its end, or until the client is gone.
-async fn write(mut outlet: Outlet, sink: &mut SplitSink<WebSocket, Message>, form: &Form) {
+async fn write(
+    mut outlet: Outlet,
+    sink: &mut (impl Sink<Message, Error = axum::Error> + Unpin),
+    form: &Form,
+) {
     let mut pings = tokio::time::interval(PING_INTERVAL);
     pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
     pings.reset();

@@ -10,10 +10,10 @@ use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
 use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite};
-use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 
 use super::activity::{Activity, Held, Watched};
+use super::listen::{Connection, Listen};
 use super::places::{Place, Places};
 use super::tls::Tls;
 use crate::api;
@@ -30,9 +30,6 @@ const HALF_REQUEST_GRACE: Duration = Duration::from_secs(1);
 /// How long a connection beyond the limit may take, in all and between two calls.
 const RESERVE_TIMEOUT: Duration = Duration::from_secs(5);
 const RESERVE_IDLE_TIMEOUT: Duration = Duration::from_millis(500);
-/// Bytes that the system holds for a connection before it has sent them.
-#[cfg(any(target_os = "android", target_os = "linux"))]
-const MAX_UNSENT_BYTES: u32 = 128 << 10;
 /// Bytes that an HTTP/2 client may send ahead of what is read, for a call and for all of a connection. HTTP/2's own 64 KiB for both
 /// would have a burst of calls come in crumbs; and of each small frame that is not yet read, or that comes for a call which
 /// is over, h2 takes a part of half the connection's window, and closes the connection where nothing of it is left. Frames
@@ -53,7 +50,7 @@ const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 /// Accepts until told to stop, then waits for requests in flight, at most for the configured time. Answers whether all of
 /// them finished.
 pub(super) async fn accept(
-    listener: TcpListener,
+    mut listener: impl Listen,
     router: Router,
     clients: Arc<Clients>,
     tls: Option<Arc<Tls>>,
@@ -92,7 +89,6 @@ pub(super) async fn accept(
         };
         match places.take(from.ip()) {
             Ok(place) => {
-                prepare(&stream);
                 let (connections, watcher) = (connections.clone(), watcher.clone());
                 tokio::spawn(async move { connections.serve(stream, place, watcher).await });
             }
@@ -159,7 +155,7 @@ struct Connections {
 
 impl Connections {
     /// Serves one connection to its end.
-    async fn serve(&self, stream: TcpStream, place: Place, phase: watch::Receiver<Phase>) {
+    async fn serve(&self, stream: impl Connection, place: Place, phase: watch::Receiver<Phase>) {
         if !place.is_reserved() {
             let (first, idle) = (self.first_bytes_timeout, self.idle_timeout);
             return self.serve_within(stream, place, phase, first, idle).await;
@@ -174,14 +170,14 @@ impl Connections {
 
     async fn serve_within(
         &self,
-        stream: TcpStream,
+        stream: impl Connection,
         place: Place,
         mut phase: watch::Receiver<Phase>,
         first_bytes_timeout: Duration,
         idle_timeout: Duration,
     ) {
         let Some(tls) = &self.tls else {
-            let (read, write) = stream.into_split();
+            let (read, write) = stream.halves();
             let begun = begin(read, write, first_bytes_timeout, &mut phase).await;
             return self.serve_begun(begun, place, phase, idle_timeout).await;
         };
@@ -305,19 +301,4 @@ fn builder(config: &Config) -> Builder<TokioExecutor> {
         .keep_alive_interval(config.keepalive())
         .keep_alive_timeout(config.keepalive());
     builder
-}
-
-/// Small answers must not wait for acknowledgements (40 ms stalls), dead peers must be noticed, and what a slow reader has
-/// not taken must not pile up in the system: a stream's frames would be seconds old by the time that they are read.
-fn prepare(stream: &TcpStream) {
-    let keepalive = socket2::TcpKeepalive::new().with_time(Duration::from_secs(60));
-    let socket = socket2::SockRef::from(stream);
-    let result = stream
-        .set_nodelay(true)
-        .and_then(|()| socket.set_tcp_keepalive(&keepalive));
-    #[cfg(any(target_os = "android", target_os = "linux"))]
-    let result = result.and_then(|()| socket.set_tcp_notsent_lowat(MAX_UNSENT_BYTES));
-    if let Err(error) = result {
-        tracing::debug!(%error, "cannot set socket options");
-    }
 }

@@ -1,76 +1,85 @@
-//! The thread that keeps sessions, from the start of the service to its end.
+//! Keeping sessions, from the start of the service to its end.
 
 use std::path::PathBuf;
-use std::sync::mpsc::{self, RecvTimeoutError};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::StartError;
+use tokio::sync::oneshot;
+use tokio::task::{JoinHandle, spawn_blocking};
+
 use crate::config::Config;
 use crate::records::{Records, RecordsError};
 use crate::session::Keeper;
 
-/// Where records are to be kept.
-pub(super) struct Wanted {
-    folder: Option<PathBuf>,
-    /// The folder was asked for; else it is the usual one.
-    asked: bool,
+/// Opens the records, where some are to be kept. It blocks.
+pub(super) type OpenRecords = Box<dyn FnOnce() -> Result<Option<Records>, RecordsError> + Send>;
+
+/// The records that `config` asks for. The usual folder may be of no use, as on a disk that cannot be written: then a warning says
+/// that nothing is kept.
+pub(super) fn records_of(config: &Config) -> OpenRecords {
+    let (folder, asked) = (config.store_folder(), config.store.is_some());
+    Box::new(move || open(folder, asked))
 }
 
-impl Wanted {
-    pub(super) fn of(config: &Config) -> Self {
-        Self {
-            folder: config.store_folder(),
-            asked: config.store.is_some(),
-        }
-    }
-
-    /// The records, where some are to be kept. The usual folder may be of no use, as on a disk that cannot be written: then a warning
-    /// says that nothing is kept.
-    pub(super) fn open(self) -> Result<Option<Records>, RecordsError> {
-        let Some(folder) = self.folder else {
-            return Ok(None);
-        };
-        match Records::open(&folder) {
-            Ok(records) => Ok(Some(records)),
-            Err(error) if self.asked => Err(error),
-            Err(error) => {
-                tracing::warn!(%error, "sessions and uploads last until the server stops");
-                Ok(None)
-            }
+fn open(folder: Option<PathBuf>, asked: bool) -> Result<Option<Records>, RecordsError> {
+    let Some(folder) = folder else {
+        return Ok(None);
+    };
+    match Records::open(&folder) {
+        Ok(records) => Ok(Some(records)),
+        Err(error) if asked => Err(error),
+        Err(error) => {
+            tracing::warn!(%error, "sessions and uploads last until the server stops");
+            Ok(None)
         }
     }
 }
 
-/// A thread that keeps sessions. It ends with the last round.
+/// A task that keeps sessions. It ends with the last round.
 pub(super) struct Keeping {
-    stop: mpsc::Sender<()>,
-    thread: JoinHandle<()>,
+    stop: oneshot::Sender<()>,
+    task: JoinHandle<()>,
 }
 
 impl Keeping {
     /// Keeps sessions every `interval`.
-    pub(super) fn start(mut keeper: Keeper, interval: Duration) -> Result<Self, StartError> {
-        let (stop, stopped) = mpsc::channel();
-        let work = move || {
-            let mut wait = interval;
-            while let Err(RecvTimeoutError::Timeout) = stopped.recv_timeout(wait) {
-                wait = keeper.go_on(interval);
-            }
-            keeper.go_on(interval);
-        };
-        let thread = std::thread::Builder::new().name("store".to_owned()).spawn(work);
-        let thread = thread.map_err(|error| StartError::Internal(error.to_string()))?;
-        Ok(Self { stop, thread })
+    pub(super) fn start(keeper: Keeper, interval: Duration) -> Self {
+        let (stop, stopped) = oneshot::channel();
+        let task = tokio::spawn(keep(keeper, interval, stopped));
+        Self { stop, task }
     }
 
     /// A last round, and the end.
     pub(super) async fn finish(self) {
-        let Self { stop, thread } = self;
-        drop(stop);
-        let ended = tokio::task::spawn_blocking(move || thread.join()).await;
-        if !matches!(ended, Ok(Ok(()))) {
-            tracing::error!("the thread that keeps sessions failed");
+        let Self { stop, task } = self;
+        // Where nobody hears it the task has failed, and said so.
+        let _ = stop.send(());
+        if let Err(error) = task.await {
+            tracing::error!(%error, "the task that keeps sessions failed");
         }
+    }
+}
+
+async fn keep(mut keeper: Keeper, interval: Duration, stopped: oneshot::Receiver<()>) {
+    let stopped = async {
+        // A server outlives its handle.
+        if stopped.await.is_err() {
+            std::future::pending::<()>().await;
+        }
+    };
+    tokio::pin!(stopped);
+    let (mut wait, mut last) = (interval, false);
+    while !last {
+        last = tokio::select! {
+            () = &mut stopped => true,
+            () = tokio::time::sleep(wait) => false,
+        };
+        let round = spawn_blocking(move || {
+            let wait = keeper.go_on(interval);
+            (keeper, wait)
+        });
+        (keeper, wait) = match round.await {
+            Ok(done) => done,
+            Err(error) => return tracing::error!(%error, "sessions are not kept any more"),
+        };
     }
 }

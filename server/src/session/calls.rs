@@ -62,12 +62,9 @@ struct Common {
 }
 
 impl Sessions {
-    /// A server's sessions: none yet, of callers without a tenant.
-    ///
-    /// # Errors
-    /// Where the system gives no threads.
-    pub fn new(limits: SessionLimits, time: TimeSource, telemetry: &Telemetry) -> std::io::Result<Self> {
-        Ok(Self {
+    /// A server's sessions: none yet, of callers without a tenant. `executor` runs their characters.
+    pub fn new(limits: SessionLimits, time: TimeSource, executor: Executor, telemetry: &Telemetry) -> Self {
+        Self {
             registry: Arc::new(Registry::new(limits.sessions)),
             common: Arc::new(Common {
                 limits,
@@ -75,9 +72,9 @@ impl Sessions {
                 streams: metrics::streams(telemetry),
                 places: Arc::new(Semaphore::new(limits.streams)),
                 draining: watch::Sender::new(false),
-                executor: Executor::new()?,
+                executor,
             }),
-        })
+        }
     }
 
     /// Those of another tenant. Limits, threads and the end are the same.

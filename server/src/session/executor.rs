@@ -3,7 +3,7 @@
 use std::future::Future;
 use std::time::{Duration, Instant};
 
-use tokio::runtime::{Builder, Runtime};
+use tokio::runtime::{Builder, Handle, Runtime};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::Instrument as _;
 
@@ -15,7 +15,11 @@ const TURN: Duration = Duration::from_millis(1);
 
 /// Runs what advances characters: steps, ticks and commands.
 #[derive(Debug)]
-pub struct Executor(Option<Runtime>);
+pub struct Executor {
+    /// Its threads, until it is dropped.
+    threads: Option<Runtime>,
+    handle: Handle,
+}
 
 impl Executor {
     /// Threads for characters, one for each core that this process may use.
@@ -29,7 +33,19 @@ impl Executor {
             .thread_name("characters")
             .enable_time()
             .build()?;
-        Ok(Self(Some(runtime)))
+        Ok(Self {
+            handle: runtime.handle().clone(),
+            threads: Some(runtime),
+        })
+    }
+
+    /// No threads but those that this is called on: a simulation has its time for everything, and a fuzz target one order.
+    #[cfg(any(test, feature = "testing"))]
+    pub fn here() -> Self {
+        Self {
+            threads: None,
+            handle: Handle::current(),
+        }
     }
 
     /// Runs `work` there in `turns`, and gives it up where nobody waits for it any more.
@@ -41,24 +57,20 @@ impl Executor {
         turns: Turns,
         work: impl Future<Output = T> + Send + 'static,
     ) -> Result<T, WorkerStopped> {
-        let runtime = self.0.as_ref().ok_or(WorkerStopped)?;
-        let task = AbortOnDropHandle::new(runtime.spawn(turns.take(work).in_current_span()));
+        let task = AbortOnDropHandle::new(self.handle.spawn(turns.take(work).in_current_span()));
         task.await.map_err(|_| WorkerStopped)
     }
 
     /// Runs `work` there in `turns`, whether anybody waits for it or not.
     pub fn spawn(&self, turns: Turns, work: impl Future<Output = ()> + Send + 'static) {
-        // There is a runtime until the executor is dropped.
-        if let Some(runtime) = &self.0 {
-            runtime.spawn(turns.take(work).in_current_span());
-        }
+        self.handle.spawn(turns.take(work).in_current_span());
     }
 }
 
 impl Drop for Executor {
     fn drop(&mut self) {
         // A runtime must not wait for its threads where others must not wait either.
-        if let Some(runtime) = self.0.take() {
+        if let Some(runtime) = self.threads.take() {
             runtime.shutdown_background();
         }
     }

@@ -5,9 +5,10 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+use tokio::time::Instant;
 use troupe_motion::conventions::Convention;
 use troupe_motion::model::Capability;
 
@@ -223,6 +224,15 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
     })
 }
 
+/// Reads the record of a session, for fuzz targets.
+///
+/// # Errors
+/// Why it would be left out.
+#[cfg(feature = "testing")]
+pub fn read_record(id: &str, record: &[u8], packs: &LivePacks, world: &Store) -> Result<(), String> {
+    parts(&Arc::from(id), record, packs, world).map(drop)
+}
+
 /// Restores what scenes can be; their revisions. Those that cannot have none.
 fn restore_scenes(spaces: &Spaces, records: &mut Records) -> Result<HashMap<String, u64>, RecordsError> {
     let mut revisions = HashMap::new();
@@ -270,7 +280,7 @@ impl Keeper {
         let begun = Instant::now();
         if let Err(error) = self.round() {
             self.failures.increment(1);
-            if let Some(held_back) = self.told.next(begun) {
+            if let Some(held_back) = self.told.next(begun.into_std()) {
                 tracing::error!(%error, held_back, "the state of sessions is not kept");
             }
         }

@@ -30,6 +30,9 @@ pub use commands::{CommandResult, MAX_COMMANDS};
 pub use encode::{BlockWriter, Form};
 pub use error::{SessionError, SessionProblem};
 pub use events::{EventQueue, MAX_WAITING_EVENTS};
+pub use executor::Executor;
+#[cfg(feature = "testing")]
+pub use keep::read_record;
 pub use keep::{Keeper, Round};
 pub use metrics::{Eviction, SessionMetrics};
 pub use options::{MAX_ID_CHARS, TTL_RANGE_MS};

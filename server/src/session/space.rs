@@ -86,12 +86,12 @@ type ByTenant = BTreeMap<Arc<str>, Arc<Space>>;
 
 impl Spaces {
     /// With that of callers without a tenant; those of others are made when they are asked for.
-    pub fn new(packs: LivePacks, store: Store, sessions: Arc<Sessions>, options: TenantOptions) -> Self {
+    pub fn new(packs: LivePacks, store: Arc<Store>, sessions: Arc<Sessions>, options: TenantOptions) -> Self {
         Self {
             common: Arc::new(Space {
                 tenant: None,
                 packs,
-                store: Arc::new(store),
+                store,
                 sessions,
             }),
             tenants: RwLock::default(),

@@ -80,7 +80,9 @@ fn check_start(bytes: &[u8]) -> Result<(), ApiError> {
 fn field_at_fault(path: &str, message: &str) -> String {
     let kinds = ["unknown field `", "duplicate field `", "missing field `"];
     let rest = kinds.iter().find_map(|kind| message.strip_prefix(kind));
+    // A field may have no name at all; then its place is all there is to say.
     let name = rest.and_then(|rest| rest.split('`').next());
+    let name = name.filter(|name| !name.is_empty());
     let place = if path == "." { "" } else { path };
     match name {
         // Some errors have the name in the path already.
@@ -147,5 +149,25 @@ impl<S: Send + Sync, T: rpc::Request + DeserializeOwned> FromRequest<S> for Json
             }
         })?;
         read(&bytes, &limits).map(Self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_field_at_fault_has_a_name() {
+        let unknown = |name: &str| format!("unknown field `{name}`, expected `pack`");
+        for (path, name, field) in [
+            (".", "x", "x"),
+            ("a[1]", "x", "a[1].x"),
+            ("a.x", "x", "a.x"),
+            (".", "", "body"),
+            ("a[1]", "", "a[1]"),
+        ] {
+            assert_eq!(field_at_fault(path, &unknown(name)), field, "{path} {name}");
+        }
+        assert_eq!(field_at_fault(".", "expected value"), "body");
     }
 }

@@ -1,0 +1,185 @@
+//! Writes the seeds of the targets `calls`, `snapshot` and `websocket` anew: `cargo run -p troupe-fuzz --example seeds`. To be run
+//! where a call or what is kept has changed.
+
+mod calls;
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use prost::Message as _;
+use troupe_fuzz::{HEAD_BYTES, Local, SEPARATOR};
+use troupe_proto::v1;
+use troupe_proto::v1::command::Intent;
+use troupe_proto::v1::drive_request::Message as Ask;
+use troupe_server::clients::Turns;
+use troupe_server::records::{Kind, Records};
+
+/// A session's record as the server writes it: format, pack, convention, seed, scene, time to live, priority, style, character.
+type Record<'a> = (
+    u32,
+    &'a str,
+    u32,
+    u64,
+    Option<&'a str>,
+    u64,
+    f32,
+    &'a str,
+    &'a [u8],
+);
+
+type Problem = Box<dyn std::error::Error>;
+
+fn main() -> Result<(), Problem> {
+    calls::write_all()?;
+    websocket()?;
+    snapshot()
+}
+
+fn folder(target: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target)
+}
+
+fn write(target: &str, name: &str, bytes: &[u8]) -> io::Result<()> {
+    fs::write(folder(target).join(name), bytes)
+}
+
+fn vec3(x: f32, y: f32, z: f32) -> Option<v1::Vec3> {
+    Some(v1::Vec3 { x, y, z })
+}
+
+/// A keyframe of the two joints.
+fn keyframe(z: f32) -> v1::Keyframe {
+    v1::Keyframe {
+        root: Some(v1::Root {
+            position: vec3(0.0, 0.9, z),
+            heading: None,
+        }),
+        pose: Some(v1::Pose {
+            rotations: [1.0, 0.0, 0.0, 0.0].repeat(2),
+            root_height: None,
+        }),
+        ..v1::Keyframe::default()
+    }
+}
+
+fn walk(id: &str, sequence: u64) -> v1::Command {
+    let locomote = v1::Locomote {
+        velocity: vec3(0.3, 0.0, 1.1),
+        facing: Some(0.5),
+        style: "normal".to_owned(),
+        gait: "walk".to_owned(),
+        height: Some(0.9),
+    };
+    v1::Command {
+        session_id: id.to_owned(),
+        sequence,
+        at_frame: Some(3),
+        priority: Some(0.5),
+        intent: Some(Intent::Locomote(locomote)),
+    }
+}
+
+fn sit(id: &str, sequence: u64) -> v1::Command {
+    let interact = v1::Interact {
+        instance: "stool-1".to_owned(),
+        variant: "sit".to_owned(),
+        approach: "front".to_owned(),
+    };
+    v1::Command {
+        session_id: id.to_owned(),
+        sequence,
+        intent: Some(Intent::Interact(interact)),
+        ..v1::Command::default()
+    }
+}
+
+/// A stream that opens, takes a session, commands it and lets it go.
+fn drive() -> Vec<v1::DriveRequest> {
+    let open = v1::DriveOpen {
+        rate_hz: 60,
+        return_positions: true,
+        ..v1::DriveOpen::default()
+    };
+    let session_ids = vec!["a".to_owned(), "b".to_owned()];
+    [
+        Ask::Open(open),
+        Ask::Attach(v1::DriveAttach {
+            session_ids: session_ids.clone(),
+        }),
+        Ask::Command(v1::CommandRequest {
+            commands: vec![walk("a", 1), sit("a", 2)],
+        }),
+        Ask::Detach(v1::DriveDetach { session_ids }),
+    ]
+    .map(|message| v1::DriveRequest {
+        message: Some(message),
+    })
+    .into()
+}
+
+fn websocket() -> Result<(), Problem> {
+    let mut text = Vec::new();
+    for ask in drive() {
+        text.push(serde_json::to_vec(&ask)?);
+    }
+    write("websocket", "text.bin", &text.join(&SEPARATOR))?;
+    let binary: Vec<_> = drive()
+        .iter()
+        .map(|ask| [&[0], ask.encode_to_vec().as_slice()].concat())
+        .collect();
+    write("websocket", "binary.bin", &binary.join(&SEPARATOR))?;
+    // The first message and one more of each kind.
+    for (name, second) in [("attach", 1), ("command", 2), ("detach", 3)] {
+        let both = [text[0].as_slice(), text[second].as_slice()];
+        write("websocket", &format!("{name}.bin"), &both.join(&SEPARATOR))?;
+    }
+    Ok(())
+}
+
+fn snapshot() -> Result<(), Problem> {
+    kept("objects", false)?;
+    kept("taken", true)
+}
+
+/// The records of a server, of which a session has used an object and another has walked.
+fn kept(name: &str, moves: bool) -> Result<(), Problem> {
+    let folder = std::env::temp_dir().join(format!("troupe-seeds-{}-{name}", std::process::id()));
+    let local = Local::start(Some(folder.clone()));
+    if moves {
+        let request = v1::StepRequest {
+            session_ids: vec!["a".to_owned(), "b".to_owned()],
+            frames: 60,
+            commands: vec![sit("a", 1), walk("b", 1)],
+            ..v1::StepRequest::default()
+        };
+        let sessions = local.service().sessions();
+        let plan = sessions.plan_step(&request)?;
+        local.run(sessions.step(request, plan, Turns::endless()))?;
+    }
+    local.stop();
+    let mut records = Records::open(&folder)?;
+    for (_, record) in records.all(Kind::Scene)? {
+        write(
+            "snapshot",
+            &format!("{name}.bin"),
+            &[b"o".as_slice(), &record].concat(),
+        )?;
+    }
+    for (id, record) in records.all(Kind::Session)? {
+        let whole = [b"s".as_slice(), &record].concat();
+        let (.., character): Record<'_> = postcard::from_bytes(&record)?;
+        let body = character.get(HEAD_BYTES..).ok_or("no character")?;
+        if moves {
+            write(
+                "snapshot",
+                &format!("character-{id}.bin"),
+                &[b"c".as_slice(), body].concat(),
+            )?;
+        } else {
+            write("snapshot", &format!("session-{id}.bin"), &whole)?;
+        }
+    }
+    drop(records);
+    Ok(fs::remove_dir_all(folder)?)
+}

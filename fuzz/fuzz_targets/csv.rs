@@ -1,0 +1,4 @@
+#![no_main]
+//! See [`troupe_fuzz::csv`].
+
+troupe_fuzz::target!(csv);

@@ -1,0 +1,105 @@
+//! What outlives the server: characters, and the records that hold them.
+
+use std::cell::OnceCell;
+use std::path::PathBuf;
+
+use troupe_character::saved::{RestoreError, Surroundings, restore, save};
+
+use crate::home::Local;
+use crate::planted;
+
+/// Format and checksum before a saved character.
+pub const HEAD_BYTES: usize = 8;
+/// The objects of the scene as they are at first: a record of the server.
+const OBJECTS: &[u8] = include_bytes!("../corpus/snapshot/objects.bin");
+
+/// A server whose scenes are files: objects of others have no records.
+struct Kept {
+    local: Local,
+    around: Surroundings,
+}
+
+thread_local! {
+    static KEPT: OnceCell<Kept> = const { OnceCell::new() };
+}
+
+impl Kept {
+    fn new() -> Self {
+        let thread = std::thread::current().id();
+        let name = format!("troupe-fuzz-{}-{thread:?}", std::process::id());
+        let folder: PathBuf = std::env::temp_dir().join(name);
+        let local = Local::start(Some(folder.clone()));
+        // What is there is in memory from here on, and nothing is uploaded. The store's own file is open.
+        let _ = std::fs::remove_dir_all(folder);
+        let around = local.service().surroundings("toy", "yard", "a").expect("a scene");
+        Self { local, around }
+    }
+}
+
+/// A character (`c`), the record of a session (`s`) or of the objects of a scene (`o`). What cannot be restored is an error, and
+/// what can be is the same when it is saved again.
+pub fn snapshot(bytes: &[u8]) {
+    let Some((kind, bytes)) = bytes.split_first() else {
+        return;
+    };
+    KEPT.with(|kept| {
+        let kept = kept.get_or_init(Kept::new);
+        match kind {
+            b'c' => character(bytes, &kept.around),
+            b's' => told(kept.local.service().read_session("c", bytes)),
+            b'o' => objects(bytes, kept),
+            _ => {}
+        }
+    });
+}
+
+fn told(read: Result<(), String>) {
+    if let Err(reason) = read {
+        assert!(!reason.is_empty());
+    }
+}
+
+/// The body of a character, with a head that fits: nothing gets past a checksum by chance.
+fn character(body: &[u8], around: &Surroundings) {
+    let mut whole = body.to_vec();
+    whole.splice(
+        0..0,
+        [1, 0, 0, 0]
+            .into_iter()
+            .chain(crc32fast::hash(body).to_le_bytes()),
+    );
+    let character = match restore(&whole, around) {
+        Ok(character) => character,
+        Err(RestoreError::Unfit(reason)) => return assert!(!reason.is_empty()),
+        Err(other) => panic!("{other}"),
+    };
+    let mut saved = Vec::new();
+    save(&character, &mut saved);
+    let again = restore(&saved, around).expect("what was saved is restored");
+    let mut twice = Vec::new();
+    save(&again, &mut twice);
+    assert_eq!(saved, twice);
+    planted(|| [character.frame() > 1 << 10, character.stats().underruns > 1 << 10]);
+}
+
+fn objects(record: &[u8], kept: &Kept) {
+    let store = kept.local.service().store().expect("a store");
+    let cell = store.scenes().get("yard").expect("a scene");
+    let restored = store.restore_scene("yard", record);
+    let scene = cell.snapshot();
+    assert!(
+        scene
+            .instances()
+            .all(|object| object.transform.position.is_finite())
+    );
+    told(restored);
+    store.free_all_but(|_| false);
+    let emptied = cell.update(|scene| {
+        let all: Vec<_> = scene.instances().map(|object| object.id.clone()).collect();
+        all.iter().try_for_each(|id| scene.remove(id).map(drop))
+    });
+    emptied.expect("objects that nobody has can go");
+    store
+        .restore_scene("yard", &OBJECTS[1..])
+        .expect("a record of the server");
+}

@@ -1,0 +1,155 @@
+//! A running server in the hands of who started it: whether it is ready, and how it ends.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::{Notify, watch};
+use tokio::task::JoinHandle;
+use tonic_health::server::HealthReporter;
+use troupe_proto::v1::{motion_server, scenes_server, sessions_server};
+
+use super::access::Access;
+use super::keeping::Keeping;
+use super::{FAREWELL, StartError};
+use crate::api;
+use crate::service::Service;
+
+/// How a server stopped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stopped {
+    /// All requests were answered, and all streams ended.
+    Clean,
+    /// Some were cut when their time was over.
+    Lost,
+    /// Nobody waited for them.
+    Forced,
+}
+
+/// A running server. Dropping the handle does not stop it.
+pub struct ServerHandle {
+    pub(super) address: SocketAddr,
+    pub(super) service: Arc<Service>,
+    pub(super) health: HealthReporter,
+    pub(super) stop: watch::Sender<bool>,
+    pub(super) starting: Option<JoinHandle<Result<Option<Keeping>, StartError>>>,
+    pub(super) keeping: Option<Keeping>,
+    pub(super) connections: JoinHandle<bool>,
+    pub(super) upkeep: JoinHandle<()>,
+    pub(super) reloading: JoinHandle<()>,
+    pub(super) reload: Arc<Notify>,
+    pub(super) reloads: bool,
+    pub(super) secure: bool,
+    pub(super) access: Access,
+    pub(super) drain_delay: Duration,
+    pub(super) drain_timeout: Duration,
+}
+
+impl ServerHandle {
+    /// The address that the server listens on.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Whether calls need a key.
+    pub fn asks_for_keys(&self) -> bool {
+        self.access.credentials.is_some()
+    }
+
+    /// Whether the port speaks TLS.
+    pub fn speaks_tls(&self) -> bool {
+        self.secure
+    }
+
+    /// Whether there are files that the server reads again when they change.
+    pub fn reloads(&self) -> bool {
+        self.reloads
+    }
+
+    /// Reads certificates and keys again now. What goes wrong is in the log.
+    pub fn reload(&self) {
+        self.reload.notify_one();
+    }
+
+    /// The key that the server made for this run.
+    pub fn one_time_key(&self) -> Option<&str> {
+        self.access.one_time.as_deref()
+    }
+
+    /// What the server serves with: packs, metrics, readiness.
+    pub fn service(&self) -> &Arc<Service> {
+        &self.service
+    }
+
+    /// Waits until all packs are loaded and warm.
+    ///
+    /// # Errors
+    /// [`StartError`] where they are not to be had; the server is then of no use.
+    pub async fn ready(&mut self) -> Result<(), StartError> {
+        match self.starting.as_mut() {
+            Some(starting) => {
+                let result = starting.await;
+                self.starting = None;
+                self.keeping = result.map_err(|error| StartError::Internal(error.to_string()))??;
+                Ok(())
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Says that the server is not ready, and serves on for the configured delay. Then stops accepting connections, lets
+    /// requests finish for at most the configured time, and cuts what is left. Answers whether everything finished.
+    pub async fn shut_down(mut self) -> bool {
+        self.service.announce_stop();
+        if let Some(starting) = self.starting.take() {
+            starting.abort();
+            // Once it is gone it cannot say any more that the server serves.
+            if let Ok(Ok(keeping)) = starting.await {
+                self.keeping = keeping;
+            }
+        }
+        api::set_serving(&self.health, false).await;
+        tokio::time::sleep(self.drain_delay).await;
+        let deadline = tokio::time::Instant::now() + self.drain_timeout + FAREWELL;
+        self.service.drain();
+        // Ends the streams of health watchers, once they have the status: open streams would hold up the stop.
+        for service in [
+            "",
+            motion_server::SERVICE_NAME,
+            sessions_server::SERVICE_NAME,
+            scenes_server::SERVICE_NAME,
+        ] {
+            self.health.clear_service_status(service).await;
+        }
+        let _ = self.stop.send(true);
+        let clean = match self.connections.await {
+            Ok(clean) => clean,
+            Err(error) => {
+                tracing::error!(%error, "the accept loop failed");
+                false
+            }
+        };
+        self.upkeep.abort();
+        self.reloading.abort();
+        // Connections that became WebSockets are no longer among those above.
+        let streams = tokio::time::timeout_at(deadline, self.service.sessions().streams_ended());
+        let ended = streams.await.is_ok();
+        if let Some(keeping) = self.keeping {
+            keeping.finish().await;
+        }
+        if let Some(traces) = self.service.telemetry().traces().cloned() {
+            // It says itself what goes wrong.
+            let _ = tokio::task::spawn_blocking(move || traces.shut_down()).await;
+        }
+        clean && ended
+    }
+
+    /// [`shut_down`](Self::shut_down), given up where `again` ends first.
+    pub async fn shut_down_unless(self, again: impl Future<Output = ()>) -> Stopped {
+        tokio::select! {
+            biased;
+            clean = self.shut_down() => if clean { Stopped::Clean } else { Stopped::Lost },
+            () = again => Stopped::Forced,
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! A server on one thread, and its routes without connections, for fuzz targets.
+
+use std::sync::Arc;
+
+use axum::Router;
+use tokio::net::TcpListener;
+
+use super::{Around, PackSource, ServerHandle, StartError, keeping, serve_on};
+use crate::api;
+use crate::clients::Clients;
+use crate::config::Config;
+use crate::session::{Executor, TimeSource};
+
+/// [`super::serve_packs`], with characters on the thread of the caller.
+///
+/// # Errors
+/// [`StartError`] where the server cannot be set up.
+pub async fn serve_here(
+    config: Config,
+    listener: TcpListener,
+    packs: impl FnOnce() -> Result<Vec<PackSource>, StartError> + Send + 'static,
+) -> Result<ServerHandle, StartError> {
+    let address = listener.local_addr().map_err(StartError::Listen)?;
+    let around = Around {
+        time: TimeSource::default(),
+        executor: Executor::here(),
+        records: keeping::records_of(&config),
+    };
+    serve_on(config, listener, address, around, packs).await
+}
+
+impl ServerHandle {
+    /// All routes, as connections have them. `config` is the server's.
+    ///
+    /// # Errors
+    /// [`StartError::Internal`] where they cannot be made.
+    pub fn routes(&self, config: &Config) -> Result<Router, StartError> {
+        let clients = Arc::new(Clients::new(config.shares(), self.service.telemetry()));
+        api::router(
+            &self.service,
+            &self.health,
+            &clients,
+            &config.api_limits(),
+            config.guard(self.address),
+            self.access.credentials.clone(),
+        )
+        .map_err(|error| StartError::Internal(error.to_string()))
+    }
+}

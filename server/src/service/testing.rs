@@ -1,0 +1,41 @@
+//! The way of kept state from its bytes to its checks, for fuzz targets.
+
+use super::{Service, ServiceError};
+use crate::session::{Space, read_record};
+use crate::world::WorldError;
+use troupe_character::live::World;
+use troupe_character::saved::Surroundings;
+use troupe_character::scene::Holder;
+
+impl Service {
+    /// Reads the record of a session as the start of the server does.
+    ///
+    /// # Errors
+    /// Why it would be left out.
+    pub fn read_session(&self, id: &str, record: &[u8]) -> Result<(), String> {
+        let space = self.space().map_err(|error| error.to_string())?;
+        read_record(id, record, &space.packs, &space.store)
+    }
+
+    /// What a character of `pack` finds around it in `scene`.
+    ///
+    /// # Errors
+    /// [`ServiceError`] where one of them is not there.
+    pub fn surroundings(&self, pack: &str, scene: &str, session: &str) -> Result<Surroundings, ServiceError> {
+        let Space { packs, store, .. } = &**self.space()?;
+        let pack = packs.find("pack", pack)?;
+        let cell = store.scenes().get(scene).map_err(|error| WorldError::Scene {
+            error,
+            field: "scene".to_owned(),
+        })?;
+        Ok(Surroundings {
+            rig: pack.rig().clone(),
+            styles: pack.loaded.styles.clone(),
+            world: Some(World {
+                scene: cell,
+                definitions: store.definitions().clone(),
+                holder: Holder::new(session),
+            }),
+        })
+    }
+}
