@@ -18,7 +18,10 @@ use troupe_motion::model::{PathTask, SLOTS};
 /// Of the kernel's clock ticks.
 const TICKS_PER_S: f64 = 100.0;
 /// How often everything is measured, in turns.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 3;
+/// Characters of calls that are compared, and motions that are made for each.
+const PEOPLE: [usize; 4] = [1, 2, 4, 8];
+const PEOPLE_RUNS: usize = 16;
 /// Rows of calls that are compared.
 const CALLS: [usize; 5] = [1, 100, 200, 400, 1600];
 
@@ -66,6 +69,7 @@ fn main() -> Result<(), Failed> {
         bench.mixed(jobs, workers)?;
     }
     bench.profile()?;
+    bench.people()?;
     bench.call_sizes()
 }
 
@@ -136,10 +140,10 @@ impl Bench {
                 .map(|generator| best(|| generator.run(std::slice::from_ref(&task)).map(|_| ())));
             let [one, more] = took;
             let cpu = process_cpu_s();
-            for _ in 0..4 * ROUNDS {
+            for _ in 0..ROUNDS {
                 generators[0].run(std::slice::from_ref(&task))?;
             }
-            let cpu_ms = (process_cpu_s() - cpu) * 1000.0 / (4 * ROUNDS) as f64;
+            let cpu_ms = (process_cpu_s() - cpu) * 1000.0 / ROUNDS as f64;
             println!(
                 "  {:8} {:3} joints {:7.1} ({cpu_ms:5.1}) {:7.1}",
                 task.body.name,
@@ -240,6 +244,34 @@ impl Bench {
             each(network),
             each(scatter)
         );
+        Ok(())
+    }
+
+    /// What a row costs, by characters of a call: all of the pack's default body.
+    fn people(&self) -> Result<(), Failed> {
+        let Some(body) = self.pack.body("") else {
+            return Ok(());
+        };
+        println!("\n{}, CPU ms of a row, by characters of a call:", body.name);
+        let mut generator = self.generator(1)?.with_call_rows(usize::MAX);
+        for count in PEOPLE {
+            let mut tasks = self.tasks(count);
+            for task in &mut tasks {
+                task.body = body.clone();
+                task.context.clear();
+            }
+            generator.run(&tasks)?;
+            let cpu = process_cpu_s();
+            for _ in 0..PEOPLE_RUNS / count {
+                generator.run(&tasks)?;
+            }
+            let steps = tasks.first().map_or(1, |task| task.steps as usize);
+            let rows = PEOPLE_RUNS / count * count * steps * body.row_count();
+            println!(
+                "  {count:5}: {:.2}",
+                (process_cpu_s() - cpu) * 1000.0 / rows as f64
+            );
+        }
         Ok(())
     }
 

@@ -68,7 +68,7 @@ pub trait Generator: Send {
     /// Drops a job: nobody wants its answer any more. One that it does not have is no matter.
     fn cancel(&mut self, id: JobId);
 
-    /// One network call, or one chain of them, for all jobs that it holds; tells `out` the result of each.
+    /// One network call, or one chain of them, for the jobs that it holds or the oldest of them; tells `out` what became of these.
     ///
     /// # Errors
     /// [`EngineError`] where the call fails. All jobs fail with it, and are [cleared](Generator::clear).

@@ -310,4 +310,23 @@ mod tests {
         let text = |text: &str| Output::Text(text.to_owned());
         assert_eq!(parts[&1], [text("walks "), text("1.5 m")]);
     }
+
+    #[test]
+    fn paths_are_followed_by_any_body() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/unimogen");
+        let pack = crate::pack::Pack::load(&folder).unwrap();
+        let task = crate::unimogen::probe_task(&pack, 1, 20).unwrap();
+        let mut toy = Toy::new(DIMS, 1);
+        toy.admit(id(1), Task::Path(task.clone()));
+        let Some(Output::Motion(motion)) = run(&mut toy, |_, _| {}).remove(&1).unwrap().pop() else {
+            panic!("no motion");
+        };
+        assert_eq!(
+            (motion.frames(), motion.rotations.len()),
+            (20, 20 * task.body.joints() * 6)
+        );
+        let [x, z, heading] = task.path[19];
+        let root = &motion.root[19 * GLOBAL_ROOT..];
+        assert_eq!((root[0], root[2], root[4]), (x, z, heading.sin()));
+    }
 }

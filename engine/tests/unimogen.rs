@@ -268,20 +268,29 @@ fn compare_mixes(pack: &Pack, engine: EngineKind, tasks: usize, mixes: usize) ->
     differ
 }
 
+/// f32, and bf16 where it is to be had.
+fn engines() -> Vec<EngineKind> {
+    let offered = Runtime::new(None).unwrap().offers(EngineKind::OpenvinoBf16);
+    let mut engines = vec![EngineKind::Cpu];
+    if offered && Machine::detect().has_bf16() {
+        engines.push(EngineKind::OpenvinoBf16);
+    }
+    engines
+}
+
 #[test]
 fn any_mixture_gets_the_same_bits_alone() {
     let pack = Pack::load(&tiny()).unwrap();
-    assert_eq!(compare_mixes(&pack, EngineKind::Cpu, 12, 12), 0);
+    for engine in engines() {
+        assert_eq!(compare_mixes(&pack, engine, 12, 12), 0, "{engine}");
+    }
 }
 
 #[test]
 #[ignore = "takes minutes"]
 fn any_mixture_of_trained_bodies_gets_the_same_bits_alone_on_each_engine() {
     let pack = Pack::load(&manifest_folder().join("../models/unimogen")).unwrap();
-    let runtime = Runtime::new(None).unwrap();
-    let bf16 = Machine::detect().has_bf16() && runtime.offers(EngineKind::OpenvinoBf16);
-    let engines = [(EngineKind::Cpu, true), (EngineKind::OpenvinoBf16, bf16)];
-    for (engine, _) in engines.into_iter().filter(|(_, offered)| *offered) {
+    for engine in engines() {
         let differ = compare_mixes(&pack, engine, 40, 200);
         println!("{engine}: {differ} motions of 200 mixes differ from those alone");
         assert_eq!(differ, 0);

@@ -190,7 +190,7 @@ fn open(
     stage: Stage,
     options: SessionOptions,
 ) -> Result<ort::session::Session, EngineError> {
-    session::open(runtime, options, &pack.stage_file(stage)).map_err(|reason| EngineError::Load {
+    session::open(runtime, options, &pack.stage_file(stage), None).map_err(|reason| EngineError::Load {
         file: stage.file_name(),
         reason,
     })

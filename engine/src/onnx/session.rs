@@ -48,8 +48,14 @@ impl SessionOptions {
     };
 }
 
-/// Opens the graph in `path`.
-pub(super) fn open(runtime: &Runtime, options: SessionOptions, path: &Path) -> Result<Session, String> {
+/// Opens the graph in `path`. OpenVINO keeps the kernels that it makes for each shape, `kernels` of them, or as many as it does by
+/// itself.
+pub(super) fn open(
+    runtime: &Runtime,
+    options: SessionOptions,
+    path: &Path,
+    kernels: Option<usize>,
+) -> Result<Session, String> {
     let builder = Session::builder(runtime.environment())
         .map_err(|error| one_line(&error))?
         .with_optimization_level(match options {
@@ -70,7 +76,7 @@ pub(super) fn open(runtime: &Runtime, options: SessionOptions, path: &Path) -> R
         .map_err(|error| one_line(&error))?
         .with_intra_op_spinning(options.spin)
         .map_err(|error| one_line(&error))?;
-    let mut builder = match provider(options) {
+    let mut builder = match provider(options, kernels) {
         Some(provider) => builder
             .with_execution_providers([provider.error_on_failure()])
             .map_err(|error| one_line(&error))?
@@ -86,25 +92,27 @@ pub(super) fn open(runtime: &Runtime, options: SessionOptions, path: &Path) -> R
     Ok(session)
 }
 
-fn provider(options: SessionOptions) -> Option<ExecutionProviderDispatch> {
+fn provider(options: SessionOptions, kernels: Option<usize>) -> Option<ExecutionProviderDispatch> {
     match options.engine {
         EngineKind::Cpu => None,
-        EngineKind::OpenvinoBf16 => Some(openvino(options.threads).build()),
+        EngineKind::OpenvinoBf16 => Some(openvino(options.threads, kernels).build()),
         EngineKind::Cuda => Some(ep::CUDA::default().build()),
         EngineKind::Tensorrt => Some(ep::TensorRT::default().build()),
     }
 }
 
 /// OpenVINO on the CPU in bf16. Without pinning: workers know nothing of each other, and would all sit on the first cores.
-fn openvino(threads: usize) -> ep::OpenVINO {
-    let properties = serde_json::json!({
-        "CPU": {
-            "INFERENCE_PRECISION_HINT": "bf16",
-            "INFERENCE_NUM_THREADS": threads.to_string(),
-            "NUM_STREAMS": "1",
-            "ENABLE_CPU_PINNING": "NO",
-        }
+fn openvino(threads: usize, kernels: Option<usize>) -> ep::OpenVINO {
+    let mut properties = serde_json::json!({
+        "INFERENCE_PRECISION_HINT": "bf16",
+        "INFERENCE_NUM_THREADS": threads.to_string(),
+        "NUM_STREAMS": "1",
+        "ENABLE_CPU_PINNING": "NO",
     });
+    if let Some(kernels) = kernels {
+        properties["CPU_RUNTIME_CACHE_CAPACITY"] = kernels.to_string().into();
+    }
+    let properties = serde_json::json!({ "CPU": properties });
     ep::OpenVINO::default()
         .with_device_type("CPU")
         .with_arbitrary_config("load_config", properties.to_string())

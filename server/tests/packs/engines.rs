@@ -208,7 +208,7 @@ fn a_named_engine_that_is_not_there_is_explained() {
 
 /// The trained pack of the family UniMoGen.
 fn unimogen() -> Pack {
-    Pack::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../training/packs/unimogen")).unwrap()
+    Pack::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/unimogen")).unwrap()
 }
 
 #[test]
