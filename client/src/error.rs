@@ -237,11 +237,17 @@ impl ClientError {
 
     /// Sorts a failed call into unreachable, timed out, a session's problem or refused.
     pub(crate) fn from_status(status: &tonic::Status, url: &str, timeout: Duration) -> Self {
-        let broken = std::error::Error::source(status).is_some_and(|source| {
+        let source_is_transport = std::error::Error::source(status).is_some_and(|source| {
             source.is::<tonic::transport::Error>() || source.is::<tonic::ConnectError>()
         });
-        // Unknown: the connection broke under the call, as where a server asks for a certificate that does not come.
-        if matches!(status.code(), Code::Unavailable | Code::Unknown) && broken {
+        // Unknown: the connection broke under the call, as where a server asks for a certificate that does not come. Under
+        // a stream, as where the server is killed, the status has no source; one of a server would have metadata.
+        let broken = match status.code() {
+            Code::Unavailable => source_is_transport,
+            Code::Unknown => source_is_transport || status.metadata().is_empty(),
+            _ => false,
+        };
+        if broken {
             return Self::Unreachable {
                 url: url.to_owned(),
                 reason: deepest(status),
@@ -370,6 +376,16 @@ mod tests {
     fn refused(details: ErrorDetails) -> ClientError {
         let status = tonic::Status::with_error_details(Code::InvalidArgument, "bad request", details);
         ClientError::from_status(&status, "http://x", Duration::from_secs(1))
+    }
+
+    #[test]
+    fn a_connection_that_breaks_under_a_stream_is_no_refusal() {
+        let mut status = tonic::Status::unknown("h2 protocol error: error reading a body from connection");
+        let sort =
+            |status: &tonic::Status| ClientError::from_status(status, "http://x", Duration::from_secs(1));
+        assert!(matches!(sort(&status), ClientError::Unreachable { .. }));
+        status.metadata_mut().insert("x-request-id", "a".parse().unwrap());
+        assert!(matches!(sort(&status), ClientError::Refused(_)));
     }
 
     #[test]

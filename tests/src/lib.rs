@@ -1,3 +1,5 @@
 //! What the end-to-end tests share: a server, requests, and motion of their own.
 
+pub mod figures;
+pub mod program;
 pub mod walk;

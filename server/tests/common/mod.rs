@@ -1,5 +1,6 @@
 //! A server on a free port of the loopback interface, over an engine that answers with straight lines.
 
+pub mod attacks;
 pub mod calls;
 pub mod robot;
 pub mod scenes;
@@ -9,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpStream};
 use tonic::transport::Channel;
 use troupe_character::testing::toy_rig;
 use troupe_engine::pack::testing::pack_of;
@@ -253,6 +254,11 @@ impl TestServer {
             .connect()
             .await
             .unwrap()
+    }
+
+    /// A connection on which nothing was said.
+    pub async fn tcp(&self) -> TcpStream {
+        TcpStream::connect(self.handle.address()).await.unwrap()
     }
 
     pub async fn get(&self, path: &str) -> reqwest::Response {

@@ -1,23 +1,20 @@
 //! What one client may do to others, with default limits: attacker and victim on connections of their own.
 
-use std::fmt::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
-use tokio::net::TcpStream;
+use tokio::io::AsyncWriteExt as _;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 use tokio_stream::wrappers::ReceiverStream;
 use troupe_proto::v1;
-use troupe_proto::v1::command::Intent;
 use troupe_proto::v1::drive_response::Message as Say;
 
 use crate::common::TestServer;
-use crate::common::calls::{Client, drive, ids, options};
-use crate::common::scenes::{STOOL, put_scene, put_stool, scenes};
+use crate::common::attacks::{answer, begin, create, in_the_pile, interactions, large_step, put_pile};
+use crate::common::calls::{drive, ids, options};
 
 /// How long `/healthz` may take while somebody attacks.
 const HEALTH_LIMIT: Duration = Duration::from_millis(100);
@@ -77,57 +74,6 @@ impl Victim {
     }
 }
 
-async fn create(client: &mut Client, sessions: Vec<v1::SessionOptions>) {
-    client
-        .create_sessions(v1::CreateSessionsRequest { sessions })
-        .await
-        .unwrap();
-}
-
-/// A scene of hulls that all lie on each other, and stools among them.
-fn pile(colliders: usize, stools: usize) -> String {
-    let mut text = "format = 1\nname = \"pile\"\n".to_owned();
-    for index in 0..colliders {
-        let points: Vec<String> = (0..48)
-            .map(|point| {
-                let (angle, side) = (f64::from(point) * 0.26, if point % 2 == 0 { -1.0 } else { 1.0 });
-                let far = 40.0 + index as f64 * 0.01;
-                format!("[{:.3}, {side:.1}, {:.3}]", far * angle.cos(), far * angle.sin())
-            })
-            .collect();
-        let points = points.join(", ");
-        let _ = writeln!(
-            text,
-            "[[colliders]]\nid = \"c{index}\"\nposition_m = [0.0, -0.9, 0.0]\nshape = {{ convex = {{ points_m = [{points}] }} }}"
-        );
-    }
-    for index in 0..stools {
-        let (x, z) = (index % 64, index / 64);
-        let _ = writeln!(
-            text,
-            "[[objects]]\nid = \"s{index}\"\ndefinition = \"stool\"\nposition_m = [{:.2}, 0.1, {:.2}]",
-            x as f64 * 0.3,
-            2.0 + z as f64 * 0.3
-        );
-    }
-    text
-}
-
-/// Sessions in the pile.
-fn in_the_pile(names: &[String]) -> Vec<v1::SessionOptions> {
-    let inside = |id: &String| v1::SessionOptions {
-        scene: "pile".to_owned(),
-        ..options(id)
-    };
-    names.iter().map(inside).collect()
-}
-
-async fn put_pile(server: &TestServer, colliders: usize, stools: usize) {
-    let mut client = scenes(server).await;
-    put_stool(&mut client, STOOL).await.unwrap();
-    put_scene(&mut client, &pile(colliders, stools)).await.unwrap();
-}
-
 #[tokio::test(flavor = "multi_thread")]
 async fn crowds_in_a_scene_of_overlapping_hulls_cost_others_no_tick() {
     let server = TestServer::start().await;
@@ -183,21 +129,7 @@ async fn a_step_of_many_interactions_among_many_objects_holds_up_nobody() {
     let names = ids("a", 512);
     create(&mut attacker, in_the_pile(&names)).await;
     let victim = Victim::start(&server).await;
-    let interact = |(index, id): (usize, &String)| v1::Command {
-        session_id: id.clone(),
-        sequence: 1,
-        intent: Some(Intent::Interact(v1::Interact {
-            instance: format!("s{}", 2047 - index),
-            ..v1::Interact::default()
-        })),
-        ..v1::Command::default()
-    };
-    let request = v1::StepRequest {
-        commands: names.iter().enumerate().map(interact).collect(),
-        session_ids: names.clone(),
-        frames: 30,
-        ..v1::StepRequest::default()
-    };
+    let request = interactions(&names, 2048);
     let asked = Instant::now();
     let answer = timeout(ATTACK, attacker.step(request)).await;
     println!(
@@ -229,25 +161,6 @@ async fn a_step_ends_at_its_deadline() {
     let late = asked.elapsed();
     assert_eq!(answer.unwrap_err().code(), tonic::Code::DeadlineExceeded);
     assert!(late < limit + HEALTH_LIMIT, "{late:?}");
-}
-
-/// A connection that has sent the start of a request, and what comes back.
-async fn begin(server: &TestServer, path: &str, length: usize, body: &[u8]) -> TcpStream {
-    let mut stream = TcpStream::connect(server.handle.address()).await.unwrap();
-    let head = format!(
-        "POST {path} HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\ncontent-length: {length}\r\n\r\n"
-    );
-    stream.write_all(head.as_bytes()).await.unwrap();
-    stream.write_all(body).await.unwrap();
-    stream
-}
-
-/// The first bytes of an answer.
-async fn answer(stream: &mut TcpStream) -> String {
-    let mut bytes = vec![0; 4096];
-    let read = timeout(Duration::from_secs(10), stream.read(&mut bytes)).await;
-    let count = read.expect("an answer in time").unwrap();
-    String::from_utf8_lossy(&bytes[..count]).into_owned()
 }
 
 /// Bytes of requests and answers on their way.
@@ -308,10 +221,7 @@ async fn an_answer_that_nobody_reads_is_given_up() {
     let mut client = server.sessions().await;
     let names = ids("a", 512);
     create(&mut client, names.iter().map(|id| options(id)).collect()).await;
-    let request = serde_json::json!({
-        "session_ids": names, "frames": 120, "return_positions": true, "return_six_d": true
-    });
-    let body = serde_json::to_vec(&request).unwrap();
+    let body = large_step(&names);
     let silent = begin(&server, "/v1/step", body.len(), &body).await;
     until_transfer(&server, |bytes| bytes > 1e6).await;
     until_transfer(&server, |bytes| bytes == 0.0).await;
