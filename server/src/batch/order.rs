@@ -7,20 +7,23 @@ use std::time::Instant;
 /// whatever its class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Class {
-    /// Plans of live characters.
+    /// Plans of live characters whose frames are shown by the clock.
     Live,
+    /// Plans of characters whose caller waits for their frames.
+    Step,
     /// InBetween calls.
     Request,
 }
 
 impl Class {
     /// All classes, in the order of their numbers.
-    pub const ALL: [Self; 2] = [Self::Live, Self::Request];
+    pub const ALL: [Self; 3] = [Self::Live, Self::Step, Self::Request];
 
     /// The class as a metric label.
     pub fn label(self) -> &'static str {
         match self {
             Self::Live => "live",
+            Self::Step => "step",
             Self::Request => "request",
         }
     }
@@ -61,6 +64,14 @@ impl Order {
             deadline,
             expires: None,
             owner: Some(owner),
+        }
+    }
+
+    /// A plan of a character whose caller waits for it.
+    pub fn step(owner: OwnerId, deadline: Instant) -> Self {
+        Self {
+            class: Class::Step,
+            ..Self::live(owner, deadline)
         }
     }
 

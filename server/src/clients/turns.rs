@@ -16,10 +16,16 @@ use tokio_util::sync::PollSemaphore;
 /// Turns of a line in a round, for each core.
 const TURNS_PER_CORE: usize = 2;
 
+/// Plans of steps that a client, or all of an address, have with the batchers at a time, for each core: enough to keep all workers
+/// busy. Others wait in a line of their own.
+const STEP_PLANS_PER_CORE: usize = 64;
+
 /// A line that tasks wait in.
 #[derive(Debug)]
 pub(super) struct Line {
     turns: Arc<Semaphore>,
+    /// Places for plans of steps.
+    plans: Arc<Semaphore>,
     /// Turns of this round that were taken. They come back in the next.
     taken: AtomicUsize,
     /// Whether somebody gives them back.
@@ -30,12 +36,13 @@ impl Line {
     /// A line whose tasks have a few turns in a round.
     pub(super) fn new() -> Arc<Self> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        Self::with_turns(cores * TURNS_PER_CORE)
+        Self::with(cores * TURNS_PER_CORE, cores * STEP_PLANS_PER_CORE)
     }
 
-    fn with_turns(count: usize) -> Arc<Self> {
+    fn with(turns: usize, plans: usize) -> Arc<Self> {
         Arc::new(Self {
-            turns: Arc::new(Semaphore::new(count)),
+            turns: Arc::new(Semaphore::new(turns)),
+            plans: Arc::new(Semaphore::new(plans)),
             taken: AtomicUsize::new(0),
             returning: AtomicBool::new(false),
         })
@@ -89,6 +96,16 @@ impl Turns {
     /// Those that the work at hand goes on in; endless ones outside of such work.
     pub fn current() -> Self {
         CURRENT.try_with(Self::clone).unwrap_or_default()
+    }
+
+    /// A place for a plan of a step, until it is dropped.
+    pub async fn plan(&self) -> Vec<OwnedSemaphorePermit> {
+        let mut places = Vec::with_capacity(self.0.len());
+        for line in self.0.iter() {
+            // The lines are never closed.
+            places.extend(line.plans.clone().acquire_owned().await);
+        }
+        places
     }
 
     /// `work` in turns: each time that it goes on it waits for one first.
@@ -167,7 +184,7 @@ mod tests {
     #[tokio::test]
     async fn a_client_with_many_tasks_gets_no_more_turns_than_one_with_few() {
         let last = |order: &str| order.rfind('f').unwrap();
-        let [many, few] = [(); 2].map(|()| Line::with_turns(1));
+        let [many, few] = [(); 2].map(|()| Line::with(1, 1));
         let fair = written([&[many], &[few]]).await;
         let unfair = written([&[], &[]]).await;
         assert!(last(&fair) < 100 && last(&unfair) > 900, "{fair}\n{unfair}");
@@ -175,7 +192,7 @@ mod tests {
 
     #[tokio::test]
     async fn work_that_is_given_up_keeps_no_turn() {
-        let line = Line::with_turns(1);
+        let line = Line::with(1, 1);
         let stuck = tokio::spawn(Turns::new([&line]).take(std::future::pending::<()>()));
         tokio::task::yield_now().await;
         stuck.abort();
@@ -185,7 +202,7 @@ mod tests {
 
     #[tokio::test(flavor = "multi_thread")]
     async fn no_turn_is_lost() {
-        let line = Line::with_turns(2);
+        let line = Line::with(2, 2);
         let tasks: Vec<_> = (0..200)
             .map(|_| {
                 tokio::spawn(Turns::new([&line]).take(async {

@@ -8,7 +8,7 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::cell::SessionCell;
-use crate::batch::{Order, SubmitError};
+use crate::batch::{Order, Served, SubmitError};
 use crate::clients::Turns;
 use crate::packs::LoadedPack;
 use troupe_character::live::{
@@ -16,7 +16,7 @@ use troupe_character::live::{
 };
 use troupe_character::post::hold_live;
 use troupe_engine::EngineError;
-use troupe_motion::model::Motion;
+use troupe_motion::model::{KeyframeTask, Motion};
 
 /// Shortest wait before a place in a full queue is asked for again.
 const MIN_RETRY: Duration = Duration::from_millis(5);
@@ -35,24 +35,23 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let asked = Instant::now();
     let awaited = Awaited::new(cell.clone(), request.number);
     let cell = cell.clone();
-    // It enters the queue now, in the order of the calls, and not when its task first runs.
-    let spare = (patience == Patience::Waits).then(|| request.item.clone());
-    let order = Order::live(cell.owner_id(), deadline(&cell, &request));
-    let place = (cell.pack().loaded.batcher).enqueue(vec![request.item.into()], order);
+    let deadline = deadline(&cell, &request);
     let (shape, pins) = (request.shape, request.pins);
-    let work = async move {
-        let mut result = match place {
-            Ok(answer) => answer.await,
-            Err(error) => Err(error),
-        };
-        while let (Err(SubmitError::QueueFull { retry_after, .. }), Some(item)) = (&result, &spare) {
-            if cell.end().is_some() {
-                break;
-            }
-            tokio::time::sleep((*retry_after).max(MIN_RETRY)).await;
-            let again = vec![item.clone().into()];
-            result = cell.pack().loaded.batcher.submit(again, order).await;
+    let turns = Turns::current();
+    // A tick's plan enters the queue now, in the order of the calls, and not when its task first runs.
+    let entered = match patience {
+        Patience::Fails => {
+            let order = Order::live(cell.owner_id(), deadline);
+            Ok((cell.pack().loaded.batcher).enqueue(vec![request.item.into()], order))
         }
+        Patience::Waits => Err((request.item, turns.clone())),
+    };
+    let work = async move {
+        let result = match entered {
+            Ok(Ok(answer)) => answer.await,
+            Ok(Err(error)) => Err(error),
+            Err((item, turns)) => step_plan(&cell, item, deadline, &turns).await,
+        };
         if let Ok(served) = &result {
             cell.pack().load.measured(asked.elapsed(), served.work);
             cell.pack().loaded.metrics.trace_plan(asked, served);
@@ -66,7 +65,30 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
         awaited.arrived(plan);
     };
     // What is made of its motion takes as long as the rest of a character's frames, and counts for the same client.
-    tokio::spawn(Turns::current().take(work));
+    tokio::spawn(turns.take(work));
+}
+
+/// The answer to a plan that a step waits for. Where there is no place for it, it is asked for again.
+async fn step_plan(
+    cell: &SessionCell,
+    item: KeyframeTask,
+    deadline: Instant,
+    turns: &Turns,
+) -> Result<Served, SubmitError> {
+    // However many characters a client steps, others wait for so many of its plans at most.
+    let _place = turns.plan().await;
+    let order = Order::step(cell.owner_id(), deadline);
+    loop {
+        let result = (cell.pack().loaded.batcher)
+            .submit(vec![item.clone().into()], order)
+            .await;
+        match result {
+            Err(SubmitError::QueueFull { retry_after, .. }) if cell.end().is_none() => {
+                tokio::time::sleep(retry_after.max(MIN_RETRY)).await;
+            }
+            result => return result,
+        }
+    }
 }
 
 /// A plan that somebody waits for. Where it is dropped without an answer, for a panic or the end of the runtime, it has

@@ -176,7 +176,7 @@ async fn sessions_keep_their_place_beside_a_flood() {
         of("sum") / of("count")
     };
     // Plans wait for a batch at most, calls for all that the limit lets in.
-    let (plans, calls) = (mean("live"), mean("request"));
+    let (plans, calls) = (mean("step"), mean("request"));
     assert!(
         plans < 0.06 && plans < calls / 2.0,
         "plans waited {plans} s, calls {calls} s"

@@ -51,6 +51,8 @@ impl Limits {
     pub fn class_offset(&self, class: Class) -> Duration {
         match class {
             Class::Live => Duration::ZERO,
+            // Behind what is shown by the clock, and before what nobody sees yet.
+            Class::Step => self.ageing / 2,
             Class::Request => self.ageing,
         }
     }
@@ -66,7 +68,7 @@ impl Limits {
     /// Most characters of the class that may wait.
     pub fn room(&self, class: Class) -> usize {
         match class {
-            Class::Live => self.max_live,
+            Class::Live | Class::Step => self.max_live,
             Class::Request => self.max_queued,
         }
     }
