@@ -50,8 +50,8 @@ pub use connection::{ApiKey, Bearer, Client, ConnectOptions, InBetweenAnswers, K
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
 pub use live::{
-    Act, Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, Frame, FrameOptions, Frames,
-    Locomotion, MemberId, Rate, Recording, Session, SessionOptions,
+    Act, Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, FollowPath, Frame, FrameOptions,
+    Frames, Locomotion, MemberId, PathPoint, Rate, Recording, Session, SessionOptions,
 };
 pub use pack::Pack;
 pub use problem::{Problem, ProblemKind, SessionError};

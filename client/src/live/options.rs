@@ -64,6 +64,13 @@ impl SessionOptions {
         self
     }
 
+    /// The skeleton that it moves, for packs of many. The pack's default otherwise.
+    #[must_use]
+    pub fn skeleton(mut self, name: impl Into<String>) -> Self {
+        self.message.skeleton = name.into();
+        self
+    }
+
     /// Where it stands at first, in its convention, and which way it faces, radians. The height is the pack's.
     #[must_use]
     pub fn at(mut self, position: Vec3, heading: f32) -> Self {

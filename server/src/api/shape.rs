@@ -10,6 +10,7 @@ use troupe_proto::rpc::{List, RPCS, Step};
 use super::{ApiError, ApiLimits};
 use crate::session::MAX_COMMANDS;
 use troupe_character::FieldError;
+use troupe_character::primitives::path::PATH_POINTS;
 
 /// How many entries a list may have.
 #[derive(Debug, Clone, Copy)]
@@ -40,6 +41,8 @@ impl Limit {
             ("Command", _) => limit("commands", MAX_COMMANDS, 64),
             ("Gait", _) => limit("gaits", 256, 256),
             ("GaitKey", _) => limit("keyframes", 256, 2),
+            ("PathPoint", _) => limit("points", *PATH_POINTS.end(), 2),
+            ("WordWeight", _) => limit("words", 64, 1),
             ("Collider", _) => limit("colliders", 2048, 512),
             ("Vec3", _) => limit("points", 256, 1),
             // Place, rotation and itself, and signs in its id.

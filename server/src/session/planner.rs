@@ -7,16 +7,18 @@
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::LivePack;
 use super::cell::SessionCell;
 use crate::batch::{Order, SubmitError};
 use crate::clients::Turns;
-use crate::packs::LoadedPack;
 use troupe_character::live::{
-    Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, Pins, PlanFailed, PlanRequest, finish_live,
+    Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, PathItem, Pins, PlanFailed, PlanItem, PlanRequest,
+    finish_live,
 };
 use troupe_character::post::hold_live;
 use troupe_engine::EngineError;
-use troupe_motion::model::Motion;
+use troupe_engine::pack::Pack;
+use troupe_motion::model::{Body, Motion, PathTask, Task};
 
 /// Shortest wait before a place in a full queue is asked for again.
 const MIN_RETRY: Duration = Duration::from_millis(5);
@@ -36,21 +38,22 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let awaited = Awaited::new(cell.clone(), request.number);
     let cell = cell.clone();
     // It enters the queue now, in the order of the calls, and not when its task first runs.
-    let spare = (patience == Patience::Waits).then(|| request.item.clone());
     let order = Order::live(cell.owner_id(), deadline(&cell, &request));
-    let place = (cell.pack().loaded.batcher).enqueue(vec![request.item.into()], order);
+    let task = task(cell.pack(), request.item);
+    let spare = (patience == Patience::Waits).then(|| task.clone());
+    let place = (cell.pack().loaded.batcher).enqueue(vec![task], order);
     let (shape, pins) = (request.shape, request.pins);
     let work = async move {
         let mut result = match place {
             Ok(answer) => answer.await,
             Err(error) => Err(error),
         };
-        while let (Err(SubmitError::QueueFull { retry_after, .. }), Some(item)) = (&result, &spare) {
+        while let (Err(SubmitError::QueueFull { retry_after, .. }), Some(task)) = (&result, &spare) {
             if cell.end().is_some() {
                 break;
             }
             tokio::time::sleep((*retry_after).max(MIN_RETRY)).await;
-            let again = vec![item.clone().into()];
+            let again = vec![task.clone()];
             result = cell.pack().loaded.batcher.submit(again, order).await;
         }
         if let Ok(served) = &result {
@@ -62,11 +65,39 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
                 let motion = served.into_motions().next();
                 motion.ok_or(EngineError::Stopped.into())
             })
-            .and_then(|raw| finish(&raw, &shape, pins.as_deref(), &cell.pack().loaded));
+            .and_then(|raw| finish(&raw, &shape, pins.as_deref(), cell.pack()));
         awaited.arrived(plan);
     };
     // What is made of its motion takes as long as the rest of a character's frames, and counts for the same client.
     tokio::spawn(Turns::current().take(work));
+}
+
+/// What a plan asks of the pack's generator.
+fn task(pack: &LivePack, item: PlanItem) -> Task {
+    match (item, pack.body()) {
+        (PlanItem::Keyframes(task), _) => task.into(),
+        (PlanItem::Path(item), Some(body)) => path_task(pack, body, item).into(),
+        // Rigs that are planned for by paths are those of bodies.
+        (PlanItem::Path(_), None) => unreachable!("a plan by a path for a pack without bodies"),
+    }
+}
+
+fn path_task(pack: &LivePack, body: &Arc<Body>, item: PathItem) -> PathTask {
+    let Pack { words, manifest, .. } = &*pack.loaded.pack;
+    let weight = |word: &String| {
+        let given = item.words.iter().find(|(given, _)| given == word);
+        given.map_or(0.0, |(_, weight)| *weight)
+    };
+    PathTask {
+        body: body.clone(),
+        context: item.context,
+        targets: Vec::new(),
+        path: item.path,
+        style: words.iter().map(weight).collect(),
+        steps: (manifest.unimogen.as_ref()).map_or(1, |table| table.sampler_steps as u32),
+        guidance: 1.0,
+        seed: item.seed,
+    }
 }
 
 /// A plan that somebody waits for. Where it is dropped without an answer, for a panic or the end of the runtime, it has
@@ -120,16 +151,16 @@ fn finish(
     raw: &Motion,
     shape: &LiveShape,
     pins: Option<&Pins>,
-    pack: &LoadedPack,
+    pack: &LivePack,
 ) -> Result<LivePlan, SubmitError> {
-    let mut plan = finish_live(raw, shape, &pack.pack.rig).map_err(|_| {
+    let mut plan = finish_live(raw, shape, pack.rig()).map_err(|_| {
         SubmitError::Engine(EngineError::Output {
             stage: troupe_engine::pack::Stage::Decoder,
             problem: "frames that are not finite".to_owned(),
         })
     })?;
     match pins {
-        Some(pins) => pins.pin_to_targets(&mut plan, &pack.pack.rig.skeleton),
+        Some(pins) => pins.pin_to_targets(&mut plan, &pack.rig().skeleton),
         None => {
             let LivePlan {
                 roots,
@@ -137,10 +168,10 @@ fn finish(
                 contacts,
                 ..
             } = &mut plan;
-            hold_live(&pack.pack.rig, roots, rotations, contacts, CONTEXT_FRAMES);
+            hold_live(pack.rig(), roots, rotations, contacts, CONTEXT_FRAMES);
         }
     }
-    pack.metrics.planned(plan.roots.len());
+    pack.loaded.metrics.planned(plan.roots.len());
     Ok(plan)
 }
 
