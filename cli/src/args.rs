@@ -9,6 +9,7 @@ use crate::draw::Draw;
 use crate::drive::Drive;
 use crate::eval::Eval;
 use crate::film::Film;
+use crate::generate::Generate;
 use crate::inbetween::Inbetween;
 use crate::object::Object;
 use crate::packs::Packs;
@@ -94,6 +95,7 @@ Examples:
   troupe inbetween --clip walk.bvh --from 60 --to 95 --out filled.bvh
   troupe eval --data clips/ --split test.txt --json eval.json
   troupe draw --clip walk.bvh --from 60 --to 106 --out picture.png
+  troupe generate --skeleton g1 --path examples/paths/square.toml --out walk.csv
   troupe drive
   troupe drive --path examples/paths/square.toml --out square.bvh
   troupe film --path examples/paths/square.toml --out square.png
@@ -103,6 +105,7 @@ Examples:
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     Inbetween(Inbetween),
+    Generate(Box<Generate>),
     Packs(Packs),
     Eval(Box<Eval>),
     Draw(Draw),

@@ -174,12 +174,25 @@ impl Format {
             return Ok(());
         }
         let (_, pack) = context.connect_to_pack(pack).await?;
+        self.fits(&pack, path)
+    }
+
+    /// The same for a pack that is known.
+    pub(super) fn fits(self, pack: &Pack, path: &Path) -> Result<(), Failure> {
+        if self != Self::Csv {
+            return Ok(());
+        }
         match pack.robot() {
             Some(_) => Ok(()),
             None => Err(Failure::file(
                 path,
                 format_args!(
-                    "pack `{}` has no robot, whose angles .csv holds; write .bvh or .glb",
+                    "{} of pack `{}` is no robot, whose angles .csv holds; write .bvh or .glb",
+                    if pack.body().is_empty() {
+                        "the body"
+                    } else {
+                        pack.body()
+                    },
                     pack.name()
                 ),
             )),

@@ -10,6 +10,7 @@ mod failure;
 mod files;
 mod fill;
 mod film;
+mod generate;
 mod graphics;
 mod inbetween;
 mod object;
@@ -71,6 +72,7 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
     };
     match arguments.command {
         Command::Inbetween(command) => inbetween::run(&context, &command).await,
+        Command::Generate(command) => generate::run(&context, &command).await,
         Command::Packs(command) => packs::run(&context, &command).await,
         Command::Eval(command) => eval::run(&context, &command).await,
         Command::Draw(command) => draw::run(&context, &command).await,

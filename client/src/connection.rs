@@ -81,7 +81,7 @@ impl Default for ConnectOptions {
 pub struct Client {
     url: String,
     options: ConnectOptions,
-    rpc: MotionClient<KeyedChannel>,
+    pub(crate) rpc: MotionClient<KeyedChannel>,
     sessions: SessionsRpc,
     scenes: ScenesRpc,
 }

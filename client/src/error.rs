@@ -90,6 +90,16 @@ pub struct Violation {
 /// A request that cannot be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RequestError {
+    /// A body that the pack does not have.
+    #[error("pack {pack} has no body {body:?}; it has: {}", if bodies.is_empty() { "one skeleton alone".to_owned() } else { bodies.join(", ") })]
+    UnknownBody {
+        /// The pack.
+        pack: String,
+        /// The name that was given.
+        body: String,
+        /// The names that there are.
+        bodies: Vec<String>,
+    },
     /// A frame that the clip does not have.
     #[error("{what} {frame} is outside the clip, whose frames are 0 to {last}")]
     FrameOutside {

@@ -38,6 +38,7 @@
 
 mod connection;
 mod error;
+mod generate;
 mod inbetween;
 pub mod live;
 mod pack;
@@ -48,10 +49,11 @@ mod tls;
 
 pub use connection::{ApiKey, Bearer, Client, ConnectOptions, InBetweenAnswers, KeyedChannel, channel};
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
+pub use generate::{FollowPath, Generated, Generating};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
 pub use live::{
-    Act, Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, FollowPath, Frame, FrameOptions,
-    Frames, Locomotion, MemberId, PathPoint, Rate, Recording, Session, SessionOptions,
+    Act, Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, Frame, FrameOptions, Frames,
+    LivePath, Locomotion, MemberId, PathPoint, Rate, Recording, Session, SessionOptions,
 };
 pub use pack::Pack;
 pub use problem::{Problem, ProblemKind, SessionError};

@@ -15,6 +15,8 @@ use crate::error::{AnswerError, RequestError};
 pub struct Pack {
     message: Arc<v1::Pack>,
     skeleton: Arc<Skeleton>,
+    /// Of a pack of many bodies, whose skeleton it is.
+    body: Arc<str>,
 }
 
 impl Pack {
@@ -23,12 +25,35 @@ impl Pack {
         Self {
             message: Arc::new(message),
             skeleton: Arc::new(skeleton),
+            body: "".into(),
         }
     }
 
     /// The pack's name.
     pub fn name(&self) -> &str {
         &self.message.name
+    }
+
+    /// The body whose skeleton it has; empty for the pack's own.
+    pub fn body(&self) -> &str {
+        &self.body
+    }
+
+    /// The same pack with the skeleton of one of its bodies.
+    pub(crate) fn with_body(&self, body: &v1::PackBody) -> Result<Self, AnswerError> {
+        let as_pack = v1::Pack {
+            name: self.message.name.clone(),
+            joints: body.joints.clone(),
+            left_axis: body.left_axis,
+            ground_y: self.message.ground_y,
+            robot: body.robot.clone(),
+            ..v1::Pack::default()
+        };
+        Ok(Self {
+            message: self.message.clone(),
+            skeleton: Arc::new(skeleton(&as_pack)?),
+            body: body.name.as_str().into(),
+        })
     }
 
     /// The pack's skeleton, shared by every clip that comes back.
@@ -98,6 +123,7 @@ impl TryFrom<v1::Pack> for Pack {
         Ok(Self {
             message: Arc::new(message),
             skeleton,
+            body: "".into(),
         })
     }
 }

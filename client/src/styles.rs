@@ -14,7 +14,7 @@ impl Client {
     pub async fn styles(&self, pack: &Pack) -> Result<v1::ListStylesResponse, ClientError> {
         let request = v1::ListStylesRequest {
             pack: pack.name().to_owned(),
-            ..v1::ListStylesRequest::default()
+            body: pack.body().to_owned(),
         };
         self.unary(|mut rpc| async move { rpc.list_styles(request).await })
             .await
@@ -28,7 +28,7 @@ impl Client {
         let request = v1::GetStyleRequest {
             pack: pack.name().to_owned(),
             style: name.to_owned(),
-            ..v1::GetStyleRequest::default()
+            body: pack.body().to_owned(),
         };
         self.unary(|mut rpc| async move { rpc.get_style(request).await })
             .await
@@ -42,7 +42,7 @@ impl Client {
         let request = v1::PutStyleRequest {
             pack: pack.name().to_owned(),
             style: Some(style),
-            ..v1::PutStyleRequest::default()
+            body: pack.body().to_owned(),
         };
         self.unary(|mut rpc| async move { rpc.put_style(request).await })
             .await

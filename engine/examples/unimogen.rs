@@ -1,4 +1,4 @@
-//! How fast a UniMoGen pack is, by engine: one motion alone, batches of many bodies, the same padded to the largest body, and a profile.
+//! How fast a UniMoGen pack is, by engine: accuracy beside f32, one motion alone, batches of many bodies, the same padded to the largest body, and a profile.
 //!
 //! `cargo run --release -p troupe-engine --example unimogen -- --engine openvino-bf16`
 
@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
+use troupe_engine::accuracy::compare_paths;
 use troupe_engine::generator::{Generator as _, JobId, Progress};
 use troupe_engine::machine::available_cores;
 use troupe_engine::onnx::{Growth, OnnxDenoiser, Runtime, SessionOptions};
@@ -14,6 +15,8 @@ use troupe_engine::unimogen::{CALL_ROWS, Call, Denoiser, ROW_CHANNELS, probe_tas
 use troupe_engine::{EngineChoice, EngineError, EngineKind, UniMoGen};
 use troupe_motion::model::{PathTask, SLOTS};
 
+/// Of the kernel's clock ticks.
+const TICKS_PER_S: f64 = 100.0;
 /// How often everything is measured, in turns.
 const ROUNDS: usize = 5;
 /// Rows of calls that are compared.
@@ -25,7 +28,7 @@ type Failed = Box<dyn std::error::Error + Send + Sync>;
 #[derive(Parser)]
 struct Options {
     /// The pack's folder.
-    #[arg(long, default_value = "training/packs/unimogen")]
+    #[arg(long, default_value = "models/unimogen")]
     pack: PathBuf,
     /// The engine; auto is the CPU in f32.
     #[arg(long, value_enum, default_value = "auto")]
@@ -55,6 +58,9 @@ fn main() -> Result<(), Failed> {
         bench.frames,
         available_cores()
     );
+    if engine != EngineKind::Cpu {
+        bench.accuracy()?;
+    }
     bench.alone(workers)?;
     for jobs in [8, 32] {
         bench.mixed(jobs, workers)?;
@@ -99,17 +105,43 @@ impl Bench {
             .collect()
     }
 
+    /// How far the engine is from f32.
+    fn accuracy(&self) -> Result<(), Failed> {
+        let reference = Self {
+            runtime: self.runtime.clone(),
+            pack: self.pack.clone(),
+            engine: EngineKind::Cpu,
+            frames: self.frames,
+        };
+        let started = Instant::now();
+        let accuracy = compare_paths(&self.pack, reference.denoiser(1)?, self.denoiser(1)?)?;
+        println!(
+            "\naccuracy, {} characters, {:.1} s:",
+            accuracy.characters,
+            started.elapsed().as_secs_f64()
+        );
+        for bar in accuracy.bars() {
+            println!("  {bar}");
+        }
+        Ok(())
+    }
+
     /// One motion at a time, of each body.
     fn alone(&self, threads: usize) -> Result<(), Failed> {
-        println!("\none motion alone, ms: one thread, {threads} threads");
+        println!("\none motion alone, ms: one thread (and its CPU time), {threads} threads");
         let mut generators = [self.generator(1)?, self.generator(threads)?];
         for task in self.tasks(self.pack.bodies.len()) {
             let took = generators
                 .each_mut()
                 .map(|generator| best(|| generator.run(std::slice::from_ref(&task)).map(|_| ())));
             let [one, more] = took;
+            let cpu = process_cpu_s();
+            for _ in 0..4 * ROUNDS {
+                generators[0].run(std::slice::from_ref(&task))?;
+            }
+            let cpu_ms = (process_cpu_s() - cpu) * 1000.0 / (4 * ROUNDS) as f64;
             println!(
-                "  {:8} {:3} joints {:7.1} {:7.1}",
+                "  {:8} {:3} joints {:7.1} ({cpu_ms:5.1}) {:7.1}",
                 task.body.name,
                 task.body.joints(),
                 ms(one?),
@@ -144,9 +176,14 @@ impl Bench {
             padded.push(UniMoGen::new(&self.pack, Box::new(denoiser), 64)?);
         }
         let mut speeds = [Vec::new(), Vec::new()];
+        let mut cpu_s = [0.0, 0.0];
         for _ in 0..ROUNDS {
-            for (generators, speeds) in [&mut ragged, &mut padded].into_iter().zip(&mut speeds) {
-                let started = Instant::now();
+            for ((generators, speeds), cpu_s) in [&mut ragged, &mut padded]
+                .into_iter()
+                .zip(&mut speeds)
+                .zip(&mut cpu_s)
+            {
+                let (started, cpu) = (Instant::now(), process_cpu_s());
                 std::thread::scope(|scope| {
                     let running: Vec<_> = (generators.iter_mut())
                         .map(|generator| scope.spawn(|| generator.run(&tasks).map(|_| ())))
@@ -156,11 +193,14 @@ impl Bench {
                         .try_for_each(|run| run.join().unwrap_or(Err(EngineError::Stopped)))
                 })?;
                 speeds.push((jobs * workers) as f64 / started.elapsed().as_secs_f64());
+                *cpu_s += process_cpu_s() - cpu;
             }
         }
         let [ragged, padded] = speeds.map(|speeds| median(&speeds));
+        let [ragged_cpu, padded_cpu] = cpu_s.map(|s| (jobs * workers * ROUNDS) as f64 / s);
         println!(
-            "\n{jobs} motions a worker, {rows} rows: {ragged:.1} motions/s; padded to {} rows: {padded:.1} motions/s",
+            "\n{jobs} motions a worker, {rows} rows: {ragged:.1} motions/s, {ragged_cpu:.1} a second of CPU time\n  padded to {} rows: \
+             {padded:.1} motions/s, {padded_cpu:.1} a second of CPU time",
             largest * jobs
         );
         Ok(())
@@ -205,21 +245,25 @@ impl Bench {
 
     /// Small calls and large ones, on one worker.
     fn call_sizes(&self) -> Result<(), Failed> {
-        println!("\n32 motions on one worker, by rows of a call (the server's calls have {CALL_ROWS}):");
+        println!(
+            "\n32 motions on one worker, motions/s (and a second of CPU time), by rows of a call (the server's calls have {CALL_ROWS}):"
+        );
         let tasks = self.tasks(32);
         let mut generators = Vec::new();
         for rows in CALLS {
-            generators.push((rows, self.generator(1)?.with_call_rows(rows), Vec::new()));
+            generators.push((rows, self.generator(1)?.with_call_rows(rows), Vec::new(), 0.0));
         }
         for _ in 0..ROUNDS {
-            for (_, generator, speeds) in &mut generators {
-                let started = Instant::now();
+            for (_, generator, speeds, cpu_s) in &mut generators {
+                let (started, cpu) = (Instant::now(), process_cpu_s());
                 generator.run(&tasks)?;
+                *cpu_s += process_cpu_s() - cpu;
                 speeds.push(tasks.len() as f64 / started.elapsed().as_secs_f64());
             }
         }
-        for (rows, _, speeds) in &generators {
-            println!("  {rows:5} rows: {:.1} motions/s", median(speeds));
+        for (rows, _, speeds, cpu_s) in &generators {
+            let a_cpu_s = (tasks.len() * ROUNDS) as f64 / cpu_s;
+            println!("  {rows:5} rows: {:.1} ({a_cpu_s:.1})", median(speeds));
         }
         Ok(())
     }
@@ -301,6 +345,19 @@ fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or_default()
+}
+
+/// CPU time of this process, which says more than the clock where others use the machine.
+fn process_cpu_s() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // utime and stime, after the command's closing parenthesis.
+    let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace();
+    let ticks: f64 = fields
+        .skip(11)
+        .take(2)
+        .filter_map(|field| field.parse::<f64>().ok())
+        .sum();
+    ticks / TICKS_PER_S
 }
 
 fn ms(duration: Duration) -> f64 {

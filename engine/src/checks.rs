@@ -14,7 +14,7 @@ use super::select::Check;
 use crate::pack::{MANIFEST_FILE, Pack};
 
 /// Goes up with every change to how networks are made or compared.
-const REVISION: u32 = 1;
+const REVISION: u32 = 2;
 
 /// Where results are kept; nowhere without a folder.
 #[derive(Debug, Clone, Default)]
@@ -56,6 +56,9 @@ impl CheckCache {
         add(libraries.join("\n").as_bytes());
         // It has a hash of the networks, which was compared when the pack was loaded.
         add(&std::fs::read(pack.folder.join(MANIFEST_FILE)).ok()?);
+        for body in &pack.bodies {
+            add(&std::fs::read(pack.body_file(&body.name)).ok()?);
+        }
         let mut name = format!("accuracy-{}-", pack.name());
         for byte in &hash.finalize()[..16] {
             let _ = write!(name, "{byte:02x}");

@@ -4,12 +4,17 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::accuracy::{Accuracy, Probe, compare, probe};
+use super::accuracy::{Accuracy, Probe, compare, compare_paths, probe};
 use super::checks::{self, CheckCache};
+use super::generator::Generator;
 use super::machine::Machine;
-use super::onnx::{Batching, Growth, NetworkPool, OnnxStages, Runtime, SessionOptions, no_fixed_shapes};
-use super::{AccuracyCheck, EngineChoice, EngineError, EngineKind, Stages, Workers};
-use crate::pack::Pack;
+use super::onnx::{
+    Batching, Growth, NetworkPool, OnnxDenoiser, OnnxStages, Runtime, SessionOptions, no_fixed_shapes,
+};
+use super::{
+    AccuracyCheck, EngineChoice, EngineError, EngineKind, MotionBricks, Pipeline, Stages, UniMoGen, Workers,
+};
+use crate::pack::{Pack, UNIMOGEN};
 
 /// What serves a pack, and why.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -80,7 +85,7 @@ impl Selector {
             self.pool.forget(pack);
         }
         let no_fixed_shapes = match engine {
-            EngineKind::OpenvinoBf16 => self.no_fixed_shapes(pack),
+            EngineKind::OpenvinoBf16 if !is_unimogen(pack) => self.no_fixed_shapes(pack),
             _ => None,
         };
         if let (EngineKind::OpenvinoBf16, Some(reason)) = (engine, &no_fixed_shapes) {
@@ -89,7 +94,10 @@ impl Selector {
         let decision = Decision {
             engine,
             workers: self.workers,
-            batching: Batching::of(engine, no_fixed_shapes.is_none()),
+            batching: match is_unimogen(pack) {
+                true => Batching::of_unimogen(engine),
+                false => Batching::of(engine, no_fixed_shapes.is_none()),
+            },
             why,
             check,
         };
@@ -132,7 +140,43 @@ impl Selector {
         })
     }
 
-    /// The stages of one worker.
+    /// The generator of one worker, warm, for up to `max_batch` jobs at a time. The pack's family decides which.
+    ///
+    /// # Errors
+    /// [`EngineError`] where the networks do not load or run.
+    pub fn generator(
+        &self,
+        pack: &Pack,
+        engine: EngineKind,
+        max_batch: usize,
+    ) -> Result<Box<dyn Generator>, EngineError> {
+        if is_unimogen(pack) {
+            let mut generator = UniMoGen::new(pack, Box::new(self.load_denoiser(pack, engine)?), max_batch)?;
+            generator.warm_up(pack)?;
+            return Ok(Box::new(generator));
+        }
+        let stages = self.load(pack, engine)?;
+        let mut pipeline = Pipeline::new(pack.rig.dims, Box::new(stages), max_batch);
+        pipeline.warm_up()?;
+        Ok(Box::new(MotionBricks::new(pipeline, max_batch)))
+    }
+
+    /// The network of one worker, of a UniMoGen pack.
+    ///
+    /// # Errors
+    /// [`EngineError`] where it does not load.
+    pub fn load_denoiser(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxDenoiser, EngineError> {
+        let options = SessionOptions {
+            engine,
+            threads: self.workers.threads,
+            spin: self.spin,
+            fixed_shapes: false,
+            growth: Growth::None,
+        };
+        OnnxDenoiser::load(&self.runtime, pack, options)
+    }
+
+    /// The stages of one worker, of a MotionBricks pack.
     ///
     /// # Errors
     /// [`EngineError`] where they do not load.
@@ -199,7 +243,7 @@ impl Selector {
     /// Compares an engine, as it would serve, with the reference.
     ///
     /// # Errors
-    /// [`EngineError`] where a stage of either does not load or run.
+    /// [`EngineError`] where a network of either does not load or run.
     pub fn check(&self, pack: &Pack, engine: EngineKind) -> Result<Check, EngineError> {
         let started = Instant::now();
         let reference = SessionOptions {
@@ -210,13 +254,14 @@ impl Selector {
             fixed_shapes: false,
             growth: Growth::None,
         };
-        let reference = OnnxStages::load(&self.runtime, pack, reference, &self.pool)?;
-        let Probe {
-            batches,
-            mut reference,
-        } = probe(pack, Box::new(reference))?;
-        let mut candidate: Box<dyn Stages> = Box::new(self.load_growing(pack, engine, Growth::None)?);
-        let accuracy = compare(pack, &mut *reference, &mut *candidate, &batches)?;
+        let accuracy = match is_unimogen(pack) {
+            true => {
+                let reference = OnnxDenoiser::load(&self.runtime, pack, reference)?;
+                let candidate = self.load_denoiser(pack, engine)?;
+                compare_paths(pack, Box::new(reference), Box::new(candidate))?
+            }
+            false => self.compare_stages(pack, reference, engine)?,
+        };
         Ok(Check {
             engine,
             accuracy,
@@ -224,6 +269,25 @@ impl Selector {
             took: started.elapsed(),
         })
     }
+
+    fn compare_stages(
+        &self,
+        pack: &Pack,
+        reference: SessionOptions,
+        engine: EngineKind,
+    ) -> Result<Accuracy, EngineError> {
+        let reference = OnnxStages::load(&self.runtime, pack, reference, &self.pool)?;
+        let Probe {
+            batches,
+            mut reference,
+        } = probe(pack, Box::new(reference))?;
+        let mut candidate: Box<dyn Stages> = Box::new(self.load_growing(pack, engine, Growth::None)?);
+        compare(pack, &mut *reference, &mut *candidate, &batches)
+    }
+}
+
+fn is_unimogen(pack: &Pack) -> bool {
+    pack.manifest.family == UNIMOGEN
 }
 
 /// An engine, why it serves, and its check.

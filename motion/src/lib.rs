@@ -24,6 +24,7 @@ pub mod inspect;
 pub mod interpolate;
 pub mod metrics;
 pub mod model;
+pub mod path;
 pub mod pin;
 pub mod robot;
 pub mod root;

@@ -173,7 +173,10 @@ pub struct Config {
 
     /// Cache folder for results of accuracy checks, which make the next start faster. The server also starts if it cannot write
     /// there. Left out: `troupe` in the user's cache folder, such as ~/.cache. An empty name: no cache.
-    #[config(env = "TROUPE_CACHE", layer_attr(arg(long, value_name = "FOLDER")))]
+    #[config(
+        env = "TROUPE_CACHE",
+        layer_attr(arg(long, value_name = "FOLDER", value_parser = cli::maybe_folder()))
+    )]
     pub cache: Option<PathBuf>,
 
     /// Memory for the networks of openvino-bf16 over all packs, in MiB. Each network serves one segment length and one number of
@@ -252,7 +255,10 @@ pub struct Config {
     /// Folder of what outlives the server: sessions, where the objects of scenes are, and, in folders of their own, uploaded styles,
     /// scenes and object definitions. One server at a time has it. Left out: `troupe/PORT` in the user's folder for states, such as
     /// ~/.local/state, or nothing where `listen` leaves the port to the system. An empty name: nothing is kept.
-    #[config(env = "TROUPE_STORE", layer_attr(arg(long, value_name = "FOLDER")))]
+    #[config(
+        env = "TROUPE_STORE",
+        layer_attr(arg(long, value_name = "FOLDER", value_parser = cli::maybe_folder()))
+    )]
     pub store: Option<PathBuf>,
 
     /// How often sessions are written to the store, in milliseconds: what happened since then is lost where the server is

@@ -40,6 +40,15 @@ fn flags_win_over_the_file_and_the_file_over_defaults() {
 }
 
 #[test]
+fn an_empty_name_turns_a_folder_off() {
+    let config = load(&["--store", "", "--cache", ""]).unwrap();
+    assert_eq!(
+        (config.store_folder(), config.cache),
+        (None, Some(PathBuf::new()))
+    );
+}
+
+#[test]
 fn the_template_names_every_option_and_loads() {
     let template = Config::template();
     for option in [

@@ -56,10 +56,10 @@ pub struct CannotDo {
     pub can: Vec<Capability>,
 }
 
-/// A skeleton that a pack does not have.
+/// A body that a pack does not have.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}", self.text())]
-pub struct UnknownSkeleton {
+pub struct UnknownBody {
     /// The pack's name.
     pub pack: String,
     /// The name that was asked for.
@@ -70,13 +70,13 @@ pub struct UnknownSkeleton {
     pub there_are: Vec<String>,
 }
 
-impl UnknownSkeleton {
+impl UnknownBody {
     fn text(&self) -> String {
         let Self { pack, name, .. } = self;
         match self.there_are.is_empty() {
-            true => format!("the pack {pack} has one skeleton, and none that is called {name:?}"),
+            true => format!("the pack {pack} has one skeleton, and no body {name:?}"),
             false => format!(
-                "the pack {pack} has no skeleton {name:?}; it has {}",
+                "the pack {pack} has no body {name:?}; it has {}",
                 self.there_are.join(", ")
             ),
         }
@@ -132,19 +132,19 @@ impl LoadedPack {
         }
     }
 
-    /// The place of a skeleton among the pack's bodies, which is that of its styles too; of the default one where the name, given in
-    /// `field`, is empty. 0 for a pack of one skeleton.
+    /// The place of a body among the pack's, which is that of its styles too; of the default one where the name, given in `field`, is
+    /// empty. 0 for a pack of one skeleton.
     ///
     /// # Errors
-    /// [`UnknownSkeleton`].
-    pub fn skeleton(&self, field: impl ToString, name: &str) -> Result<usize, UnknownSkeleton> {
+    /// [`UnknownBody`].
+    pub fn place_of(&self, field: impl ToString, name: &str) -> Result<usize, UnknownBody> {
         let bodies = &self.pack.bodies;
         if bodies.is_empty() && name.is_empty() {
             return Ok(0);
         }
         let found = self.pack.body(name);
         let place = found.and_then(|body| bodies.iter().position(|other| Arc::ptr_eq(other, body)));
-        place.ok_or_else(|| UnknownSkeleton {
+        place.ok_or_else(|| UnknownBody {
             pack: self.pack.name().to_owned(),
             name: name.chars().take(MAX_ECHO).collect(),
             field: field.to_string(),
@@ -152,16 +152,12 @@ impl LoadedPack {
         })
     }
 
-    /// The styles of a skeleton, as [`LoadedPack::skeleton`].
+    /// The styles of a body, as [`LoadedPack::place_of`].
     ///
     /// # Errors
-    /// [`UnknownSkeleton`].
-    pub fn styles_of(
-        &self,
-        field: impl ToString,
-        skeleton: &str,
-    ) -> Result<&Arc<StyleTable>, UnknownSkeleton> {
-        Ok(&self.styles[self.skeleton(field, skeleton)?])
+    /// [`UnknownBody`].
+    pub fn styles_of(&self, field: impl ToString, body: &str) -> Result<&Arc<StyleTable>, UnknownBody> {
+        Ok(&self.styles[self.place_of(field, body)?])
     }
 
     /// The rig of the body at a place, or that of the pack's one skeleton.

@@ -131,14 +131,12 @@ pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
             error,
         })?;
         let (selector, engine) = (selector.clone(), decision.engine);
-        let stages = move |pack: &Pack| Ok(Box::new(selector.load(pack, engine)?) as Box<dyn Stages>);
-        let workers = decision.workers.count;
-        sources.push(PackSource::of_stages(
+        sources.push(PackSource {
             pack,
-            workers,
-            Box::new(stages),
-            Some(decision),
-        ));
+            workers: decision.workers.count,
+            generator: Box::new(move |pack, max_batch| selector.generator(pack, engine, max_batch)),
+            decision: Some(decision),
+        });
     }
     Ok(sources)
 }

@@ -186,7 +186,7 @@ impl Service {
     pub fn list_packs(&self) -> Result<v1::ListPacksResponse, ServiceError> {
         let table = self.table()?;
         Ok(v1::ListPacksResponse {
-            packs: table.all().map(|pack| described(table, pack)).collect(),
+            packs: table.all().map(|pack| summary(described(table, pack))).collect(),
         })
     }
 
@@ -257,6 +257,15 @@ impl Service {
             timing: Some(timing),
         })
     }
+}
+
+/// Without the skeletons of its bodies.
+fn summary(mut pack: v1::Pack) -> v1::Pack {
+    for body in &mut pack.bodies {
+        body.joints.clear();
+        body.robot = None;
+    }
+    pack
 }
 
 fn described(table: &PackTable, loaded: &LoadedPack) -> v1::Pack {

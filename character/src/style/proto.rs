@@ -95,10 +95,10 @@ impl Style {
 }
 
 impl Words {
-    fn message(&self) -> impl Iterator<Item = v1::WordWeight> {
-        self.weights.iter().map(|(word, weight)| v1::WordWeight {
+    fn message(&self) -> impl Iterator<Item = v1::StyleWord> {
+        self.weights.iter().map(|(word, weight)| v1::StyleWord {
             word: word.clone(),
-            weight: *weight,
+            weight: Some(*weight),
         })
     }
 }
@@ -187,8 +187,9 @@ fn check_words(path: &Path<'_>, style: &v1::Style, body: &ByPath) -> Result<Vec<
                 "each word once",
             ));
         }
-        number(&path.field("weight"), given.weight, 0.0, 1.0)?;
-        weights.push((given.word.clone(), given.weight));
+        let weight = given.weight.unwrap_or(1.0);
+        number(&path.field("weight"), weight, 0.0, 1.0)?;
+        weights.push((given.word.clone(), weight));
     }
     Ok(weights)
 }

@@ -7,16 +7,22 @@ mod strip;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
+use glam::Vec2;
 use troupe_client::FrameOptions;
+use troupe_motion::clip::Clip;
+use troupe_proto::v1;
 
 use self::picture::{Picture, WIDTH};
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::path::Path;
 use crate::stage::Stage;
-use crate::take::{Take, follow, print_events};
+use crate::take::{Order, Take, follow, print_events};
 
 pub(crate) use self::args::Film;
+
+/// Poses of a picture of a generated motion.
+const MOTION_POSES: usize = 16;
 
 pub(super) async fn run(context: &Context, command: &Film) -> Result<(), Failure> {
     let mut path = Path::read(&command.path)?;
@@ -46,6 +52,42 @@ pub(super) async fn run(context: &Context, command: &Film) -> Result<(), Failure
         .term
         .note(format_args!("picture written to {}", command.out.display()));
     print_events(&take.events)
+}
+
+/// A picture of a motion that follows a path, as a PNG file of `width` pixels: `style` is what its poses are labelled with.
+pub(crate) fn draw_motion(
+    clip: &Clip,
+    path: &[Vec2],
+    style: &str,
+    title: (String, String),
+    width: u32,
+) -> Result<Vec<u8>, String> {
+    let take = Take {
+        clip: clip.clone(),
+        told: vec![Order {
+            frame: 0,
+            style: style.to_owned(),
+            velocity: Vec2::ZERO,
+        }],
+        commanded: path.to_vec(),
+        goal: path.last().copied(),
+        scene: None,
+        events: Vec::new(),
+        moved: Vec::new(),
+        commands: 0,
+        stats: v1::SessionStats::default(),
+    };
+    let (title, subtitle) = title;
+    let picture = Picture {
+        stage: None,
+        range: 0..=clip.frames().saturating_sub(1),
+        title,
+        subtitle,
+        take: &take,
+        poses: MOTION_POSES,
+        zoom: width as f32 / WIDTH,
+    };
+    picture.to_png()
 }
 
 /// The frames between which the strip's poses are.

@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn styles_in_a_table() {
         let styles = v1::ListStylesResponse {
-            skeleton: String::new(),
+            body: String::new(),
             pack: "human".to_owned(),
             styles: vec![
                 v1::Style {

@@ -8,6 +8,4 @@ mod follow;
 pub(crate) use self::character::{Character, options_of, pack_of, scene_of};
 pub(crate) use self::crowd::{CrowdTake, Recorded, follow_together};
 pub(crate) use self::events::{Event, Moved, Told, print_events};
-#[cfg(test)]
-pub(crate) use self::follow::Order;
-pub(crate) use self::follow::{Take, follow};
+pub(crate) use self::follow::{Order, Take, follow};

@@ -2,7 +2,7 @@
 
 use troupe_proto::v1;
 
-use super::path::FollowPath;
+use super::path::LivePath;
 
 /// Something that a character does once: use an object of its scene, or follow a path. It goes to the server with the next step or tick, or when it is sent.
 ///
@@ -30,7 +30,7 @@ pub enum Act {
     /// Put down what is in the hand.
     Drop,
     /// Follow a path, and stand at its end.
-    FollowPath(FollowPath),
+    FollowPath(LivePath),
 }
 
 impl Act {

@@ -20,14 +20,14 @@ pub struct PathPoint {
 ///
 /// ```
 /// use glam::Vec3;
-/// use troupe_client::{Act, FollowPath};
+/// use troupe_client::{Act, LivePath};
 ///
 /// let square = [Vec3::ZERO, Vec3::Z * 3.0, Vec3::new(3.0, 0.0, 3.0), Vec3::X * 3.0];
-/// let rounds = Act::from(FollowPath::through(square).speed(1.2).style("elderly").looped());
+/// let rounds = Act::from(LivePath::through(square).speed(1.2).style("elderly").looped());
 /// # assert_ne!(rounds, Act::Cancel);
 /// ```
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct FollowPath {
+pub struct LivePath {
     /// The points.
     pub points: Vec<PathPoint>,
     /// Speed along the path, in the session's units per second, for points without times. None: the style's.
@@ -38,7 +38,7 @@ pub struct FollowPath {
     pub is_loop: bool,
 }
 
-impl FollowPath {
+impl LivePath {
     /// A path through these places.
     pub fn through(places: impl IntoIterator<Item = Vec3>) -> Self {
         let point = |position| PathPoint {
@@ -102,8 +102,8 @@ impl FollowPath {
     }
 }
 
-impl From<FollowPath> for Act {
-    fn from(path: FollowPath) -> Self {
+impl From<LivePath> for Act {
+    fn from(path: LivePath) -> Self {
         Self::FollowPath(path)
     }
 }

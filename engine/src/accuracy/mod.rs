@@ -4,6 +4,7 @@
 //! not taken for a large one in the next. The tasks are the pack's own motion, see [`probe`].
 
 mod bars;
+mod paths;
 mod probe;
 
 use troupe_motion::fk::{local_from_world_rotations, world_transforms};
@@ -19,29 +20,43 @@ use super::{
 use crate::pack::Pack;
 
 pub use bars::Bar;
+pub use paths::compare_paths;
 pub use probe::{PROBE_BATCH, Probe, probe};
 
 /// A contact probability from here on is contact.
 const CONTACT: f32 = 0.5;
 
-/// How far an engine is from the reference, over the tasks of a [`probe`].
+/// What was compared.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// The stages of MotionBricks, each on the reference's inputs.
+    #[default]
+    Stages,
+    /// Whole motions along paths. Lengths are those of bodies that are scaled to a size of 1 m.
+    Paths,
+}
+
+/// How far an engine is from the reference, over the tasks of a probe. A figure that the family does not have is 0.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Accuracy {
+    /// What was compared.
+    pub kind: Kind,
     /// Characters compared.
     pub characters: usize,
     /// Share of them whose root stage chose another token count.
     pub counts_differ: f64,
-    /// Mean distance of r_g3, metres.
+    /// Mean distance of roots (r_g3), metres.
     pub root_mean_m: f64,
-    /// Largest distance of r_g3, metres.
+    /// Largest distance of roots, metres.
     pub root_max_m: f64,
-    /// Largest difference in the heading of r_g3, radians.
+    /// Largest difference in the heading of roots, radians.
     pub root_max_rad: f64,
     /// Share of pose tokens whose most likely code is another.
     pub tokens_differ: f64,
     /// What these other codes are less likely by in the reference, a token: mean log-probability lost, nats.
     pub token_loss_nats: f64,
-    /// Mean distance of joints in the world, metres: root and rotations of the decoder through forward kinematics.
+    /// Mean distance of joints in the world, metres: root and rotations through forward kinematics.
     pub joint_mean_m: f64,
     /// Largest such distance, metres.
     pub joint_max_m: f64,
@@ -84,6 +99,7 @@ struct Sums {
 impl Sums {
     fn accuracy(&self) -> Accuracy {
         Accuracy {
+            kind: Kind::Stages,
             characters: self.counts.of,
             counts_differ: self.counts.share(),
             root_mean_m: self.root.mean(),

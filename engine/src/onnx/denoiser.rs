@@ -7,9 +7,9 @@ use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 use troupe_motion::model::{DESCRIPTION, SLOTS};
 
 use super::{Runtime, SessionOptions, exit, one_line, session};
-use crate::EngineError;
 use crate::pack::{DENOISER_FILE, Pack};
 use crate::unimogen::{Call, Denoiser, PATH_FEATURES, ROW_CHANNELS};
+use crate::{EngineError, EngineKind};
 
 /// The output.
 const CLEAN: &str = "clean";
@@ -18,6 +18,7 @@ const OPEN: i64 = -1;
 
 /// A session of one worker.
 pub struct OnnxDenoiser {
+    engine: EngineKind,
     session: Session,
 }
 
@@ -33,7 +34,8 @@ impl OnnxDenoiser {
             session::open(runtime, options, &path).map_err(|reason| EngineError::Load { file, reason })?;
         check(pack.words.len(), session.inputs(), session.outputs())
             .map_err(|problem| EngineError::Signature { file, problem })?;
-        Ok(Self { session })
+        let engine = options.engine;
+        Ok(Self { engine, session })
     }
 
     fn run(&mut self, call: &Call, clean: &mut [f32]) -> Result<(), String> {
@@ -65,6 +67,11 @@ impl OnnxDenoiser {
 }
 
 impl Denoiser for OnnxDenoiser {
+    /// OpenVINO makes kernels for each shape: 20 to 25 ms the first time.
+    fn any_shape(&self) -> bool {
+        self.engine == EngineKind::Cpu
+    }
+
     fn denoise(&mut self, call: &Call, clean: &mut [f32]) -> Result<(), EngineError> {
         self.run(call, clean).map_err(|problem| EngineError::Network {
             file: DENOISER_FILE,

@@ -1,4 +1,4 @@
-//! The stages on ONNX Runtime, loaded at run time from the library that `ORT_DYLIB_PATH` names.
+//! Networks on ONNX Runtime, loaded at run time from the library that `ORT_DYLIB_PATH` names.
 
 mod calls;
 mod denoiser;
@@ -65,7 +65,22 @@ impl Batching {
             EngineKind::OpenvinoBf16 | EngineKind::Cuda | EngineKind::Tensorrt => Self::UNKNOWN,
         }
     }
+
+    /// Of a UniMoGen pack: its jobs have shapes of their own.
+    pub fn of_unimogen(engine: EngineKind) -> Self {
+        Self {
+            any_size: true,
+            usual_most: match engine {
+                EngineKind::Cpu | EngineKind::OpenvinoBf16 => UNIMOGEN_JOBS,
+                EngineKind::Cuda | EngineKind::Tensorrt => Self::UNKNOWN.usual_most,
+            },
+            call_rows: 0,
+        }
+    }
 }
+
+/// How UniMoGen packs take jobs on a CPU: a step is a call for one job, so that more of them in a worker's hands only wait there.
+const UNIMOGEN_JOBS: usize = 4;
 
 /// Why a pack has no networks of fixed shapes. None where it has: they are to be had, and those that it cannot do without fit
 /// into `memory_bytes`.

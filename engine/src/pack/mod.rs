@@ -151,6 +151,11 @@ impl Pack {
         }
     }
 
+    /// The file of one body.
+    pub fn body_file(&self, name: &str) -> PathBuf {
+        unimogen::body_file(&self.folder, name)
+    }
+
     /// The file of one stage.
     pub fn stage_file(&self, stage: Stage) -> PathBuf {
         self.folder.join(stage.file_name())

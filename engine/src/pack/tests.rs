@@ -243,7 +243,7 @@ fn a_pack_of_many_bodies_loads_all_of_them() {
 #[test]
 fn heights_and_sizes_are_those_that_follow_from_the_neutral_pose() {
     use troupe_motion::model::BodyParts;
-    let trained = Path::new(env!("CARGO_MANIFEST_DIR")).join("../training/packs/unimogen");
+    let trained = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/unimogen");
     for folder in [tiny(), trained] {
         let pack = Pack::load(&folder).unwrap();
         for body in &pack.bodies {

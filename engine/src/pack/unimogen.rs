@@ -1,7 +1,7 @@
 //! What a UniMoGen pack has beside the common manifest: the table `[unimogen]`, and a file a body (docs/unimogen-pack.md).
 
 use std::collections::HashSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Skeleton;
@@ -161,7 +161,7 @@ impl UniMoGenDoc {
     /// [`PackProblem::Read`], [`PackProblem::BodyFile`] or [`PackProblem::Body`].
     pub(super) fn read_bodies(&self, folder: &Path, fps: f32, dims: &Dims) -> Result<Vec<Body>, PackProblem> {
         let read = |name: &String| {
-            let text = read_text(&folder.join("bodies").join(format!("{name}.toml")))?;
+            let text = read_text(&body_file(folder, name))?;
             let doc: BodyDoc = toml::from_str(&text).map_err(|cause| PackProblem::BodyFile {
                 body: name.clone(),
                 cause: Box::new(cause),
@@ -188,6 +188,11 @@ impl UniMoGenDoc {
         };
         self.bodies.iter().map(read).collect()
     }
+}
+
+/// The file of one body in a pack's folder.
+pub(super) fn body_file(folder: &Path, name: &str) -> PathBuf {
+    folder.join("bodies").join(format!("{name}.toml"))
 }
 
 fn is_name(name: &str) -> bool {

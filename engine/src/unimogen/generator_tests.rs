@@ -40,7 +40,7 @@ impl Denoiser for Echo {
 fn echo(max_jobs: usize) -> (UniMoGen, Calls) {
     let calls = Calls::default();
     let generator = UniMoGen::new(&pack(), Box::new(Echo(calls.clone())), max_jobs).unwrap();
-    (generator, calls)
+    (generator.with_call_rows(1000), calls)
 }
 
 fn task(pack: &Pack, body: &str, frames: usize, seed: u64) -> PathTask {

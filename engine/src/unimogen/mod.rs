@@ -13,6 +13,7 @@ mod rows;
 mod schedule;
 
 pub use batch::Call;
+pub(crate) use generator::LIVE_FRAMES;
 pub use generator::{CALL_ROWS, UniMoGen};
 pub use network::Denoiser;
 pub use probe::probe_task;

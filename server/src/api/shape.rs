@@ -8,6 +8,7 @@ use prost::encoding::{DecodeContext, WireType, decode_key, decode_varint, skip_f
 use troupe_proto::rpc::{List, RPCS, Step};
 
 use super::{ApiError, ApiLimits};
+use crate::inbetween::MAX_PATH_POINTS;
 use crate::session::MAX_COMMANDS;
 use troupe_character::FieldError;
 use troupe_character::primitives::path::PATH_POINTS;
@@ -41,9 +42,14 @@ impl Limit {
             ("Command", _) => limit("commands", MAX_COMMANDS, 64),
             ("Gait", _) => limit("gaits", 256, 256),
             ("GaitKey", _) => limit("keyframes", 256, 2),
-            ("PathPoint", _) => limit("points", *PATH_POINTS.end(), 2),
-            ("WordWeight", _) => limit("words", 64, 1),
+            (_, "FollowPath.points") => limit("points", *PATH_POINTS.end(), 2),
+            (_, "Style.words") => limit("words", 64, 64),
             ("Collider", _) => limit("colliders", 2048, 512),
+            (_, "PathGoal.points") => limit("points", MAX_PATH_POINTS, 2),
+            ("BodyJoint", _) => limit("joints", 1024, 64),
+            (_, "BodySkeleton.contact_joints") => limit("contact joints", 1024, 64),
+            (_, "PathGoal.style") => limit("words", 1024, 64),
+            ("Quat", _) => limit("rotations", 1024, 1),
             ("Vec3", _) => limit("points", 256, 1),
             // Place, rotation and itself, and signs in its id.
             ("SceneObject", _) => limit("objects", 8192, 160),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Parser;
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use confique::Layer as _;
 use http::Uri;
 
@@ -70,6 +71,11 @@ pub enum KeyCommand {
         #[arg(long, value_name = "NAME")]
         tenant: Option<String>,
     },
+}
+
+/// A folder, or an empty name for none.
+pub(super) fn maybe_folder() -> impl TypedValueParser<Value = PathBuf> {
+    OsStringValueParser::new().map(PathBuf::from)
 }
 
 /// Options of the doctor. Those that it shares with the server come from the same environment and configuration file.

@@ -5,8 +5,10 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use troupe_engine::pack::Pack;
-use troupe_engine::{EngineError, EngineKind, Pipeline, RawLoop, Selector, Workers};
+use troupe_engine::pack::{Pack, UNIMOGEN};
+use troupe_engine::unimogen::probe_task;
+use troupe_engine::{EngineError, EngineKind, Pipeline, RawLoop, Selector, UniMoGen, Workers};
+use troupe_motion::model::PathTask;
 
 /// Time for one measurement.
 const MOMENT: Duration = Duration::from_millis(200);
@@ -24,7 +26,7 @@ pub struct Trial {
     pub warm_up_s: f64,
     /// Frames of the plans that were made.
     pub frames: usize,
-    /// The networks alone, by workers and batch size.
+    /// The networks alone, by workers and batch size; of a UniMoGen pack, all steps of the sampler.
     pub speeds: Vec<Speed>,
 }
 
@@ -57,23 +59,22 @@ impl Trial {
         };
         let workers = selector.workers;
         let loading = Instant::now();
-        let pipelines = on_workers(0..workers.count, |_| {
-            let stages = selector.load(pack, engine)?;
-            Ok(Pipeline::new(pack.rig.dims, Box::new(stages), max_batch))
+        let loaded = on_workers(0..workers.count, |_| {
+            Loaded::load(selector, pack, engine, max_batch)
         })?;
         let warming = Instant::now();
-        let pipelines = on_workers(pipelines, |mut pipeline| {
-            pipeline.warm_up()?;
-            Ok(pipeline)
-        })?;
+        let warm = on_workers(loaded, |loaded| loaded.warm_up(pack))?;
         trial.load_s = (warming - loading).as_secs_f64();
         trial.warm_up_s = warming.elapsed().as_secs_f64();
 
-        let loops = pipelines
-            .into_iter()
-            .map(|pipeline| RawLoop::new(&pack.rig.dims, pipeline.into_stages(), max_batch, trial.frames))
-            .collect();
-        trial.measure(pack, workers, loops, max_batch)?;
+        let frames = trial.frames;
+        let loops = |loaded: Vec<Loaded>| {
+            let loops = loaded
+                .into_iter()
+                .map(|loaded| loaded.into_loop(pack, max_batch, frames));
+            loops.collect::<Vec<_>>()
+        };
+        trial.measure(pack, workers, loops(warm), max_batch)?;
         if workers.count > 1 {
             let one = Workers {
                 count: 1,
@@ -83,9 +84,8 @@ impl Trial {
                 workers: one,
                 ..selector.clone()
             };
-            let stages = Box::new(selector.load(pack, engine)?);
-            let alone = RawLoop::new(&pack.rig.dims, stages, max_batch, trial.frames);
-            trial.measure(pack, one, vec![alone], max_batch)?;
+            let alone = Loaded::load(&selector, pack, engine, max_batch)?;
+            trial.measure(pack, one, loops(vec![alone]), max_batch)?;
         }
         Ok(trial)
     }
@@ -94,13 +94,13 @@ impl Trial {
         &mut self,
         pack: &Pack,
         workers: Workers,
-        mut loops: Vec<RawLoop>,
+        mut loops: Vec<Loop>,
         max_batch: usize,
     ) -> Result<(), EngineError> {
         for batch in BATCHES.into_iter().filter(|&batch| batch <= max_batch) {
             let barrier = Barrier::new(loops.len());
             let runs = on_workers(loops.iter_mut(), |worker| {
-                worker.set_shape(&pack.rig.dims, batch, self.frames);
+                worker.set_batch(pack, batch, self.frames);
                 let warm = worker.run();
                 // Every worker comes here, whatever became of it.
                 barrier.wait();
@@ -121,6 +121,75 @@ impl Trial {
             });
         }
         Ok(())
+    }
+}
+
+/// The networks of one worker, by family.
+enum Loaded {
+    Stages(Box<Pipeline>),
+    Paths(Box<UniMoGen>),
+}
+
+impl Loaded {
+    fn load(
+        selector: &Selector,
+        pack: &Pack,
+        engine: EngineKind,
+        max_batch: usize,
+    ) -> Result<Self, EngineError> {
+        if pack.manifest.family == UNIMOGEN {
+            let denoiser = Box::new(selector.load_denoiser(pack, engine)?);
+            return Ok(Self::Paths(Box::new(UniMoGen::new(pack, denoiser, max_batch)?)));
+        }
+        let stages = Box::new(selector.load(pack, engine)?);
+        let pipeline = Pipeline::new(pack.rig.dims, stages, max_batch);
+        Ok(Self::Stages(Box::new(pipeline)))
+    }
+
+    fn warm_up(mut self, pack: &Pack) -> Result<Self, EngineError> {
+        match &mut self {
+            Self::Stages(pipeline) => pipeline.warm_up()?,
+            Self::Paths(generator) => generator.warm_up(pack)?,
+        }
+        Ok(self)
+    }
+
+    fn into_loop(self, pack: &Pack, max_batch: usize, frames: usize) -> Loop {
+        match self {
+            Self::Stages(pipeline) => {
+                let stages = pipeline.into_stages();
+                let raw = RawLoop::new(&pack.rig.dims, stages, max_batch, frames);
+                Loop::Stages(Box::new(raw))
+            }
+            Self::Paths(generator) => Loop::Paths(generator, Vec::new()),
+        }
+    }
+}
+
+/// Runs batches of one size again and again.
+enum Loop {
+    Stages(Box<RawLoop>),
+    Paths(Box<UniMoGen>, Vec<PathTask>),
+}
+
+impl Loop {
+    /// Batches of so many characters; of a pack with many bodies, these in turns.
+    fn set_batch(&mut self, pack: &Pack, batch: usize, frames: usize) {
+        match self {
+            Self::Stages(stages) => stages.set_shape(&pack.rig.dims, batch, frames),
+            Self::Paths(_, tasks) => {
+                *tasks = (0..batch)
+                    .filter_map(|index| probe_task(pack, index, frames))
+                    .collect();
+            }
+        }
+    }
+
+    fn run(&mut self) -> Result<(), EngineError> {
+        match self {
+            Self::Stages(stages) => stages.run().map(|_| ()),
+            Self::Paths(generator, tasks) => generator.run(tasks).map(|_| ()),
+        }
     }
 }
 

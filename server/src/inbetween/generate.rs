@@ -35,7 +35,11 @@ pub fn prepare_generate(
     let mut writer = KeyWriter::new(&rig.skeleton, rig.fps);
     let (seed, temperature) = (request.seed, request.temperature);
     match &request.goal {
-        None => Err(root.field("goal").error("is missing", "prompt or describe")),
+        None => Err(root.field("goal").error("is missing", "prompt, describe or path")),
+        // Its motion is made window by window: see `PathPlan`.
+        Some(Goal::Path(_)) => Err(root
+            .field("path")
+            .error("is no single task", "prompt or describe")),
         Some(Goal::Prompt(prompt)) => {
             let path = root.field("prompt");
             let text = check_text(&path, &prompt.text)?;
@@ -80,6 +84,22 @@ pub fn prepare_generate(
                 temperature,
             };
             Ok((Task::Describe(task), frame))
+        }
+    }
+}
+
+/// A path has no temperature: its motion follows from the seed.
+///
+/// # Errors
+/// [`FieldError`] where one is given.
+pub fn no_temperature(request: &v1::GenerateRequest) -> Result<(), FieldError> {
+    match request.temperature {
+        0.0 => Ok(()),
+        found => {
+            let path = Path::root();
+            Err(path
+                .field("temperature")
+                .error(format!("is {found}"), "0 beside path"))
         }
     }
 }
@@ -138,7 +158,13 @@ impl PartWriter {
         Ok(v1::GenerateResponse {
             part: Some(part),
             is_last,
+            notes: Vec::new(),
         })
+    }
+
+    /// The next part lies at `frame`.
+    pub fn move_to(&mut self, frame: SegmentFrame) {
+        self.frame = frame;
     }
 
     fn frames(&mut self, motion: &Motion) -> Result<v1::Frames, NonFinite> {

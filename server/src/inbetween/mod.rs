@@ -5,15 +5,19 @@
 //! frames: world rotations to parent-relative ones, roots and poses pinned to the keyframes, the segment frame undone, feet
 //! that stand held still, a robot's poses brought onto its hinges.
 
+mod body;
 mod finish;
 mod generate;
 #[cfg(test)]
 mod live_equals_tests;
+mod path;
 mod prepare;
 
 pub use finish::finish;
-pub use generate::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, PartWriter, prepare_generate};
+pub use generate::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, PartWriter, no_temperature, prepare_generate};
+pub use path::{MAX_PATH_POINTS, PathPlan};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};
+pub use troupe_character::post::check_finite as check_window;
 
 /// Most bytes of a character's id.
 pub const MAX_ID_BYTES: usize = 128;

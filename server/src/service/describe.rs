@@ -1,38 +1,26 @@
 //! The public description of a pack.
 
 use troupe_engine::pack::Pack;
+use troupe_motion::model::Body;
 use troupe_motion::robot::Hinge;
-use troupe_motion::{Robot, Skeleton};
+use troupe_motion::{Joint, Robot, Skeleton};
 use troupe_proto::v1;
 
 /// The public description of the pack, which `engine` runs.
 pub(super) fn describe(pack: &Pack, is_default: bool, engine: &str) -> v1::Pack {
     let manifest = &pack.manifest;
     let (skeleton, dims) = (&pack.rig.skeleton, &pack.rig.dims);
-    let joints = &skeleton.joints;
     let contacts = skeleton.contacts.as_ref();
-    let parent = |parent: Option<usize>| parent.map_or(-1, |index| index as i32);
     v1::Pack {
         name: manifest.name.clone(),
         version: manifest.version.clone(),
         licence: manifest.licence.clone(),
         credits: manifest.credits.clone(),
         fps: manifest.fps,
-        joints: joints
-            .iter()
-            .map(|joint| v1::Joint {
-                name: joint.name.clone(),
-                parent: parent(joint.parent),
-                offset: Some(vector(joint.offset_m)),
-            })
-            .collect(),
+        joints: skeleton.joints.iter().map(joint).collect(),
         left_axis: Some(vector(skeleton.left_axis)),
         ground_y: skeleton.ground_y_m,
-        contact_joints: contacts
-            .iter()
-            .flat_map(|contacts| &contacts.joints)
-            .map(|&joint| joints[joint].name.clone())
-            .collect(),
+        contact_joints: contact_joints(skeleton),
         contact_rules: contacts.map(|contacts| v1::ContactRules {
             max_height: contacts.max_height_m.clone(),
             max_speed: contacts.max_speed_mps,
@@ -57,7 +45,45 @@ pub(super) fn describe(pack: &Pack, is_default: bool, engine: &str) -> v1::Pack 
             .map(|able| able.name().to_owned())
             .collect(),
         robot: (skeleton.robot.as_ref()).map(|robot| describe_robot(robot, skeleton)),
+        bodies: default_first(pack).map(describe_body).collect(),
+        words: pack.words.clone(),
+        sampler_steps: (manifest.unimogen.as_ref()).map_or(0, |table| table.sampler_steps as u32),
+        diffusion_steps: (manifest.unimogen.as_ref()).map_or(0, |table| table.diffusion_steps as u32),
     }
+}
+
+/// The pack's bodies.
+fn default_first(pack: &Pack) -> impl Iterator<Item = &Body> {
+    let first = pack.body("").map(|body| &**body);
+    let others = pack.bodies.iter().map(|body| &**body);
+    let others = others.filter(move |body| first.is_none_or(|first| first.name != body.name));
+    first.into_iter().chain(others)
+}
+
+fn describe_body(body: &Body) -> v1::PackBody {
+    let skeleton = &body.rig.skeleton;
+    v1::PackBody {
+        name: body.name.clone(),
+        joints: skeleton.joints.iter().map(joint).collect(),
+        contact_joints: contact_joints(skeleton),
+        left_axis: Some(vector(skeleton.left_axis)),
+        robot: (skeleton.robot.as_ref()).map(|robot| describe_robot(robot, skeleton)),
+        height: body.height_m,
+        words: body.words.clone(),
+    }
+}
+
+fn joint(joint: &Joint) -> v1::Joint {
+    v1::Joint {
+        name: joint.name.clone(),
+        parent: joint.parent.map_or(-1, |index| index as i32),
+        offset: Some(vector(joint.offset_m)),
+    }
+}
+
+fn contact_joints(skeleton: &Skeleton) -> Vec<String> {
+    let joints = skeleton.contacts.iter().flat_map(|contacts| &contacts.joints);
+    joints.map(|&joint| skeleton.joints[joint].name.clone()).collect()
 }
 
 fn describe_robot(robot: &Robot, skeleton: &Skeleton) -> v1::Robot {

@@ -1,23 +1,39 @@
-//! `troupe.v1.Motion/Generate`.
+//! `troupe.v1.Motion/Generate`: an answer part by part, as the generator makes it.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use troupe_motion::SegmentFrame;
+use troupe_motion::model::{Capability, Output};
 use troupe_proto::v1;
+use troupe_proto::v1::generate_request::Goal;
 
 use super::{REQUEST_TARGET, Service, ServiceError};
-use crate::batch::{Order, Parts, trace_queue, trace_step};
-use crate::inbetween::{PartWriter, prepare_generate};
+use crate::batch::{Batcher, Order, Parts, Piece, trace_queue, trace_step};
+use crate::inbetween::{PartWriter, PathPlan, prepare_generate};
 use crate::telemetry::{RequestContext, Trace};
 
-/// An answer that is being made. Dropping it gives it up.
+/// An answer on its way.
 #[derive(Debug)]
 #[must_use = "dropping it gives up the request"]
 pub struct Generation {
     parts: Parts,
     writer: PartWriter,
+    /// Of a motion along a path, what is still to be made.
+    path: Option<PathWay>,
     /// Its trace, where it has one, and when it came to the batcher, until there is a part.
     trace: Option<Trace>,
     asked: Option<Instant>,
+}
+
+/// A motion along a path, which is made window by window: each goes on from the one before.
+#[derive(Debug)]
+struct PathWay {
+    plan: PathPlan,
+    /// Where the segment of the window lies that is being made.
+    frame: SegmentFrame,
+    batcher: Batcher,
+    timeout: Duration,
+    notes: Vec<String>,
 }
 
 impl Generation {
@@ -36,12 +52,36 @@ impl Generation {
             }
             trace_step(trace, &piece.step);
         }
-        Some(
-            self.writer
-                .write(piece.output, piece.is_last)
-                .map_err(ServiceError::from),
-        )
+        let written = match &mut self.path {
+            None => (self.writer.write(piece.output, piece.is_last)).map_err(ServiceError::from),
+            Some(_) => self.written_window(piece),
+        };
+        Some(written)
     }
+
+    /// The message of a window, and the next window on its way.
+    fn written_window(&mut self, piece: Piece) -> Result<v1::GenerateResponse, ServiceError> {
+        let (Some(way), Output::Motion(motion)) = (&mut self.path, &piece.output) else {
+            return Ok(self.writer.write(piece.output, piece.is_last)?);
+        };
+        // What is not finite must not become the past of the next.
+        crate::inbetween::check_window(motion)?;
+        self.writer.move_to(way.frame);
+        let (fresh, is_last) = way.plan.take(motion, &way.frame);
+        let mut part = self.writer.write(Output::Motion(fresh), is_last)?;
+        part.notes = std::mem::take(&mut way.notes);
+        if let Some((task, frame)) = way.plan.next() {
+            way.frame = frame;
+            let asked = Instant::now();
+            self.asked = Some(asked);
+            self.parts = way.batcher.stream(task.into(), order(asked, way.timeout))?;
+        }
+        Ok(part)
+    }
+}
+
+fn order(asked: Instant, timeout: Duration) -> Order {
+    Order::request(asked + REQUEST_TARGET).expiring(asked + timeout)
 }
 
 impl Service {
@@ -52,15 +92,37 @@ impl Service {
     pub fn generate(&self, request: &v1::GenerateRequest) -> Result<Generation, ServiceError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
-        let rig = loaded.pack.rig.clone();
-        let (task, frame) = prepare_generate(request, &rig)?;
-        loaded.require(task.needs(), "pack")?;
-        let order = Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.common.timeout);
+        let timeout = self.common.timeout;
+        let mut path = None;
+        let (task, rig, frame) = match &request.goal {
+            Some(Goal::Path(goal)) => {
+                loaded.require(Capability::Path, "pack")?;
+                crate::inbetween::no_temperature(request)?;
+                let mut plan = PathPlan::new(goal, &request.past, request.seed, &loaded.pack)?;
+                let (task, frame) = plan.next().ok_or(ServiceError::Starting)?;
+                let rig = plan.body.rig.clone();
+                path = Some(PathWay {
+                    notes: std::mem::take(&mut plan.notes),
+                    plan,
+                    frame,
+                    batcher: loaded.batcher.clone(),
+                    timeout,
+                });
+                (task.into(), rig, frame)
+            }
+            _ => {
+                let rig = loaded.pack.rig.clone();
+                let (task, frame) = prepare_generate(request, &rig)?;
+                loaded.require(task.needs(), "pack")?;
+                (task, rig, frame)
+            }
+        };
         Ok(Generation {
             asked: Some(Instant::now()),
             trace: RequestContext::current_trace(),
-            parts: loaded.batcher.stream(task, order)?,
+            parts: loaded.batcher.stream(task, order(arrived, timeout))?,
             writer: PartWriter::new(rig, frame),
+            path,
         })
     }
 }

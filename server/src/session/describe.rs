@@ -31,7 +31,7 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
     v1::Session {
         id: cell.id().to_string(),
         pack: cell.pack().name().to_owned(),
-        skeleton: cell.pack().skeleton().to_owned(),
+        body: cell.pack().body_name().to_owned(),
         style: live.style.name.clone(),
         seed: cell.seed(),
         convention: units::convention_name(convention).into(),

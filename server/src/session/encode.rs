@@ -87,7 +87,7 @@ impl BlockWriter {
         let turned = if form.six_d { cells * joints } else { 0 };
         let block = v1::FrameBlock {
             pack: rig.name().to_owned(),
-            skeleton: String::new(),
+            body: String::new(),
             slots: Vec::with_capacity(characters),
             frame_count: frames as u32,
             first_frames: vec![0; characters],
@@ -116,7 +116,7 @@ impl BlockWriter {
     pub fn of(pack: &LivePack, form: Form, characters: usize, frames: usize) -> Self {
         let mut writer = Self::new(pack.rig(), form, characters, frames);
         writer.block.pack = pack.name().to_owned();
-        writer.block.skeleton = pack.skeleton().to_owned();
+        writer.block.body = pack.body_name().to_owned();
         writer
     }
 

@@ -48,8 +48,8 @@ const SHARE: u32 = 10;
 struct Record<'a> {
     format: u32,
     pack: &'a str,
-    /// Empty for packs of one.
-    skeleton: &'a str,
+    /// Empty for packs of one skeleton.
+    body: &'a str,
     convention: Convention,
     seed: u64,
     scene: Option<&'a str>,
@@ -196,7 +196,7 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
     if record.format != FORMAT {
         return Err(format!("it is of format {}; allowed: {FORMAT}", record.format));
     }
-    let pack = packs.find(&Path::root(), record.pack, record.skeleton);
+    let pack = packs.find(&Path::root(), record.pack, record.body);
     let pack = pack.map_err(|error| told(&error))?;
     (pack.loaded.require(Capability::Live, "pack")).map_err(|error| told(&error))?;
     let style = pack.styles().get(record.style);
@@ -319,7 +319,7 @@ impl Keeper {
         let record = Record {
             format: FORMAT,
             pack: cell.pack().name(),
-            skeleton: cell.pack().skeleton(),
+            body: cell.pack().body_name(),
             convention: cell.convention(),
             seed: cell.seed(),
             scene: cell.scene().map(|name| &**name),

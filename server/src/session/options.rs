@@ -41,7 +41,7 @@ pub(super) fn parts(
     limits: &SessionLimits,
 ) -> Result<Parts, SessionError> {
     let id = id(&path.field("id"), &options.id)?;
-    let pack = packs.find(path, &options.pack, &options.skeleton)?.clone();
+    let pack = packs.find(path, &options.pack, &options.body)?.clone();
     pack.loaded.require(Capability::Live, path.field("pack"))?;
     let style = style(&path.field("style"), &options.style, pack.styles())?;
     let convention = units::convention(&path.field("convention"), options.convention)?;

@@ -12,7 +12,7 @@ use troupe_character::live::load::PlanLoad;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_motion::model::{Body, Rig};
 
-/// A pack and one of its skeletons with a tenant's styles, and what the sessions of all tenants and skeletons share of it.
+/// A pack and one of its bodies with a tenant's styles, and what the sessions of all tenants and bodies share of it.
 #[derive(Debug)]
 pub struct LivePack {
     /// The pack.
@@ -23,12 +23,12 @@ pub struct LivePack {
     pub failures: Arc<Mutex<Seldom>>,
     /// How busy it is with their plans.
     pub load: Arc<PlanLoad>,
-    /// Place of the skeleton among the pack's bodies.
+    /// Place of the body among the pack's.
     place: usize,
 }
 
 impl LivePack {
-    /// A pack without sessions, with the first of its skeletons.
+    /// A pack without sessions, with the first of its bodies.
     pub fn new(loaded: Arc<LoadedPack>, telemetry: &Telemetry) -> Self {
         let version = &loaded.pack.manifest.version;
         Self {
@@ -40,7 +40,7 @@ impl LivePack {
         }
     }
 
-    /// The same pack, as `loaded` has it, with another skeleton.
+    /// The same pack, as `loaded` has it, with another body.
     fn of(&self, loaded: &Arc<LoadedPack>, place: usize) -> Self {
         Self {
             loaded: loaded.clone(),
@@ -61,8 +61,8 @@ impl LivePack {
         self.loaded.pack.bodies.get(self.place)
     }
 
-    /// The name of the skeleton; empty for packs of one.
-    pub fn skeleton(&self) -> &str {
+    /// The name of the body; empty for packs of one skeleton.
+    pub fn body_name(&self) -> &str {
         self.body().map_or("", |body| &body.name)
     }
 
@@ -120,19 +120,19 @@ impl LivePacks {
         &self.table
     }
 
-    /// A pack with one of its skeletons. The request named them in the fields `pack` and `skeleton` of `path`; the defaults where they
+    /// A pack with one of its bodies. The request named them in the fields `pack` and `body` of `path`; the defaults where they
     /// are empty.
     ///
     /// # Errors
-    /// [`SessionError::UnknownPack`] or [`SessionError::UnknownSkeleton`].
+    /// [`SessionError::UnknownPack`] or [`SessionError::UnknownBody`].
     pub fn find(
         &self,
         path: &troupe_character::Path<'_>,
         name: &str,
-        skeleton: &str,
+        body: &str,
     ) -> Result<&Arc<LivePack>, SessionError> {
         let loaded = self.table.find(path.field("pack"), name)?;
-        let place = loaded.skeleton(path.field("skeleton"), skeleton)?;
+        let place = loaded.place_of(path.field("body"), body)?;
         Ok(&self.by_name[loaded.pack.name()][place])
     }
 }

@@ -139,7 +139,7 @@ struct CharacterStep {
 /// Frames and what else a step gives.
 #[derive(Debug, Default)]
 pub struct Stepped {
-    /// Frames, a block for each pack and skeleton.
+    /// Frames, a block for each pack and body.
     pub blocks: Vec<v1::FrameBlock>,
     /// Results of the commands.
     pub commands: Vec<CommandResult>,

@@ -11,13 +11,13 @@ use troupe_character::style::{MAX_ADDED_STYLES, PutError, Style};
 /// `troupe.v1.Sessions/ListStyles`.
 ///
 /// # Errors
-/// [`SessionError::UnknownSkeleton`].
-pub(crate) fn list(pack: &LoadedPack, skeleton: &str) -> Result<v1::ListStylesResponse, SessionError> {
-    let place = pack.skeleton("skeleton", skeleton)?;
+/// [`SessionError::UnknownBody`].
+pub(crate) fn list(pack: &LoadedPack, body: &str) -> Result<v1::ListStylesResponse, SessionError> {
+    let place = pack.place_of("body", body)?;
     let styles = &pack.styles[place];
     Ok(v1::ListStylesResponse {
         pack: pack.pack.name().to_owned(),
-        skeleton: pack
+        body: pack
             .pack
             .bodies
             .get(place)
@@ -38,9 +38,9 @@ pub(crate) fn list(pack: &LoadedPack, skeleton: &str) -> Result<v1::ListStylesRe
 /// `troupe.v1.Sessions/GetStyle`.
 ///
 /// # Errors
-/// [`SessionError::UnknownSkeleton`] or [`SessionError::UnknownStyle`].
-pub(crate) fn get(pack: &LoadedPack, skeleton: &str, name: &str) -> Result<v1::Style, SessionError> {
-    let styles = pack.styles_of("skeleton", skeleton)?;
+/// [`SessionError::UnknownBody`] or [`SessionError::UnknownStyle`].
+pub(crate) fn get(pack: &LoadedPack, body: &str, name: &str) -> Result<v1::Style, SessionError> {
+    let styles = pack.styles_of("body", body)?;
     match styles.get(name) {
         Some(style) => Ok(style.to_proto()),
         None => Err(unknown_style(&Path::root().field("style"), name, styles)),
@@ -53,11 +53,11 @@ pub(crate) fn get(pack: &LoadedPack, skeleton: &str, name: &str) -> Result<v1::S
 /// [`SessionError`] for the first value that is not accepted, or where the style cannot be kept.
 pub(crate) fn put(
     pack: &LoadedPack,
-    skeleton: &str,
+    body: &str,
     style: Option<&v1::Style>,
 ) -> Result<v1::Style, SessionError> {
     let root = Path::root();
-    let place = pack.skeleton(root.field("skeleton"), skeleton)?;
+    let place = pack.place_of(root.field("body"), body)?;
     let path = root.field("style");
     let Some(style) = style else {
         return Err(path.error("is missing", "a style with its keyframes").into());

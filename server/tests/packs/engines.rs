@@ -2,12 +2,15 @@
 
 use std::path::Path;
 
-use troupe_engine::accuracy::{Accuracy, Probe, compare, probe};
+use troupe_engine::accuracy::{Accuracy, Kind, Probe, compare, compare_paths, probe};
+use troupe_engine::generator::{JobId, Progress};
 use troupe_engine::pack::Pack;
+use troupe_engine::unimogen::{Call, Denoiser, probe_task};
 use troupe_engine::{
     DecoderOutput, EngineChoice, EngineError, EngineKind, PoseOutput, RootInput, RootOutput, Selector,
     Stages, TokenInput,
 };
+use troupe_motion::model::Output;
 use troupe_server::config::Config;
 
 use crate::pack_folder;
@@ -201,4 +204,77 @@ fn a_named_engine_that_is_not_there_is_explained() {
         );
         assert!(error.contains("onnxruntime-gpu"), "{error}");
     }
+}
+
+/// The trained pack of the family UniMoGen.
+fn unimogen() -> Pack {
+    Pack::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../training/packs/unimogen")).unwrap()
+}
+
+#[test]
+fn a_pack_of_many_bodies_is_served_by_the_engine_that_is_near_enough() {
+    let (pack, selector) = (unimogen(), selector());
+    let decision = selector.choose(&pack).unwrap();
+    assert!(decision.batching.any_size);
+    if selector.missing(EngineKind::OpenvinoBf16).is_none() {
+        let check = decision.check.unwrap();
+        println!("{:?}: {:?}", check.took, check.accuracy);
+        assert!(check.passed, "{}", check.accuracy.failures());
+        assert_eq!(
+            (decision.engine, check.accuracy.kind),
+            (EngineKind::OpenvinoBf16, Kind::Paths)
+        );
+        assert!(
+            check.accuracy.joint_mean_m > 0.0,
+            "bf16 rounds, so this was not bf16"
+        );
+        assert_eq!(check.accuracy.bars().len(), 6, "it has no tokens");
+    }
+    let mut generator = selector.generator(&pack, decision.engine, 2).unwrap();
+    assert!(generator.is_idle() && generator.trial().is_some());
+    let id = JobId {
+        request: 1,
+        character: 0,
+    };
+    generator.admit(id, probe_task(&pack, 0, 36).unwrap().into());
+    let mut frames = 0;
+    while !generator.is_idle() {
+        let mut out = |_, progress| match progress {
+            Progress::Done(Output::Motion(motion)) => frames += motion.frames(),
+            other => panic!("{other:?}"),
+        };
+        generator.step(&mut out).unwrap();
+    }
+    assert_eq!(frames, 36);
+}
+
+/// Adds a bit to what the network takes for clean.
+struct Off(Box<dyn Denoiser>);
+
+impl Denoiser for Off {
+    fn denoise(&mut self, call: &Call, clean: &mut [f32]) -> Result<(), EngineError> {
+        self.0.denoise(call, clean)?;
+        clean.iter_mut().for_each(|value| *value += 0.1);
+        Ok(())
+    }
+}
+
+#[test]
+fn a_poor_engine_fails_on_whole_motions_too() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../engine/tests/unimogen");
+    let (pack, selector) = (Pack::load(&folder).unwrap(), selector());
+    let load = || -> Box<dyn Denoiser> { Box::new(selector.load_denoiser(&pack, EngineKind::Cpu).unwrap()) };
+    let same = compare_paths(&pack, load(), load()).unwrap();
+    let nothing = Accuracy {
+        kind: Kind::Paths,
+        characters: 4,
+        ..Accuracy::default()
+    };
+    assert_eq!(same, nothing);
+    let poor = compare_paths(&pack, load(), Box::new(Off(load()))).unwrap();
+    let over = over(&poor);
+    assert!(
+        over.contains(&"root_mean_m") && over.contains(&"joint_mean_m"),
+        "{over:?}"
+    );
 }

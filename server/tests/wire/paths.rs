@@ -91,10 +91,10 @@ async fn server_with(change: impl FnOnce(&mut Config)) -> TestServer {
     server
 }
 
-fn of(id: &str, skeleton: &str) -> v1::SessionOptions {
+fn of(id: &str, body: &str) -> v1::SessionOptions {
     v1::SessionOptions {
         pack: ZOO.into(),
-        skeleton: skeleton.into(),
+        body: body.into(),
         ..options(id)
     }
 }
@@ -170,7 +170,7 @@ async fn bodies_of_one_pack_go_together_each_in_its_own_block() {
         .map(|session| {
             (
                 session.pack.as_str(),
-                session.skeleton.as_str(),
+                session.body.as_str(),
                 session.style.as_str(),
             )
         })
@@ -194,7 +194,7 @@ async fn bodies_of_one_pack_go_together_each_in_its_own_block() {
     let blocks = answer.into_inner().blocks;
     let told: Vec<_> = blocks
         .iter()
-        .map(|block| (block.pack.as_str(), block.skeleton.as_str(), block.slots.clone()))
+        .map(|block| (block.pack.as_str(), block.body.as_str(), block.slots.clone()))
         .collect();
     assert_eq!(told, [(ZOO, "person", vec![0, 2]), (ZOO, "dog", vec![1])]);
     assert_eq!(blocks[0].rotations.len(), 2 * 60 * 4 * 4);
@@ -202,7 +202,7 @@ async fn bodies_of_one_pack_go_together_each_in_its_own_block() {
     for (block, index) in [(&blocks[0], 0), (&blocks[0], 1), (&blocks[1], 0)] {
         let (roots, _) = frames_of(block, index);
         let z = roots[roots.len() - 1];
-        assert!((0.8..2.0).contains(&z), "{} at {z}", block.skeleton);
+        assert!((0.8..2.0).contains(&z), "{} at {z}", block.body);
     }
 
     let (ask, mut said) = start_drive(&mut client).await;
@@ -220,11 +220,7 @@ async fn bodies_of_one_pack_go_together_each_in_its_own_block() {
             continue;
         };
         if frames.blocks.len() == 2 {
-            let names: Vec<_> = frames
-                .blocks
-                .iter()
-                .map(|block| block.skeleton.as_str())
-                .collect();
+            let names: Vec<_> = frames.blocks.iter().map(|block| block.body.as_str()).collect();
             assert_eq!(names, ["person", "dog"]);
             break;
         }
@@ -256,20 +252,16 @@ async fn a_body_moves_the_same_alone_and_in_company() {
         .await
         .unwrap()
         .into_inner();
-    let dogs = answer
-        .blocks
-        .iter()
-        .find(|block| block.skeleton == "dog")
-        .unwrap();
+    let dogs = answer.blocks.iter().find(|block| block.body == "dog").unwrap();
     assert_eq!(frames_of(dogs, 0), frames_of(&alone, 0));
 }
 
 #[tokio::test]
-async fn skeletons_that_a_pack_does_not_have_are_refused() {
+async fn bodies_that_a_pack_does_not_have_are_refused() {
     let server = server_with(|_| {}).await;
     let mut client = server.sessions().await;
     let one = v1::SessionOptions {
-        skeleton: "dog".into(),
+        body: "dog".into(),
         ..options("a")
     };
     for (options, allowed) in [
@@ -283,28 +275,28 @@ async fn skeletons_that_a_pack_does_not_have_are_refused() {
         let info = status.get_details_error_info().unwrap();
         assert_eq!(
             (status.code(), info.reason.as_str()),
-            (Code::InvalidArgument, "UNKNOWN_SKELETON")
+            (Code::InvalidArgument, "UNKNOWN_BODY")
         );
-        assert_eq!(info.metadata["field"], "sessions[0].skeleton");
+        assert_eq!(info.metadata["field"], "sessions[0].body");
         assert_eq!(info.metadata["allowed"], allowed);
     }
-    let answer = server.get("/v1/packs/zoo/styles?skeleton=cat").await;
+    let answer = server.get("/v1/packs/zoo/styles?body=cat").await;
     let error: ErrorBody = answer.json().await.unwrap();
-    assert_eq!(error.error.field.as_deref(), Some("skeleton"));
+    assert_eq!(error.error.field.as_deref(), Some("body"));
 }
 
 #[tokio::test]
 async fn styles_are_the_words_of_the_body_and_blends_of_them() {
     let server = server_with(|_| {}).await;
-    let list = async |skeleton: &str| -> v1::ListStylesResponse {
-        let path = format!("/v1/packs/zoo/styles?skeleton={skeleton}");
+    let list = async |body: &str| -> v1::ListStylesResponse {
+        let path = format!("/v1/packs/zoo/styles?body={body}");
         server.get(&path).await.json().await.unwrap()
     };
     let persons = list("").await;
     let names: Vec<_> = persons.styles.iter().map(|style| style.name.as_str()).collect();
     assert_eq!(names, ["plain", "run", "sneak", "walk"]);
     assert_eq!(
-        (persons.skeleton.as_str(), persons.default_style.as_str()),
+        (persons.body.as_str(), persons.default_style.as_str()),
         ("person", "walk")
     );
     assert!(
@@ -315,9 +307,9 @@ async fn styles_are_the_words_of_the_body_and_blends_of_them() {
     );
     assert_eq!(list("dog").await.default_style, "plain");
 
-    let word = |word: &str, weight| v1::WordWeight {
+    let word = |word: &str, weight| v1::StyleWord {
         word: word.into(),
-        weight,
+        weight: Some(weight),
     };
     let blend = v1::Style {
         default_speed: 1.0,
@@ -340,7 +332,7 @@ async fn styles_are_the_words_of_the_body_and_blends_of_them() {
     assert_eq!(create(&mut client, vec![creeping]).await[0].style, "creep");
     // A dog does not know these words.
     for (style, query, field) in [
-        (blend.clone(), "?skeleton=dog", "style.words[0].word"),
+        (blend.clone(), "?body=dog", "style.words[0].word"),
         (
             v1::Style {
                 words: vec![word("walk", 2.0)],
@@ -536,7 +528,7 @@ async fn a_path_goes_on_after_a_restart() {
     let mut client = server.sessions().await;
     let get = v1::GetSessionRequest { id: "d".into() };
     let session = client.get_session(get).await.unwrap().into_inner();
-    assert_eq!((session.skeleton.as_str(), session.frame), ("dog", 60));
+    assert_eq!((session.body.as_str(), session.frame), ("dog", 60));
     let priority = v1::Command {
         intent: None,
         priority: Some(0.5),

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
-use crate::packs::{CannotDo, UnknownPack, UnknownSkeleton};
+use crate::packs::{CannotDo, UnknownBody, UnknownPack};
 use crate::session::SessionError;
 use troupe_character::live::{MAX_WAITING_COMMANDS, Refusal};
 use troupe_character::primitives::path::MAX_LEAD_M;
@@ -16,7 +16,7 @@ impl Tabled for SessionError {
         match self {
             Self::Field(error) => error.row(),
             Self::UnknownPack(error) => error.row(),
-            Self::UnknownSkeleton(error) => error.row(),
+            Self::UnknownBody(error) => error.row(),
             Self::CannotDo(error) => error.row(),
             Self::World(error) => error.row(),
             Self::Expired { field, .. } => GONE.because("SESSION_EXPIRED").field(field),
@@ -61,10 +61,10 @@ impl Tabled for UnknownPack {
     }
 }
 
-impl Tabled for UnknownSkeleton {
+impl Tabled for UnknownBody {
     fn row(&self) -> Row<'_> {
         INVALID
-            .because("UNKNOWN_SKELETON")
+            .because("UNKNOWN_BODY")
             .field(&self.field)
             .allowed(match self.there_are.is_empty() {
                 true => "none: the pack has one skeleton".to_owned(),

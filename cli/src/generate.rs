@@ -1,0 +1,250 @@
+//! `troupe generate`.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::Args;
+use glam::{Vec2, Vec3};
+use serde_json::json;
+use troupe_client::{Client, FollowPath, Pack};
+use troupe_motion::clip::Clip;
+
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::files::{Format, Scale};
+use crate::film::draw_motion;
+use crate::output::print;
+use crate::path::Path;
+
+const SAMPLING: &str = "Style and sampling";
+/// Width of a picture, pixels.
+const PICTURE_WIDTH: u32 = 1600;
+
+/// Have a body follow a path.
+///
+/// For packs with the capability `path`, whose one network moves many bodies. The path is a file as `drive` takes it: its
+/// start and its waypoints count, with their speeds and waits, where they say so with headings. What it says of commands and styles does
+/// not.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  troupe generate --path examples/paths/square.toml --out walk.bvh
+  troupe generate --skeleton g1 --path examples/paths/square.toml --style walk --out walk.csv
+  troupe generate --skeleton human --path examples/paths/square.toml --style walk=0.6 --style old=0.4 --out old.glb
+  troupe generate --skeleton horse --path examples/paths/square.toml --speed 3 --style trot --out trot.glb")]
+pub(crate) struct Generate {
+    /// Path to follow (TOML).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) path: PathBuf,
+
+    /// File to write; its ending, .bvh, .glb or (of a robot) .csv, says the format.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+
+    /// Model pack; without it the first that follows paths.
+    #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
+    pub(crate) pack: String,
+
+    /// Body that moves: one of the pack's. Without it the pack's default one.
+    #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
+    pub(crate) skeleton: String,
+
+    /// Word of the pack, alone or with a weight of 0 to 1. May be given several times, for a blend.
+    #[arg(long, help_heading = SAMPLING, value_name = "WORD[=WEIGHT]")]
+    pub(crate) style: Vec<Word>,
+
+    /// How fast to go, in metres a second, in the place of the speeds of the path.
+    #[arg(long, help_heading = SAMPLING, value_name = "0.05-15")]
+    pub(crate) speed: Option<f32>,
+
+    /// How long the motion is, in seconds. Without it, as long as the path takes.
+    #[arg(long, help_heading = SAMPLING, value_name = "SECONDS")]
+    pub(crate) seconds: Option<f32>,
+
+    /// Steps of the sampler; without it the pack's usual ones.
+    #[arg(long, help_heading = SAMPLING, value_name = "COUNT")]
+    pub(crate) steps: Option<u32>,
+
+    /// How much the style counts: 1 as it was trained, more exaggerates it.
+    #[arg(long, help_heading = SAMPLING, default_value_t = 1.0, value_name = "0-8")]
+    pub(crate) guidance: f32,
+
+    /// The same seed, path and pack give the same motion.
+    #[arg(long, help_heading = SAMPLING, default_value_t = 0)]
+    pub(crate) seed: u64,
+
+    /// Also draw the motion: its path, and poses along it (PNG).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) picture: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) scale: Scale,
+
+    /// Print what was done as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// A word and how much of it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Word {
+    word: String,
+    weight: f32,
+}
+
+impl FromStr for Word {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (word, weight) = match text.split_once('=') {
+            Some((word, weight)) => (
+                word,
+                weight.parse().map_err(|_| format!("{weight:?} is no number"))?,
+            ),
+            None => (text, 1.0),
+        };
+        match word.is_empty() {
+            true => Err("the word is missing".to_owned()),
+            false => Ok(Self {
+                word: word.to_owned(),
+                weight,
+            }),
+        }
+    }
+}
+
+pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Failure> {
+    let format = Format::of(&command.out)?;
+    let path = Path::read(&command.path)?;
+    let client = context.connect().await?;
+    let pack = pack(&client, &command.pack).await?.of_body(&command.skeleton)?;
+    format.fits(&pack, &command.out)?;
+    let asked = std::time::Instant::now();
+    let making = client.follow(&pack, &request(&path, command)).await?;
+    let made = making.whole().await?;
+    let took_ms = asked.elapsed().as_secs_f64() * 1e3;
+    format.write(&made.clip, &command.out, command.scale)?;
+    if let Some(file) = &command.picture {
+        let png = draw(&path, &pack, &made.clip, command).map_err(Failure::Other)?;
+        std::fs::write(file, png).map_err(|e| Failure::output(file, e))?;
+    }
+
+    let (out, frames) = (command.out.display(), made.clip.frames());
+    if command.json {
+        return print(&format!(
+            "{:#}",
+            json!({
+                "out": out.to_string(),
+                "frames": frames,
+                "pack": pack.name(),
+                "pack_version": pack.description().version,
+                "skeleton": pack.body(),
+                "notes": made.notes,
+                "took_ms": took_ms,
+            })
+        ));
+    }
+    for note in &made.notes {
+        context.term.note(format_args!("note: {note}"));
+    }
+    context.term.note(format_args!(
+        "{frames} frames of {} by {} {} written to {out}",
+        pack.body(),
+        pack.name(),
+        pack.description().version
+    ));
+    Ok(())
+}
+
+/// The pack of that name; the first that follows paths where it is empty.
+async fn pack(client: &Client, name: &str) -> Result<Pack, Failure> {
+    if !name.is_empty() {
+        return Ok(client.pack(name).await?);
+    }
+    let able = |pack: &&Pack| pack.description().capabilities.iter().any(|able| able == "path");
+    let packs = client.packs().await?;
+    match packs.iter().find(able) {
+        Some(pack) => Ok(client.pack(pack.name()).await?),
+        None => Err(Failure::Other(
+            "the server has no pack that follows paths".to_owned(),
+        )),
+    }
+}
+
+fn draw(path: &Path, pack: &Pack, clip: &Clip, command: &Generate) -> Result<Vec<u8>, String> {
+    let words: Vec<&str> = command.style.iter().map(|style| &*style.word).collect();
+    let way: Vec<Vec2> = std::iter::once(path.start)
+        .chain(path.waypoints.iter().map(|point| point.at))
+        .collect();
+    let title = match &path.title {
+        Some(title) => format!("{title}, {}", pack.body()),
+        None => pack.body().to_owned(),
+    };
+    let end = clip.root_positions.last().zip(way.last());
+    let off = end.map(|(root, end)| end.distance(Vec2::new(root.x, root.z)));
+    let end = off.map_or_else(String::new, |off| {
+        format!(" · ends {off:.2} m from the path's end")
+    });
+    let about = format!(
+        "{} {} · {:.1} s{end}",
+        pack.name(),
+        pack.description().version,
+        clip.duration_s()
+    );
+    draw_motion(clip, &way, &words.join(" "), (title, about), PICTURE_WIDTH)
+}
+
+/// What the path and the options ask for.
+fn request(path: &Path, command: &Generate) -> FollowPath {
+    let place = |at: Vec2| Vec3::new(at.x, 0.0, at.y);
+    let (mut time_s, mut from, mut facing) = (0.0, path.start, None);
+    let mut points = vec![(place(path.start), Some(path.heading), Some(0.0))];
+    // Headings count where a waypoint says one; else the body heads along its way.
+    let says = path.waypoints.iter().any(|point| point.manner.facing.is_some());
+    for point in &path.waypoints {
+        let speed = command.speed.unwrap_or(point.speed_mps);
+        time_s += (from.distance(point.at) / speed.max(0.01)).max(0.01);
+        facing = point.manner.facing.or(facing);
+        points.push((place(point.at), facing, Some(time_s)));
+        if point.wait_s > 0.0 {
+            time_s += point.wait_s;
+            points.push((place(point.at), facing, Some(time_s)));
+        }
+        from = point.at;
+    }
+    if !says {
+        points.iter_mut().for_each(|point| point.1 = None);
+    }
+    let mut asked = FollowPath::through(points)
+        .guidance(command.guidance)
+        .seed(command.seed);
+    for Word { word, weight } in &command.style {
+        asked = asked.style(word, *weight);
+    }
+    if let Some(seconds) = command.seconds.or(path.seconds) {
+        asked = asked.seconds(seconds);
+    }
+    match command.steps {
+        Some(steps) => asked.steps(steps),
+        None => asked,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_may_have_a_weight() {
+        let word = |word: &str, weight| {
+            Ok(Word {
+                word: word.into(),
+                weight,
+            })
+        };
+        assert_eq!("walk".parse(), word("walk", 1.0));
+        assert_eq!("old=0.4".parse(), word("old", 0.4));
+        assert!("old=much".parse::<Word>().unwrap_err().contains("much"));
+        assert!("=1".parse::<Word>().is_err());
+    }
+}

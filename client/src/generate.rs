@@ -1,0 +1,264 @@
+//! Motion along a path, by a body of any skeleton.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use tonic::Streaming;
+use troupe_motion::clip::Clip;
+use troupe_motion::rotation::from_wxyz;
+use troupe_proto::v1;
+
+use crate::connection::Client;
+use crate::error::{AnswerError, ClientError, RequestError};
+use crate::inbetween::{CONTEXT_FRAMES, Key};
+use crate::pack::Pack;
+
+/// A path to follow. Positions are in the world, metres; only x and z count.
+///
+/// ```
+/// use glam::Vec3;
+/// use troupe_client::FollowPath;
+///
+/// let path = FollowPath::along([Vec3::ZERO, Vec3::Z * 4.0]).style("walk", 1.0).seed(7);
+/// # assert_eq!(path, path.clone());
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct FollowPath {
+    goal: v1::PathGoal,
+    past: Vec<v1::Keyframe>,
+    seed: u64,
+}
+
+impl FollowPath {
+    /// Through these places, at the walk of the body's size.
+    pub fn along(places: impl IntoIterator<Item = Vec3>) -> Self {
+        let points = places.into_iter().map(|place| (place, None, None));
+        Self::through(points)
+    }
+
+    /// Through places, each with its heading (radians) and time (seconds from the begin), where these are given. All have
+    /// times, or none has.
+    pub fn through(points: impl IntoIterator<Item = (Vec3, Option<f32>, Option<f32>)>) -> Self {
+        let point = |(place, heading, time): (Vec3, Option<f32>, Option<f32>)| v1::PathPoint {
+            position: Some(v1::Vec3 {
+                x: place.x,
+                y: place.y,
+                z: place.z,
+            }),
+            heading,
+            time,
+        };
+        Self {
+            goal: v1::PathGoal {
+                points: points.into_iter().map(point).collect(),
+                ..v1::PathGoal::default()
+            },
+            past: Vec::new(),
+            seed: 0,
+        }
+    }
+
+    /// Has it walked by a body of the caller's own.
+    #[must_use]
+    pub fn skeleton(mut self, skeleton: v1::BodySkeleton) -> Self {
+        self.goal.skeleton = Some(skeleton);
+        self
+    }
+
+    /// How long the motion is, seconds.
+    #[must_use]
+    pub fn seconds(mut self, seconds: f32) -> Self {
+        self.goal.seconds = Some(seconds);
+        self
+    }
+
+    /// How fast to go, metres a second, where points have no times.
+    #[must_use]
+    pub fn speed(mut self, speed_mps: f32) -> Self {
+        self.goal.speed = Some(speed_mps);
+        self
+    }
+
+    /// Adds a word of the pack, and how much of it: 0 to 1.
+    #[must_use]
+    pub fn style(mut self, word: impl Into<String>, weight: f32) -> Self {
+        self.goal.style.push(v1::StyleWord {
+            word: word.into(),
+            weight: Some(weight),
+        });
+        self
+    }
+
+    /// Steps of the sampler.
+    #[must_use]
+    pub fn steps(mut self, steps: u32) -> Self {
+        self.goal.steps = Some(steps);
+        self
+    }
+
+    /// How much the style counts; 1 as it was trained.
+    #[must_use]
+    pub fn guidance(mut self, guidance: f32) -> Self {
+        self.goal.guidance = Some(guidance);
+        self
+    }
+
+    /// The same seed and path give the same motion.
+    #[must_use]
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// Goes on from these frames.
+    #[must_use]
+    pub fn after(mut self, past: &[Key; CONTEXT_FRAMES]) -> Self {
+        self.past = past.iter().map(Key::to_message).collect();
+        self
+    }
+
+    /// Ends in these frames.
+    #[must_use]
+    pub fn ending_in(mut self, targets: &[Key]) -> Self {
+        self.goal.targets = targets.iter().map(Key::to_message).collect();
+        self
+    }
+
+    fn to_message(&self, pack: &Pack) -> v1::GenerateRequest {
+        let body = match self.goal.skeleton {
+            Some(_) => String::new(),
+            None => pack.body().to_owned(),
+        };
+        v1::GenerateRequest {
+            pack: pack.name().to_owned(),
+            goal: Some(v1::generate_request::Goal::Path(v1::PathGoal {
+                body,
+                ..self.goal.clone()
+            })),
+            past: self.past.clone(),
+            seed: self.seed,
+            temperature: 0.0,
+        }
+    }
+}
+
+/// A motion that is being made.
+#[derive(Debug)]
+pub struct Generating {
+    client: Client,
+    pack: Pack,
+    parts: Streaming<v1::GenerateResponse>,
+    ended: bool,
+    /// What the model was asked for that it may not do well. They are there with the first part.
+    pub notes: Vec<String>,
+}
+
+/// A motion along a path.
+#[derive(Debug, Clone)]
+pub struct Generated {
+    /// Its frames.
+    pub clip: Clip,
+    /// What the model was asked for that it may not do well.
+    pub notes: Vec<String>,
+}
+
+impl Client {
+    /// Has a body follow a path: that of `pack`, see [`Pack::of_body`]. Frames come in parts, as they are made.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn follow(&self, pack: &Pack, path: &FollowPath) -> Result<Generating, ClientError> {
+        let answer = self.rpc.clone().generate(path.to_message(pack)).await;
+        Ok(Generating {
+            client: self.clone(),
+            pack: pack.clone(),
+            parts: answer.map_err(|status| self.sort(&status))?.into_inner(),
+            ended: false,
+            notes: Vec::new(),
+        })
+    }
+}
+
+impl Generating {
+    /// The next frames; none after the last.
+    ///
+    /// # Errors
+    /// See [`ClientError`]; nothing comes after one.
+    pub async fn next(&mut self) -> Result<Option<Clip>, ClientError> {
+        if self.ended {
+            return Ok(None);
+        }
+        let part = self.parts.message().await;
+        let part = part.map_err(|status| self.client.sort(&status))?;
+        let Some(part) = part else {
+            return Err(AnswerError::Missing("is_last").into());
+        };
+        self.ended = part.is_last;
+        self.notes.extend(part.notes);
+        match part.part {
+            Some(v1::generate_response::Part::Frames(frames)) => Ok(Some(clip(&frames, &self.pack)?)),
+            _ => Err(AnswerError::Missing("frames").into()),
+        }
+    }
+
+    /// All of it.
+    ///
+    /// # Errors
+    /// See [`ClientError`].
+    pub async fn whole(mut self) -> Result<Generated, ClientError> {
+        let Some(mut clip) = self.next().await? else {
+            return Err(AnswerError::Missing("frames").into());
+        };
+        while let Some(more) = self.next().await? {
+            clip.root_positions.extend(more.root_positions);
+            clip.rotations.extend(more.rotations);
+        }
+        Ok(Generated {
+            clip,
+            notes: self.notes,
+        })
+    }
+}
+
+fn clip(frames: &v1::Frames, pack: &Pack) -> Result<Clip, AnswerError> {
+    let (count, joints) = (frames.frame_count as usize, pack.skeleton().joint_count());
+    let roots = frames.root_positions.as_chunks::<3>().0;
+    let rotations = frames.rotations.as_chunks::<4>().0;
+    for (field, got, expected) in [
+        ("frames.root_positions", roots.len(), count),
+        ("frames.rotations", rotations.len(), count * joints),
+    ] {
+        if got != expected {
+            return Err(AnswerError::Length { field, got, expected });
+        }
+    }
+    Ok(Clip::new(
+        Arc::clone(pack.skeleton()),
+        pack.fps(),
+        roots.iter().map(|&root| Vec3::from_array(root)).collect(),
+        rotations.iter().copied().map(from_wxyz).collect(),
+    )?)
+}
+
+impl Pack {
+    /// The pack with one of its bodies: its skeleton and robot are that body's. The empty name is that of the default body.
+    ///
+    /// # Errors
+    /// [`RequestError::UnknownBody`], with the names that there are.
+    pub fn of_body(&self, name: &str) -> Result<Self, ClientError> {
+        let bodies = &self.description().bodies;
+        let found = match name {
+            "" => bodies.first(),
+            name => bodies.iter().find(|body| body.name == name),
+        };
+        let Some(body) = found else {
+            return Err(RequestError::UnknownBody {
+                pack: self.name().to_owned(),
+                body: name.to_owned(),
+                bodies: bodies.iter().map(|body| body.name.clone()).collect(),
+            }
+            .into());
+        };
+        Ok(self.with_body(body)?)
+    }
+}

@@ -1,0 +1,82 @@
+//! The check of a family whose one network moves many bodies: the motions of both engines, all steps of the sampler included.
+//!
+//! Engines start from the same noise, and what differs in one step goes into the next, as it does for callers.
+
+use troupe_motion::model::{Body, GLOBAL_ROOT, Motion, PathTask, SIX_D};
+use troupe_motion::root::wrap_angle;
+use troupe_motion::rotation::from_six_ds;
+use troupe_motion::{Quat, Vec3};
+
+use super::{Accuracy, CONTACT, Kind, Sums, finite_or_huge, global_roots};
+use crate::pack::Pack;
+use crate::unimogen::{Denoiser, LIVE_FRAMES, probe_task};
+use crate::{EngineError, UniMoGen};
+
+/// Tasks of each body.
+const ROUNDS: usize = 2;
+
+/// Compares two networks of a UniMoGen pack on tasks of all its bodies, the longest windows and short ones. Lengths are those of
+/// bodies that are scaled to a size of 1 m.
+///
+/// # Errors
+/// [`EngineError`] where either fails.
+pub fn compare_paths(
+    pack: &Pack,
+    reference: Box<dyn Denoiser>,
+    candidate: Box<dyn Denoiser>,
+) -> Result<Accuracy, EngineError> {
+    let dims = pack.rig.dims;
+    let short = LIVE_FRAMES.clamp(dims.min_frames(), dims.max_frames());
+    let bodies = pack.bodies.len();
+    let frames = |index| if index < bodies { dims.max_frames() } else { short };
+    let tasks: Vec<PathTask> = (0..ROUNDS * bodies)
+        .filter_map(|index| probe_task(pack, index, frames(index)))
+        .collect();
+    let motions = |denoiser| UniMoGen::new(pack, denoiser, tasks.len())?.run(&tasks);
+    let (expected, found) = (motions(reference)?, motions(candidate)?);
+    let mut sums = Sums::default();
+    for ((task, a), b) in tasks.iter().zip(&expected).zip(&found) {
+        sums.add_motions(&task.body, a, b);
+    }
+    Ok(Accuracy {
+        kind: Kind::Paths,
+        characters: tasks.len(),
+        ..sums.accuracy()
+    })
+}
+
+impl Sums {
+    fn add_motions(&mut self, body: &Body, a: &Motion, b: &Motion) {
+        for (a, b) in global_roots(&a.root).zip(global_roots(&b.root)) {
+            self.root.add(a.position.distance(b.position) / body.size_m);
+            let turn = finite_or_huge(wrap_angle(a.heading - b.heading).abs());
+            self.root_max_rad = self.root_max_rad.max(turn);
+        }
+        for (a, b) in positions(body, a).iter().zip(positions(body, b)) {
+            self.joints.add(a.distance(b) / body.size_m);
+        }
+        for (a, b) in a.contacts.iter().zip(&b.contacts) {
+            self.contacts.add((*a >= CONTACT) != (*b >= CONTACT));
+        }
+    }
+}
+
+/// World positions of all joints in all frames.
+fn positions(body: &Body, motion: &Motion) -> Vec<Vec3> {
+    let joints = body.joints();
+    let mut rotations = vec![Quat::IDENTITY; joints];
+    let mut positions: Vec<Vec3> = Vec::with_capacity(motion.frames() * joints);
+    let frames = (motion.root.chunks_exact(GLOBAL_ROOT)).zip(motion.rotations.chunks_exact(joints * SIX_D));
+    for (root, six_d) in frames {
+        from_six_ds(six_d, &mut rotations);
+        let first = positions.len();
+        for joint in &body.rig.skeleton.joints {
+            let place = match joint.parent {
+                Some(parent) => positions[first + parent] + rotations[parent] * joint.offset_m,
+                None => Vec3::new(root[0], root[1], root[2]),
+            };
+            positions.push(place);
+        }
+    }
+    positions
+}
