@@ -121,8 +121,9 @@ pub struct StyleKey {
 const STAND: &str = "stand";
 /// Name of the style that has no words.
 pub const PLAIN: &str = "plain";
-/// Frames between plans of a style of words.
-const WORDS_INTERVAL_FRAMES: u32 = 9;
+/// Frames between plans of a style of words. With 9, joints are accelerated 10 % more and paths are kept half as well
+/// (`wander_bodies`).
+const WORDS_INTERVAL_FRAMES: u32 = 15;
 
 impl Style {
     /// A style of words for a body.
