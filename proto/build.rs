@@ -16,7 +16,7 @@ use protox::prost_reflect::{
 const PACKAGE: &str = "troupe.v1";
 
 /// Lists that were added when the JSON form was in use. Empty ones are left out of the JSON, all others are written.
-const LEFT_OUT_WHEN_EMPTY: [&str; 13] = [
+const LEFT_OUT_WHEN_EMPTY: [&str; 14] = [
     "Keyframe.qpos",
     "Frames.six_d",
     "Frames.qpos",
@@ -26,6 +26,7 @@ const LEFT_OUT_WHEN_EMPTY: [&str; 13] = [
     "FrameBlock.qpos",
     "FrameBlock.hinge_residuals",
     "FrameBlock.clamped_hinges",
+    "Style.words",
     "GenerateResponse.notes",
     "Pack.bodies",
     "Pack.words",

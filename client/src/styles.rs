@@ -14,6 +14,7 @@ impl Client {
     pub async fn styles(&self, pack: &Pack) -> Result<v1::ListStylesResponse, ClientError> {
         let request = v1::ListStylesRequest {
             pack: pack.name().to_owned(),
+            body: pack.body().to_owned(),
         };
         self.unary(|mut rpc| async move { rpc.list_styles(request).await })
             .await
@@ -27,6 +28,7 @@ impl Client {
         let request = v1::GetStyleRequest {
             pack: pack.name().to_owned(),
             style: name.to_owned(),
+            body: pack.body().to_owned(),
         };
         self.unary(|mut rpc| async move { rpc.get_style(request).await })
             .await
@@ -40,6 +42,7 @@ impl Client {
         let request = v1::PutStyleRequest {
             pack: pack.name().to_owned(),
             style: Some(style),
+            body: pack.body().to_owned(),
         };
         self.unary(|mut rpc| async move { rpc.put_style(request).await })
             .await

@@ -31,7 +31,7 @@ use crate::batch::scheduler::Limits;
 use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
 use crate::clients::Clients;
 use crate::config::Config;
-use crate::packs::{LoadedPack, PackTable};
+use crate::packs::{LoadedPack, PackTable, load_styles};
 use crate::service::Service;
 use crate::session::{Executor, Sessions, TimeSource};
 use crate::telemetry::Telemetry;
@@ -42,7 +42,6 @@ use listen::Listen;
 use places::Places;
 use reload::Source;
 use tls::{Tls, TlsFiles};
-use troupe_character::style::StyleTable;
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
 use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
@@ -392,10 +391,9 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     let metrics = PackMetrics::new(service.telemetry(), pack.name(), &pack.manifest.version);
     let pack = Arc::new(pack);
     let (for_styles, folder) = (pack.clone(), config.styles_folder());
-    let styles =
-        tokio::task::spawn_blocking(move || StyleTable::load(&for_styles.rig, &for_styles.folder, folder))
-            .await
-            .map_err(|_| StartError::Internal("the task that loads styles has stopped".to_owned()))??;
+    let styles = tokio::task::spawn_blocking(move || load_styles(&for_styles, folder))
+        .await
+        .map_err(|_| StartError::Internal("the task that loads styles has stopped".to_owned()))??;
     let batching = decision
         .as_ref()
         .map_or(Batching::UNKNOWN, |decision| decision.batching);
@@ -433,7 +431,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         pack,
         batcher,
         engine: decision.map_or(CALLERS_ENGINE, |decision| decision.engine.name()),
-        styles: Arc::new(styles),
+        styles,
         metrics,
     })
 }

@@ -7,10 +7,10 @@
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+use troupe_motion::GlobalRoot;
 use troupe_motion::ik::Posed;
 use troupe_motion::robot::Fitted;
 use troupe_motion::rotation::yaw;
-use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::behaviour::{Behaviour, Body, Carry, Footing, Next, SetPlan};
 use super::budget::Pace;
@@ -21,9 +21,10 @@ use super::request::{self, Context};
 use super::timeline::{Stop, Ticket, Timeline};
 use super::{
     Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
-    FrameOut, HeldObject, Intent, LivePlan, LiveShape, Peek, Pins, PlanFailed, PlanRecord, PlanRequest,
-    Refusal, SUB_FRAMES, Start, Stats, Strain, View, WaitingCommand, World,
+    EventKind, HeldObject, Intent, LivePlan, LiveShape, Pins, PlanFailed, PlanRecord, PlanRequest, Refusal,
+    Start, Stats, Strain, World,
 };
+use crate::primitives::path::MAX_LEAD_M;
 use crate::primitives::recipe::VELOCITY_FRAMES;
 use crate::primitives::{Locomotion, LocomotionCommand, PlanContext, PlanTargets};
 use crate::style::Style;
@@ -44,6 +45,8 @@ pub struct Character {
     footing: Option<Footing>,
     /// How it carries what is in its hand.
     carry: Carry,
+    /// What happened outside of what it does in a scene.
+    events: Vec<CharacterEvent>,
     timeline: Timeline,
     /// How much of the crowd's pressure falls on it.
     stretch: f32,
@@ -116,6 +119,7 @@ impl Character {
             footing: world.is_some().then(|| Footing::new(&rig.skeleton, level)),
             behaviour: world.map(Behaviour::new),
             carry: Carry::default(),
+            events: Vec::new(),
             rig,
             options,
         };
@@ -148,6 +152,18 @@ impl Character {
 
     /// Whether a command could be carried out now.
     fn check(&mut self, intent: &Intent) -> Result<(), Refusal> {
+        match intent {
+            Intent::Interact { .. } if self.rig.by_path.is_some() => return Err(Refusal::ByPath),
+            Intent::FollowPath(path) => {
+                let root = self.timeline.buffer().root(self.timeline.frame());
+                let off_m = path.lead_m(root);
+                return match off_m <= MAX_LEAD_M {
+                    true => Ok(()),
+                    false => Err(Refusal::PathTooFar { off_m }),
+                };
+            }
+            _ => {}
+        }
         match (self.acting(), intent) {
             (Some((act, body)), intent) => act.check(intent, &body),
             (None, Intent::Interact { .. }) => Err(Refusal::NoScene),
@@ -183,8 +199,11 @@ impl Character {
 
     /// Moves what happened since the last call to the end of `into`, in order; to be called after every other call.
     pub fn take_events(&mut self, into: &mut Vec<CharacterEvent>) {
+        let first = into.len();
+        into.append(&mut self.events);
         if let Some(act) = &mut self.behaviour {
             act.take_events(into);
+            into[first..].sort_by_key(|event| event.frame);
         }
     }
 
@@ -277,44 +296,6 @@ impl Character {
         }
     }
 
-    /// The frame at the cursor.
-    pub fn sample(&self, out: &mut FrameOut) {
-        (out.root, out.contacts) = self.shown(self.timeline.cursor(), &mut out.rotations, &mut out.fitted);
-        out.frame = self.timeline.frame() as u64;
-        out.underrun = self.timeline.slowing();
-    }
-
-    /// The motion at `cursor`, in sub-frames, as it is shown: the buffer's, lifted onto what the character stands on,
-    /// with the arm bent that carries something, a robot's pose on its hinges.
-    fn shown(&self, cursor: i64, rotations: &mut Vec<Quat>, fitted: &mut Fitted) -> (Vec3, u8) {
-        let (mut root, contacts) = self.timeline.buffer().sample(cursor, rotations);
-        let sub_frames = i64::from(SUB_FRAMES);
-        let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
-        let part = rest as f32 / SUB_FRAMES as f32;
-        self.post_process((frame, part), &mut root, rotations, fitted);
-        (root, contacts)
-    }
-
-    /// Makes a frame of the buffer, or what is `part` of the way (0 to 1) to the next, one that is shown.
-    fn post_process(
-        &self,
-        (frame, part): (i64, f32),
-        root: &mut Vec3,
-        rotations: &mut [Quat],
-        fitted: &mut Fitted,
-    ) {
-        let skeleton = &self.rig.skeleton;
-        if let Some(footing) = &self.footing {
-            footing.lift(skeleton, frame, part, root, rotations);
-            self.carry.bend(skeleton, frame, part, *root, rotations);
-        }
-        // Last, so that everything that is said of the frame is said of the same pose.
-        match &skeleton.robot {
-            Some(robot) => robot.fit(rotations, fitted),
-            None => fitted.clear(),
-        }
-    }
-
     /// The frame that the cursor has reached.
     pub fn frame(&self) -> u64 {
         self.timeline.frame() as u64
@@ -331,58 +312,6 @@ impl Character {
         self.timeline.stats()
     }
 
-    /// The character as it stands.
-    pub fn view(&self) -> View {
-        let cursor = self.timeline.cursor();
-        let (mut pose, mut before, mut fitted) = (Vec::new(), Vec::new(), Fitted::default());
-        let (position, _) = self.shown(cursor, &mut pose, &mut fitted);
-        let (before, _) = self.shown(cursor - i64::from(SUB_FRAMES), &mut before, &mut fitted);
-        let way = (position - before).with_y(0.0).length();
-        let pelvis = pose.first().copied().unwrap_or_default();
-        View {
-            frame: self.timeline.frame() as u64,
-            root: GlobalRoot::of_pose(position, pelvis, self.rig.skeleton.left_axis),
-            speed_mps: way * self.rig.fps,
-            buffered_frames: self.timeline.frames_left() as u32,
-            last_sequence: self.inbox.last_sequence(),
-            stats: self.timeline.stats(),
-        }
-    }
-
-    /// Up to `frames` frames of the future, and the plan behind them.
-    pub fn peek(&self, frames: usize) -> Peek {
-        let first = self.timeline.frame() + 1;
-        let last = first.saturating_add_unsigned(frames as u64).saturating_sub(1);
-        let future = self.timeline.buffer().range(first, last);
-        let (mut roots, mut rotations) = (future.roots.to_vec(), future.rotations.to_vec());
-        let poses = rotations.chunks_exact_mut(self.rig.skeleton.joint_count());
-        let mut fitted = Fitted::default();
-        for (frame, (root, pose)) in (first..).zip(roots.iter_mut().zip(poses)) {
-            self.post_process((frame, 0.0), root, pose, &mut fitted);
-        }
-        Peek {
-            first_frame: first as u64,
-            roots,
-            rotations,
-            contacts: future.contacts.to_vec(),
-            plan: self.newest.clone(),
-            in_flight: self.timeline.awaits_plan(),
-            waiting: self.waiting(),
-        }
-    }
-
-    /// The first of the commands that wait for their frames, or the current one where no plan was asked for with it yet.
-    fn waiting(&self) -> Option<WaitingCommand> {
-        self.inbox.waiting().cloned().or_else(|| {
-            let (sequence, frame) = self.current;
-            (sequence > 0 && self.timeline.command_waits()).then(|| WaitingCommand {
-                sequence,
-                frame,
-                intent: Intent::Locomote(self.locomotion.command().clone()),
-            })
-        })
-    }
-
     /// Decides about the frame that the cursor is at: which commands hold, and whether to ask for a plan.
     fn settle(&mut self, frame: i64, clock: Clock) {
         while let Some(due) = self.inbox.take_due(frame as u64) {
@@ -395,7 +324,10 @@ impl Character {
             None => Next::Locomotion,
         };
         match next {
-            Next::Locomotion => self.settle_locomotion(clock),
+            Next::Locomotion => {
+                self.end_path(frame);
+                self.settle_locomotion(clock);
+            }
             Next::Wait => {
                 self.timeline.settle_for(None);
             }
@@ -411,15 +343,34 @@ impl Character {
         let now = self.locomotion.command();
         let command = match intent {
             Intent::Locomote(command) => command,
+            Intent::FollowPath(path) => {
+                self.locomotion.set_path(frame as u64, path);
+                self.timeline.command_changed();
+                return true;
+            }
             Intent::Cancel => LocomotionCommand::standing(&now.style),
             Intent::Interact { .. } | Intent::EndInteraction | Intent::Drop => return false,
         };
-        if same(now, &command) {
+        if self.locomotion.path().is_none() && same(now, &command) {
             return false;
         }
         self.locomotion.set_command(frame as u64, command);
         self.timeline.command_changed();
         true
+    }
+
+    /// Has one stand who has come to the end of a path.
+    fn end_path(&mut self, frame: i64) {
+        let root = self.timeline.buffer().root(frame);
+        let Some(end) = self.locomotion.end_path(frame as u64, root) else {
+            return;
+        };
+        self.timeline.command_changed();
+        let (late_s, off_m) = (end.late_s, end.off_m);
+        self.events.push(CharacterEvent {
+            frame: frame as u64,
+            kind: EventKind::Arrived { late_s, off_m },
+        });
     }
 
     /// Asks for the plan to the keyframes of an object.
@@ -527,6 +478,8 @@ pub(super) fn same(a: &LocomotionCommand, b: &LocomotionCommand) -> bool {
 
 #[path = "rejoin.rs"]
 mod rejoin;
+#[path = "shown.rs"]
+mod shown;
 
 pub use rejoin::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 

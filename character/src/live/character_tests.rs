@@ -1,9 +1,9 @@
 use proptest::prelude::*;
-use troupe_motion::Quat;
 use troupe_motion::rotation::angle_between;
+use troupe_motion::{Quat, Vec3};
 
 use super::*;
-use crate::live::{PlanCause, PlanTrace, Stats};
+use crate::live::{FrameOut, PlanCause, PlanTrace, SUB_FRAMES, Stats};
 use crate::style::{Gait, StyleKey};
 use crate::testing::toy_rig;
 
@@ -44,6 +44,7 @@ fn style(name: &str) -> Arc<Style> {
             gait("walk", 1.2, walk),
             gait("idle", 0.0, vec![key(0.0, 0.0, 0.1)]),
         ],
+        words: None,
         built_in: true,
         cache: Default::default(),
     })
@@ -175,7 +176,7 @@ fn commands_hold_once_and_in_order() {
     character.advance(SUB_FRAMES, Clock::Waits);
     let request = character.take_request().unwrap();
     assert_eq!(
-        (request.cause, request.item.frames),
+        (request.cause, request.item.frames()),
         (PlanCause::Command, Some(34))
     );
     assert_eq!(character.view().last_sequence, 5);

@@ -1,4 +1,4 @@
-//! What happens to a character in a scene, in the native convention.
+//! What happens to a character, in the native convention.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -135,6 +135,13 @@ pub enum EventKind {
         height_m: f32,
         /// Speed downward at the touch, m/s.
         speed_mps: f32,
+    },
+    /// A path came to its end.
+    Arrived {
+        /// How much later than its times, seconds.
+        late_s: f32,
+        /// How far from its last point, metres.
+        off_m: f32,
     },
 }
 

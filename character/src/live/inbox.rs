@@ -37,7 +37,7 @@ impl Inbox {
     pub(super) fn check(&self, intent: &Intent) -> Result<(), Refusal> {
         let stay = self.others.iter().filter(|waiting| !replaces(intent, waiting));
         match intent {
-            Intent::Locomote(_) => Ok(()),
+            intent if intent.moves() => Ok(()),
             _ if stay.count() < MAX_WAITING_COMMANDS => Ok(()),
             _ => Err(Refusal::TooManyCommands),
         }
@@ -48,7 +48,7 @@ impl Inbox {
         let outcome = self.note(sequence);
         if outcome == CommandOutcome::Accepted {
             self.others.retain(|waiting| !replaces(&intent, waiting));
-            let is_locomotion = matches!(intent, Intent::Locomote(_));
+            let is_locomotion = intent.moves();
             let waiting = WaitingCommand {
                 sequence,
                 frame,

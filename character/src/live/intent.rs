@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::MAX_WAITING_COMMANDS;
 use crate::object::Definitions;
-use crate::primitives::LocomotionCommand;
+use crate::primitives::{LocomotionCommand, PathCommand};
 use crate::scene::{Holder, SceneCell};
 
 /// The scene that a character lives in.
@@ -19,11 +19,20 @@ pub struct World {
     pub holder: Holder,
 }
 
+impl Intent {
+    /// Whether it says how to move over the ground; of those, the newest alone counts.
+    pub(super) fn moves(&self) -> bool {
+        matches!(self, Self::Locomote(_) | Self::FollowPath(_))
+    }
+}
+
 /// What a command asks of a character, in the native convention.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Intent {
     /// Move over the ground.
     Locomote(LocomotionCommand),
+    /// Follow a path over the ground.
+    FollowPath(PathCommand),
     /// Go to an object of the scene and use it.
     Interact {
         /// The object.
@@ -48,6 +57,15 @@ pub enum Refusal {
     /// The session is in no scene.
     #[error("the session has no scene; set `scene` when you create it")]
     NoScene,
+    /// The session's pack plans by paths, and cannot go to the keyframes of an object.
+    #[error("the session's pack follows paths, and cannot use objects")]
+    ByPath,
+    /// A path begins too far from the character.
+    #[error("the path begins {off_m:.2} m from the character")]
+    PathTooFar {
+        /// How far, metres.
+        off_m: f32,
+    },
     /// No such object in the scene.
     #[error("the scene has no object {id:?}")]
     UnknownObject {

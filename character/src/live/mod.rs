@@ -28,6 +28,6 @@ pub use pin::Pins;
 pub use plan::finish_live;
 pub use types::{
     Advance, Arrival, CONTEXT_FRAMES, CharacterOptions, Clock, CommandOutcome, FrameOut, LivePlan, LiveShape,
-    Peek, PlanCause, PlanFailed, PlanRecord, PlanRequest, PlanTrace, SUB_FRAMES, Start, Stats, Strain, View,
-    WaitingCommand,
+    PathItem, Peek, PlanCause, PlanFailed, PlanItem, PlanRecord, PlanRequest, PlanTrace, SUB_FRAMES, Start,
+    Stats, Strain, View, WaitingCommand,
 };

@@ -48,6 +48,7 @@ fn shape(frames: Option<usize>) -> LiveShape {
             guide: None,
             r_g1: GlobalRoot::new(Vec3::ZERO, 0.0),
             r_g2: Vec::new(),
+            path: None,
             unfinished: false,
             gaits: Vec::new(),
         },

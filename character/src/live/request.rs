@@ -5,9 +5,9 @@ use rand_chacha::ChaCha8Rng;
 use troupe_motion::root::heading_of;
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 
-use super::{CONTEXT_FRAMES, CharacterOptions, LiveShape};
+use super::{CONTEXT_FRAMES, CharacterOptions, LiveShape, PathItem, PlanItem};
 use crate::keyframe::{Checked, KeyWriter};
-use crate::primitives::{self, Guide, PlanTargets, TargetKey};
+use crate::primitives::{self, Guide, PathGoal, PlanTargets, TargetKey};
 use troupe_motion::model::{Dims, Rig};
 use troupe_motion::model::{GapPose, KeyframeTask, RootGuide};
 
@@ -38,7 +38,7 @@ pub fn build(
     number: u64,
     context: Context,
     mut targets: PlanTargets,
-) -> (KeyframeTask, LiveShape) {
+) -> (PlanItem, LiveShape) {
     if let (Some(guide), Some(ratio)) = (&mut targets.guide, options.root_ratio) {
         guide.position_ratio = ratio;
     }
@@ -50,16 +50,26 @@ pub fn build(
     let frame = SegmentFrame::from_root(roots[CONTEXT_FRAMES - 1]);
 
     let mut writer = KeyWriter::new(&rig.skeleton, rig.fps);
-    let item = KeyframeTask {
-        context: writer.write(&frame, &context_keys(&roots, &context.rotations)),
-        targets: writer.write(&frame, &target_keys(&targets.targets)),
-        frames: targets.frames,
-        allowed_counts: allowed_counts(dims, &targets),
-        seed: plan_seed(options.seed, number),
-        temperature: options.temperature,
-        pose_steps: 1,
-        root_guide: targets.guide.as_ref().map(|guide| root_guide(&frame, guide)),
-        gap_poses: gap_poses(&mut writer, &frame, &targets.gap_poses),
+    let keys = writer.write(&frame, &context_keys(&roots, &context.rotations));
+    let seed = plan_seed(options.seed, number);
+    let item = match (&targets.path, targets.frames) {
+        (Some(goal), Some(frames)) => PlanItem::Path(PathItem {
+            context: keys,
+            path: path(&frame, goal, frames),
+            words: goal.words.clone(),
+            seed,
+        }),
+        _ => PlanItem::Keyframes(KeyframeTask {
+            context: keys,
+            targets: writer.write(&frame, &target_keys(&targets.targets)),
+            frames: targets.frames,
+            allowed_counts: allowed_counts(dims, &targets),
+            seed,
+            temperature: options.temperature,
+            pose_steps: 1,
+            root_guide: targets.guide.as_ref().map(|guide| root_guide(&frame, guide)),
+            gap_poses: gap_poses(&mut writer, &frame, &targets.gap_poses),
+        }),
     };
     let shape = LiveShape {
         frame,
@@ -68,6 +78,21 @@ pub fn build(
         targets,
     };
     (item, shape)
+}
+
+/// A path of so many frames: where it is shorter, it stays at its end.
+fn path(frame: &SegmentFrame, goal: &PathGoal, frames: usize) -> Box<[[f32; 3]]> {
+    let last = goal.roots.last().copied();
+    let roots = goal
+        .roots
+        .iter()
+        .copied()
+        .chain(std::iter::repeat_with(|| last).map_while(|last| last));
+    let point = |root: GlobalRoot| {
+        let root = frame.to_segment_root(root);
+        [root.position.x, root.position.z, root.heading]
+    };
+    roots.take(frames).map(point).collect()
 }
 
 fn context_keys(roots: &[GlobalRoot; CONTEXT_FRAMES], rotations: &[Quat]) -> Vec<Checked> {

@@ -46,6 +46,7 @@ fn targets() -> PlanTargets {
         guide: None,
         r_g1: GlobalRoot::new(Vec3::ZERO, 0.0),
         r_g2: Vec::new(),
+        path: None,
         unfinished: false,
         gaits: Vec::new(),
     }
@@ -77,7 +78,8 @@ fn guides_and_poses_in_the_gap_go_to_the_segment_frame() {
         ..OPTIONS
     };
     let (item, shape) = build(&toy_rig(), &options, 0, context, targets);
-    let guide = item.root_guide.unwrap();
+    let item = item.keyframes().unwrap();
+    let guide = item.root_guide.as_ref().unwrap();
     // The segment stands at (5.3, 2) and looks along the world's X.
     for (got, want) in guide.path[20].iter().zip([0.0, 0.8, 1.0, 0.1]) {
         assert!((got - want).abs() < 1e-5, "{:?}", guide.path[20]);
@@ -124,7 +126,7 @@ fn a_segment_is_never_longer_than_the_pack_allows() {
         ..targets()
     };
     let (item, shape) = build(&toy_rig(), &OPTIONS, 0, context(), targets);
-    assert_eq!((item.frames, shape.targets.frames), (Some(64), Some(64)));
+    assert_eq!((item.frames(), shape.targets.frames), (Some(64), Some(64)));
 }
 
 #[test]

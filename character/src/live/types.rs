@@ -9,7 +9,7 @@ use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 use super::{Intent, Pins};
 use crate::primitives::PlanTargets;
 use crate::primitives::object::KeyframeError;
-use troupe_motion::model::KeyframeTask;
+use troupe_motion::model::{KeyTensors, KeyframeTask};
 
 /// Parts that a frame of the timeline is counted in: 30, 50 and 60 Hz all take whole numbers of them.
 pub const SUB_FRAMES: u32 = 300;
@@ -108,7 +108,7 @@ pub struct PlanRequest {
     /// What called for it.
     pub cause: PlanCause,
     /// The work, in its segment frame.
-    pub item: KeyframeTask,
+    pub item: PlanItem,
     /// What it takes to turn the answer into frames.
     pub shape: Arc<LiveShape>,
     /// The keyframes that the answer is to meet; none for locomotion, whose targets are guidance.
@@ -119,6 +119,46 @@ pub struct PlanRequest {
     pub due_in_frames: u32,
     /// Frames from where the plan before took over to where this one is to; none for the first.
     pub spacing_frames: Option<u32>,
+}
+
+/// What a plan asks of a model, in its segment frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PlanItem {
+    /// Keyframes to go to.
+    Keyframes(KeyframeTask),
+    /// A path to follow.
+    Path(PathItem),
+}
+
+/// A path to follow, apart from what follows from the pack and the body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PathItem {
+    /// The context frames, each with root and pose.
+    pub context: Vec<KeyTensors>,
+    /// `[frames][x, z, heading]`, metres and radians; it passes the context's roots.
+    pub path: Box<[[f32; 3]]>,
+    /// Words that say how to move, with their weights.
+    pub words: Vec<(String, f32)>,
+    /// Seed of all random choices.
+    pub seed: u64,
+}
+
+impl PlanItem {
+    /// Frames of the segment, where they are fixed.
+    pub fn frames(&self) -> Option<usize> {
+        match self {
+            Self::Keyframes(task) => task.frames,
+            Self::Path(item) => Some(item.path.len()),
+        }
+    }
+
+    /// The keyframes to go to, where it is those.
+    pub fn keyframes(&self) -> Option<&KeyframeTask> {
+        match self {
+            Self::Keyframes(task) => Some(task),
+            Self::Path(_) => None,
+        }
+    }
 }
 
 /// What it takes to turn a plan's raw motion into frames.

@@ -32,6 +32,17 @@ impl HeadingSpring {
         }
     }
 
+    /// At a frame, on the way to where it comes to rest by itself.
+    pub(crate) fn moving(frame: u64, heading: f32, omega: f32) -> Self {
+        let heading = wrap_angle(heading);
+        Self {
+            frame,
+            heading,
+            omega,
+            target: heading + omega / GAMMA,
+        }
+    }
+
     /// Heading and angular velocity at a frame.
     pub(crate) fn at(&self, frame: u64, fps: f32) -> (f32, f32) {
         let t = frame.saturating_sub(self.frame) as f32 / fps;

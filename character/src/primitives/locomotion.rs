@@ -9,23 +9,20 @@
 //! the style cannot do is brought to the nearest that it can ([`super::reach`]) before any of this.
 
 use serde::{Deserialize, Serialize};
-use troupe_motion::interpolate::smoothstep;
 use troupe_motion::root::wrap_angle;
 use troupe_motion::rotation::yaw;
-use troupe_motion::spring::critically_damped;
-use troupe_motion::{GlobalRoot, LocalRoot, Quat, Vec3};
+use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::blend::{Blend, STYLE_FPS, Wanted};
 use super::heading::{HeadingSpring, Turn};
 use super::matching::Matcher;
+use super::path::PathCommand;
+use super::path::run::{Now, PathEnd, PathRun, Way};
 use super::reach::{self, Feasible};
 use super::recipe::{
-    ANCHOR_AFTER_S, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO, HORIZON_S,
-    SIDE_ANGLE, SIDE_PARTS, STANDING_MPS, STEP_FRAMES, STEP_MARGIN_FRAMES, STEP_TURN, STILL, STOP_POSE,
-    TARGET_KEYS,
+    ANCHOR_AFTER_S, HORIZON_S, PATH_PLAN_FRAMES, STANDING_MPS, STEP_FRAMES, STEP_MARGIN_FRAMES, STEP_TURN,
 };
-use super::{CONTEXT_FRAMES, GapPose, Guide, LocomotionCommand, PlanContext, PlanTargets, TargetKey};
-use crate::style::cycles::Moment;
+use super::{CONTEXT_FRAMES, GapPose, LocomotionCommand, PlanContext, PlanTargets};
 use crate::style::{STANDING_GAIT_MPS, Style};
 
 /// The context's last frame, from which time counts.
@@ -42,6 +39,8 @@ pub struct Locomotion {
     /// The turn that it asked for, radians.
     turn: f32,
     stand: Option<Standing>,
+    /// The path that it follows, instead of the command.
+    path: Option<PathRun>,
     #[serde(skip)]
     matcher: Matcher,
     /// Frames a second of the timeline.
@@ -63,6 +62,8 @@ struct Plan<'a> {
     style: &'a Style,
     feasible: Feasible,
     turn: Turn,
+    /// On a path: where it leads.
+    way: Option<Way<'a>>,
     blend: Blend<'a>,
     /// Frames of the segment, or the most that it may have.
     frames: usize,
@@ -88,6 +89,7 @@ impl Locomotion {
             commanded_at: frame,
             turn: 0.0,
             stand: None,
+            path: None,
             matcher: Matcher::default(),
             fps,
             command,
@@ -103,8 +105,45 @@ impl Locomotion {
 
     /// Takes a new command from timeline frame `frame` on.
     pub fn set_command(&mut self, frame: u64, command: LocomotionCommand) {
+        self.leave_path(frame);
         self.command = command;
         self.take_up(frame);
+    }
+
+    /// Takes a path to follow from timeline frame `frame` on.
+    pub fn set_path(&mut self, frame: u64, path: PathCommand) {
+        self.leave_path(frame);
+        self.command = LocomotionCommand::standing(&path.style);
+        self.commanded_at = frame;
+        self.stand = None;
+        self.turn = 0.0;
+        self.path = Some(PathRun::new(frame, path));
+    }
+
+    /// The path that it follows.
+    pub fn path(&self) -> Option<&PathCommand> {
+        self.path.as_ref().map(|run| &run.command)
+    }
+
+    /// The heading spring goes on from where the path had the character face.
+    fn leave_path(&mut self, frame: u64) {
+        if let Some(run) = self.path.take()
+            && let Some((heading, omega)) = run.facing(frame, self.fps)
+        {
+            self.heading = HeadingSpring::moving(frame, heading, omega);
+        }
+    }
+
+    /// Has a character whose root is at `position` at a frame stand at the end of its path, where it has come there.
+    pub(crate) fn end_path(&mut self, frame: u64, position: Vec3) -> Option<PathEnd> {
+        let end = self.path.as_ref()?.end(frame, self.fps, position)?;
+        let command = LocomotionCommand {
+            facing: Some(end.heading),
+            ..LocomotionCommand::standing(&self.command.style)
+        };
+        self.set_command(frame, command);
+        self.stand_at(end.place);
+        Some(end)
     }
 
     /// Has a character that stands do so at `place` over the ground, rather than where it comes to rest.
@@ -150,8 +189,16 @@ impl Locomotion {
         let anchor = self.anchor(context);
         let style = &*self.command.style;
         let (frames, horizon_s) = length(style, context);
-        let turned = turn.at(horizon_s).0 - turn.at(0.0).0;
-        let local = yaw(-self.feasible.facing) * self.feasible.velocity;
+        if let Some(run) = &mut self.path {
+            run.plan(&now_of(context), horizon_s, &self.heading);
+        }
+        let way = self.path.as_ref().and_then(PathRun::way);
+        let feasible = way.map_or(self.feasible, |way| way.feasible(horizon_s));
+        let turned = match way {
+            Some(way) => way.heading(horizon_s).0 - way.heading(0.0).0,
+            None => turn.at(horizon_s).0 - turn.at(0.0).0,
+        };
+        let local = yaw(-feasible.facing) * feasible.velocity;
         let wanted = Wanted {
             left_mps: local.x,
             forward_mps: local.z,
@@ -166,15 +213,19 @@ impl Locomotion {
         } else {
             self.matcher.nearest(&blend, context, frame)
         };
-        let r_g1 = GlobalRoot::new(
-            anchor.unwrap_or(now.position + self.feasible.velocity * horizon_s),
-            self.feasible_heading(&turn),
-        );
+        let r_g1 = match way {
+            Some(way) => GlobalRoot::new(way.position(horizon_s), way.heading(horizon_s).0),
+            None => GlobalRoot::new(
+                anchor.unwrap_or(now.position + feasible.velocity * horizon_s),
+                self.feasible_heading(&turn),
+            ),
+        };
         let mut plan = Plan {
             context,
             style,
-            feasible: self.feasible,
+            feasible,
             turn,
+            way,
             blend,
             frames,
             horizon_s,
@@ -240,7 +291,7 @@ impl Locomotion {
             }
             let mut rotations = vec![Quat::IDENTITY; plan.context.skeleton.joint_count()];
             let moment = cycles.gaits[steps.gait].sample(gait, phase, |joint, q| rotations[joint] = q);
-            rotations[0] = yaw(plan.turn.at(plan.seconds(frame)).0 + moment.sway) * rotations[0];
+            rotations[0] = yaw(plan.facing(plan.seconds(frame)).0 + moment.sway) * rotations[0];
             Some(GapPose {
                 frame,
                 rotations,
@@ -248,6 +299,17 @@ impl Locomotion {
             })
         };
         STEP_FRAMES.into_iter().zip(phases).filter_map(pose).collect()
+    }
+}
+
+fn now_of(context: &PlanContext<'_>) -> Now {
+    let GlobalRoot { position, heading } = context.roots[NOW];
+    Now {
+        frame: context.frame,
+        fps: context.fps,
+        position,
+        velocity: context.velocity,
+        heading,
     }
 }
 
@@ -262,6 +324,11 @@ fn length(style: &Style, context: &PlanContext<'_>) -> (usize, f32) {
     let longest = style.allowed_token_counts.iter().max();
     let usual = || CONTEXT_FRAMES + (HORIZON_S * context.fps).round() as usize;
     let frames = match longest {
+        // A path has whole tokens.
+        None if style.words.is_some() => {
+            let frames = context.plan_frames.unwrap_or(PATH_PLAN_FRAMES);
+            frames.next_multiple_of(context.frames_per_token)
+        }
         None => context.plan_frames.unwrap_or_else(usual),
         Some(&tokens) => tokens as usize * context.frames_per_token,
     };
@@ -273,179 +340,8 @@ fn length(style: &Style, context: &PlanContext<'_>) -> (usize, f32) {
     (frames, horizon_s)
 }
 
-impl Plan<'_> {
-    /// The frame of the segment at the horizon.
-    fn last(&self) -> usize {
-        NOW + (self.horizon_s * self.context.fps).round() as usize
-    }
-
-    /// Seconds from the last context frame to a frame of the segment.
-    fn seconds(&self, frame: usize) -> f32 {
-        frame.saturating_sub(NOW) as f32 / self.context.fps
-    }
-
-    /// Phase of the blend at a frame of the segment, and its time at 30 Hz.
-    fn phase_at(&self, frame: usize) -> (f32, u64) {
-        let passed = self.seconds(frame) * STYLE_FPS;
-        // Standing poses are those of the horizon in the whole plan.
-        let time = self.frame + (self.horizon_s * STYLE_FPS) as u64;
-        (self.phase + passed * self.blend.rate, time)
-    }
-
-    fn moment(&self, frame: usize) -> Moment {
-        let (phase, time) = self.phase_at(frame);
-        self.blend.moment(phase, time)
-    }
-
-    /// r_g2 at a frame of the segment: the closed form of equation 6 for the position.
-    fn r_g2(&self, frame: usize) -> GlobalRoot {
-        if frame <= NOW {
-            return self.context.roots[frame];
-        }
-        let t = self.seconds(frame);
-        let now = self.context.roots[NOW].position;
-        let velocity = self.context.velocity.with_y(0.0);
-        let (position, _) = critically_damped(now, velocity, self.r_g1.position, GAMMA, t);
-        GlobalRoot::new(position, wrap_angle(self.turn.at(t).0))
-    }
-
-    /// The guide at a frame of the segment. Its way is a smooth curve from the character's place and velocity to r_g2's end
-    /// and the commanded velocity: equation 6 itself runs ahead at first and comes to rest, which is right for where a
-    /// target lies, but not for a path. Its headings carry the sway of the steps.
-    fn guide_at(&self, frame: usize, end: GlobalRoot) -> GlobalRoot {
-        if frame < NOW {
-            return self.context.roots[frame];
-        }
-        let t = self.seconds(frame);
-        let now = self.context.roots[NOW].position;
-        let position = if t <= self.horizon_s {
-            let (from, to) = (self.context.velocity, self.feasible.velocity);
-            hermite(now, from, end.position, to, self.horizon_s, t)
-        } else {
-            end.position + self.feasible.velocity * (t - self.horizon_s)
-        };
-        let moment = self.moment(frame);
-        // Heights are the gait's, once what the character is off by has faded.
-        let off = now.y - self.moment(NOW).height_m;
-        let height =
-            moment.height_m + off * (1.0 - smoothstep((t * STYLE_FPS / HEIGHT_FADE_FRAMES).min(1.0)));
-        let heading = self.turn.at(t).0 + moment.sway;
-        GlobalRoot::new(position.with_y(height), wrap_angle(heading))
-    }
-
-    /// The blend's pose at a frame of the segment, in the world.
-    fn pose(&self, frame: usize) -> (Vec<Quat>, Moment) {
-        let mut rotations = vec![Quat::IDENTITY; self.context.skeleton.joint_count()];
-        let (phase, time) = self.phase_at(frame);
-        let moment = self.blend.sample(phase, time, &mut rotations);
-        rotations[0] = yaw(self.turn.at(self.seconds(frame)).0 + moment.sway) * rotations[0];
-        (rotations, moment)
-    }
-
-    fn target(&self, frame: usize) -> TargetKey {
-        let (rotations, moment) = self.pose(frame);
-        let spring = self.r_g2(frame);
-        let (heading, omega) = self.turn.at(self.seconds(frame));
-        let sway = yaw(heading) * Vec3::new(moment.left_mps, 0.0, moment.forward_mps);
-        let velocity = self.feasible.velocity + sway;
-        // The sway passes as fast as the gait runs.
-        let hurry = self.blend.hurry();
-        TargetKey {
-            root: Some(GlobalRoot::new(
-                spring.position.with_y(moment.height_m),
-                wrap_angle(heading + moment.sway),
-            )),
-            velocity: Some(LocalRoot {
-                vx: velocity.x,
-                vz: velocity.z,
-                omega: omega + moment.turn_rps * hurry,
-                height: moment.height_m,
-            }),
-            rotations: Some(rotations),
-            height_m: None,
-        }
-    }
-
-    /// Whether it stands already, and only goes on standing.
-    fn stands(&self) -> bool {
-        let turns = self.turn.at(self.horizon_s).0 - self.turn.at(0.0).0;
-        self.context.velocity.with_y(0.0).length() < STILL.0 && turns.abs() < STILL.1
-    }
-
-    /// Poses in the gap. The data's stands are full of gestures, and the networks fill one with them that is left to them; so one
-    /// who stands has a pose half way, as one who walks. One who comes to a stop has it late, for until then its feet step as they
-    /// must; one who turns on the spot has its steps.
-    fn gap_poses(&self) -> Vec<GapPose> {
-        let halts = self.feasible.velocity == Vec3::ZERO;
-        if halts && !self.stands() {
-            return vec![self.gap_pose(STOP_POSE * self.horizon_s)];
-        }
-        let local = yaw(-self.feasible.facing) * self.feasible.velocity;
-        let parts = if halts || local.x.atan2(local.z).abs() < SIDE_ANGLE {
-            FORWARD_PARTS
-        } else {
-            SIDE_PARTS
-        };
-        // A gap of more than the usual length has more of them, about as far apart.
-        let parts = (parts * self.horizon_s / HORIZON_S).round().max(parts);
-        (1..parts as usize)
-            .map(|nth| self.gap_pose(nth as f32 / parts * self.horizon_s))
-            .collect()
-    }
-
-    /// The blend's pose so many seconds ahead.
-    fn gap_pose(&self, ahead_s: f32) -> GapPose {
-        let frame = NOW + (ahead_s * self.context.fps).round() as usize;
-        let (rotations, moment) = self.pose(frame);
-        GapPose {
-            frame,
-            rotations,
-            height_m: moment.height_m,
-        }
-    }
-
-    fn targets(&self, steps: Vec<GapPose>) -> PlanTargets {
-        let last = self.last();
-        let end = self.r_g2(last);
-        let given = self.style.allowed_token_counts.len() <= 1;
-        let gap_poses = match steps.is_empty() {
-            true => self.gap_poses(),
-            false => steps,
-        };
-        PlanTargets {
-            targets: (0..TARGET_KEYS)
-                .map(|key| self.target(last + 1 + key - TARGET_KEYS))
-                .collect(),
-            gap_poses,
-            frames: given.then_some(self.frames),
-            allowed_token_counts: if given {
-                Vec::new()
-            } else {
-                self.style.allowed_token_counts.clone()
-            },
-            guide: Some(Guide {
-                path: (0..self.frames).map(|frame| self.guide_at(frame, end)).collect(),
-                position_ratio: self.style.root_ratio,
-                height_ratio: HEIGHT_RATIO,
-                heading_ratio: HEADING_RATIO,
-            }),
-            r_g1: self.r_g1,
-            r_g2: (0..self.frames).map(|frame| self.r_g2(frame)).collect(),
-            unfinished: self.turn.unfinished(),
-            gaits: self.blend.named(),
-        }
-    }
-}
-
-/// The cubic from `a` with velocity `va` to `b` with velocity `vb`, `length_s` later, at `t`.
-fn hermite(a: Vec3, va: Vec3, b: Vec3, vb: Vec3, length_s: f32, t: f32) -> Vec3 {
-    let u = t / length_s;
-    let (u2, u3) = (u * u, u * u * u);
-    a * (2.0 * u3 - 3.0 * u2 + 1.0)
-        + va * (length_s * (u3 - 2.0 * u2 + u))
-        + b * (3.0 * u2 - 2.0 * u3)
-        + vb * (length_s * (u3 - u2))
-}
+#[path = "locomotion_plan.rs"]
+mod plan;
 
 #[cfg(test)]
 #[path = "locomotion_tests.rs"]

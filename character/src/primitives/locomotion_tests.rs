@@ -2,12 +2,12 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
 use proptest::prelude::*;
-use troupe_motion::Skeleton;
 use troupe_motion::root::heading_of;
 use troupe_motion::rotation::angle_between;
+use troupe_motion::{LocalRoot, Skeleton};
 
 use super::*;
-use crate::primitives::recipe::MAX_TURN;
+use crate::primitives::recipe::{GAMMA, MAX_TURN, TARGET_KEYS};
 use crate::style::testing::{walker, walker_style};
 
 const FPS: f32 = 30.0;

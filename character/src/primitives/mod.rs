@@ -6,6 +6,7 @@ mod heading;
 mod locomotion;
 mod matching;
 pub mod object;
+pub mod path;
 mod reach;
 pub mod recipe;
 
@@ -16,6 +17,7 @@ use troupe_motion::{GlobalRoot, LocalRoot, Quat, Skeleton, Vec3};
 use crate::style::Style;
 
 pub use locomotion::Locomotion;
+pub use path::PathCommand;
 
 /// Context frames of a plan.
 const CONTEXT_FRAMES: usize = 4;
@@ -109,6 +111,15 @@ pub struct Guide {
     pub heading_ratio: f32,
 }
 
+/// A path for a body that is planned for by paths.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PathGoal {
+    /// One root for each frame of the segment from its first context frame on, in the world. Heights do not count.
+    pub roots: Vec<GlobalRoot>,
+    /// Words that say how to move, with their weights.
+    pub words: Vec<(String, f32)>,
+}
+
 /// What a primitive asks of the networks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanTargets {
@@ -126,6 +137,8 @@ pub struct PlanTargets {
     pub r_g1: GlobalRoot,
     /// r_g2: the spring's path, one root for each frame of the segment.
     pub r_g2: Vec<GlobalRoot>,
+    /// Where plans are asked for by paths: what to follow. There are no targets, gap poses or guide then.
+    pub path: Option<PathGoal>,
     /// The turn goes on beyond the plan, which leaves off at [`recipe::MAX_TURN`].
     pub unfinished: bool,
     /// How much of each gait went into the target pose.

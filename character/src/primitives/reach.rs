@@ -46,6 +46,12 @@ pub(crate) fn nearest(style: &Style, only: Option<usize>, velocity: Vec3, facing
             .map(|(_, gait)| gait)
             .filter(|gait| gait.speed_mps() > STANDING_MPS)
     };
+    if let Some(words) = &style.words {
+        return Feasible {
+            velocity: velocity.clamp_length_max(words.max_speed_mps),
+            facing,
+        };
+    }
     let most = fastest(gaits, off) * SPEED_MARGIN;
     if most < STANDING_MPS {
         return still;

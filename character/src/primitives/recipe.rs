@@ -25,6 +25,13 @@ pub const MAX_TURN: f32 = 100.0 * DEGREE;
 /// The heading spring starts again from the character where it is farther from it than this, radians.
 pub const RESYNC_TURN: f32 = 120.0 * DEGREE;
 
+/// Frames at 30 Hz of a plan that is asked for by a path, context included: whole tokens.
+pub const PATH_PLAN_FRAMES: usize = 36;
+/// Frames at 30 Hz over which the headings of such a path come from the character's, which sways, to the spring's.
+pub const SWAY_FADE_FRAMES: f32 = 10.0;
+/// How closely the root follows a path that was commanded, where the session does not say.
+pub const PATH_RATIO: f32 = 1.0;
+
 /// A command slower than this stands, m/s.
 pub const STANDING_MPS: f32 = 0.05;
 /// A character that is slower than the first (m/s) and turns by less than the second (radians) stands, if it is to.

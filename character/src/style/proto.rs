@@ -6,11 +6,11 @@ use troupe_proto::v1;
 
 use super::{
     Gait, MAX_GAIT_VELOCITY, MAX_GAITS, MAX_KEY_VELOCITY, MAX_KEYS, MAX_NAME_CHARS, MAX_PERIOD_FRAMES,
-    MAX_ROOT_RATIO, REPLAN_INTERVAL_FRAMES, Style, StyleCache, StyleKey,
+    MAX_ROOT_RATIO, MAX_WORDS, REPLAN_INTERVAL_FRAMES, Style, StyleCache, StyleKey, Words,
 };
 use crate::limits::{MAX_HEIGHT_M, UNIT_TOLERANCE};
 use crate::{FieldError, Path};
-use troupe_motion::model::Rig;
+use troupe_motion::model::{ByPath, Rig};
 
 impl Style {
     /// Checks a message for `pack`. `path` is the message's place in the request, for errors. What a client cannot say is
@@ -36,6 +36,21 @@ impl Style {
         }
         check_counts(path, &style.allowed_token_counts, rig)?;
         number(&path.field("root_ratio"), style.root_ratio, 0.0, MAX_ROOT_RATIO)?;
+        if let Some(body) = &rig.by_path {
+            let weights = check_words(path, style, body)?;
+            return Ok(Self {
+                default_speed_mps: style.default_speed,
+                replan_interval_frames: interval,
+                is_static: style.is_static,
+                ..Self::of_words(&style.name, weights, body, built_in)
+            });
+        }
+        if !style.words.is_empty() {
+            return Err(path.field("words").error(
+                format!("has {} entries, and the pack knows no words", style.words.len()),
+                "none; gaits in their place",
+            ));
+        }
         Ok(Self {
             name: style.name.clone(),
             default_speed_mps: style.default_speed,
@@ -44,6 +59,7 @@ impl Style {
             is_static: style.is_static,
             root_ratio: style.root_ratio,
             gaits: check_gaits(path, &style.gaits, rig)?,
+            words: None,
             built_in,
             cache: StyleCache::default(),
         })
@@ -67,9 +83,23 @@ impl Style {
             allowed_token_counts: self.allowed_token_counts.clone(),
             is_static: self.is_static,
             root_ratio: self.root_ratio,
-            gaits: self.gaits.iter().map(|gait| gait.message(keys)).collect(),
+            gaits: match &self.words {
+                // It follows from the body.
+                Some(_) => Vec::new(),
+                None => self.gaits.iter().map(|gait| gait.message(keys)).collect(),
+            },
+            words: self.words.iter().flat_map(Words::message).collect(),
             built_in: self.built_in,
         }
+    }
+}
+
+impl Words {
+    fn message(&self) -> impl Iterator<Item = v1::StyleWord> {
+        self.weights.iter().map(|(word, weight)| v1::StyleWord {
+            word: word.clone(),
+            weight: Some(*weight),
+        })
     }
 }
 
@@ -118,6 +148,50 @@ fn check_name(path: &Path<'_>, name: &str) -> Result<(), FieldError> {
         Some(c) => Err(path.error(format!("has the character {c:?}"), allowed())),
         None => Ok(()),
     }
+}
+
+/// The words of a style for a body.
+fn check_words(path: &Path<'_>, style: &v1::Style, body: &ByPath) -> Result<Vec<(String, f32)>, FieldError> {
+    if !style.gaits.is_empty() {
+        return Err(path.field("gaits").error(
+            format!("has {} entries, and the pack plans by paths", style.gaits.len()),
+            "none; words in their place",
+        ));
+    }
+    if !style.allowed_token_counts.is_empty() {
+        return Err(path.field("allowed_token_counts").error(
+            format!(
+                "has {} entries, and the pack plans by paths",
+                style.allowed_token_counts.len()
+            ),
+            "none",
+        ));
+    }
+    if style.words.len() > MAX_WORDS {
+        return Err(path.field("words").error(
+            format!("has {} entries", style.words.len()),
+            format!("0 to {MAX_WORDS}"),
+        ));
+    }
+    let mut weights: Vec<(String, f32)> = Vec::with_capacity(style.words.len());
+    for (index, given) in style.words.iter().enumerate() {
+        let path = path.element("words", index);
+        let word = path.field("word");
+        if !body.words.contains(&given.word) {
+            let start: String = given.word.chars().take(MAX_NAME_CHARS).collect();
+            return Err(word.error(format!("is {start:?}"), body.words.join(", ")));
+        }
+        if weights.iter().any(|(before, _)| *before == given.word) {
+            return Err(word.error(
+                format!("is {:?}, which is there before", given.word),
+                "each word once",
+            ));
+        }
+        let weight = given.weight.unwrap_or(1.0);
+        number(&path.field("weight"), weight, 0.0, 1.0)?;
+        weights.push((given.word.clone(), weight));
+    }
+    Ok(weights)
 }
 
 fn check_counts(path: &Path<'_>, counts: &[u32], rig: &Rig) -> Result<(), FieldError> {

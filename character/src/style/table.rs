@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use arc_swap::ArcSwap;
 use troupe_motion::Skeleton;
 
-use super::Style;
 use super::file::{self, StyleError, StyleProblem, load_folder};
+use super::{PLAIN, Style};
 use troupe_motion::model::Rig;
 
 /// Most styles that may be added to a pack.
@@ -17,6 +17,8 @@ pub const MAX_ADDED_STYLES: usize = 256;
 const FOLDER: &str = "styles";
 /// The style of sessions that name none, where the pack has it.
 const PREFERRED_DEFAULT: &str = "normal";
+/// The same where styles are words.
+const PREFERRED_WORD: &str = "walk";
 
 type Styles = BTreeMap<String, Arc<Style>>;
 
@@ -88,7 +90,10 @@ impl StyleTable {
     /// # Errors
     /// [`StyleError`], which names the file and what is wrong with it.
     pub fn load(rig: &Rig, pack_folder: &FilePath, folder: Option<PathBuf>) -> Result<Self, StyleError> {
-        let own = load_folder(&pack_folder.join(FOLDER), rig, true)?;
+        let own = match &rig.by_path {
+            Some(body) => Style::all_of(body),
+            None => load_folder(&pack_folder.join(FOLDER), rig, true)?,
+        };
         let own = own.into_iter().map(|style| ready(style, rig));
         Self::with_added(own.collect(), rig, folder)
     }
@@ -148,10 +153,14 @@ impl StyleTable {
         self.styles.load().values().cloned().collect()
     }
 
-    /// The style of sessions that name none: `normal` where there is one, else the first by name.
+    /// The style of sessions that name none: `normal` where there is one, else the first by name. Of words: `walk`, else none.
     pub fn default_style(&self) -> Option<Arc<Style>> {
         let styles = self.styles.load();
-        let preferred = styles.get(PREFERRED_DEFAULT);
+        let of_words = styles.values().any(|style| style.words.is_some());
+        let preferred = match of_words {
+            true => styles.get(PREFERRED_WORD).or_else(|| styles.get(PLAIN)),
+            false => styles.get(PREFERRED_DEFAULT),
+        };
         preferred.or_else(|| styles.values().next()).cloned()
     }
 

@@ -182,6 +182,7 @@ pub fn walker_style() -> Style {
         is_static: false,
         root_ratio: 0.0,
         gaits: shapes.into_iter().map(GaitShape::gait).collect(),
+        words: None,
         built_in: false,
         cache: StyleCache::default(),
     }

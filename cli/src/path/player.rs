@@ -109,6 +109,8 @@ impl<'a> Player<'a> {
                 self.uses = false;
                 self.velocity.speed_mps = 0.0;
             }
+            // It moves by itself, as far as the player knows.
+            Act::FollowPath(_) => self.velocity.speed_mps = 0.0,
             Act::Drop => {}
         }
         self.acts.push(act);

@@ -156,6 +156,7 @@ mod tests {
     #[test]
     fn styles_in_a_table() {
         let styles = v1::ListStylesResponse {
+            body: String::new(),
             pack: "human".to_owned(),
             styles: vec![
                 v1::Style {

@@ -181,6 +181,7 @@ impl fmt::Display for Told<'_> {
                 Some(metres) => write!(out, "fell, {metres:.2} m"),
                 None => out.write_str("fell"),
             },
+            Kind::Arrived(of) => write!(out, "arrived {:.1} s late, {:.2} m off", of.late, of.off),
             Kind::Landed(of) => write!(out, "landed after {:.2} m at {:.1} m/s", of.height, of.speed),
         }
     }

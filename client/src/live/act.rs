@@ -2,7 +2,9 @@
 
 use troupe_proto::v1;
 
-/// Something that a character in a scene does once. It goes to the server with the next step or tick, or when it is sent.
+use super::path::LivePath;
+
+/// Something that a character does once: use an object of its scene, or follow a path. It goes to the server with the next step or tick, or when it is sent.
 ///
 /// ```
 /// use troupe_client::Act;
@@ -10,7 +12,7 @@ use troupe_proto::v1;
 /// let sit = Act::interact("chair-3").variant("slowly").approach("front");
 /// # assert_ne!(sit, Act::Cancel);
 /// ```
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Act {
     /// Go to an object and use it.
     Interact {
@@ -27,6 +29,8 @@ pub enum Act {
     Cancel,
     /// Put down what is in the hand.
     Drop,
+    /// Follow a path, and stand at its end.
+    FollowPath(LivePath),
 }
 
 impl Act {
@@ -77,6 +81,7 @@ impl Act {
             Self::EndInteraction => Intent::EndInteraction(v1::EndInteraction {}),
             Self::Cancel => Intent::Cancel(v1::Cancel {}),
             Self::Drop => Intent::Drop(v1::DropHeld {}),
+            Self::FollowPath(path) => Intent::FollowPath(path.to_message()),
         }
     }
 }

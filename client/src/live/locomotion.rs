@@ -358,6 +358,7 @@ mod tests {
                 Some(Asked::Drop(_)) => "drop",
                 Some(Asked::Cancel(_)) => "cancel",
                 Some(Asked::EndInteraction(_)) => "end",
+                Some(Asked::FollowPath(_)) => "path",
                 None => "none",
             };
             (command.sequence, kind)

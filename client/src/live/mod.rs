@@ -10,7 +10,7 @@
 //! What a character should do is a [`Locomotion`]. It is set in place, as often as the game likes; only what changed goes
 //! to the server, with sequence numbers, so that commands may be lost, late or repeated without harm.
 //!
-//! In a scene ([`SessionOptions::scene`]) characters also use objects: an [`Act`] is done once, and what becomes of it comes
+//! A path to follow is an [`Act`], [`LivePath`]. In a scene ([`SessionOptions::scene`]) characters also use objects: an act is done once, and what becomes of it comes
 //! back as events. Until the character is to walk again its locomotion is left alone, for a change breaks off what it does.
 
 mod act;
@@ -21,6 +21,7 @@ mod drive_event;
 mod frames;
 mod locomotion;
 mod options;
+mod path;
 mod recording;
 mod session;
 #[cfg(test)]
@@ -34,5 +35,6 @@ pub use frames::{Contacts, Frame, Frames};
 pub use locomotion::Locomotion;
 pub(crate) use options::convention_to_wire;
 pub use options::{Encoding, FrameOptions, Rate, SessionOptions};
+pub use path::{LivePath, PathPoint};
 pub use recording::Recording;
 pub use session::Session;

@@ -124,10 +124,11 @@ impl SessionOptions {
         self
     }
 
-    /// The options on the wire, for a pack.
-    pub(crate) fn to_message(&self, pack: &str) -> v1::SessionOptions {
+    /// The options on the wire, for a pack and one of its bodies.
+    pub(crate) fn to_message(&self, pack: &str, body: &str) -> v1::SessionOptions {
         v1::SessionOptions {
             pack: pack.to_owned(),
+            body: body.to_owned(),
             convention: convention_to_wire(self.convention).into(),
             ..self.message.clone()
         }
@@ -229,7 +230,7 @@ mod tests {
             .at(Vec3::new(1.0, 2.0, 3.0), 0.5)
             .ttl(Duration::from_secs(2))
             .look_ahead_frames(6);
-        let message = options.to_message("human");
+        let message = options.to_message("human", "");
         assert_eq!(
             (message.id.as_str(), message.pack.as_str(), message.style.as_str()),
             ("guard", "human", "walk")
@@ -246,7 +247,7 @@ mod tests {
         );
         // Longer than can be said is not shorter.
         let long = SessionOptions::new().ttl(Duration::from_secs(1 << 40));
-        assert_eq!(long.to_message("").ttl_ms, Some(u32::MAX));
+        assert_eq!(long.to_message("", "").ttl_ms, Some(u32::MAX));
     }
 
     #[test]

@@ -136,13 +136,19 @@ impl Pack {
 
     /// The body of that name; of the empty name, the default one. None where there is no such body.
     pub fn body(&self, name: &str) -> Option<&Arc<Body>> {
-        let table = self.manifest.unimogen.as_ref()?;
-        let wanted = if name.is_empty() {
-            &table.default_body
-        } else {
-            name
+        let default = self
+            .manifest
+            .unimogen
+            .as_ref()
+            .map(|table| table.default_body.as_str());
+        let wanted = match name {
+            "" => default,
+            name => Some(name),
         };
-        self.bodies.iter().find(|body| body.name == wanted)
+        match wanted {
+            Some(wanted) => self.bodies.iter().find(|body| body.name == wanted),
+            None => self.bodies.first(),
+        }
     }
 
     /// The file of one body.

@@ -16,5 +16,5 @@ pub use body::{
 pub use capability::{Capabilities, Capability};
 pub use dims::{Dims, GLOBAL_ROOT, LOCAL_ROOT, POSE_FEATURES, SIX_D};
 pub use motion::{Motion, Output, Trace, all_finite};
-pub use rig::Rig;
+pub use rig::{ByPath, Rig};
 pub use task::{DescribeTask, GapPose, KeyTensors, KeyframeTask, PathTask, PromptTask, RootGuide, Task};

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use glam::Quat;
+
 use super::Dims;
 use crate::Skeleton;
 use crate::ik::{Leg, legs};
@@ -22,6 +24,23 @@ pub struct Rig {
     pub legs: Arc<[Leg]>,
     /// Hips lower than this over the ground are those of one who sits or crouches, metres.
     pub low_hips_m: f32,
+    /// How its plans are asked for, where that is by paths; by keyframes otherwise.
+    pub by_path: Option<ByPath>,
+}
+
+/// What planning needs of a body that moves along paths, with no keyframes to go to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ByPath {
+    /// Speed of a walk, m/s: a guess from its size.
+    pub usual_speed_mps: f32,
+    /// Fastest path that it is asked to follow, m/s: a guess from its size.
+    pub max_speed_mps: f32,
+    /// The words that its clips show.
+    pub words: Vec<String>,
+    /// The pose to stand in: joint 0 as it faces +Z, others relative to their parents.
+    pub neutral: Box<[Quat]>,
+    /// Height of the root in that pose, metres.
+    pub height_m: f32,
 }
 
 impl Rig {
@@ -34,6 +53,7 @@ impl Rig {
             low_hips_m: low_hips_m(&skeleton),
             legs: legs(&skeleton).into(),
             skeleton: Arc::new(skeleton),
+            by_path: None,
         }
     }
 

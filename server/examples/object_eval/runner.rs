@@ -151,7 +151,10 @@ impl Runner {
 
     fn plan(&mut self, asked: Vec<(usize, PlanRequest)>, runs: &mut [&mut Run<'_>]) -> anyhow::Result<()> {
         for some in asked.chunks(32) {
-            let items: Vec<_> = some.iter().map(|(_, request)| request.item.clone()).collect();
+            let items: Vec<_> = some
+                .iter()
+                .filter_map(|(_, request)| request.item.keyframes().cloned())
+                .collect();
             let (answers, _) = self.pipeline.run(&items).context("the networks failed")?;
             for ((index, request), answer) in some.iter().zip(answers) {
                 let plan = answer

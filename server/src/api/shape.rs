@@ -11,6 +11,7 @@ use super::{ApiError, ApiLimits};
 use crate::inbetween::MAX_PATH_POINTS;
 use crate::session::MAX_COMMANDS;
 use troupe_character::FieldError;
+use troupe_character::primitives::path::PATH_POINTS;
 
 /// How many entries a list may have.
 #[derive(Debug, Clone, Copy)]
@@ -41,6 +42,8 @@ impl Limit {
             ("Command", _) => limit("commands", MAX_COMMANDS, 64),
             ("Gait", _) => limit("gaits", 256, 256),
             ("GaitKey", _) => limit("keyframes", 256, 2),
+            (_, "FollowPath.points") => limit("points", *PATH_POINTS.end(), 2),
+            (_, "Style.words") => limit("words", 64, 64),
             ("Collider", _) => limit("colliders", 2048, 512),
             (_, "PathGoal.points") => limit("points", MAX_PATH_POINTS, 2),
             ("BodyJoint", _) => limit("joints", 1024, 64),

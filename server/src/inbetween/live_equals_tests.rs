@@ -50,6 +50,7 @@ fn targets() -> PlanTargets {
         guide: None,
         r_g1: GlobalRoot::new(Vec3::ZERO, 0.0),
         r_g2: Vec::new(),
+        path: None,
         unfinished: false,
         gaits: Vec::new(),
     }
@@ -78,6 +79,7 @@ fn wire(root: Vec3, heading: f32, rotations: &[Quat]) -> v1::Keyframe {
 fn a_live_plan_asks_as_a_single_request_would() {
     let (rig, context, targets) = (toy_rig(), context(), targets());
     let (item, shape) = request::build(&rig, &OPTIONS, 3, context.clone(), targets.clone());
+    let item = item.keyframes().unwrap();
     let keys = context.roots.iter().zip(context.rotations.chunks(2));
     let mut target = wire(Vec3::new(7.0, 0.88, 2.5), 1.0, &pose(1.0, -0.4));
     target.velocity = Some(v1::RootVelocity {

@@ -46,12 +46,13 @@ impl Service {
     /// `troupe.v1.Sessions/ListStyles`.
     ///
     /// # Errors
-    /// [`ServiceError::UnknownPack`], or [`ServiceError::Starting`] while the server starts.
+    /// [`ServiceError::UnknownPack`], [`SessionError::UnknownBody`], or [`ServiceError::Starting`] while the server starts.
     pub fn list_styles(
         &self,
         request: &v1::ListStylesRequest,
     ) -> Result<v1::ListStylesResponse, ServiceError> {
-        Ok(styles::list(self.table()?.find("pack", &request.pack)?))
+        let loaded = self.table()?.find("pack", &request.pack)?;
+        Ok(styles::list(loaded, &request.body)?)
     }
 
     /// `troupe.v1.Sessions/GetStyle`.
@@ -61,6 +62,7 @@ impl Service {
     pub fn get_style(&self, request: &v1::GetStyleRequest) -> Result<v1::Style, ServiceError> {
         Ok(styles::get(
             self.table()?.find("pack", &request.pack)?,
+            &request.body,
             &request.style,
         )?)
     }
@@ -72,7 +74,8 @@ impl Service {
     pub async fn put_style(&self, request: v1::PutStyleRequest) -> Result<v1::Style, ServiceError> {
         let pack = self.table()?.find("pack", &request.pack)?.clone();
         // It may write a file.
-        let put = tokio::task::spawn_blocking(move || styles::put(&pack, request.style.as_ref()));
+        let put =
+            tokio::task::spawn_blocking(move || styles::put(&pack, &request.body, request.style.as_ref()));
         let style = put.await.map_err(|_| WorkerStopped)??;
         self.common.metrics.styles_uploaded.increment(1);
         Ok(style)

@@ -350,7 +350,7 @@ impl Sessions {
             cell: resident.cell().clone(),
             root: live.character.view().root,
             convention: cell.convention(),
-            pack: cell.pack().rig().name().to_owned(),
+            pack: cell.pack().name().to_owned(),
         })
     }
 

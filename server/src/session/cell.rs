@@ -356,12 +356,10 @@ impl SessionCell {
     /// Takes the request that the character has, where there is one, and what happened to it; counts what it has done
     /// meanwhile.
     pub fn settle(&self, live: &mut Live) -> Option<PlanRequest> {
-        if self.scene.is_some() {
-            let Live {
-                character, events, ..
-            } = live;
-            events.collect(|fresh| character.take_events(fresh), &self.pack.metrics);
-        }
+        let Live {
+            character, events, ..
+        } = live;
+        events.collect(|fresh| character.take_events(fresh), &self.pack.metrics);
         let stats = live.character.stats();
         if stats != live.counted {
             self.pack.metrics.progressed(&live.counted, &stats);
@@ -371,7 +369,7 @@ impl SessionCell {
         self.pack.metrics.asked(request.cause);
         self.pack
             .metrics
-            .paced(live.priority, request.spacing_frames, request.item.frames);
+            .paced(live.priority, request.spacing_frames, request.item.frames());
         Some(request)
     }
 }

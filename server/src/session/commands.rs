@@ -11,11 +11,12 @@ use super::cell::{Live, SessionCell};
 use super::executor::Turn;
 use super::options::unknown_style;
 use super::{Registry, SessionError, TimeSource};
-use crate::wire::units;
+use crate::wire::{MAX_DISTANCE_M, units};
 use troupe_character::document::MAX_NAME_CHARS;
 use troupe_character::limits::MAX_HEIGHT_M;
 use troupe_character::live::{CommandOutcome, Intent, Refusal};
-use troupe_character::primitives::LocomotionCommand;
+use troupe_character::primitives::path::{AskedPoint, PATH_POINTS};
+use troupe_character::primitives::{LocomotionCommand, PathCommand};
 use troupe_character::scene::MAX_ID_BYTES;
 use troupe_character::style::Style;
 use troupe_character::{FieldError, Path};
@@ -90,6 +91,7 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
         Some(intent) => {
             let style = match &intent {
                 Intent::Locomote(locomotion) => Some(locomotion.style.clone()),
+                Intent::FollowPath(path) => Some(path.style.clone()),
                 _ => None,
             };
             let outcome = (live.character)
@@ -102,8 +104,7 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
         }
         None if priority.is_some() => live.character.note_command(command.sequence),
         None => {
-            let wanted =
-                "locomote, interact, end_interaction, cancel or drop, or a priority without an intent";
+            let wanted = "locomote, follow_path, interact, end_interaction, cancel or drop, or a priority without an intent";
             return Err(path.field("intent").error("is missing", wanted).into());
         }
     };
@@ -126,6 +127,10 @@ fn intent(
         Some(Asked::Locomote(asked)) => {
             let locomotion = locomotion(&path.field("locomote"), asked, cell, live)?;
             Some(Intent::Locomote(locomotion))
+        }
+        Some(Asked::FollowPath(asked)) => {
+            let path = follow_path(&path.field("follow_path"), asked, cell, live)?;
+            Some(Intent::FollowPath(path))
         }
         Some(Asked::Interact(asked)) => Some(interact(&path.field("interact"), asked)?),
         Some(Asked::EndInteraction(_)) => Some(Intent::EndInteraction),
@@ -161,8 +166,11 @@ fn interact(path: &Path<'_>, asked: &v1::Interact) -> Result<Intent, FieldError>
 /// The error of a command that the character could not carry out.
 fn refused(path: &Path<'_>, refusal: Refusal) -> SessionError {
     let interact = path.field("interact");
+    let follow = path.field("follow_path");
+    let first = follow.element("points", 0);
     let field = match &refusal {
         Refusal::TooManyCommands => path.field("intent"),
+        Refusal::PathTooFar { .. } => first.field("position"),
         Refusal::UnknownVariant { .. } => interact.field("variant"),
         Refusal::UnknownApproach { .. } => interact.field("approach"),
         _ => interact.field("instance"),
@@ -184,6 +192,43 @@ fn check_at(path: &Path<'_>, at: u64, frame: u64) -> Result<(), FieldError> {
     }
 }
 
+/// The style of that name; the one that the character has where it is empty.
+fn style(path: &Path<'_>, name: &str, cell: &SessionCell, live: &Live) -> Result<Arc<Style>, SessionError> {
+    if name.is_empty() {
+        return Ok(live.style.clone());
+    }
+    let styles = cell.pack().styles();
+    let found = styles.get(name);
+    found.ok_or_else(|| unknown_style(&path.field("style"), name, styles))
+}
+
+/// The path that a message asks for, in the native convention.
+fn follow_path(
+    path: &Path<'_>,
+    asked: &v1::FollowPath,
+    cell: &SessionCell,
+    live: &Live,
+) -> Result<PathCommand, SessionError> {
+    let convention = cell.convention();
+    let style = style(path, &asked.style, cell, live)?;
+    // A list that is too long is not looked through.
+    let points = asked.points.iter().take(PATH_POINTS.end() + 1).enumerate();
+    let point = |(index, point): (usize, &v1::PathPoint)| {
+        let path = path.element("points", index);
+        let missing = || path.field("position").error("is missing", "a place");
+        let heading = |value| units::heading(&path.field("heading"), value, convention);
+        let place = point.position.ok_or_else(missing)?;
+        Ok(AskedPoint {
+            position: units::vector(&path.field("position"), place, MAX_DISTANCE_M, convention)?,
+            heading: point.heading.map(heading).transpose()?,
+            time_s: point.time,
+        })
+    };
+    let points = points.map(point).collect::<Result<Vec<_>, FieldError>>()?;
+    let speed_mps = asked.speed.map(|speed| speed / convention.units_per_metre());
+    Ok(PathCommand::new(path, &points, speed_mps, asked.r#loop, style)?)
+}
+
 /// What a message asks for, in the native convention.
 fn locomotion(
     path: &Path<'_>,
@@ -192,15 +237,7 @@ fn locomotion(
     live: &Live,
 ) -> Result<LocomotionCommand, SessionError> {
     let convention = cell.convention();
-    let style = match locomote.style.as_str() {
-        "" => live.style.clone(),
-        name => cell
-            .pack()
-            .loaded
-            .styles
-            .get(name)
-            .ok_or_else(|| unknown_style(&path.field("style"), name, &cell.pack().loaded))?,
-    };
+    let style = style(path, &locomote.style, cell, live)?;
     let facing = |value| units::heading(&path.field("facing"), value, convention);
     let height = |value| height(&path.field("height"), value, convention.units_per_metre());
     Ok(LocomotionCommand {

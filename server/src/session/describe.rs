@@ -30,7 +30,8 @@ pub(super) fn session_of(cell: &SessionCell, live: &Live, now: Instant) -> v1::S
     let convention = cell.convention();
     v1::Session {
         id: cell.id().to_string(),
-        pack: cell.pack().rig().name().to_owned(),
+        pack: cell.pack().name().to_owned(),
+        body: cell.pack().body_name().to_owned(),
         style: live.style.name.clone(),
         seed: cell.seed(),
         convention: units::convention_name(convention).into(),

@@ -7,6 +7,7 @@ use troupe_motion::rotation::{six_d, to_wxyz};
 use troupe_motion::{Quat, Robot, Skeleton, Vec3};
 use troupe_proto::v1;
 
+use super::LivePack;
 use troupe_character::live::FrameOut;
 use troupe_character::{FieldError, Path};
 use troupe_motion::model::Rig;
@@ -86,6 +87,7 @@ impl BlockWriter {
         let turned = if form.six_d { cells * joints } else { 0 };
         let block = v1::FrameBlock {
             pack: rig.name().to_owned(),
+            body: String::new(),
             slots: Vec::with_capacity(characters),
             frame_count: frames as u32,
             first_frames: vec![0; characters],
@@ -108,6 +110,14 @@ impl BlockWriter {
             block,
             world: (vec![Vec3::ZERO; posed], vec![Quat::IDENTITY; posed]),
         }
+    }
+
+    /// The same for a pack, which it names.
+    pub fn of(pack: &LivePack, form: Form, characters: usize, frames: usize) -> Self {
+        let mut writer = Self::new(pack.rig(), form, characters, frames);
+        writer.block.pack = pack.name().to_owned();
+        writer.block.body = pack.body_name().to_owned();
+        writer
     }
 
     /// Names the next character, in the order of their places.

@@ -3,7 +3,7 @@
 use super::options::MAX_ID_CHARS;
 use crate::batch::SubmitError;
 use crate::offload::WorkerStopped;
-use crate::packs::{CannotDo, UnknownPack};
+use crate::packs::{CannotDo, UnknownBody, UnknownPack};
 use crate::world::WorldError;
 use troupe_character::FieldError;
 use troupe_character::live::Refusal;
@@ -18,6 +18,9 @@ pub enum SessionError {
     /// A pack that is not loaded.
     #[error(transparent)]
     UnknownPack(#[from] UnknownPack),
+    /// A skeleton that its pack does not have.
+    #[error(transparent)]
+    UnknownBody(#[from] UnknownBody),
     /// A pack that cannot do what is asked of it.
     #[error(transparent)]
     CannotDo(#[from] CannotDo),

@@ -158,6 +158,10 @@ fn kind(kind: EventKind, convention: Convention) -> Kind {
         EventKind::Fell { height_m } => Kind::Fell(v1::CharacterFell {
             height: height_m.map(|height| height * unit),
         }),
+        EventKind::Arrived { late_s, off_m } => Kind::Arrived(v1::PathArrived {
+            late: late_s,
+            off: off_m * unit,
+        }),
         EventKind::Landed { height_m, speed_mps } => Kind::Landed(v1::CharacterLanded {
             height: height_m * unit,
             speed: speed_mps,

@@ -18,6 +18,7 @@ use super::space::{Spaces, of_record};
 use crate::records::{Changes, Kind, Records, RecordsError};
 use crate::telemetry::{Counter, Gauge, Labels, Metric, Seldom, Telemetry};
 use crate::world::Store;
+use troupe_character::Path;
 use troupe_character::live::World;
 use troupe_character::saved::{self, Surroundings};
 use troupe_character::scene::Holder;
@@ -37,7 +38,7 @@ const RESTORED: Metric = Metric::new(
 );
 
 /// Changes with what a record is. Records of another format are left out.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 /// Sessions of one look at the registry.
 const PAGE: usize = 256;
 /// Rounds take at most this share of the time of one core.
@@ -48,6 +49,8 @@ const SHARE: u32 = 10;
 struct Record<'a> {
     format: u32,
     pack: &'a str,
+    /// Empty for packs of one skeleton.
+    body: &'a str,
     convention: Convention,
     seed: u64,
     scene: Option<&'a str>,
@@ -194,15 +197,16 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
     if record.format != FORMAT {
         return Err(format!("it is of format {}; allowed: {FORMAT}", record.format));
     }
-    let pack = packs.find("pack", record.pack).map_err(|error| told(&error))?;
+    let pack = packs.find(&Path::root(), record.pack, record.body);
+    let pack = pack.map_err(|error| told(&error))?;
     (pack.loaded.require(Capability::Live, "pack")).map_err(|error| told(&error))?;
-    let style = pack.loaded.styles.get(record.style);
+    let style = pack.styles().get(record.style);
     let style = style.ok_or_else(|| format!("there is no style {:?}", record.style))?;
     let resident =
         (record.scene.map(|name| world.scenes().enter(name)).transpose()).map_err(|error| told(&error))?;
     let around = Surroundings {
         rig: pack.rig().clone(),
-        styles: pack.loaded.styles.clone(),
+        styles: pack.styles().clone(),
         world: resident.as_ref().map(|resident| World {
             scene: resident.cell().clone(),
             definitions: world.definitions().clone(),
@@ -324,7 +328,8 @@ impl Keeper {
         };
         let record = Record {
             format: FORMAT,
-            pack: cell.pack().rig().name(),
+            pack: cell.pack().name(),
+            body: cell.pack().body_name(),
             convention: cell.convention(),
             seed: cell.seed(),
             scene: cell.scene().map(|name| &**name),

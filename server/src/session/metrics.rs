@@ -205,7 +205,8 @@ impl SessionMetrics {
             | EventKind::Reached { .. }
             | EventKind::Attached { .. }
             | EventKind::Released { .. }
-            | EventKind::Landed { .. } => {}
+            | EventKind::Landed { .. }
+            | EventKind::Arrived { .. } => {}
         }
     }
 

@@ -10,13 +10,12 @@ use troupe_proto::v1;
 
 use super::cell::Parts;
 use super::{LivePacks, SessionError, SessionLimits};
-use crate::packs::LoadedPack;
 use crate::wire::{ContextFrame, MAX_DISTANCE_M, MAX_TEMPERATURE, check_context, to_native, units};
 use crate::world::{Store, WorldError};
 use troupe_character::live::{Character, CharacterOptions, Start, World};
 use troupe_character::primitives::LocomotionCommand;
 use troupe_character::scene::{Holder, Resident};
-use troupe_character::style::Style;
+use troupe_character::style::{Style, StyleTable};
 use troupe_character::{FieldError, Path};
 use troupe_motion::model::{Capability, Rig};
 
@@ -42,9 +41,9 @@ pub(super) fn parts(
     limits: &SessionLimits,
 ) -> Result<Parts, SessionError> {
     let id = id(&path.field("id"), &options.id)?;
-    let pack = packs.find(path.field("pack"), &options.pack)?.clone();
+    let pack = packs.find(path, &options.pack, &options.body)?.clone();
     pack.loaded.require(Capability::Live, path.field("pack"))?;
-    let style = style(&path.field("style"), &options.style, &pack.loaded)?;
+    let style = style(&path.field("style"), &options.style, pack.styles())?;
     let convention = units::convention(&path.field("convention"), options.convention)?;
     let start = start(path, options, convention, pack.rig())?;
     let ttl = ttl(path, options, limits)?;
@@ -153,24 +152,23 @@ fn new_id() -> Arc<str> {
 }
 
 /// The style of that name; the pack's default where it is empty.
-fn style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> Result<Arc<Style>, SessionError> {
+fn style(path: &Path<'_>, name: &str, styles: &StyleTable) -> Result<Arc<Style>, SessionError> {
     let found = match name {
-        "" => pack.styles.default_style(),
-        name => pack.styles.get(name),
+        "" => styles.default_style(),
+        name => styles.get(name),
     };
-    found.ok_or_else(|| unknown_style(path, name, pack))
+    found.ok_or_else(|| unknown_style(path, name, styles))
 }
 
 /// Names that the error of an unknown style lists at most: one call may carry thousands of such errors.
 const MAX_LISTED_STYLES: usize = 32;
 
 /// The error of a style that is not there.
-pub(super) fn unknown_style(path: &Path<'_>, name: &str, pack: &LoadedPack) -> SessionError {
+pub(super) fn unknown_style(path: &Path<'_>, name: &str, styles: &StyleTable) -> SessionError {
     SessionError::UnknownStyle {
         name: name.chars().take(MAX_ID_CHARS).collect(),
         field: path.to_string(),
-        there_are: pack
-            .styles
+        there_are: styles
             .list()
             .iter()
             .take(MAX_LISTED_STYLES)

@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
+use super::SessionError;
 use super::metrics::SessionMetrics;
-use crate::packs::{LoadedPack, PackTable, UnknownPack};
+use crate::packs::{LoadedPack, PackTable};
 use crate::telemetry::{Seldom, Telemetry};
 use troupe_character::live::load::PlanLoad;
-use troupe_character::style::StyleError;
-use troupe_motion::model::Rig;
+use troupe_character::style::{StyleError, StyleTable};
+use troupe_motion::model::{Body, Rig};
 
-/// A pack with a tenant's styles, and what the sessions of all tenants share of it.
+/// A pack and one of its bodies with a tenant's styles, and what the sessions of all tenants and bodies share of it.
 #[derive(Debug)]
 pub struct LivePack {
     /// The pack.
@@ -22,10 +23,12 @@ pub struct LivePack {
     pub failures: Arc<Mutex<Seldom>>,
     /// How busy it is with their plans.
     pub load: Arc<PlanLoad>,
+    /// Place of the body among the pack's.
+    place: usize,
 }
 
 impl LivePack {
-    /// A pack without sessions.
+    /// A pack without sessions, with the first of its bodies.
     pub fn new(loaded: Arc<LoadedPack>, telemetry: &Telemetry) -> Self {
         let version = &loaded.pack.manifest.version;
         Self {
@@ -33,30 +36,71 @@ impl LivePack {
             failures: Arc::default(),
             load: Arc::default(),
             loaded,
+            place: 0,
         }
+    }
+
+    /// The same pack, as `loaded` has it, with another body.
+    fn of(&self, loaded: &Arc<LoadedPack>, place: usize) -> Self {
+        Self {
+            loaded: loaded.clone(),
+            metrics: self.metrics.clone(),
+            failures: self.failures.clone(),
+            load: self.load.clone(),
+            place,
+        }
+    }
+
+    /// The pack's name.
+    pub fn name(&self) -> &str {
+        self.loaded.pack.name()
+    }
+
+    /// The body of its characters, for packs of many.
+    pub fn body(&self) -> Option<&Arc<Body>> {
+        self.loaded.pack.bodies.get(self.place)
+    }
+
+    /// The name of the body; empty for packs of one skeleton.
+    pub fn body_name(&self) -> &str {
+        self.body().map_or("", |body| &body.name)
     }
 
     /// The skeleton of its characters, and how they are planned for.
     pub fn rig(&self) -> &Arc<Rig> {
-        &self.loaded.pack.rig
+        self.loaded.rig(self.place)
+    }
+
+    /// The styles of its characters.
+    pub fn styles(&self) -> &Arc<StyleTable> {
+        &self.loaded.styles[self.place]
     }
 }
+
+/// By the pack's name, in the order of its bodies.
+type ByName = BTreeMap<String, Vec<Arc<LivePack>>>;
 
 /// All packs of a server, with their sessions. Clones share them.
 #[derive(Debug, Clone)]
 pub struct LivePacks {
     table: PackTable,
-    by_name: Arc<BTreeMap<String, Arc<LivePack>>>,
+    by_name: Arc<ByName>,
 }
 
 impl LivePacks {
     /// Those of `table`, without sessions.
     pub fn new(table: PackTable, telemetry: &Telemetry) -> Self {
-        let live = |loaded: &Arc<LoadedPack>| {
-            let pack = LivePack::new(loaded.clone(), telemetry);
-            (loaded.pack.name().to_owned(), Arc::new(pack))
+        Self::of(table, |loaded| LivePack::new(loaded.clone(), telemetry))
+    }
+
+    fn of(table: PackTable, live: impl Fn(&Arc<LoadedPack>) -> LivePack) -> Self {
+        let all = |loaded: &Arc<LoadedPack>| {
+            let first = live(loaded);
+            let places = 0..loaded.styles.len();
+            let packs = places.map(|place| Arc::new(first.of(loaded, place))).collect();
+            (loaded.pack.name().to_owned(), packs)
         };
-        let by_name = Arc::new(table.all().map(live).collect());
+        let by_name = Arc::new(table.all().map(all).collect());
         Self { table, by_name }
     }
 
@@ -65,24 +109,10 @@ impl LivePacks {
     /// # Errors
     /// [`StyleError`] where its styles cannot be read.
     pub fn of_tenant(&self, folder: Option<&Path>) -> Result<Self, StyleError> {
-        let styles = |loaded: &LoadedPack| {
-            let folder = folder.map(Path::to_owned);
-            loaded.styles.beside(&loaded.pack.rig, folder)
-        };
-        let table = self.table.with_styles(styles)?;
-        let live = |loaded: &Arc<LoadedPack>| {
-            let name = loaded.pack.name().to_owned();
-            let common = &self.by_name[&name];
-            let pack = LivePack {
-                loaded: loaded.clone(),
-                metrics: common.metrics.clone(),
-                failures: common.failures.clone(),
-                load: common.load.clone(),
-            };
-            (name, Arc::new(pack))
-        };
-        let by_name = Arc::new(table.all().map(live).collect());
-        Ok(Self { table, by_name })
+        let table = self.table.of_tenant(folder.map(Path::to_owned))?;
+        Ok(Self::of(table, |loaded| {
+            self.by_name[loaded.pack.name()][0].of(loaded, 0)
+        }))
     }
 
     /// The packs themselves.
@@ -90,12 +120,19 @@ impl LivePacks {
         &self.table
     }
 
-    /// [`PackTable::find`].
+    /// A pack with one of its bodies. The request named them in the fields `pack` and `body` of `path`; the defaults where they
+    /// are empty.
     ///
     /// # Errors
-    /// [`UnknownPack`].
-    pub fn find(&self, field: impl ToString, name: &str) -> Result<&Arc<LivePack>, UnknownPack> {
-        let loaded = self.table.find(field, name)?;
-        Ok(&self.by_name[loaded.pack.name()])
+    /// [`SessionError::UnknownPack`] or [`SessionError::UnknownBody`].
+    pub fn find(
+        &self,
+        path: &troupe_character::Path<'_>,
+        name: &str,
+        body: &str,
+    ) -> Result<&Arc<LivePack>, SessionError> {
+        let loaded = self.table.find(path.field("pack"), name)?;
+        let place = loaded.place_of(path.field("body"), body)?;
+        Ok(&self.by_name[loaded.pack.name()][place])
     }
 }

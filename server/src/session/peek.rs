@@ -8,12 +8,14 @@ use troupe_motion::{GlobalRoot, Quat, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent as Asked;
 
+use super::LivePack;
 use super::cell::SessionCell;
 use super::describe;
 use super::encode::{BlockWriter, Form};
 use crate::wire::units;
 use troupe_character::live::{CONTEXT_FRAMES, FrameOut, Intent, Peek, PlanCause, PlanRecord, WaitingCommand};
-use troupe_character::primitives::{LocomotionCommand, TargetKey};
+use troupe_character::primitives::path::PathPoint;
+use troupe_character::primitives::{LocomotionCommand, PathCommand, TargetKey};
 use troupe_motion::model::Rig;
 
 /// Most frames of a peek.
@@ -31,21 +33,22 @@ pub(super) fn peek(cell: &SessionCell, frames: usize, now: Instant) -> v1::PeekR
     let (convention, pack) = (cell.convention(), cell.pack().rig());
     v1::PeekResponse {
         session: Some(session),
-        future: Some(future(&peek, pack, convention)),
+        future: Some(future(&peek, cell.pack(), convention)),
         plan: peek.plan.as_deref().map(|plan| plan_view(plan, pack, convention)),
         in_flight: peek.in_flight,
         waiting: peek.waiting.map(|waiting| command(cell, &waiting)),
     }
 }
 
-fn future(peek: &Peek, pack: &Rig, convention: Convention) -> v1::FrameBlock {
+fn future(peek: &Peek, live_pack: &LivePack, convention: Convention) -> v1::FrameBlock {
+    let pack = live_pack.rig();
     let joints = pack.skeleton.joint_count();
     let form = Form {
         encoding: v1::Encoding::F32,
         positions: false,
         six_d: false,
     };
-    let mut writer = BlockWriter::new(pack, form, 1, peek.roots.len());
+    let mut writer = BlockWriter::of(live_pack, form, 1, peek.roots.len());
     writer.name(0);
     let mut out = FrameOut {
         frame: peek.first_frame,
@@ -172,6 +175,7 @@ fn command(cell: &SessionCell, waiting: &WaitingCommand) -> v1::Command {
         priority: None,
         intent: Some(match &waiting.intent {
             Intent::Locomote(command) => Asked::Locomote(locomote(command, cell.convention())),
+            Intent::FollowPath(path) => Asked::FollowPath(follow_path(path, cell.convention())),
             Intent::Interact {
                 instance,
                 variant,
@@ -185,6 +189,22 @@ fn command(cell: &SessionCell, waiting: &WaitingCommand) -> v1::Command {
             Intent::Cancel => Asked::Cancel(v1::Cancel {}),
             Intent::Drop => Asked::Drop(v1::DropHeld {}),
         }),
+    }
+}
+
+fn follow_path(path: &PathCommand, convention: Convention) -> v1::FollowPath {
+    let point = |point: &PathPoint| v1::PathPoint {
+        position: Some(units::position(point.position, convention)),
+        heading: point
+            .heading
+            .map(|heading| convention.heading_from_native(heading)),
+        time: Some(point.time_s),
+    };
+    v1::FollowPath {
+        points: path.points.iter().map(point).collect(),
+        speed: None,
+        style: path.style.name.clone(),
+        r#loop: path.is_loop(),
     }
 }
 

@@ -7,16 +7,18 @@
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::LivePack;
 use super::cell::SessionCell;
 use crate::batch::{Order, Served, SubmitError};
 use crate::clients::Turns;
-use crate::packs::LoadedPack;
 use troupe_character::live::{
-    Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, Pins, PlanFailed, PlanRequest, finish_live,
+    Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, PathItem, Pins, PlanFailed, PlanItem, PlanRequest,
+    finish_live,
 };
 use troupe_character::post::hold_live;
 use troupe_engine::EngineError;
-use troupe_motion::model::{KeyframeTask, Motion};
+use troupe_engine::pack::Pack;
+use troupe_motion::model::{Body, Motion, PathTask, Task};
 
 /// Shortest wait before a place in a full queue is asked for again.
 const MIN_RETRY: Duration = Duration::from_millis(5);
@@ -36,21 +38,22 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let awaited = Awaited::new(cell.clone(), request.number);
     let cell = cell.clone();
     let deadline = deadline(&cell, &request);
+    let task = task(cell.pack(), request.item);
     let (shape, pins) = (request.shape, request.pins);
     let turns = Turns::current();
     // A tick's plan enters the queue now, in the order of the calls, and not when its task first runs.
     let entered = match patience {
         Patience::Fails => {
             let order = Order::live(cell.owner_id(), deadline);
-            Ok((cell.pack().loaded.batcher).enqueue(vec![request.item.into()], order))
+            Ok((cell.pack().loaded.batcher).enqueue(vec![task], order))
         }
-        Patience::Waits => Err((request.item, turns.clone())),
+        Patience::Waits => Err((task, turns.clone())),
     };
     let work = async move {
         let result = match entered {
             Ok(Ok(answer)) => answer.await,
             Ok(Err(error)) => Err(error),
-            Err((item, turns)) => step_plan(&cell, item, deadline, &turns).await,
+            Err((task, turns)) => step_plan(&cell, task, deadline, &turns).await,
         };
         if let Ok(served) = &result {
             cell.pack().load.measured(asked.elapsed(), served.work);
@@ -61,7 +64,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
                 let motion = served.into_motions().next();
                 motion.ok_or(EngineError::Stopped.into())
             })
-            .and_then(|raw| finish(&raw, &shape, pins.as_deref(), &cell.pack().loaded));
+            .and_then(|raw| finish(&raw, &shape, pins.as_deref(), cell.pack()));
         awaited.arrived(plan);
     };
     // What is made of its motion takes as long as the rest of a character's frames, and counts for the same client.
@@ -71,7 +74,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
 /// The answer to a plan that a step waits for. Where there is no place for it, it is asked for again.
 async fn step_plan(
     cell: &SessionCell,
-    item: KeyframeTask,
+    task: Task,
     deadline: Instant,
     turns: &Turns,
 ) -> Result<Served, SubmitError> {
@@ -80,7 +83,7 @@ async fn step_plan(
     let order = Order::step(cell.owner_id(), deadline);
     loop {
         let result = (cell.pack().loaded.batcher)
-            .submit(vec![item.clone().into()], order)
+            .submit(vec![task.clone()], order)
             .await;
         match result {
             Err(SubmitError::QueueFull { retry_after, .. }) if cell.end().is_none() => {
@@ -88,6 +91,34 @@ async fn step_plan(
             }
             result => return result,
         }
+    }
+}
+
+/// What a plan asks of the pack's generator.
+fn task(pack: &LivePack, item: PlanItem) -> Task {
+    match (item, pack.body()) {
+        (PlanItem::Keyframes(task), _) => task.into(),
+        (PlanItem::Path(item), Some(body)) => path_task(pack, body, item).into(),
+        // Rigs that are planned for by paths are those of bodies.
+        (PlanItem::Path(_), None) => unreachable!("a plan by a path for a pack without bodies"),
+    }
+}
+
+fn path_task(pack: &LivePack, body: &Arc<Body>, item: PathItem) -> PathTask {
+    let Pack { words, manifest, .. } = &*pack.loaded.pack;
+    let weight = |word: &String| {
+        let given = item.words.iter().find(|(given, _)| given == word);
+        given.map_or(0.0, |(_, weight)| *weight)
+    };
+    PathTask {
+        body: body.clone(),
+        context: item.context,
+        targets: Vec::new(),
+        path: item.path,
+        style: words.iter().map(weight).collect(),
+        steps: (manifest.unimogen.as_ref()).map_or(1, |table| table.sampler_steps as u32),
+        guidance: 1.0,
+        seed: item.seed,
     }
 }
 
@@ -142,16 +173,16 @@ fn finish(
     raw: &Motion,
     shape: &LiveShape,
     pins: Option<&Pins>,
-    pack: &LoadedPack,
+    pack: &LivePack,
 ) -> Result<LivePlan, SubmitError> {
-    let mut plan = finish_live(raw, shape, &pack.pack.rig).map_err(|_| {
+    let mut plan = finish_live(raw, shape, pack.rig()).map_err(|_| {
         SubmitError::Engine(EngineError::Output {
             stage: troupe_engine::pack::Stage::Decoder,
             problem: "frames that are not finite".to_owned(),
         })
     })?;
     match pins {
-        Some(pins) => pins.pin_to_targets(&mut plan, &pack.pack.rig.skeleton),
+        Some(pins) => pins.pin_to_targets(&mut plan, &pack.rig().skeleton),
         None => {
             let LivePlan {
                 roots,
@@ -159,10 +190,10 @@ fn finish(
                 contacts,
                 ..
             } = &mut plan;
-            hold_live(&pack.pack.rig, roots, rotations, contacts, CONTEXT_FRAMES);
+            hold_live(pack.rig(), roots, rotations, contacts, CONTEXT_FRAMES);
         }
     }
-    pack.metrics.planned(plan.roots.len());
+    pack.loaded.metrics.planned(plan.roots.len());
     Ok(plan)
 }
 

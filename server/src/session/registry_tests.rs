@@ -60,7 +60,7 @@ impl Setup {
             factory,
         );
         let loaded = LoadedPack {
-            styles: Arc::new(StyleTable::load(&pack.rig, &pack.folder, None).unwrap()),
+            styles: vec![Arc::new(StyleTable::load(&pack.rig, &pack.folder, None).unwrap())],
             batcher: batcher.await.unwrap(),
             engine: "idle",
             pack: Arc::new(pack),

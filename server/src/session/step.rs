@@ -139,7 +139,7 @@ struct CharacterStep {
 /// Frames and what else a step gives.
 #[derive(Debug, Default)]
 pub struct Stepped {
-    /// Frames, a block for each pack.
+    /// Frames, a block for each pack and body.
     pub blocks: Vec<v1::FrameBlock>,
     /// Results of the commands.
     pub commands: Vec<CommandResult>,
@@ -162,7 +162,7 @@ pub(super) async fn step(registry: &Registry, time: &TimeSource, ids: &[String],
     let (mut walkers, blocks) = gather((registry, time), ids, plan.form, &mut stepped.problems);
     let mut writers: Vec<BlockWriter> = blocks
         .iter()
-        .map(|(pack, count)| BlockWriter::new(pack.rig(), plan.form, *count, plan.frames))
+        .map(|(pack, count)| BlockWriter::of(pack, plan.form, *count, plan.frames))
         .collect();
     for walker in &walkers {
         writers[walker.block].name(walker.slot as u32);
@@ -364,15 +364,14 @@ fn finish(
 /// Notes what happened to the session, and what is in its hand.
 fn report(walker: &CharacterStep, stepped: &mut Stepped) {
     let cell = walker.held.cell();
-    if cell.scene().is_none() {
-        return;
-    }
     let (slot, convention) = (walker.slot as u32, cell.convention());
     let mut live = cell.live();
     stepped
         .events
         .extend(live.events.take(slot, cell.id(), convention));
-    stepped.held.extend(events::held(&live, slot, convention));
+    if cell.scene().is_some() {
+        stepped.held.extend(events::held(&live, slot, convention));
+    }
 }
 
 #[cfg(test)]

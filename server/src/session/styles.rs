@@ -1,7 +1,5 @@
 //! The styles of a pack as messages.
 
-use std::sync::Arc;
-
 use troupe_proto::v1;
 
 use super::SessionError;
@@ -11,27 +9,41 @@ use troupe_character::Path;
 use troupe_character::style::{MAX_ADDED_STYLES, PutError, Style};
 
 /// `troupe.v1.Sessions/ListStyles`.
-pub(crate) fn list(pack: &LoadedPack) -> v1::ListStylesResponse {
-    let styles = pack.styles.list();
-    v1::ListStylesResponse {
+///
+/// # Errors
+/// [`SessionError::UnknownBody`].
+pub(crate) fn list(pack: &LoadedPack, body: &str) -> Result<v1::ListStylesResponse, SessionError> {
+    let place = pack.place_of("body", body)?;
+    let styles = &pack.styles[place];
+    Ok(v1::ListStylesResponse {
         pack: pack.pack.name().to_owned(),
-        styles: styles.iter().map(|style| style.to_proto_summary()).collect(),
-        default_style: pack
-            .styles
+        body: pack
+            .pack
+            .bodies
+            .get(place)
+            .map(|body| body.name.clone())
+            .unwrap_or_default(),
+        styles: styles
+            .list()
+            .iter()
+            .map(|style| style.to_proto_summary())
+            .collect(),
+        default_style: styles
             .default_style()
             .map(|style| style.name.clone())
             .unwrap_or_default(),
-    }
+    })
 }
 
 /// `troupe.v1.Sessions/GetStyle`.
 ///
 /// # Errors
-/// [`SessionError::UnknownStyle`].
-pub(crate) fn get(pack: &LoadedPack, name: &str) -> Result<v1::Style, SessionError> {
-    match pack.styles.get(name) {
+/// [`SessionError::UnknownBody`] or [`SessionError::UnknownStyle`].
+pub(crate) fn get(pack: &LoadedPack, body: &str, name: &str) -> Result<v1::Style, SessionError> {
+    let styles = pack.styles_of("body", body)?;
+    match styles.get(name) {
         Some(style) => Ok(style.to_proto()),
-        None => Err(unknown_style(&Path::root().field("style"), name, pack)),
+        None => Err(unknown_style(&Path::root().field("style"), name, styles)),
     }
 }
 
@@ -39,15 +51,20 @@ pub(crate) fn get(pack: &LoadedPack, name: &str) -> Result<v1::Style, SessionErr
 ///
 /// # Errors
 /// [`SessionError`] for the first value that is not accepted, or where the style cannot be kept.
-pub(crate) fn put(pack: &Arc<LoadedPack>, style: Option<&v1::Style>) -> Result<v1::Style, SessionError> {
+pub(crate) fn put(
+    pack: &LoadedPack,
+    body: &str,
+    style: Option<&v1::Style>,
+) -> Result<v1::Style, SessionError> {
     let root = Path::root();
+    let place = pack.place_of(root.field("body"), body)?;
     let path = root.field("style");
     let Some(style) = style else {
         return Err(path.error("is missing", "a style with its keyframes").into());
     };
-    let style = Style::from_proto(&path, style, &pack.pack.rig, false)?;
+    let style = Style::from_proto(&path, style, pack.rig(place), false)?;
     let name = path.field("name");
-    match pack.styles.put(style) {
+    match pack.styles[place].put(style) {
         Ok(style) => Ok(style.to_proto()),
         Err(PutError::BuiltIn(style)) => Err(SessionError::StyleIsBuiltIn {
             name: style,

@@ -130,7 +130,10 @@ impl Actor<'_> {
             left = 0;
             if let Some(request) = self.character.take_request() {
                 let studio = &mut *self.studio;
-                let (mut answers, _) = studio.pipeline.run(std::slice::from_ref(&request.item)).unwrap();
+                let (mut answers, _) = studio
+                    .pipeline
+                    .run(std::slice::from_ref(request.item.keyframes().unwrap()))
+                    .unwrap();
                 let raw = answers.remove(0).unwrap();
                 let mut plan = finish_live(&raw, &request.shape, &studio.pack.rig).unwrap();
                 if let Some(pins) = &request.pins {

@@ -47,7 +47,10 @@ impl Networks {
     /// Makes the plans of these requests, in batches.
     fn serve(&mut self, troop: &mut [Actor], requests: Vec<(usize, PlanRequest)>) {
         for batch in requests.chunks(MAX_BATCH) {
-            let items: Vec<KeyframeTask> = batch.iter().map(|(_, request)| request.item.clone()).collect();
+            let items: Vec<KeyframeTask> = batch
+                .iter()
+                .map(|(_, request)| request.item.keyframes().unwrap().clone())
+                .collect();
             let (answers, _) = self.pipeline.run(&items).unwrap();
             for ((index, request), raw) in batch.iter().zip(answers) {
                 let plan = finish_live(&raw.unwrap(), &request.shape, &self.pack.rig).unwrap();

@@ -59,6 +59,7 @@ fn kinds(events: &[v1::SessionEvent]) -> Vec<&'static str> {
         Kind::Interrupted(_) => "interrupted",
         Kind::Fell(_) => "fell",
         Kind::Landed(_) => "landed",
+        Kind::Arrived(_) => "arrived",
     };
     events.iter().map(kind).collect()
 }

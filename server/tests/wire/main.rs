@@ -22,6 +22,7 @@ mod observe;
 mod openapi;
 mod overload;
 mod pages;
+mod paths;
 mod restart;
 mod robots;
 mod scene_sessions;

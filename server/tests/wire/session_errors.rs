@@ -319,6 +319,7 @@ async fn a_style_that_is_not_one_is_refused_with_field_and_range() {
     let put = |style| v1::PutStyleRequest {
         pack: String::new(),
         style,
+        ..v1::PutStyleRequest::default()
     };
     let status = client.put_style(put(None)).await.unwrap_err();
     assert_invalid(&status, "none", "style", "a style with its keyframes");

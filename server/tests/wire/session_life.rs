@@ -216,6 +216,7 @@ async fn styles_are_listed_read_and_added() {
     let get = v1::GetStyleRequest {
         pack: String::new(),
         style: "tiptoe".into(),
+        ..v1::GetStyleRequest::default()
     };
     assert_eq!(client.get_style(get).await.unwrap().into_inner(), put);
     let other: v1::ListStylesResponse = server.get("/v1/packs/other/styles").await.json().await.unwrap();

@@ -186,3 +186,33 @@ fn the_way_out_is_not_ended_by_an_end() {
         );
     }
 }
+
+#[test]
+fn a_path_is_followed_to_its_end_which_is_told() {
+    let mut rig = with_cup();
+    rig.follow(0.0, -2.0, false).unwrap();
+    let at = rig.until(300, |kind| matches!(kind, EventKind::Arrived { .. }));
+    assert!(at.is_some_and(|frame| (90..200).contains(&frame)), "{at:?}");
+    rig.run(60);
+    let root = rig.frames.last().unwrap().root.with_y(0.0);
+    assert!(root.length() < 0.1 && !walks(&rig), "{root}");
+}
+
+#[test]
+fn a_command_takes_the_place_of_a_path() {
+    let mut rig = with_cup();
+    rig.follow(0.0, -2.0, true).unwrap();
+    rig.run(60);
+    assert!(walks(&rig));
+    // The command to stand, though a path is told as one that stands.
+    rig.walk(0.0, 0.0);
+    rig.run(60);
+    assert!(!walks(&rig));
+    let far = rig.follow(9.0, 0.0, true);
+    assert_eq!(far, Ok(()), "it begins where the character is");
+    rig.run(30);
+    assert!(walks(&rig));
+    rig.give(Intent::Cancel).unwrap();
+    rig.run(60);
+    assert!(!walks(&rig));
+}

@@ -23,6 +23,7 @@ mod fall;
 mod footing;
 mod getting_up;
 mod hand;
+mod plans;
 mod sets;
 mod using;
 
@@ -50,7 +51,6 @@ use super::timeline::Wish;
 use super::{
     Activity, CharacterEvent, EventKind, FailReason, HeldObject, Intent, Pins, Refusal, SUB_FRAMES, World,
 };
-use crate::primitives::object::KeyframeError;
 use crate::primitives::{LocomotionCommand, PlanTargets};
 use crate::scene::{Scene, Transform};
 use troupe_motion::model::Rig;
@@ -224,12 +224,19 @@ impl Behaviour {
         match intent {
             Intent::Locomote(command) => {
                 if !self.interrupt(frame, body, Some(&command)) {
-                    if super::character::same(body.locomotion.command(), &command) {
+                    let same = super::character::same(body.locomotion.command(), &command);
+                    if same && body.locomotion.path().is_none() {
                         return false;
                     }
                     body.locomotion.set_command(frame as u64, command);
                     body.timeline.command_changed();
                 }
+                true
+            }
+            Intent::FollowPath(path) => {
+                self.interrupt(frame, body, None);
+                body.locomotion.set_path(frame as u64, path);
+                body.timeline.command_changed();
                 true
             }
             Intent::Interact {
@@ -247,7 +254,8 @@ impl Behaviour {
             }
             Intent::Cancel => {
                 let standing = body.standing();
-                let stood = super::character::same(body.locomotion.command(), &standing);
+                let stood = super::character::same(body.locomotion.command(), &standing)
+                    && body.locomotion.path().is_none();
                 if !self.interrupt(frame, body, None) && !stood {
                     body.move_on(frame, standing, true);
                 }
@@ -460,40 +468,6 @@ impl Behaviour {
             Support::Below(Some(_)) if may_fall => self.begin_fall(scene, frame, body),
             // A wall, or nothing to land on: it stays where it is.
             Support::Above | Support::Below(_) => false,
-        }
-    }
-
-    /// The plan of this number was asked for, as was said last.
-    pub(super) fn asked(&mut self, number: u64) {
-        if let Doing::Using(using) = &mut self.doing {
-            using.asked(number);
-        }
-    }
-
-    /// A plan took over; `off` is how far it was from the keyframes.
-    pub(super) fn landed(&mut self, number: u64, off: &[KeyframeError], body: &mut Body<'_>) {
-        let from = body.timeline.last_splice().unwrap_or_default();
-        let key = body.timeline.buffer().last();
-        if let Doing::Using(using) = &mut self.doing {
-            using.landed(number, off, (from, key));
-        }
-        self.turn_in_hand();
-        match &self.doing {
-            Doing::Using(using) if using.in_sets() => using.rest_arm(body),
-            Doing::Locomotion | Doing::Using(_) => body.carry.due(from),
-            Doing::Falling(_) => {}
-        }
-        self.settle_arm(body.carry.settled(), body);
-        body.footing.changed(from);
-    }
-
-    /// A plan will not come.
-    pub(super) fn lost(&mut self, number: u64, body: &mut Body<'_>) {
-        let Doing::Using(using) = &mut self.doing else {
-            return;
-        };
-        if let Some(refused) = using.lost(number) {
-            self.fail(body.timeline.frame(), body, refused);
         }
     }
 }

@@ -274,6 +274,7 @@ pub fn targets(set: &Set, keys: &[Key], rig: &Rig, way: &Way) -> PlanTargets {
         guide: None,
         r_g1: end,
         r_g2: Vec::new(),
+        path: None,
         unfinished: false,
         gaits: Vec::new(),
     }

@@ -12,7 +12,8 @@ use std::sync::Arc;
 
 use glam::{Quat, Vec3};
 
-use super::{Dims, Rig};
+use super::{ByPath, Dims, Rig};
+use crate::fk::local_from_world_rotations;
 use crate::skeleton::Skeleton;
 
 pub use description::{DESCRIPTION, SLOTS};
@@ -29,6 +30,10 @@ const MAX_BONE_M: f32 = 100.0;
 const MIN_BONE_M: f32 = 1e-4;
 /// How far a rotation may be from unit length.
 const UNIT_TOLERANCE: f32 = 1e-3;
+/// Speed of a walk, sizes a second. People walk at 1.2 m/s with hips at 0.9 m.
+const USUAL_SPEED_PER_S: f32 = 1.3;
+/// The fastest path of a live character, sizes a second: that of a run.
+const MAX_SPEED_PER_S: f32 = 4.0;
 /// Roots lower than this share of the body's extent do not stand on legs.
 const LEGS_SHARE: f32 = 0.15;
 
@@ -116,9 +121,12 @@ impl Body {
             contacts: skeleton.contacts.as_ref().map_or(0, |contacts| contacts.len()),
             ..*dims
         };
+        let mut rig = Rig::new(&name, fps, dims, skeleton);
+        rig.by_path = Some(by_path(&rig.skeleton, &neutral, &words, (height_m, size_m)));
+        let skeleton = &rig.skeleton;
         Ok(Self {
-            description: description::describe(&skeleton, &neutral, &bones_m, &places, &sides, size_m),
-            rig: Arc::new(Rig::new(&name, fps, dims, skeleton)),
+            description: description::describe(skeleton, &neutral, &bones_m, &places, &sides, size_m),
+            rig: Arc::new(rig),
             name,
             neutral,
             sides: sides.into(),
@@ -213,6 +221,24 @@ fn bones(skeleton: &Skeleton, neutral: &[Quat]) -> Box<[Vec3]> {
             .map_or(Vec3::ZERO, |parent| neutral[parent] * joint.offset_m)
     };
     skeleton.joints.iter().map(bone).collect()
+}
+
+/// How live characters with the body are planned for.
+fn by_path(
+    skeleton: &Skeleton,
+    neutral: &[Quat],
+    words: &[String],
+    (height_m, size_m): (f32, f32),
+) -> ByPath {
+    let mut local = vec![Quat::IDENTITY; neutral.len()];
+    local_from_world_rotations(skeleton, neutral, &mut local);
+    ByPath {
+        usual_speed_mps: USUAL_SPEED_PER_S * size_m,
+        max_speed_mps: MAX_SPEED_PER_S * size_m,
+        words: words.to_vec(),
+        neutral: local.into(),
+        height_m,
+    }
 }
 
 /// Joint positions of the neutral pose relative to the root, metres.

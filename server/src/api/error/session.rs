@@ -3,9 +3,10 @@
 use std::time::Duration;
 
 use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
-use crate::packs::{CannotDo, UnknownPack};
+use crate::packs::{CannotDo, UnknownBody, UnknownPack};
 use crate::session::SessionError;
 use troupe_character::live::{MAX_WAITING_COMMANDS, Refusal};
+use troupe_character::primitives::path::MAX_LEAD_M;
 
 /// When to try again where a place is free as soon as somebody leaves, which nobody foresees.
 const WHEN_SOMEBODY_LEAVES: Duration = Duration::from_secs(1);
@@ -15,6 +16,7 @@ impl Tabled for SessionError {
         match self {
             Self::Field(error) => error.row(),
             Self::UnknownPack(error) => error.row(),
+            Self::UnknownBody(error) => error.row(),
             Self::CannotDo(error) => error.row(),
             Self::World(error) => error.row(),
             Self::Expired { field, .. } => GONE.because("SESSION_EXPIRED").field(field),
@@ -59,6 +61,18 @@ impl Tabled for UnknownPack {
     }
 }
 
+impl Tabled for UnknownBody {
+    fn row(&self) -> Row<'_> {
+        INVALID
+            .because("UNKNOWN_BODY")
+            .field(&self.field)
+            .allowed(match self.there_are.is_empty() {
+                true => "none: the pack has one skeleton".to_owned(),
+                false => self.there_are.join(", "),
+            })
+    }
+}
+
 impl Tabled for CannotDo {
     fn row(&self) -> Row<'_> {
         INVALID
@@ -72,6 +86,12 @@ impl Tabled for Refusal {
     fn row(&self) -> Row<'_> {
         match self {
             Self::NoScene => NOT_NOW.because("NO_SCENE"),
+            Self::ByPath => INVALID
+                .because("PACK_CANNOT")
+                .allowed("a pack whose characters go to keyframes"),
+            Self::PathTooFar { .. } => NOT_NOW
+                .because("PATH_TOO_FAR")
+                .allowed(format!("at most {MAX_LEAD_M} m")),
             Self::UnknownObject { .. } => NOT_FOUND.because("UNKNOWN_OBJECT"),
             Self::WrongPack { .. } => NOT_NOW.because("WRONG_PACK"),
             Self::UnknownVariant { there_are, .. } => {

@@ -230,12 +230,22 @@ pub(in crate::api) async fn step(
     Ok(response)
 }
 
+/// Whose styles.
+#[derive(Debug, Default, Deserialize, utoipa::IntoParams)]
+#[serde(default, deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct OfBody {
+    /// Name of the body, for packs of many. Empty: the pack's default one.
+    body: String,
+}
+
 /// List the locomotion styles of a pack, without their keyframes
 #[utoipa::path(
     get,
     path = "/v1/packs/{name}/styles",
     operation_id = "ListStyles",
     tag = "styles",
+    params(OfBody),
     responses(
         (status = 200, description = "All styles, sorted by name", body = v1::ListStylesResponse),
         (status = 404, description = "No such pack"),
@@ -244,9 +254,11 @@ pub(in crate::api) async fn step(
 pub(in crate::api) async fn list_styles(
     Ours(service): Ours,
     name: Named<String>,
+    of: Asked<OfBody>,
 ) -> Result<Json<v1::ListStylesResponse>, ApiError> {
     let request = v1::ListStylesRequest {
         pack: named("name", name)?,
+        body: asked(of)?.body,
     };
     Ok(Json(service.list_styles(&request)?))
 }
@@ -257,6 +269,7 @@ pub(in crate::api) async fn list_styles(
     path = "/v1/packs/{name}/styles/{style}",
     operation_id = "GetStyle",
     tag = "styles",
+    params(OfBody),
     responses(
         (status = 200, description = "The style", body = v1::Style),
         (status = 400, description = "No such style"),
@@ -266,9 +279,12 @@ pub(in crate::api) async fn list_styles(
 pub(in crate::api) async fn get_style(
     Ours(service): Ours,
     names: Named<(String, String)>,
+    of: Asked<OfBody>,
 ) -> Result<Json<v1::Style>, ApiError> {
     let (pack, style) = named("style", names)?;
-    Ok(Json(service.get_style(&v1::GetStyleRequest { pack, style })?))
+    let body = asked(of)?.body;
+    let request = v1::GetStyleRequest { pack, style, body };
+    Ok(Json(service.get_style(&request)?))
 }
 
 /// Add a style to a pack, or replace one that was added
@@ -279,6 +295,7 @@ pub(in crate::api) async fn get_style(
     path = "/v1/packs/{name}/styles/{style}",
     operation_id = "PutStyle",
     tag = "styles",
+    params(OfBody),
     request_body = v1::Style,
     responses(
         (status = 200, description = "The style as it is now", body = v1::Style),
@@ -290,6 +307,7 @@ pub(in crate::api) async fn get_style(
 pub(in crate::api) async fn put_style(
     Ours(service): Ours,
     names: Named<(String, String)>,
+    of: Asked<OfBody>,
     JsonBody(style): JsonBody<v1::Style>,
 ) -> Result<Json<v1::Style>, ApiError> {
     let (pack, name) = named("style", names)?;
@@ -308,6 +326,7 @@ pub(in crate::api) async fn put_style(
     let request = v1::PutStyleRequest {
         pack,
         style: Some(v1::Style { name, ..style }),
+        body: asked(of)?.body,
     };
     Ok(Json(service.put_style(request).await?))
 }

@@ -144,7 +144,7 @@ impl Roster {
         let counts = self.counts();
         let mut writers: Vec<(BlockWriter, usize)> = counts
             .iter()
-            .map(|(pack, count)| (BlockWriter::new(pack.rig(), form, *count, 1), 0))
+            .map(|(pack, count)| (BlockWriter::of(pack, form, *count, 1), 0))
             .collect();
         let mut underruns = 0;
         let mut in_hands = Vec::new();
@@ -162,9 +162,9 @@ impl Roster {
                 let request = cell.settle(&mut live);
                 if cell.scene().is_some() {
                     in_hands.extend(events::held(&live, member.slot, cell.convention()));
-                    if let Some(happened) = &mut happened {
-                        happened.extend(live.events.take(member.slot, cell.id(), cell.convention()));
-                    }
+                }
+                if let Some(happened) = &mut happened {
+                    happened.extend(live.events.take(member.slot, cell.id(), cell.convention()));
                 }
                 request
             };

@@ -14,6 +14,7 @@ use crate::scene::Transform;
 pub(crate) enum Event {
     Frames(usize),
     Walk(i8, i8),
+    Follow(i8, i8, bool),
     Interact(&'static str),
     End,
     Cancel,
@@ -31,6 +32,7 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
     prop_oneof![
         10 => (1usize..60).prop_map(Event::Frames),
         2 => (speed(), speed()).prop_map(|(x, z)| Event::Walk(x, z)),
+        1 => (speed(), speed(), any::<bool>()).prop_map(|(x, z, is_loop)| Event::Follow(x, z, is_loop)),
         4 => object().prop_map(Event::Interact),
         2 => Just(Event::End),
         1 => Just(Event::Cancel),
@@ -51,6 +53,7 @@ pub(crate) fn carry_out(rig: &mut Harness, event: &Event) {
     match *event {
         Event::Frames(frames) => rig.run(frames),
         Event::Walk(x, z) => rig.walk(f32::from(x) / 10.0, f32::from(z) / 10.0),
+        Event::Follow(x, z, is_loop) => drop(rig.follow(f32::from(x) / 5.0, f32::from(z) / 5.0, is_loop)),
         Event::Interact(object) => drop(rig.interact(object, "")),
         Event::End => drop(rig.give(Intent::EndInteraction)),
         Event::Cancel => drop(rig.give(Intent::Cancel)),

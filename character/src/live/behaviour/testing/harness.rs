@@ -11,8 +11,10 @@ use super::super::super::{
     PlanFailed, PlanRequest, PlanTrace, Refusal, SUB_FRAMES, Start, World,
 };
 use super::{definitions, doll_rig, doll_style, room};
+use crate::Path;
 use crate::object::Definitions;
-use crate::primitives::LocomotionCommand;
+use crate::primitives::path::AskedPoint;
+use crate::primitives::{LocomotionCommand, PathCommand};
 use crate::scene::{Holder, Instance, SceneCell, Transform};
 use crate::style::Style;
 use troupe_motion::model::Rig;
@@ -99,6 +101,20 @@ impl Harness {
     pub(crate) fn give(&mut self, intent: Intent) -> Result<(), Refusal> {
         self.sequence += 1;
         self.character.give(self.sequence, None, intent).map(|_| ())
+    }
+
+    /// Follows a path from where it stands by way of `(x, z)` metres from there to the origin.
+    pub(crate) fn follow(&mut self, x: f32, z: f32, is_loop: bool) -> Result<(), Refusal> {
+        let here = self.character.view().root.position;
+        let point = |position| AskedPoint {
+            position,
+            heading: None,
+            time_s: None,
+        };
+        let points = [here, here + Vec3::new(x, 0.0, z), Vec3::ZERO].map(point);
+        let style = Arc::clone(&self.style);
+        let path = PathCommand::new(&Path::root(), &points, Some(1.2), is_loop, style).unwrap();
+        self.give(Intent::FollowPath(path))
     }
 
     pub(crate) fn interact(&mut self, instance: &str, variant: &str) -> Result<(), Refusal> {
@@ -248,6 +264,7 @@ impl Harness {
             EventKind::Interrupted { .. } => "interrupted",
             EventKind::Fell { .. } => "fell",
             EventKind::Landed { .. } => "landed",
+            EventKind::Arrived { .. } => "arrived",
         };
         self.events
             .iter()
@@ -265,7 +282,13 @@ impl Harness {
 pub(crate) fn straight(request: &PlanRequest, rig: &Rig) -> LivePlan {
     let shape = &request.shape;
     let target = shape.targets.targets.last().unwrap();
-    let listed = request.item.allowed_counts.iter().position(|&allowed| allowed);
+    let listed = request
+        .item
+        .keyframes()
+        .unwrap()
+        .allowed_counts
+        .iter()
+        .position(|&allowed| allowed);
     let tokens = rig.dims.min_tokens + listed.unwrap_or(0);
     let frames = shape.targets.frames.unwrap_or(tokens * rig.dims.frames_per_token);
     let joints = rig.skeleton.joint_count();

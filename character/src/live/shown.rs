@@ -1,0 +1,102 @@
+//! A character as it is shown, and as it stands.
+
+use troupe_motion::robot::Fitted;
+use troupe_motion::{GlobalRoot, Quat, Vec3};
+
+use super::super::{FrameOut, Intent, Peek, SUB_FRAMES, View, WaitingCommand};
+use super::Character;
+
+impl Character {
+    /// The frame at the cursor.
+    pub fn sample(&self, out: &mut FrameOut) {
+        (out.root, out.contacts) = self.shown(self.timeline.cursor(), &mut out.rotations, &mut out.fitted);
+        out.frame = self.timeline.frame() as u64;
+        out.underrun = self.timeline.slowing();
+    }
+
+    /// The motion at `cursor`, in sub-frames, as it is shown: the buffer's, lifted onto what the character stands on,
+    /// with the arm bent that carries something, a robot's pose on its hinges.
+    pub(super) fn shown(&self, cursor: i64, rotations: &mut Vec<Quat>, fitted: &mut Fitted) -> (Vec3, u8) {
+        let (mut root, contacts) = self.timeline.buffer().sample(cursor, rotations);
+        let sub_frames = i64::from(SUB_FRAMES);
+        let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));
+        let part = rest as f32 / SUB_FRAMES as f32;
+        self.post_process((frame, part), &mut root, rotations, fitted);
+        (root, contacts)
+    }
+
+    /// Makes a frame of the buffer, or what is `part` of the way (0 to 1) to the next, one that is shown.
+    fn post_process(
+        &self,
+        (frame, part): (i64, f32),
+        root: &mut Vec3,
+        rotations: &mut [Quat],
+        fitted: &mut Fitted,
+    ) {
+        let skeleton = &self.rig.skeleton;
+        if let Some(footing) = &self.footing {
+            footing.lift(skeleton, frame, part, root, rotations);
+            self.carry.bend(skeleton, frame, part, *root, rotations);
+        }
+        // Last, so that everything that is said of the frame is said of the same pose.
+        match &skeleton.robot {
+            Some(robot) => robot.fit(rotations, fitted),
+            None => fitted.clear(),
+        }
+    }
+
+    /// The character as it stands.
+    pub fn view(&self) -> View {
+        let cursor = self.timeline.cursor();
+        let (mut pose, mut before, mut fitted) = (Vec::new(), Vec::new(), Fitted::default());
+        let (position, _) = self.shown(cursor, &mut pose, &mut fitted);
+        let (before, _) = self.shown(cursor - i64::from(SUB_FRAMES), &mut before, &mut fitted);
+        let way = (position - before).with_y(0.0).length();
+        let pelvis = pose.first().copied().unwrap_or_default();
+        View {
+            frame: self.timeline.frame() as u64,
+            root: GlobalRoot::of_pose(position, pelvis, self.rig.skeleton.left_axis),
+            speed_mps: way * self.rig.fps,
+            buffered_frames: self.timeline.frames_left() as u32,
+            last_sequence: self.inbox.last_sequence(),
+            stats: self.timeline.stats(),
+        }
+    }
+
+    /// Up to `frames` frames of the future, and the plan behind them.
+    pub fn peek(&self, frames: usize) -> Peek {
+        let first = self.timeline.frame() + 1;
+        let last = first.saturating_add_unsigned(frames as u64).saturating_sub(1);
+        let future = self.timeline.buffer().range(first, last);
+        let (mut roots, mut rotations) = (future.roots.to_vec(), future.rotations.to_vec());
+        let poses = rotations.chunks_exact_mut(self.rig.skeleton.joint_count());
+        let mut fitted = Fitted::default();
+        for (frame, (root, pose)) in (first..).zip(roots.iter_mut().zip(poses)) {
+            self.post_process((frame, 0.0), root, pose, &mut fitted);
+        }
+        Peek {
+            first_frame: first as u64,
+            roots,
+            rotations,
+            contacts: future.contacts.to_vec(),
+            plan: self.newest.clone(),
+            in_flight: self.timeline.awaits_plan(),
+            waiting: self.waiting(),
+        }
+    }
+
+    /// The first of the commands that wait for their frames, or the current one where no plan was asked for with it yet.
+    fn waiting(&self) -> Option<WaitingCommand> {
+        self.inbox.waiting().cloned().or_else(|| {
+            let (sequence, frame) = self.current;
+            (sequence > 0 && self.timeline.command_waits()).then(|| WaitingCommand {
+                sequence,
+                frame,
+                intent: match self.locomotion.path() {
+                    Some(path) => Intent::FollowPath(path.clone()),
+                    None => Intent::Locomote(self.locomotion.command().clone()),
+                },
+            })
+        })
+    }
+}
