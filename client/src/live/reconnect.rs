@@ -85,7 +85,8 @@ impl Drive {
                 Ok(()) => return Ok(()),
                 Err(error) => error,
             };
-            if !may_pass(&error) || Instant::now() + pause > until {
+            // A server that drains may take the sessions up, and end the new stream at once.
+            if !is_break(&error) || Instant::now() + pause > until {
                 return Err(error);
             }
             sleep(pause).await;
