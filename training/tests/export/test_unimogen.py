@@ -185,7 +185,7 @@ def test_the_reference_is_what_the_sampler_computes(bodies: dict[str, Body], pac
 def test_the_manifest_tells_bodies_words_and_capabilities(pack: Path):
     manifest = tomllib.loads((pack / "pack.toml").read_text())
     assert (manifest["format"], manifest["family"]) == (2, "unimogen")
-    assert manifest["capabilities"] == {"inbetween": True, "live": True, "path": True}
+    assert manifest["capabilities"] == {"live": True, "path": True}
     told = manifest["unimogen"]
     assert told["bodies"] == ["turned", "toy"] and told["words"] == WORDS and len(told["signal"]) == 50
     toy = tomllib.loads((pack / "bodies" / "toy.toml").read_text())

@@ -32,7 +32,7 @@ from troupe_training.models.unimogen.state import BEND_GAIN, MAX_TURN, Range
 from troupe_training.train.plots import plot_curves
 from troupe_training.train.unimogen.stage import STAGE, Trained, load
 
-FAMILY = Family("unimogen", ("inbetween", "live", "path"))
+FAMILY = Family("unimogen", ("live", "path"))
 FILE = "denoiser.onnx"
 OPSET = 20
 LICENCES = ("CC0 1.0", "CC BY 4.0", "CC BY-NC 4.0", "CC BY-NC-ND 4.0")  # of motion, the strictest last
