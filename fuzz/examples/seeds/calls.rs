@@ -154,6 +154,7 @@ fn sessions() -> Result<(), Problem> {
     };
     text("PutStyle", "json", &serde_json::to_vec(&style)?)?;
     let put = v1::PutStyleRequest {
+        body: String::new(),
         pack: "toy".to_owned(),
         style: Some(style),
     };

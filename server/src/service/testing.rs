@@ -3,6 +3,7 @@
 use super::{Service, ServiceError};
 use crate::session::{Space, read_record};
 use crate::world::WorldError;
+use troupe_character::Path;
 use troupe_character::live::World;
 use troupe_character::saved::Surroundings;
 use troupe_character::scene::Holder;
@@ -23,14 +24,14 @@ impl Service {
     /// [`ServiceError`] where one of them is not there.
     pub fn surroundings(&self, pack: &str, scene: &str, session: &str) -> Result<Surroundings, ServiceError> {
         let Space { packs, store, .. } = &**self.space()?;
-        let pack = packs.find("pack", pack)?;
+        let pack = packs.find(&Path::root(), pack, "")?;
         let cell = store.scenes().get(scene).map_err(|error| WorldError::Scene {
             error,
             field: "scene".to_owned(),
         })?;
         Ok(Surroundings {
             rig: pack.rig().clone(),
-            styles: pack.loaded.styles.clone(),
+            styles: pack.styles().clone(),
             world: Some(World {
                 scene: cell,
                 definitions: store.definitions().clone(),
