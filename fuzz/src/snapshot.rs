@@ -3,7 +3,7 @@
 use std::cell::OnceCell;
 use std::path::PathBuf;
 
-use troupe_character::saved::{RestoreError, Surroundings, restore, save};
+use troupe_character::saved::{FORMAT, RestoreError, Surroundings, restore, save};
 
 use crate::home::Local;
 use crate::planted;
@@ -64,7 +64,8 @@ fn character(body: &[u8], around: &Surroundings) {
     let mut whole = body.to_vec();
     whole.splice(
         0..0,
-        [1, 0, 0, 0]
+        FORMAT
+            .to_le_bytes()
             .into_iter()
             .chain(crc32fast::hash(body).to_le_bytes()),
     );

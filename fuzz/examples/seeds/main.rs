@@ -15,9 +15,10 @@ use troupe_proto::v1::drive_request::Message as Ask;
 use troupe_server::clients::Turns;
 use troupe_server::records::{Kind, Records};
 
-/// A session's record as the server writes it: format, pack, convention, seed, scene, time to live, priority, style, character.
+/// A session's record as the server writes it: format, pack, body, convention, seed, scene, time to live, priority, style, character.
 type Record<'a> = (
     u32,
+    &'a str,
     &'a str,
     u32,
     u64,
