@@ -32,8 +32,6 @@ pub(super) async fn ours<T>(
     service: &Arc<Service>,
     request: &tonic::Request<T>,
 ) -> Result<Arc<Service>, Status> {
-    let identity = request.extensions().get::<Identity>();
-    let tenant = identity.and_then(|identity| identity.tenant.clone());
-    let service = service.of(tenant).await;
-    service.map_err(|error| ApiError::from(error).status())
+    let service = of(service, request.extensions()).await;
+    service.map_err(|error| error.status())
 }

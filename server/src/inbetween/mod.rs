@@ -17,7 +17,6 @@ pub use finish::finish;
 pub use generate::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, PartWriter, no_temperature, prepare_generate};
 pub use path::{MAX_PATH_POINTS, PathPlan};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};
-pub use troupe_character::post::check_finite as check_window;
 
 /// Most bytes of a character's id.
 pub const MAX_ID_BYTES: usize = 128;

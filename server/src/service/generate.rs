@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use troupe_character::post::check_finite;
 use troupe_motion::SegmentFrame;
 use troupe_motion::model::{Capability, Output};
 use troupe_proto::v1;
@@ -9,7 +10,7 @@ use troupe_proto::v1::generate_request::Goal;
 
 use super::{REQUEST_TARGET, Service, ServiceError};
 use crate::batch::{Batcher, Order, Parts, Piece, trace_queue, trace_step};
-use crate::inbetween::{PartWriter, PathPlan, prepare_generate};
+use crate::inbetween::{PartWriter, PathPlan, no_temperature, prepare_generate};
 use crate::telemetry::{RequestContext, Trace};
 
 /// An answer on its way.
@@ -65,7 +66,7 @@ impl Generation {
             return Ok(self.writer.write(piece.output, piece.is_last)?);
         };
         // What is not finite must not become the past of the next.
-        crate::inbetween::check_window(motion)?;
+        check_finite(motion)?;
         self.writer.move_to(way.frame);
         let (fresh, is_last) = way.plan.take(motion, &way.frame);
         let mut part = self.writer.write(Output::Motion(fresh), is_last)?;
@@ -97,7 +98,7 @@ impl Service {
         let (task, rig, frame) = match &request.goal {
             Some(Goal::Path(goal)) => {
                 loaded.require(Capability::Path, "pack")?;
-                crate::inbetween::no_temperature(request)?;
+                no_temperature(request)?;
                 let mut plan = PathPlan::new(goal, &request.past, request.seed, &loaded.pack)?;
                 let (task, frame) = plan.next().ok_or(ServiceError::Starting)?;
                 let rig = plan.body.rig.clone();

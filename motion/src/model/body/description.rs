@@ -4,8 +4,8 @@ use glam::{Quat, Vec3};
 
 use crate::skeleton::Skeleton;
 
-/// Numbers that describe a row: bone (3), place in the neutral pose (3), hinge axis (3), whether it is a hinge, fixed, a contact, an
-/// end, the root, the root's place, then depth, side, reach and the logarithm of the size.
+/// Numbers that describe a row: bone (3), place in the neutral pose (3), hinge axis (3). Then six flags: a hinge, fixed, a contact, an
+/// end, the root, the root's place. Last depth, side, reach and the logarithm of the size.
 pub const DESCRIPTION: usize = 19;
 /// Rows that a row's attention reads: itself, the root's place, the root joint, then its nearest ancestors.
 pub const SLOTS: usize = 16;
