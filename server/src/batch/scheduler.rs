@@ -7,6 +7,9 @@
 //! comes after a request's virtual deadline has a later one, so from then on only what already waits can go before it, and
 //! [`Limits::max_queued`] and [`Limits::max_live`] bound that.
 //!
+//! **Calls beside a crowd**: one of [`Limits::call_share`] places goes to the most urgent call first, whatever its deadline. What a
+//! batch is too small for is carried over to the next, so that the share holds for batches of one too.
+//!
 //! # Batches
 //! A worker that is at the end of a step says how many more jobs it has room for, and gets up to so many characters: a batch of
 //! a family with one step, new jobs beside those that go on of a family with several. A batch is capped at
@@ -214,6 +217,8 @@ pub struct Scheduler {
     queue: Queue,
     workers: Vec<Worker>,
     meter: Meter,
+    /// Places that went to anybody since a call had one of its own, at most [`Limits::call_share`].
+    call_credit: usize,
 }
 
 impl Scheduler {
@@ -223,6 +228,7 @@ impl Scheduler {
             queue: Queue::default(),
             workers: vec![Worker::Busy; limits.workers],
             meter: Meter::new(limits.workers),
+            call_credit: limits.call_share,
             limits,
         }
     }
@@ -384,24 +390,46 @@ impl Scheduler {
 
     /// Takes up to `wanted` characters off the queue.
     fn take(&mut self, now: Instant, wanted: usize, actions: &mut Vec<Action>) -> Vec<Part> {
-        let (mut room, mut calls) = (wanted, 0);
-        let mut parts = Vec::new();
+        let (mut room, mut calls, mut own) = (wanted, 0, self.places_of_calls(wanted));
+        let mut parts: Vec<Part> = Vec::new();
         while room > 0 {
-            match self.queue.take(now, room) {
+            let calls_only = own > 0;
+            match self
+                .queue
+                .take(now, if calls_only { own } else { room }, calls_only)
+            {
                 Some(Take::Part(part)) => {
                     room -= part.characters;
+                    own = own.saturating_sub(part.characters);
                     if part.class == Class::Request {
                         calls += part.characters;
                     }
-                    parts.push(part);
+                    // A call may get places of its own, and then more of the others.
+                    match parts.iter_mut().find(|before| before.request == part.request) {
+                        Some(before) => before.characters += part.characters,
+                        None => parts.push(part),
+                    }
                 }
                 Some(Take::Expired { request, waited }) => actions.push(Action::Expire { request, waited }),
+                None if calls_only => own = 0,
                 None => break,
             }
         }
+        let spent = calls * self.limits.call_share;
+        self.call_credit = (self.call_credit + wanted)
+            .saturating_sub(spent)
+            .min(self.limits.call_share);
         let waiting = self.queue.pending(Class::Request) > 0;
         self.meter.left(now, calls, waiting);
         parts
+    }
+
+    /// How many of so many places go to calls first.
+    fn places_of_calls(&self, wanted: usize) -> usize {
+        (self.call_credit + wanted)
+            .checked_div(self.limits.call_share)
+            .unwrap_or_default()
+            .min(wanted)
     }
 
     /// Wakes an idle worker where something is ready and none is awake already.

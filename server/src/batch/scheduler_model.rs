@@ -64,6 +64,8 @@ pub(super) struct Model {
     /// Time and characters of steps, from a step that finished something to the next.
     measured: Vec<(f64, usize)>,
     open_s: f64,
+    /// Places since a call had one of its own.
+    call_credit: usize,
 }
 
 impl Model {
@@ -80,6 +82,7 @@ impl Model {
             workers: vec![worker; limits.workers],
             measured: vec![(0.005, 1)],
             open_s: 0.0,
+            call_credit: limits.call_share,
         }
     }
 
@@ -233,15 +236,26 @@ impl Model {
         while rows > 0 && wanted > rows && !wanted.is_multiple_of(rows) {
             wanted -= 1;
         }
-        let (mut actions, mut parts) = (Vec::new(), Vec::new());
-        let mut expires = false;
+        let (mut actions, mut parts) = (Vec::new(), Vec::<Part>::new());
+        let (mut expires, mut calls) = (false, 0);
+        let share = self.limits.call_share;
+        self.call_credit += wanted;
+        let mut own = self.call_credit.checked_div(share).unwrap_or(0).min(wanted);
         while wanted > 0
             && let ready = self.ready()
-            && let Some(&request) = ready.first()
+            && let Some(&first) = ready.first()
         {
+            let is_call = |request: &&RequestId| self.requests[*request].order.class == Class::Request;
+            let request = match ready.iter().find(is_call) {
+                Some(&call) if own > 0 => call,
+                _ => {
+                    own = 0;
+                    first
+                }
+            };
             let place_since = self.requests[&request].place_since;
-            // What came after another's virtual deadline does not go before it.
-            for other in &ready {
+            // What came after another's virtual deadline does not go before it, but to a place of calls.
+            for other in ready.iter().filter(|_| own == 0) {
                 assert!(place_since <= self.requests[other].due, "{other:?} is starved");
             }
             let known = self.requests.get_mut(&request).unwrap();
@@ -252,15 +266,22 @@ impl Model {
                 actions.push(Action::Expire { request, waited });
                 continue;
             }
-            let characters = wanted.min(known.left());
+            let characters = known.left().min(if own > 0 { own } else { wanted });
             wanted -= characters;
-            parts.push(Part {
-                request,
-                class: known.order.class,
-                first: known.next,
-                characters,
-                waited,
-            });
+            own = own.saturating_sub(characters);
+            if known.order.class == Class::Request {
+                calls += characters;
+            }
+            match parts.iter_mut().find(|part| part.request == request) {
+                Some(part) => part.characters += characters,
+                None => parts.push(Part {
+                    request,
+                    class: known.order.class,
+                    first: known.next,
+                    characters,
+                    waited,
+                }),
+            }
             known.next += characters;
             if known.next == known.characters {
                 known.fate = Fate::Served;
@@ -271,6 +292,7 @@ impl Model {
                 None => held.push(Finished { request, characters }),
             }
         }
+        self.call_credit = self.call_credit.saturating_sub(calls * share).min(share);
         let is_idle = self.workers[worker].held.is_empty();
         self.workers[worker].state = if is_idle { State::Idle } else { State::Busy };
         let reason = match took {

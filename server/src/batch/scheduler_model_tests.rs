@@ -74,9 +74,10 @@ fn some_limits() -> impl Strategy<Value = Limits> {
         0u64..400,
         ms(),
         ms(),
+        0usize..6,
     )
         .prop_map(
-            |(workers, max_batch, call_rows, spare, ageing_ms, batch_ms, wait_ms)| Limits {
+            |(workers, max_batch, call_rows, spare, ageing_ms, batch_ms, wait_ms, call_share)| Limits {
                 workers,
                 max_batch,
                 call_rows,
@@ -85,6 +86,7 @@ fn some_limits() -> impl Strategy<Value = Limits> {
                 max_live: 3 + spare,
                 max_wait: Duration::from_millis(wait_ms),
                 ageing: Duration::from_millis(ageing_ms),
+                call_share,
             },
         )
 }

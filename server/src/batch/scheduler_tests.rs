@@ -13,6 +13,7 @@ fn limits(workers: usize, max_batch: usize) -> Limits {
         max_live: 100,
         max_wait: Duration::ZERO,
         ageing: Duration::from_secs(2),
+        call_share: 0,
     }
 }
 
@@ -218,6 +219,35 @@ fn the_earliest_deadline_goes_first_and_calls_stay_behind_plans_until_they_age()
     let (after, _) = setup.plan(3, 2100);
     let order: Vec<u64> = (0..4).map(|_| setup.ready(0)[0].0).collect();
     assert_eq!(order, [soon, late, call, after]);
+}
+
+#[test]
+fn one_of_so_many_places_goes_to_a_call_first() {
+    let shared = |max_batch| Limits {
+        call_share: 4,
+        ..limits(1, max_batch)
+    };
+    // Of a batch.
+    let mut setup = Setup::busy(shared(8));
+    for owner in 0..20 {
+        setup.plan(owner, 10 * owner as u32);
+    }
+    let call = setup.call(9);
+    let of_call = |taken: &[(u64, usize)]| {
+        let own = taken.iter().filter(|(request, _)| *request == call);
+        own.map(|(_, characters)| *characters).sum::<usize>()
+    };
+    let counts: Vec<usize> = (0..3).map(|_| of_call(&setup.ready(0))).collect();
+    assert_eq!(counts, [3, 2, 2], "a place is left over from before");
+    // Of batches of one.
+    let mut setup = Setup::busy(shared(1));
+    for owner in 0..20 {
+        setup.plan(owner, 10 * owner as u32);
+    }
+    let first = setup.call(1);
+    let second = setup.call(1);
+    let order: Vec<u64> = (0..5).map(|_| setup.ready(0)[0].0).collect();
+    assert_eq!(order, [first, 0, 1, second, 2]);
 }
 
 #[test]

@@ -18,6 +18,8 @@ use troupe_engine::{CheckCache, EngineError, Selector, Workers};
 
 /// Shortest time for which InBetween calls stay behind live plans.
 const MIN_AGEING: Duration = Duration::from_secs(2);
+/// One of so many places of a batch goes to a call first.
+const CALL_SHARE: usize = 8;
 
 /// Memory for requests and answers on their way, where nothing is said.
 const LEAST_TRANSFER_BYTES: u64 = 256 << 20;
@@ -46,6 +48,7 @@ impl Config {
             max_live: self.max_sessions,
             max_wait: Duration::from_millis(self.max_queue_ms),
             ageing: self.ageing(),
+            call_share: CALL_SHARE,
         }
     }
 

@@ -28,6 +28,9 @@ pub struct Limits {
     pub max_wait: Duration,
     /// What calls wait for before they go in front of live plans.
     pub ageing: Duration,
+    /// One of so many places goes to a call first, where one waits; 0 for none. Of a large crowd some plans always wait, and made
+    /// each call wait for `ageing`, or be refused.
+    pub call_share: usize,
 }
 
 impl Default for Limits {
@@ -42,6 +45,7 @@ impl Default for Limits {
             max_live: 16_384,
             max_wait: Duration::from_secs(1),
             ageing: Duration::from_secs(2),
+            call_share: 8,
         }
     }
 }

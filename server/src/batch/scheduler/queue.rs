@@ -49,6 +49,8 @@ pub(super) struct Queue {
     requests: HashMap<RequestId, Waiting>,
     /// Those that may start, by virtual deadline and arrival.
     ready: BTreeSet<(Instant, RequestId)>,
+    /// Calls among them.
+    ready_calls: BTreeSet<(Instant, RequestId)>,
     ready_characters: usize,
     pending: [usize; Class::ALL.len()],
     owners: HashMap<OwnerId, Owner>,
@@ -106,14 +108,17 @@ impl Queue {
             owner.active.is_some()
         });
         if !blocked {
-            self.make_ready(due, request, characters);
+            self.make_ready(order.class, due, request, characters);
         }
         older
     }
 
-    /// Takes up to `room` characters, at least one, of the most urgent request.
-    pub(super) fn take(&mut self, now: Instant, room: usize) -> Option<Take> {
-        let &(due, request) = self.ready.first()?;
+    /// Takes up to `room` characters, at least one, of the most urgent request, or of the most urgent call.
+    pub(super) fn take(&mut self, now: Instant, room: usize, calls_only: bool) -> Option<Take> {
+        let &(due, request) = match calls_only {
+            true => self.ready_calls.first()?,
+            false => self.ready.first()?,
+        };
         let waiting = self.requests.get_mut(&request)?;
         let waited = now.saturating_duration_since(waiting.arrived);
         if waiting.order.expires.is_some_and(|expires| expires <= now) {
@@ -135,6 +140,7 @@ impl Queue {
         if waiting.left == 0 {
             self.requests.remove(&request);
             self.ready.remove(&(due, request));
+            self.ready_calls.remove(&(due, request));
         }
         if let Some(id) = owner {
             let owner = self.owners.entry(id).or_default();
@@ -193,12 +199,15 @@ impl Queue {
         if active.is_some()
             && let Some(waiting) = self.requests.get(&next)
         {
-            self.make_ready(waiting.due, next, waiting.left);
+            self.make_ready(waiting.order.class, waiting.due, next, waiting.left);
         }
     }
 
-    fn make_ready(&mut self, due: Instant, request: RequestId, characters: usize) {
+    fn make_ready(&mut self, class: Class, due: Instant, request: RequestId, characters: usize) {
         self.ready.insert((due, request));
+        if class == Class::Request {
+            self.ready_calls.insert((due, request));
+        }
         self.ready_characters += characters;
     }
 
@@ -206,6 +215,7 @@ impl Queue {
     fn remove(&mut self, request: RequestId) -> Option<Waiting> {
         let waiting = self.requests.remove(&request)?;
         self.pending[waiting.order.class as usize] -= waiting.left;
+        self.ready_calls.remove(&(waiting.due, request));
         if self.ready.remove(&(waiting.due, request)) {
             self.ready_characters -= waiting.left;
         }
