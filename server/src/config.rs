@@ -280,8 +280,8 @@ pub struct Config {
     #[config(env = "TROUPE_SCENES", layer_attr(arg(long, value_name = "FOLDER")))]
     pub scenes: Option<PathBuf>,
 
-    /// Memory for all scenes together, in MiB: their colliders, as they are estimated, and objects. A scene that finds no room is
-    /// refused.
+    /// Memory for all scenes, object definitions and added styles together, of all tenants, in MiB, as it is estimated. An upload
+    /// that finds no room is refused.
     #[config(
         env = "TROUPE_MAX_SCENE_MEMORY_MIB",
         default = 256,

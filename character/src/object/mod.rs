@@ -268,6 +268,20 @@ pub struct Variant {
 }
 
 impl Definition {
+    /// About how much memory it takes, bytes.
+    pub fn bytes(&self) -> usize {
+        /// Of a definition with its names, of a set with its events, of a keyframe, and of a joint or a point of one.
+        const ITSELF: usize = 8 << 10;
+        const SET: usize = 2 << 10;
+        const KEYFRAME: usize = 512;
+        const PART: usize = 128;
+        let keyframes = self.sets.iter().flat_map(|set| &set.keyframes);
+        let keyframes: usize = keyframes
+            .map(|key| KEYFRAME + PART * (key.rotations.as_ref().map_or(0, Vec::len) + key.points.len()))
+            .sum();
+        ITSELF + self.description.len() + SET * self.sets.len() + keyframes
+    }
+
     /// The set of this name.
     pub fn set(&self, name: &str) -> Option<&Set> {
         self.sets.iter().find(|set| set.name == name)

@@ -126,6 +126,17 @@ pub const PLAIN: &str = "plain";
 const WORDS_INTERVAL_FRAMES: u32 = 15;
 
 impl Style {
+    /// About how much memory it takes, with what planning makes of it, bytes.
+    pub fn bytes(&self) -> usize {
+        /// Of a style or a gait without keys, of a key without joints, and of a joint of a key.
+        const ITSELF: usize = 1 << 10;
+        const KEY: usize = 256;
+        const JOINT: usize = 48;
+        let keys = self.gaits.iter().flat_map(|gait| &gait.keys);
+        let keys: usize = keys.map(|key| KEY + JOINT * key.rotations.len()).sum();
+        ITSELF * (1 + self.gaits.len()) + keys
+    }
+
     /// A style of words for a body.
     pub fn of_words(name: &str, weights: Vec<(String, f32)>, body: &ByPath, built_in: bool) -> Self {
         let key = StyleKey {

@@ -78,7 +78,7 @@ impl Config {
                 "max_connections",
             ),
             part(
-                "scenes",
+                "scenes and styles",
                 (self.max_scene_memory_mib as u64) << 20,
                 "max_scene_memory_mib",
             ),
@@ -148,7 +148,11 @@ mod tests {
         let worst = config.worst_case([], 1000);
         let of = |what| worst.parts.iter().find(|part| part.what == what).unwrap().bytes >> 20;
         assert_eq!(
-            (of("networks"), of("requests and answers"), of("scenes")),
+            (
+                of("networks"),
+                of("requests and answers"),
+                of("scenes and styles")
+            ),
             (50, 200, 7)
         );
         assert_eq!(

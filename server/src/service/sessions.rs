@@ -73,9 +73,10 @@ impl Service {
     /// [`ServiceError`] for the first value that is not accepted, or where the style cannot be kept.
     pub async fn put_style(&self, request: v1::PutStyleRequest) -> Result<v1::Style, ServiceError> {
         let pack = self.table()?.find("pack", &request.pack)?.clone();
+        let memory = self.space()?.store.memory().clone();
         // It may write a file.
-        let put =
-            tokio::task::spawn_blocking(move || styles::put(&pack, &request.body, request.style.as_ref()));
+        let put = move || styles::put(&pack, &request.body, request.style.as_ref(), &memory);
+        let put = tokio::task::spawn_blocking(put);
         let style = put.await.map_err(|_| WorkerStopped)??;
         self.common.metrics.styles_uploaded.increment(1);
         Ok(style)

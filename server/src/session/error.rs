@@ -4,7 +4,7 @@ use super::options::MAX_ID_CHARS;
 use crate::batch::SubmitError;
 use crate::offload::WorkerStopped;
 use crate::packs::{CannotDo, UnknownBody, UnknownPack};
-use crate::world::WorldError;
+use crate::world::{NoMemory, WorldError};
 use troupe_character::FieldError;
 use troupe_character::live::Refusal;
 
@@ -104,6 +104,14 @@ pub enum SessionError {
         /// Its name.
         name: String,
         /// The field of the request that named it.
+        field: String,
+    },
+    /// Uploads would take more memory than they may.
+    #[error("{field}: the style {cause}")]
+    NoMemory {
+        /// What takes how much.
+        cause: NoMemory,
+        /// The field of the request that is too large.
         field: String,
     },
     /// A style that cannot be written to its folder.

@@ -71,6 +71,13 @@ pub enum SpaceError {
     },
 }
 
+/// Added styles take of the memory of uploads.
+fn count_styles(packs: &LivePacks, store: &Store) {
+    for table in packs.table().all().flat_map(|loaded| &loaded.styles) {
+        store.memory().count(table);
+    }
+}
+
 /// What all tenants have.
 #[derive(Debug)]
 pub struct Spaces {
@@ -87,6 +94,7 @@ type ByTenant = BTreeMap<Arc<str>, Arc<Space>>;
 impl Spaces {
     /// With that of callers without a tenant; those of others are made when they are asked for.
     pub fn new(packs: LivePacks, store: Arc<Store>, sessions: Arc<Sessions>, options: TenantOptions) -> Self {
+        count_styles(&packs, &store);
         Self {
             common: Arc::new(Space {
                 tenant: None,
@@ -161,6 +169,7 @@ impl Spaces {
         let rigs = packs.table().all().map(|loaded| &*loaded.pack.rig);
         let store = self.common.store.beside(folders, rigs);
         let store = store.map_err(|error| unreadable(&error))?;
+        count_styles(&packs, &store);
         let tenant = Some(tenant.clone());
         Ok(Space {
             sessions: Arc::new(self.common.sessions.of_tenant(tenant.clone())),

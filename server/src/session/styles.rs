@@ -5,6 +5,7 @@ use troupe_proto::v1;
 use super::SessionError;
 use super::options::unknown_style;
 use crate::packs::LoadedPack;
+use crate::world::UploadMemory;
 use troupe_character::Path;
 use troupe_character::style::{MAX_ADDED_STYLES, PutError, Style};
 
@@ -55,6 +56,7 @@ pub(crate) fn put(
     pack: &LoadedPack,
     body: &str,
     style: Option<&v1::Style>,
+    memory: &UploadMemory,
 ) -> Result<v1::Style, SessionError> {
     let root = Path::root();
     let place = pack.place_of(root.field("body"), body)?;
@@ -63,6 +65,16 @@ pub(crate) fn put(
         return Err(path.error("is missing", "a style with its keyframes").into());
     };
     let style = Style::from_proto(&path, style, pack.rig(place), false)?;
+    let replaced = pack.styles[place]
+        .get(&style.name)
+        .filter(|style| !style.built_in);
+    let replaced_bytes = replaced.map_or(0, |style| style.bytes());
+    memory
+        .check(style.bytes(), replaced_bytes)
+        .map_err(|cause| SessionError::NoMemory {
+            cause,
+            field: path.to_string(),
+        })?;
     let name = path.field("name");
     match pack.styles[place].put(style) {
         Ok(style) => Ok(style.to_proto()),

@@ -41,13 +41,15 @@ pub enum WorldError {
         /// The field of the request that named it.
         field: String,
     },
-    /// Scenes would take more memory than they may.
+    /// Uploads would take more memory than they may.
     #[error("{message}")]
     NoMemory {
         /// What takes how much.
         message: String,
         /// Most bytes.
         most: usize,
+        /// The field of the request that is too large.
+        field: &'static str,
     },
     /// A file that was not written because the disk is full.
     #[error("{0}")]
@@ -86,9 +88,13 @@ impl From<StoreError> for WorldError {
                     .error(error.to_string(), "a smaller scene")
                     .into()
             }
-            StoreError::NoMemory { most, .. } => Self::NoMemory {
+            StoreError::NoMemory { what, cause, .. } => Self::NoMemory {
                 message: error.to_string(),
-                most,
+                most: cause.most,
+                field: match what {
+                    "scene" => "scene",
+                    _ => "document",
+                },
             },
             StoreError::Keep { full: true, .. } => Self::DiskFull(error.to_string()),
             StoreError::Keep { .. } => {

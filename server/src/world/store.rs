@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::convert::Infallible;
 use std::path::{Path as FilePath, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use sha2::{Digest as _, Sha256};
 use troupe_character::document::{Document as _, DocumentError, Format, forget, is_full, keep, read_kept};
@@ -12,6 +12,8 @@ use troupe_character::object::{
 };
 use troupe_character::scene::{NamedScene, Scene, SceneDoc, SceneTable, TableError};
 use troupe_motion::model::Rig;
+
+use super::memory::{NoMemory, UploadMemory};
 
 /// Where scenes and definitions are read from as the server starts, and kept when they are uploaded.
 #[derive(Debug, Clone, Default)]
@@ -23,36 +25,13 @@ pub struct Folders {
     pub objects: Option<PathBuf>,
 }
 
-/// What the scenes of all stores of a server may take.
-#[derive(Debug)]
-struct Memory {
-    max_bytes: usize,
-    tables: Mutex<Vec<Weak<SceneTable>>>,
-}
-
-impl Memory {
-    /// What all scenes take but that of `table` with this name, bytes.
-    fn taken(&self, table: &SceneTable, name: &str) -> usize {
-        let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
-        tables.retain(|table| table.strong_count() > 0);
-        let mut bytes = 0;
-        for other in tables.iter().filter_map(Weak::upgrade) {
-            let replaced = |scene: &str| std::ptr::eq(&*other, table) && scene == name;
-            let scenes = other.all();
-            let stay = scenes.iter().filter(|(scene, _)| !replaced(scene));
-            bytes += stay.map(|(_, cell)| cell.snapshot().bytes()).sum::<usize>();
-        }
-        bytes
-    }
-}
-
 /// The scenes and definitions of a server, or of a tenant.
 #[derive(Debug)]
 pub struct Store {
     scenes: Arc<SceneTable>,
     definitions: Arc<Definitions>,
     folders: Folders,
-    memory: Arc<Memory>,
+    memory: Arc<UploadMemory>,
     /// The definitions that the kept files of scenes name. One upload or deletion at a time has it.
     kept: Mutex<Kept>,
 }
@@ -105,19 +84,15 @@ pub enum StoreError {
         /// How long it is.
         bytes: usize,
     },
-    /// Scenes would take more memory than they may.
-    #[error(
-        "scene {name:?} takes about {bytes} bytes and the other scenes {taken}; allowed: at most {most} in all (max_scene_memory_mib)"
-    )]
+    /// Uploads would take more memory than they may.
+    #[error("{what} {name:?} {cause}")]
     NoMemory {
-        /// The scene.
+        /// What it is.
+        what: &'static str,
+        /// Its name.
         name: String,
-        /// What it takes.
-        bytes: usize,
-        /// What the others take.
-        taken: usize,
-        /// What all may take.
-        most: usize,
+        /// What takes how much.
+        cause: NoMemory,
     },
     /// It could not be written to its folder, or removed from there.
     #[error("{what} {name:?} cannot be written to its folder: {cause}")]
@@ -135,7 +110,7 @@ pub enum StoreError {
 
 impl Store {
     /// Reads all files of `folders`. Definitions are checked for that of `packs` whose folder they are in. A file that cannot be
-    /// used is left out with a warning. Scenes may take `max_bytes` of memory in all.
+    /// used is left out with a warning. Scenes, definitions and whatever else [`Store::memory`] counts may take `max_bytes` in all.
     ///
     /// # Errors
     /// [`LoadError`] where a folder cannot be read, or holds more than a server may have.
@@ -144,11 +119,10 @@ impl Store {
         max_bytes: usize,
         packs: impl IntoIterator<Item = &'a Rig>,
     ) -> Result<Self, LoadError> {
-        let tables = Mutex::default();
-        Self::load_within(folders, Arc::new(Memory { max_bytes, tables }), packs)
+        Self::load_within(folders, Arc::new(UploadMemory::new(max_bytes)), packs)
     }
 
-    /// Reads the files of a tenant's `folders`. Its scenes share the memory with those of this store.
+    /// Reads the files of a tenant's `folders`. They share the memory with those of this store.
     ///
     /// # Errors
     /// [`LoadError`], as [`Store::load`].
@@ -162,7 +136,7 @@ impl Store {
 
     fn load_within<'a>(
         folders: Folders,
-        memory: Arc<Memory>,
+        memory: Arc<UploadMemory>,
         packs: impl IntoIterator<Item = &'a Rig>,
     ) -> Result<Self, LoadError> {
         let mut definitions: Vec<Definition> = Vec::new();
@@ -171,7 +145,7 @@ impl Store {
                 read_definitions(&folder.join(pack.name()), pack, &mut definitions)?;
             }
         }
-        let definitions = Definitions::new(definitions)?;
+        let definitions = Arc::new(Definitions::new(definitions)?);
         let (scenes, mut kept) = (SceneTable::default(), Kept::new());
         if let Some(folder) = &folders.scenes {
             let bodies = definitions.snapshot();
@@ -182,12 +156,11 @@ impl Store {
             }
         }
         let scenes = Arc::new(scenes);
-        let mut tables = memory.tables.lock().unwrap_or_else(PoisonError::into_inner);
-        tables.push(Arc::downgrade(&scenes));
-        drop(tables);
+        memory.count(&scenes);
+        memory.count(&definitions);
         Ok(Self {
             scenes,
-            definitions: Arc::new(definitions),
+            definitions,
             folders,
             memory,
             kept: Mutex::new(kept),
@@ -202,6 +175,11 @@ impl Store {
     /// The definitions.
     pub fn definitions(&self) -> &Arc<Definitions> {
         &self.definitions
+    }
+
+    /// What all uploads of the server may take.
+    pub fn memory(&self) -> &Arc<UploadMemory> {
+        &self.memory
     }
 
     pub(super) fn kept(&self) -> MutexGuard<'_, Kept> {
@@ -223,7 +201,8 @@ impl Store {
         self.definitions.while_unchanged(|definitions| {
             let NamedScene { name, scene } = make(definitions)?;
             self.scenes.room_for(&name).map_err(StoreError::from)?;
-            self.memory_for(&name, scene.bytes())?;
+            let replaced = self.scenes.get(&name).map_or(0, |cell| cell.snapshot().bytes());
+            self.room("scene", &name, scene.bytes(), replaced)?;
             if let Some(folder) = &self.folders.scenes {
                 keep_scene(folder, &name, &scene, text)?;
                 kept.insert(name.clone(), KeptScene::of(&name, &scene));
@@ -243,18 +222,15 @@ impl Store {
         })
     }
 
-    /// Whether the scene of this name may take so much memory.
-    fn memory_for(&self, name: &str, bytes: usize) -> Result<(), StoreError> {
-        let taken = self.memory.taken(&self.scenes, name);
-        match taken + bytes <= self.memory.max_bytes {
-            true => Ok(()),
-            false => Err(StoreError::NoMemory {
+    /// Whether what is uploaded may take so much memory, where it takes the place of something that takes `replaced`.
+    fn room(&self, what: &'static str, name: &str, bytes: usize, replaced: usize) -> Result<(), StoreError> {
+        self.memory
+            .check(bytes, replaced)
+            .map_err(|cause| StoreError::NoMemory {
+                what,
                 name: name.to_owned(),
-                bytes,
-                taken,
-                most: self.memory.max_bytes,
-            }),
-        }
+                cause,
+            })
     }
 
     /// Takes out a scene in which there are no sessions, and its file. This blocks.
@@ -289,6 +265,13 @@ impl Store {
         if replaced.is_none() && before.iter().len() >= MAX_DEFINITIONS {
             return Err(DefinitionsError::Full.into());
         }
+        let replaced_bytes = replaced.map_or(0, |other| other.definition.bytes());
+        self.room(
+            "object definition",
+            &definition.name,
+            definition.bytes(),
+            replaced_bytes,
+        )?;
         if let Some(folder) = &self.folders.objects {
             let name = &definition.name;
             let not_kept = |cause: std::io::Error| not_kept("object definition", name, &cause);

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use troupe_motion::Vec3;
 
 use super::store::{Folders, LoadError, Store, StoreError};
@@ -6,7 +8,8 @@ use troupe_character::object::testing::{CUP, definition};
 use troupe_character::object::{Definition, DefinitionsError};
 use troupe_character::scene::testing::place;
 use troupe_character::scene::{Holder, NamedScene, Scene, State, TableError};
-use troupe_character::style::testing::{TempFolder, walker_rig};
+use troupe_character::style::StyleTable;
+use troupe_character::style::testing::{TempFolder, walker_rig, walker_style};
 use troupe_motion::model::Rig;
 
 const YARD: &str = r#"
@@ -136,7 +139,8 @@ fn scenes_share_a_memory_that_has_an_end() {
         put_yard(&store, YARD).unwrap();
         store.scenes().get("yard").unwrap().snapshot().bytes()
     };
-    let store = Store::load(Folders::default(), 2 * yard, []).unwrap();
+    let cup = cup_bytes();
+    let store = Store::load(Folders::default(), cup + 2 * yard, []).unwrap();
     put_cup(&store);
     let named = |name: &str| YARD.replace("name = \"yard\"", &format!("name = \"{name}\""));
     for name in ["yard", "b", "yard"] {
@@ -147,6 +151,38 @@ fn scenes_share_a_memory_that_has_an_end() {
     assert_eq!(store.scenes().names().len(), 2);
     store.delete_scene("b").unwrap();
     assert_eq!(put_yard(&store, &named("c")), Ok("c".to_owned()));
+}
+
+/// What the cup takes of the memory of uploads.
+fn cup_bytes() -> usize {
+    let store = Store::load(Folders::default(), usize::MAX, []).unwrap();
+    put_cup(&store);
+    let cups = store.definitions().snapshot();
+    cups.iter().map(|listed| listed.definition.bytes()).sum()
+}
+
+#[test]
+fn definitions_and_styles_share_the_memory_of_scenes() {
+    const ALL: usize = 1 << 20;
+    let cup = cup_bytes();
+    let store = Store::load(Folders::default(), ALL, []).unwrap();
+    put_cup(&store);
+    put_cup(&store);
+    let beside = store.beside(Folders::default(), []).unwrap();
+    let check = |bytes| beside.memory().check(bytes, 0).map_err(|error| error.taken);
+    assert_eq!(check(ALL - cup), Ok(()));
+    assert_eq!(check(ALL - cup + 1), Err(cup));
+    store.delete_definition("cup").unwrap();
+    assert_eq!(check(ALL), Ok(()));
+
+    let folder = TempFolder::new("store-styles");
+    let styles = Arc::new(StyleTable::load(&walker_rig(), folder.path(), None).unwrap());
+    store.memory().count(&styles);
+    let style = styles.put(walker_style()).unwrap().bytes();
+    assert_eq!(check(ALL - style), Ok(()));
+    assert_eq!(check(ALL - style + 1), Err(style));
+    drop(styles);
+    assert_eq!(check(ALL), Ok(()));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::row::{EXISTS, FULL, GONE, INTERNAL, INVALID, NOT_FOUND, NOT_NOW, Row, Tabled, UNAVAILABLE};
+use super::world::no_upload_memory;
 use crate::packs::{CannotDo, UnknownBody, UnknownPack};
 use crate::session::SessionError;
 use troupe_character::live::{MAX_WAITING_COMMANDS, Refusal};
@@ -38,6 +39,7 @@ impl Tabled for SessionError {
                 .because("STYLE_IS_BUILT_IN")
                 .field(field)
                 .allowed("a name that none of the pack's own styles has"),
+            Self::NoMemory { cause, field } => no_upload_memory(cause.most).field(field),
             Self::StyleNotKept(_) => INTERNAL.because("INTERNAL"),
             Self::Plan(error) => error.row(),
             Self::Stopped(error) => error.row(),

@@ -15,14 +15,18 @@ impl Tabled for WorldError {
             Self::Scene { error, field } => error.row().field(field),
             Self::Object { error, field } => error.row().field(field),
             Self::Definition { error, field } => error.row().field(field),
-            Self::NoMemory { most, .. } => FULL
-                .because("TOO_MUCH_SCENE_MEMORY")
-                .field("scene")
-                .allowed(format!("at most {most} bytes in all scenes")),
+            Self::NoMemory { most, field, .. } => no_upload_memory(*most).field(field),
             Self::DiskFull(_) => FULL.because("DISK_FULL"),
             Self::Internal(_) => INTERNAL.because("INTERNAL"),
         }
     }
+}
+
+/// Scenes, definitions and styles take as much memory as they may.
+pub(super) fn no_upload_memory(most: usize) -> Row<'static> {
+    FULL.because("TOO_MUCH_UPLOADED").allowed(format!(
+        "at most {most} bytes in all scenes, object definitions and styles"
+    ))
 }
 
 impl Tabled for DocumentError {
