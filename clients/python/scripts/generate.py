@@ -31,7 +31,9 @@ def generate(into: Path) -> list[Path]:
 def outdated(fresh: Path, names: list[Path]) -> list[Path]:
     """The generated files that differ from those in the package, are missing there, or have no source any more."""
     there = {path.relative_to(HERE) for path in (HERE / PACKAGE).glob("*_pb2*")}
-    differing = {name for name in names if not (HERE / name).exists() or not filecmp.cmp(fresh / name, HERE / name, False)}
+    differing = {
+        name for name in names if not (HERE / name).exists() or not filecmp.cmp(fresh / name, HERE / name, False)
+    }
     return sorted(differing | there.difference(names))
 
 

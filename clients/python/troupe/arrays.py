@@ -20,6 +20,7 @@ def floats(field: str, values: npt.ArrayLike, shape: tuple[int | None, ...]) -> 
 
     Raises:
         InvalidArgumentError: They are not numbers, not finite, or of another shape.
+
     """
     allowed = "(" + ", ".join("any" if length is None else str(length) for length in shape) + ")"
     try:

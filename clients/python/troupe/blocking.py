@@ -89,9 +89,7 @@ class Connection:
     def parts(self, call: Call[io.A]) -> Iterator[io.A]:
         """The answers of a method that gives many."""
         method = self._channel.unary_stream(
-            call.method.path,
-            request_serializer=type(call.request).SerializeToString,
-            response_deserializer=call.method.answer.FromString,
+            call.method.path, request_serializer=serialised, response_deserializer=call.method.answer.FromString
         )
         try:
             yield from method(call.request, metadata=self.target.metadata)
@@ -102,9 +100,7 @@ class Connection:
         found = self._methods.get(method.path)
         if found is None:
             found = self._channel.unary_unary(
-                method.path,
-                request_serializer=_serialised,
-                response_deserializer=method.answer.FromString,
+                method.path, request_serializer=serialised, response_deserializer=method.answer.FromString
             )
             self._methods[method.path] = found
         return found
@@ -125,7 +121,7 @@ class Connection:
     def stream(self) -> Stream:
         """A stream that is to be opened."""
         method = self._channel.stream_stream(
-            io.DRIVE.path, request_serializer=_serialised, response_deserializer=io.DRIVE.answer.FromString
+            io.DRIVE.path, request_serializer=serialised, response_deserializer=io.DRIVE.answer.FromString
         )
         return Stream(self, method)
 
@@ -134,7 +130,8 @@ class Connection:
         self._channel.close()
 
 
-def _serialised(message: Any) -> bytes:
+def serialised(message: Any) -> bytes:
+    """A message's bytes."""
     data: bytes = message.SerializeToString()
     return data
 
@@ -198,9 +195,10 @@ class _Opened:
     def _put(self, message: Received) -> None:
         while not self._is_over.is_set():
             try:
-                return self._came.put(message, timeout=HUNG_UP_S)
+                self._came.put(message, timeout=HUNG_UP_S)
             except queue.Full:
                 continue
+            return
 
     def poll(self) -> Received | Nothing:
         try:

@@ -105,7 +105,8 @@ class Character:
             answer = yield from io.ask(io.STEP, request)
         except errors.TroupeError as error:
             self._intent.doubt()
-            raise self._own(error)
+            self._name(error)
+            raise
         for problem in answer.problems:
             raise errors.of_problem(problem.problem, self.id)
         if not answer.blocks:
@@ -130,14 +131,16 @@ class Character:
             answer = yield from io.ask(io.COMMAND, session_pb2.CommandRequest(commands=commands))
         except errors.TroupeError as error:
             self._intent.doubt()
-            raise self._own(error)
+            self._name(error)
+            raise
         self._check(answer.results)
 
     def _info(self) -> Steps[session_pb2.Session]:
         try:
             info = yield from io.ask(io.GET_SESSION, session_pb2.GetSessionRequest(id=self.id))
         except errors.TroupeError as error:
-            raise self._own(error)
+            self._name(error)
+            raise
         self._intent.seen(info.last_sequence)
         return info
 
@@ -146,24 +149,19 @@ class Character:
         try:
             return (yield from io.ask(io.PEEK, request))
         except errors.TroupeError as error:
-            raise self._own(error)
+            self._name(error)
+            raise
 
-    def _own(self, error: errors.TroupeError) -> errors.TroupeError:
-        """The error, with the session's name where it is about one."""
+    def _name(self, error: errors.TroupeError) -> None:
+        """Puts the session's name into an error that is about one."""
         if isinstance(error, SessionError):
             error.session = error.session or self.id
-        return error
 
     def _check(self, results: Iterable[session_pb2.CommandResult]) -> None:
         """A refused command is an error. A late one is none: whoever commanded since knows better."""
         for result in results:
             if result.status == REFUSED and result.session_id == self.id:
                 raise errors.of_problem(result.problem, self.id)
-
-
-def intent(of: Character) -> Intent:
-    """What a character should do, for those who send it."""
-    return of._intent
 
 
 def step_request(characters: Iterable[Character], count: int, options: FrameOptions) -> session_pb2.StepRequest:

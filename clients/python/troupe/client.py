@@ -16,7 +16,7 @@ from troupe.clip import Clip
 from troupe.conventions import Convention
 from troupe.drive import DriveOptions
 from troupe.errors import UnreachableError
-from troupe.generate import FollowPath, Generated, Parts
+from troupe.generate import FollowPath, Generated, Parts, Request, Response
 from troupe.inbetween import InBetween, InBetweenAnswer
 from troupe.io import Call
 from troupe.keyframe import Keyframe
@@ -38,6 +38,7 @@ class Client:
         cert: PEM file of this client's certificate, for servers that ask for one, and `cert_key` its private key.
         cert_key: See `cert`.
         timeout: Seconds for one call.
+
     """
 
     def __init__(
@@ -64,7 +65,9 @@ class Client:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     # The server and its packs.
@@ -78,6 +81,7 @@ class Client:
 
         Raises:
             UnreachableError: It was not in time.
+
         """
         until = time.monotonic() + timeout
         while not self.ready():
@@ -149,7 +153,7 @@ class Client:
     def _pack(self, pack: Pack | str, body: str) -> Pack:
         return self._connection.run(calls.get_pack(pack, body))
 
-    def _parts(self, request: generate.Request) -> Iterator[generate.Response]:
+    def _parts(self, request: Request) -> Iterator[Response]:
         return self._connection.parts(Call(io.GENERATE, request))
 
     # Live characters.
@@ -215,6 +219,7 @@ class Client:
 
         Raises:
             InvalidArgumentError: With line, column and field of what is wrong in a text.
+
         """
         return self._connection.run(calls.put_scene(scene))
 

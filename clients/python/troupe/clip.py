@@ -56,6 +56,7 @@ class Clip:
 
         Raises:
             InvalidArgumentError: The clip lacks joints, or its bones have other lengths.
+
         """
         missing = [name for name in skeleton.names if name not in self.skeleton.names]
         if missing:
@@ -113,6 +114,7 @@ class Clip:
 
         Raises:
             InvalidArgumentError: The skeleton is no robot's.
+
         """
         csv.check_robot(self.skeleton)
         return self.skeleton.to_qpos(self.root, self.rotations)

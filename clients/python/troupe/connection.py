@@ -51,6 +51,7 @@ def target(
 
     Raises:
         InvalidArgumentError: It is no address, or certificates do not fit together.
+
     """
     scheme, found, rest = address.partition("://")
     if not found:
@@ -58,7 +59,9 @@ def target(
     host = rest.rstrip("/")
     if scheme not in ("http", "https") or not host or "/" in host or " " in host:
         allowed = "HOST:PORT, http://HOST:PORT or https://HOST:PORT"
-        raise InvalidArgumentError(f"address: {address!r} is none; allowed: {allowed}", field="address", allowed=allowed)
+        raise InvalidArgumentError(
+            f"address: {address!r} is none; allowed: {allowed}", field="address", allowed=allowed
+        )
     if scheme == "http" and (ca or cert):
         message = "address: certificates need an https:// address"
         raise InvalidArgumentError(message, field="address", allowed="https://HOST:PORT")

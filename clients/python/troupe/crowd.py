@@ -72,6 +72,7 @@ class CrowdCore(Generic[C]):
 
         Raises:
             IndexError: There is none of that number, or it has left.
+
         """
         found = self._members[member]
         if found is None:
@@ -86,7 +87,9 @@ class CrowdCore(Generic[C]):
         """Takes in a character whose session is open already, and gives its number."""
         pack = session.pack
         if (pack.name, pack.skeleton.names) != (self.pack.name, self.pack.skeleton.names):
-            message = f"session: {session.id} is of pack {pack.name} {pack.body}; allowed: {self.pack.name} {self.pack.body}"
+            message = (
+                f"session: {session.id} is of pack {pack.name} {pack.body}; allowed: {self.pack.name} {self.pack.body}"
+            )
             raise InvalidArgumentError(message, field="session", allowed=f"{self.pack.name} {self.pack.body}".strip())
         if session.convention is not self.convention:
             message = f"session: {session.id} is in the convention {session.convention.name}"

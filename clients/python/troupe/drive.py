@@ -76,6 +76,7 @@ class Tick:
 
         Raises:
             ValueError: They have several: see `blocks`.
+
         """
         (block,) = self.blocks
         return block

@@ -181,20 +181,24 @@ _BY_CODE: dict[str, type[TroupeError]] = {
 class Status(Protocol):
     """What gRPC raises, from a channel of either kind."""
 
-    def code(self) -> grpc.StatusCode: ...
-    def details(self) -> str | None: ...
-    def trailing_metadata(self) -> Iterable[tuple[str, str | bytes]] | None: ...
+    def code(self) -> grpc.StatusCode:
+        """The status."""
+        ...
+
+    def details(self) -> str | None:
+        """Its words."""
+        ...
+
+    def trailing_metadata(self) -> Iterable[tuple[str, str | bytes]] | None:
+        """What came with it."""
+        ...
 
 
 def of_problem(problem: session_pb2.Problem, session: str) -> SessionError:
     """Why one of many sessions could not be served."""
     message = problem.message or problem.reason
     return SessionError(
-        message,
-        session=session,
-        reason=problem.reason,
-        field=problem.field or None,
-        allowed=problem.allowed or None,
+        message, session=session, reason=problem.reason, field=problem.field or None, allowed=problem.allowed or None
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from troupe.errors import AnswerError, InvalidArgumentError
 from troupe.formats import csv, glb, npz
 from troupe.skeleton import ROOT_QPOS, Skeleton
 from troupe.v1 import session_pb2
+
+_COLUMNS = ("root", "rotations", "contacts", "positions", "qpos", "hinge_residuals", "clamped_hinges")
 
 
 @dataclass(frozen=True)
@@ -126,12 +129,11 @@ def side_by_side(parts: Sequence[Frames]) -> Frames:
 
 
 def _concatenated(parts: Sequence[Frames], axis: int, ids: tuple[str, ...], first_frames: Ints) -> Frames:
-    def together(name: str) -> np.ndarray | None:
-        columns = [getattr(part, name) for part in parts]
-        return None if any(column is None for column in columns) else np.concatenate(columns, axis)
-
-    names = ("root", "rotations", "contacts", "positions", "qpos", "hinge_residuals", "clamped_hinges")
-    return replace(parts[0], ids=ids, first_frames=first_frames, **{name: together(name) for name in names})
+    columns: dict[str, Any] = {}
+    for name in _COLUMNS:
+        given = [getattr(part, name) for part in parts]
+        columns[name] = None if any(column is None for column in given) else np.concatenate(given, axis)
+    return replace(parts[0], ids=ids, first_frames=first_frames, **columns)
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,7 @@ def of_block(block: session_pb2.FrameBlock, of: Of) -> Frames:
 
     Raises:
         AnswerError: A column has the wrong length.
+
     """
     shape = (len(block.slots), block.frame_count)
     skeleton = of.skeleton
@@ -207,12 +210,10 @@ def chosen(frames: Frames, characters: Sequence[int]) -> Frames:
     places = list(characters)
     if places == list(range(len(frames.ids))):
         return frames
-
-    def of(column: np.ndarray | None) -> np.ndarray | None:
-        return None if column is None else column[:, places]
-
-    names = ("root", "rotations", "contacts", "positions", "qpos", "hinge_residuals", "clamped_hinges")
-    columns = {name: of(getattr(frames, name)) for name in names}
+    columns: dict[str, Any] = {}
+    for name in _COLUMNS:
+        column = getattr(frames, name)
+        columns[name] = None if column is None else column[:, places]
     ids = tuple(frames.ids[place] for place in places)
     return replace(frames, ids=ids, first_frames=frames.first_frames[places], **columns)
 

@@ -148,8 +148,6 @@ class Parts:
         return "".join(part for part in came if isinstance(part, str))
 
     def check_end(self) -> None:
-        """Raises:
-        AnswerError: The answer ended before its last part.
-        """
+        """Refuses an answer that ended before its last part."""
         if not self.ended:
             raise AnswerError("the answer ended before its last part", field="is_last")

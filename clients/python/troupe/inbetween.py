@@ -46,6 +46,7 @@ class InBetween:
 
         Raises:
             InvalidArgumentError: The clip lacks these frames.
+
         """
         first = after - CONTEXT_FRAMES + 1
         if first < 0 or after >= until or until >= len(clip):
@@ -77,7 +78,9 @@ def keyframes(of: Clip | Sequence[Keyframe], field: str, pack: Pack | None) -> l
     joints = pack.skeleton.joint_count if pack else None
     if isinstance(of, Clip):
         if pack and abs(of.fps - pack.fps) > 1e-2:
-            message = f"{field}: the clip runs at {of.fps:g} frames a second, the pack at {pack.fps:g}: resample it first"
+            message = (
+                f"{field}: the clip runs at {of.fps:g} frames a second, the pack at {pack.fps:g}: resample it first"
+            )
             raise InvalidArgumentError(message, field=field, allowed=f"{pack.fps:g} frames a second")
         of = of.keyframes()
     return [key.to_message(f"{field}[{nth}]", joints) for nth, key in enumerate(of)]
@@ -109,13 +112,13 @@ class InBetweenAnswer:
 def answers(response: motion_pb2.InBetweenResponse, pack: Pack, count: int) -> list[InBetweenAnswer]:
     """Reads an answer, checking the length of every array."""
     if len(response.characters) != count:
-        raise AnswerError(f"{len(response.characters)} characters came where {count} were asked for", field="characters")
+        raise AnswerError(
+            f"{len(response.characters)} characters came where {count} were asked for", field="characters"
+        )
     return [_answer(result, response, pack) for result in response.characters]
 
 
-def _answer(
-    result: motion_pb2.CharacterResult, response: motion_pb2.InBetweenResponse, pack: Pack
-) -> InBetweenAnswer:
+def _answer(result: motion_pb2.CharacterResult, response: motion_pb2.InBetweenResponse, pack: Pack) -> InBetweenAnswer:
     frames = result.frames
     size = pack.robot.qpos_size if pack.robot else 0
     return InBetweenAnswer(
@@ -150,6 +153,7 @@ def array(name: str, values: F32, *shape: int) -> F32:
 
     Raises:
         AnswerError: They are more or fewer.
+
     """
     expected = int(np.prod(shape))
     if values.size != expected:

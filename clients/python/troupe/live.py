@@ -35,6 +35,7 @@ class Session(Character):
 
         Raises:
             SessionError: It is gone, in another's hands, or refuses what it should do.
+
         """
         return self._connection.run(self._step(frames, self.frame_options))
 
@@ -61,7 +62,9 @@ class Session(Character):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 
@@ -88,6 +91,7 @@ class Crowd(CrowdCore[Session]):
 
         Raises:
             TroupeError: The server cannot be reached, or refuses the request as a whole.
+
         """
         return self._connection.run(self._step(frames))
 
@@ -98,7 +102,9 @@ class Crowd(CrowdCore[Session]):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 
@@ -129,6 +135,7 @@ class Drive(DriveCore):
         Raises:
             DeadlineExceededError: None came in `timeout` seconds; the stream goes on.
             StreamEndedError: The server ended it.
+
         """
         return self._connection.run(self._next(timeout), self._stream)
 
@@ -151,7 +158,9 @@ class Drive(DriveCore):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         if kind is None:
             self.close()
         else:

@@ -13,6 +13,7 @@ from troupe.skeleton import Hinge, Skeleton
 
 RADIUS_M = 0.035
 SHORTEST_M = 0.02
+NO_CONTACT = {"contype": "0", "conaffinity": "0"}
 
 
 def robot_mjcf(skeleton: Skeleton, *, name: str = "", floor: bool = True) -> str:
@@ -22,6 +23,7 @@ def robot_mjcf(skeleton: Skeleton, *, name: str = "", floor: bool = True) -> str
 
     Raises:
         InvalidArgumentError: The skeleton is no robot's, or its hinges are not in the order of the tree.
+
     """
     robot = skeleton.robot
     if robot is None:
@@ -32,15 +34,17 @@ def robot_mjcf(skeleton: Skeleton, *, name: str = "", floor: bool = True) -> str
         raise InvalidArgumentError(message, field="skeleton", allowed="hinges from the root outwards, limb by limb")
     root = Xml.Element("mujoco", model=name or robot.name)
     Xml.SubElement(root, "compiler", angle="radian", autolimits="true")
+    Xml.SubElement(root, "statistic", center="0 0 0.7", extent="1.5")
     look = Xml.SubElement(root, "visual")
     Xml.SubElement(look, "global", offwidth="1920", offheight="1080")
     Xml.SubElement(look, "headlight", ambient="0.35 0.35 0.37", diffuse="0.35 0.35 0.35", specular="0.1 0.1 0.1")
     Xml.SubElement(look, "quality", shadowsize="4096", offsamples="8")
+    Xml.SubElement(look, "map", shadowclip="2")
     _materials(Xml.SubElement(root, "asset"))
     world = Xml.SubElement(root, "worldbody")
-    Xml.SubElement(world, "light", pos="2 -2 5", dir="-0.35 0.35 -1", directional="true", diffuse="0.6 0.6 0.58")
     if floor:
-        Xml.SubElement(world, "geom", name="floor", type="plane", size="0 0 0.05", material="floor", contype="0", conaffinity="0")
+        plane = {"name": "floor", "type": "plane", "size": "0 0 0.05", "material": "floor"}
+        Xml.SubElement(world, "geom", plane | NO_CONTACT)
     hinges = {hinge.index: hinge for hinge in robot.hinges}
     _body(world, skeleton, hinges, 0)
     Xml.indent(root)
@@ -49,11 +53,11 @@ def robot_mjcf(skeleton: Skeleton, *, name: str = "", floor: bool = True) -> str
 
 def _materials(asset: Xml.Element) -> None:
     sky = {"builtin": "gradient", "rgb1": "0.93 0.94 0.95", "rgb2": "0.70 0.75 0.81", "width": "256", "height": "1536"}
-    Xml.SubElement(asset, "texture", type="skybox", **sky)
+    Xml.SubElement(asset, "texture", {"type": "skybox"} | sky)
     tiles = {"builtin": "checker", "rgb1": "0.80 0.81 0.82", "rgb2": "0.74 0.75 0.77", "width": "512", "height": "512"}
-    Xml.SubElement(asset, "texture", name="floor", type="2d", **tiles)
+    Xml.SubElement(asset, "texture", {"name": "floor", "type": "2d"} | tiles)
     repeat = {"texuniform": "true", "texrepeat": "1 1", "reflectance": "0.08"}
-    Xml.SubElement(asset, "material", name="floor", texture="floor", **repeat)
+    Xml.SubElement(asset, "material", {"name": "floor", "texture": "floor"} | repeat)
     Xml.SubElement(asset, "material", name="link", rgba="0.85 0.86 0.88 1", specular="0.4", shininess="0.5")
     Xml.SubElement(asset, "material", name="joint", rgba="0.22 0.24 0.28 1", specular="0.3", shininess="0.4")
 
@@ -64,6 +68,9 @@ def _body(parent: Xml.Element, skeleton: Skeleton, hinges: dict[int, Hinge], joi
     radius = RADIUS_M
     if joint == 0:
         Xml.SubElement(body, "freejoint", name="root")
+        # The light goes along, so that the shadow stays sharp.
+        shine = {"pos": "1.5 -1.5 4", "dir": "-0.35 0.35 -1", "diffuse": "0.6 0.6 0.58", "mode": "track"}
+        Xml.SubElement(body, "light", {"directional": "true"} | shine)
         radius *= 1.6
     else:
         body.set("pos", _text(of.position_from_native(skeleton.offsets[joint])))
@@ -73,14 +80,14 @@ def _body(parent: Xml.Element, skeleton: Skeleton, hinges: dict[int, Hinge], joi
         axis = of.position_from_native(np.array(hinge.axis, np.float32))
         limits = f"{hinge.lower:.7g} {hinge.upper:.7g}"
         Xml.SubElement(body, "joint", name=hinge.joint, type="hinge", axis=_text(axis), range=limits)
-    geom = {"contype": "0", "conaffinity": "0"}
     children = skeleton.children(joint)
-    Xml.SubElement(body, "geom", type="sphere", size=f"{radius * 1.15:.4g}", material="joint", **geom)
+    ball = {"type": "sphere", "size": f"{radius * 1.15:.4g}", "material": "joint"}
+    Xml.SubElement(body, "geom", ball | NO_CONTACT)
     for child in children:
         tip = of.position_from_native(skeleton.offsets[child])
         if np.linalg.norm(tip) >= SHORTEST_M:
-            ends = "0 0 0 " + _text(tip)
-            Xml.SubElement(body, "geom", type="capsule", fromto=ends, size=f"{radius:.4g}", material="link", **geom)
+            link = {"type": "capsule", "fromto": "0 0 0 " + _text(tip), "size": f"{radius:.4g}", "material": "link"}
+            Xml.SubElement(body, "geom", link | NO_CONTACT)
         _body(body, skeleton, hinges, child)
 
 

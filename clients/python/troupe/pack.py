@@ -62,11 +62,12 @@ class Pack:
 
         Raises:
             InvalidArgumentError: The pack has no such body.
+
         """
         for body in self.bodies:
             if name in ("", body.name):
                 if not body.skeleton.joint_count:
-                    message = f"body: pack {self.name} came with a list, without its bodies' joints: use client.pack({self.name!r})"
+                    message = f"body: a list of packs has no joints of bodies: use client.pack({self.name!r})"
                     raise InvalidArgumentError(message, field="body")
                 return replace(self, skeleton=body.skeleton, body=body.name)
         allowed = ", ".join(body.name for body in self.bodies) or "none: the pack has one skeleton"

@@ -72,6 +72,7 @@ def read(text: str, units_per_metre: float = 100) -> tuple[Skeleton, float, F32,
 
     Raises:
         InvalidArgumentError: It is no BVH of one root, or a joint below the root has position channels that move it.
+
     """
     tokens = iter(text.split())
     try:
@@ -141,7 +142,9 @@ def _hierarchy(tokens: Iterator[str], units: float) -> tuple[Skeleton, list[list
             offsets.append([float(next(tokens)) / units for _ in range(3)])
             _expect(tokens, "CHANNELS")
             channels.append([next(tokens) for _ in range(int(next(tokens)))])
-            unknown = [name for name in channels[-1] if name[:1] not in _AXES or name[1:] not in ("position", "rotation")]
+            unknown = [
+                name for name in channels[-1] if name[:1] not in _AXES or name[1:] not in ("position", "rotation")
+            ]
             if unknown:
                 raise ValueError(f"unknown channel {unknown[0]!r}")
         elif opening == "End":

@@ -19,9 +19,7 @@ _XYZW, _WXYZ = [4, 5, 6, 3], [6, 3, 4, 5]
 
 
 def check_robot(skeleton: Skeleton) -> None:
-    """Raises:
-    InvalidArgumentError: The skeleton is no robot's.
-    """
+    """Refuses a skeleton that is no robot's."""
     if skeleton.robot is None:
         message = "skeleton: it is no robot's: it has no hinges that numbers could be angles of"
         raise InvalidArgumentError(message, field="skeleton", allowed="one with a robot")

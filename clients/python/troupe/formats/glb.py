@@ -23,7 +23,7 @@ class _Builder:
     """The JSON root and the binary chunk, as they grow."""
 
     def __init__(self) -> None:
-        self.root: dict[str, list[dict[str, Any]]] = {"bufferViews": [], "accessors": [], "meshes": [], "nodes": []}
+        self.root: dict[str, Any] = {"bufferViews": [], "accessors": [], "meshes": [], "nodes": []}
         self.data = bytearray()
 
     def add(self, values: np.ndarray, *, bounds: bool = False) -> int:
@@ -110,7 +110,7 @@ def write(skeleton: Skeleton, fps: float, root: F32, rotations: F32) -> bytes:
         "animations": [{"name": "motion", "samplers": samplers, "channels": channels}],
         "buffers": [{"byteLength": len(builder.data)}],
     }
-    builder.root |= more  # type: ignore[assignment]
+    builder.root |= more
     return builder.finish()
 
 

@@ -47,6 +47,7 @@ def read(path: str | Path) -> tuple[Skeleton, float, F32, F32, F32 | None]:
 
     Raises:
         InvalidArgumentError: An array is missing, or the archive has many characters.
+
     """
     with np.load(path, allow_pickle=False) as archive:
         needed = ("quaternions", "root", "fps", "joint_names", "parents", "offsets")
