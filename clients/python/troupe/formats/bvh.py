@@ -86,7 +86,7 @@ def read(text: str, units_per_metre: float = 100) -> tuple[Skeleton, float, F32,
     except (StopIteration, ValueError) as error:
         if isinstance(error, InvalidArgumentError):
             raise
-        message = f"bvh: {error or 'it ends in the middle'}"
+        message = f"bvh: {str(error) or 'it ends in the middle'}"
         raise InvalidArgumentError(message, field="bvh", allowed="a BVH file with one root") from error
     root = skeleton.offsets[0].astype(np.float64) * np.ones((count, 1))
     rotations = np.zeros((count, len(channels), 4), np.float64)
