@@ -136,5 +136,7 @@ def test_every_method_is_the_contracts() -> None:
         for service in module.DESCRIPTOR.services_by_name.values():
             for method in service.methods:
                 services[f"/{service.full_name}/{method.name}"] = method.output_type.full_name
-    ours = {value.path: value.answer.DESCRIPTOR.full_name for value in vars(io).values() if isinstance(value, io.Method)}
+    ours = {
+        value.path: value.answer.DESCRIPTOR.full_name for value in vars(io).values() if isinstance(value, io.Method)
+    }
     assert ours == services

@@ -17,7 +17,7 @@ from troupe.keyframe import Keyframe
 from troupe.skeleton import Skeleton
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Clip:
     """Consecutive frames of one character, in native axes (X left, Y up, Z forward) and metres."""
 

@@ -33,7 +33,7 @@ def on_a_grid(count: int) -> list[SessionOptions]:
     return [SessionOptions(seed=seed, position=place) for seed, place in enumerate(places)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CrowdStep:
     """What a step brought."""
 

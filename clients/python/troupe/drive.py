@@ -51,7 +51,7 @@ class DriveOptions:
         return session_pb2.DriveRequest(open=opening)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tick:
     """A tick: one frame of every character on the stream."""
 

@@ -21,7 +21,7 @@ from troupe.v1 import session_pb2
 _COLUMNS = ("root", "rotations", "contacts", "positions", "qpos", "hinge_residuals", "clamped_hinges")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Frames:
     """Consecutive frames of characters of one skeleton, in their sessions' convention.
 

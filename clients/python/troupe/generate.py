@@ -76,7 +76,7 @@ def _body(skeleton: Skeleton) -> motion_pb2.BodySkeleton:
     return motion_pb2.BodySkeleton(joints=joints, left_axis=left, contact_joints=skeleton.contact_joints)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Generated:
     """A motion that was made."""
 

@@ -86,7 +86,7 @@ def keyframes(of: Clip | Sequence[Keyframe], field: str, pack: Pack | None) -> l
     return [key.to_message(f"{field}[{nth}]", joints) for nth, key in enumerate(of)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class InBetweenAnswer:
     """One character's answer."""
 

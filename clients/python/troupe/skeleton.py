@@ -48,7 +48,7 @@ class Robot:
         return ROOT_QPOS + len(self.hinges)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Skeleton:
     """A tree of joints, parents before children.
 
@@ -64,6 +64,17 @@ class Skeleton:
     left_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
     """Which way is left for the character, in the first joint's own frame."""
     robot: Robot | None = None
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Skeleton):
+            return NotImplemented
+        return self._identity() == other._identity() and np.array_equal(self.offsets, other.offsets)
+
+    def __hash__(self) -> int:
+        return hash(self._identity())
+
+    def _identity(self) -> tuple[object, ...]:
+        return self.names, self.parents, self.contact_joints, self.left_axis, self.robot
 
     @property
     def joint_count(self) -> int:
