@@ -8,6 +8,7 @@ import argparse
 import time
 
 import numpy as np
+
 import troupe
 
 

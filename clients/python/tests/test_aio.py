@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 import troupe
 import troupe.aio
 from conftest import ROOT

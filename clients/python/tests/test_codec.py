@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from conftest import any_rotations
 from troupe import codec, rotation
 

@@ -3,9 +3,10 @@ from collections.abc import Iterable
 
 import grpc
 import pytest
-import troupe
 from google.protobuf import any_pb2, duration_pb2
 from google.rpc import error_details_pb2, status_pb2
+
+import troupe
 from troupe import connection, errors, io
 from troupe.v1 import event_pb2, motion_pb2, scene_pb2, session_pb2
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pygltflib
 import pytest
+
 import troupe
 from conftest import ROOT, any_clip
 from troupe import rotation

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 import troupe
 from troupe.intent import Intent, locomotions
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 import troupe
 from conftest import any_clip, any_rotations
 from troupe import rotation

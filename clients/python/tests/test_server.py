@@ -1,9 +1,11 @@
 """Against a real server."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+
 import troupe
 from conftest import ROOT
 from troupe import codec, rotation, v1
@@ -35,7 +37,7 @@ def test_packs_have_skeletons_and_bodies(client: troupe.Client) -> None:
     with pytest.raises(troupe.InvalidArgumentError, match="allowed: human") as caught:
         many.of_body("cow")
     assert caught.value.field == "body"
-    with pytest.raises(troupe.InvalidArgumentError, match="client.pack"):
+    with pytest.raises(troupe.InvalidArgumentError, match=r"client\.pack"):
         packs["unimogen"].of_body("horse")
     with pytest.raises(troupe.NotFoundError) as missing:
         client.pack("nobody")
@@ -115,7 +117,7 @@ def test_refusals_name_field_and_range(client: troupe.Client, walk: troupe.Clip)
     with pytest.raises(troupe.InvalidArgumentError) as ours:
         client.in_between(troupe.InBetween(clip[27:31], [troupe.Keyframe(rotations=np.zeros((5, 4)))]), pack=pack)
     assert (ours.value.field, ours.value.allowed) == ("characters[0].targets[0].rotations", "(21, 4)")
-    with pytest.raises(troupe.InvalidArgumentError, match="29 or|allowed: 3 <= after"):
+    with pytest.raises(troupe.InvalidArgumentError, match="allowed: 3 <= after"):
         troupe.InBetween.from_clip(clip, 2, 30)
 
 
@@ -219,7 +221,7 @@ def test_bodies_and_paths_of_a_crowd(client: troupe.Client) -> None:
     with client.crowd(2, pack="unimogen", body="horse") as crowd:
         for of in crowd:
             place = np.array([of.info().position.x, 0, of.info().position.z])
-            of.act(troupe.follow_path([place, place + (0, 0, 1)], speed=1.5))
+            of.act(troupe.follow_path([place, np.add(place, (0, 0, 1))], speed=1.5))
         happened = [event for _ in range(8) for event in crowd.step(15).events]
         arrived = [event for event in happened if event.kind == "arrived"]
         assert len(arrived) == 2 and all(event.detail.off < 0.3 for event in arrived)
@@ -292,11 +294,11 @@ def test_a_drive_gives_ticks(client: troupe.Client) -> None:
         assert last.root.shape == (1, 3, 3) and sorted(last.ids) == sorted(of.id for of in sessions)
         # What a busy server could not send is counted.
         assert ticks[-1].number - ticks[0].number + 1 <= len(ticks) + ticks[-1].dropped
-        assert all(later.number > tick.number for tick, later in zip(ticks, ticks[1:], strict=False))
+        assert all(later.number > tick.number for tick, later in pairwise(ticks))
         together = troupe.join_frames([tick.frames for tick in ticks if len(tick.frames.ids) == 3])
         assert len(together) > 40
         # On a busy machine plans are late, and characters slow down.
-        walked = (all(tick.frames.root[-1, :, 2] > 0.5) for tick, _ in zip(drive, range(600), strict=False))
+        walked = (all(tick.frames.root[-1, :, 2] > 0.5) for tick, _ in zip(drive, range(300), strict=False))
         assert any(walked)
         drive[sessions[0].id].style("nonsense")
         refused = [one for tick, _ in zip(drive, range(10), strict=False) for one in tick.news]
@@ -330,7 +332,7 @@ def test_a_drive_goes_on_after_the_server_was_killed(own_server: object, tmp_pat
         (resumed,) = [one for tick in after for one in tick.news if isinstance(one, troupe.Resumed)]
         assert resumed.session == "survivor" and resumed.restored
         numbers = [int(tick.frames.first_frames[0]) for tick in before + after]
-        assert all(later > number for number, later in zip(numbers, numbers[1:], strict=False)), "they never go back"
+        assert all(later > number for number, later in pairwise(numbers)), "they never go back"
         roots = np.concatenate([tick.frames.root[:, 0] for tick in before + after])
         steps = np.linalg.norm(np.diff(roots, axis=0), axis=1)
         assert steps.max() < 0.15, "no jump"
