@@ -1,6 +1,6 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack picture samples styles eval live-eval object-eval film \
+.PHONY: run test lint rust-test python-test python-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack picture samples styles eval live-eval object-eval film \
 	film-objects film-crowd image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -36,6 +36,10 @@ rust-test: runtime real-clips python-env
 python-test: python-env
 	cd training && ../.venv/bin/python -m pytest --quiet
 	.venv/bin/python -m pytest --quiet bench/tests
+
+# The Python client as users get it: its wheel is built, installed in an environment of its own, checked and tested.
+python-client:
+	scripts/python-client.sh $(ARGS)
 
 # libFuzzer on one target: make fuzz TARGET=object SECONDS=60 (see fuzz/README.md)
 fuzz:

@@ -1,0 +1,1 @@
+"""Files: BVH, glTF, CSV of robots, and numpy archives."""

@@ -1,0 +1,153 @@
+"""Motion along a path or of words, and words of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy.typing as npt
+
+from troupe import clip as clips
+from troupe.clip import Clip
+from troupe.errors import AnswerError, InvalidArgumentError
+from troupe.inbetween import clip, keyframes
+from troupe.intent import path_points
+from troupe.keyframe import Keyframe
+from troupe.pack import Pack
+from troupe.skeleton import Skeleton
+from troupe.v1 import motion_pb2
+
+Request: TypeAlias = motion_pb2.GenerateRequest
+Response: TypeAlias = motion_pb2.GenerateResponse
+
+
+@dataclass(frozen=True, eq=False)
+class FollowPath:
+    """A path to follow, in the world, metres; only x and z of places count."""
+
+    points: npt.ArrayLike
+    """(points, 3)."""
+    headings: npt.ArrayLike | None = None
+    """(points) radians. None: along the path."""
+    times: npt.ArrayLike | None = None
+    """(points) seconds from the begin. None: at `speed`."""
+    speed: float | None = None
+    """Metres a second, where points have no times. None: a walk of the body's size."""
+    seconds: float | None = None
+    """Length of the motion. None: that of the path."""
+    words: Mapping[str, float] = field(default_factory=dict)
+    """Words of the pack and how much of each, at most 1 in all."""
+    targets: Clip | Sequence[Keyframe] = ()
+    """How the motion ends."""
+    steps: int | None = None
+    """Steps of the sampler."""
+    guidance: float | None = None
+    """How much the words count; 1 as they were trained."""
+    skeleton: Skeleton | None = None
+    """A body of the caller's own, upright in its rest pose. Nothing promises that a model moves it well."""
+
+    def to_message(self, pack: Pack) -> motion_pb2.PathGoal:
+        """The goal on the wire."""
+        return motion_pb2.PathGoal(
+            body="" if self.skeleton else pack.body,
+            skeleton=None if self.skeleton is None else _body(self.skeleton),
+            points=path_points(self.points, self.headings, self.times),
+            seconds=self.seconds,
+            speed=self.speed,
+            style=[motion_pb2.StyleWord(word=word, weight=weight) for word, weight in self.words.items()],
+            steps=self.steps,
+            guidance=self.guidance,
+            targets=keyframes(self.targets, "goal.path.targets", None),
+        )
+
+
+def _body(skeleton: Skeleton) -> motion_pb2.BodySkeleton:
+    x, y, z = skeleton.left_axis
+    joints = [
+        motion_pb2.BodyJoint(
+            name=name,
+            parent=skeleton.names[parent] if parent >= 0 else "",
+            offset=motion_pb2.Vec3(x=float(offset[0]), y=float(offset[1]), z=float(offset[2])),
+        )
+        for name, parent, offset in zip(skeleton.names, skeleton.parents, skeleton.offsets, strict=True)
+    ]
+    left = motion_pb2.Vec3(x=x, y=y, z=z)
+    return motion_pb2.BodySkeleton(joints=joints, left_axis=left, contact_joints=skeleton.contact_joints)
+
+
+@dataclass(frozen=True, eq=False)
+class Generated:
+    """A motion that was made."""
+
+    clip: Clip
+    notes: tuple[str, ...]
+    """What the model was asked for that it may not do well."""
+
+    def _repr_html_(self) -> str:
+        return self.clip._repr_html_()
+
+
+def request(
+    pack: Pack,
+    path: FollowPath | npt.ArrayLike | None,
+    text: str | None,
+    frames: int | None,
+    past: Clip | Sequence[Keyframe],
+    seed: int,
+    temperature: float,
+) -> motion_pb2.GenerateRequest:
+    """The request for a motion along a path, or of words."""
+    message = motion_pb2.GenerateRequest(
+        pack=pack.name, past=keyframes(past, "past", None), seed=seed, temperature=temperature
+    )
+    if (path is None) == (text is None):
+        raise InvalidArgumentError("goal: one of path and text", field="goal", allowed="path or text")
+    if text is not None:
+        message.prompt.CopyFrom(motion_pb2.Prompt(text=text, frame_count=frames))
+    elif path is not None:
+        of = path if isinstance(path, FollowPath) else FollowPath(path)
+        message.path.CopyFrom(of.to_message(pack))
+    return message
+
+
+def describe_request(pack: Pack, motion: Clip) -> motion_pb2.GenerateRequest:
+    """The request for words of a motion."""
+    message = motion_pb2.GenerateRequest(pack=pack.name)
+    message.describe.frames.extend(keyframes(motion, "goal.describe.frames", pack))
+    return message
+
+
+class Parts:
+    """Parts of an answer as they come, up to the last."""
+
+    def __init__(self, pack: Pack, path: FollowPath | npt.ArrayLike | None = None) -> None:
+        own = path.skeleton if isinstance(path, FollowPath) else None
+        self._pack = pack if own is None else replace(pack, skeleton=own)
+        self.notes: list[str] = []
+        self.ended = False
+
+    def take(self, part: motion_pb2.GenerateResponse) -> Clip | str:
+        """Reads a part."""
+        self.notes.extend(part.notes)
+        self.ended = part.is_last
+        if part.WhichOneof("part") == "text":
+            return part.text
+        if part.WhichOneof("part") != "frames":
+            raise AnswerError("a part has neither frames nor text", field="part")
+        return clip(part.frames, self._pack)
+
+    def whole(self, came: Sequence[Clip | str]) -> Generated:
+        """All of a motion."""
+        self.check_end()
+        return Generated(clips.joined([part for part in came if isinstance(part, Clip)]), tuple(self.notes))
+
+    def words(self, came: Sequence[Clip | str]) -> str:
+        """All of the words."""
+        self.check_end()
+        return "".join(part for part in came if isinstance(part, str))
+
+    def check_end(self) -> None:
+        """Refuses an answer that ended before its last part."""
+        if not self.ended:
+            raise AnswerError("the answer ended before its last part", field="is_last")

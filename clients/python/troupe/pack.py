@@ -1,0 +1,128 @@
+"""Model packs as the server describes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from troupe.errors import AnswerError, InvalidArgumentError
+from troupe.skeleton import Hinge, Robot, Skeleton
+from troupe.v1 import motion_pb2
+
+
+@dataclass(frozen=True)
+class Body:
+    """One of the bodies that a pack's network moves."""
+
+    name: str
+    skeleton: Skeleton = field(repr=False)
+    """Without joints where the pack came with a list of all packs."""
+    height: float
+    """Height of the root where it stands, metres."""
+    words: tuple[str, ...] = field(repr=False)
+    """Words that its clips show."""
+
+
+@dataclass(frozen=True)
+class Pack:
+    """A pack that the server has loaded."""
+
+    name: str
+    version: str
+    fps: float
+    capabilities: frozenset[str]
+    """What it can do: inbetween, live, path, text, describe, agents."""
+    skeleton: Skeleton = field(repr=False)
+    bodies: tuple[Body, ...] = field(repr=False)
+    """The bodies that one network moves, the default one first. None: the pack has one skeleton."""
+    body: str
+    """Whose skeleton this is; empty for the pack's own."""
+    message: motion_pb2.Pack = field(repr=False, compare=False)
+    """All that the server says about it."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The skeleton's joints, in the order of frames."""
+        return self.skeleton.names
+
+    @property
+    def robot(self) -> Robot | None:
+        """The robot that it animates. None: it is no robot's."""
+        return self.skeleton.robot
+
+    @property
+    def is_default(self) -> bool:
+        """Whether it answers requests that name no pack."""
+        return self.message.is_default
+
+    def of_body(self, name: str) -> Pack:
+        """The same pack with one of its bodies: its skeleton and robot are that body's. An empty name: the default body.
+
+        Raises:
+            InvalidArgumentError: The pack has no such body.
+
+        """
+        for body in self.bodies:
+            if name in ("", body.name):
+                if not body.skeleton.joint_count:
+                    message = f"body: a list of packs has no joints of bodies: use client.pack({self.name!r})"
+                    raise InvalidArgumentError(message, field="body")
+                return replace(self, skeleton=body.skeleton, body=body.name)
+        allowed = ", ".join(body.name for body in self.bodies) or "none: the pack has one skeleton"
+        message = f"body: pack {self.name} has no body {name!r}; allowed: {allowed}"
+        raise InvalidArgumentError(message, field="body", allowed=allowed)
+
+
+def of_message(message: motion_pb2.Pack) -> Pack:
+    """Reads a pack."""
+    skeleton = _skeleton(message, message.contact_joints)
+    return Pack(
+        name=message.name,
+        version=message.version,
+        fps=message.fps,
+        capabilities=frozenset(message.capabilities),
+        skeleton=skeleton,
+        bodies=tuple(
+            Body(body.name, _skeleton(body, body.contact_joints), body.height, tuple(body.words))
+            for body in message.bodies
+        ),
+        body="",
+        message=message,
+    )
+
+
+def _skeleton(of: motion_pb2.Pack | motion_pb2.PackBody, contact_joints: Iterable[str]) -> Skeleton:
+    names = tuple(joint.name for joint in of.joints)
+    parents = tuple(joint.parent for joint in of.joints)
+    if any(not -1 <= parent < joint for joint, parent in enumerate(parents)) or parents.count(-1) > 1:
+        raise AnswerError(f"the skeleton of {of.name}: a joint comes before its parent")
+    offsets = np.array([(j.offset.x, j.offset.y, j.offset.z) for j in of.joints], np.float32).reshape(-1, 3)
+    return Skeleton(
+        names=names,
+        parents=parents,
+        offsets=offsets,
+        contact_joints=tuple(contact_joints),
+        left_axis=(of.left_axis.x, of.left_axis.y, of.left_axis.z),
+        robot=_robot(of.robot, names) if of.HasField("robot") and names else None,
+    )
+
+
+def _robot(of: motion_pb2.Robot, names: tuple[str, ...]) -> Robot:
+    unknown = [hinge.joint for hinge in of.hinges if hinge.joint not in names]
+    if unknown:
+        raise AnswerError(f"robot {of.name}: hinges of joints that are not there: {', '.join(unknown)}")
+    hinges = tuple(
+        Hinge(
+            joint=hinge.joint,
+            index=names.index(hinge.joint),
+            axis=(hinge.axis.x, hinge.axis.y, hinge.axis.z),
+            rest=(hinge.rest.w, hinge.rest.x, hinge.rest.y, hinge.rest.z),
+            lower=hinge.lower,
+            upper=hinge.upper,
+            max_speed=hinge.max_speed,
+        )
+        for hinge in of.hinges
+    )
+    return Robot(of.name, hinges)
