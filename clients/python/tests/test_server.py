@@ -334,7 +334,8 @@ def test_a_drive_goes_on_after_the_server_was_killed(own_server: object, tmp_pat
         numbers = [int(tick.frames.first_frames[0]) for tick in before + after]
         assert all(later > number for number, later in pairwise(numbers)), "they never go back"
         roots = np.concatenate([tick.frames.root[:, 0] for tick in before + after])
-        steps = np.linalg.norm(np.diff(roots, axis=0), axis=1)
-        assert steps.max() < 0.15, "no jump"
+        # A busy server leaves out ticks, so that some steps are of several frames.
+        steps = np.linalg.norm(np.diff(roots, axis=0), axis=1) / np.diff(numbers)
+        assert steps.max() < 0.1, "no jump"
         assert after[-1].frames.root[0, 0, 2] > before[-1].frames.root[0, 0, 2] + 1.0, "it walks on"
         drive.close()
