@@ -89,7 +89,7 @@ OPTIONS["--copied-from"] = {
     "help": "bodies whose motion of the same takes is copied by joint name, on the moments that all have",
 }
 OPTIONS["--styles"] = {"nargs": 2, "metavar": "STYLE", "help": "two styles to blend"}
-OPTIONS["--blend"] = {"type": Path, "help": "what `unimogen blend --json FILE` wrote"}
+OPTIONS["--blend"] = {"type": Path, "nargs": "+", "default": [], "help": "what `unimogen blend --json FILE` wrote"}
 OPTIONS["--shown"] = {
     "nargs": "+",
     "default": ["human", "g1", "h1_2", "horse"],
@@ -277,7 +277,7 @@ NETWORK = ("--run", "--pack")  # of which one is measured
 def evaluate(args: argparse.Namespace) -> int:
     """Path, feet and distance to captures of networks on test clips and held-out cells, beside captures and baselines."""
     torch.set_num_threads(args.threads)
-    network, setting = _network(args), _setting(args)
+    network, setting = _network(args), setting_of(args)
     answering = {"unimogen": (network, setting)}
     answering |= {f"{n} steps": (network, replace(setting, steps=n)) for n in args.other_steps}
     answering |= {f"guidance {w:g}": (network, replace(setting, guidance=w)) for w in args.other_guidance}
@@ -341,12 +341,12 @@ def blend(args: argparse.Namespace) -> int:
     encoder, without_encoder = encoder_of(args.packs, train.body, args.threads)
     if encoder is None:
         raise SystemExit(f"{without_encoder}: `troupe-train evaluator` makes one")
-    judge, report = trained_classifier(train, styles, _setting(args), encoder), {}
+    judge, report = trained_classifier(train, styles, setting_of(args), encoder), {}
     for part, store in zip(args.parts, held_out, strict=True):
         if store is None or not shows(store, styles, args.frames):
             print(f"{part}: not both styles are shown")
             continue
-        report[part] = blend_styles(judge, store, styles, network, _setting(args), encoder)
+        report[part] = blend_styles(judge, store, styles, network, setting_of(args), encoder)
         print(f"{part}\n\n{blend_table(styles, report[part])}")
     if args.json:
         told = network.source | {"command": args.command_line, "styles": styles, "shares": report}
@@ -374,7 +374,7 @@ def film(args: argparse.Namespace) -> int:
         network.check_body(body)
     path = swinging(args.windows, args.frames, args.speed, args.turn)
     style = style_vector(args.words, network.words)
-    found = draw_film(bodies, network, style, path, _setting(args), args.out)
+    found = draw_film(bodies, network, style, path, setting_of(args), args.out)
     for name, figures in found.items():
         print(f"{name}: " + ", ".join(f"{key} {value:.4g}" for key, value in figures.items()))
     if args.json:
@@ -401,7 +401,7 @@ def _network(args: argparse.Namespace) -> Network:
     return load_network(args.pack or args.run, args.threads)
 
 
-def _setting(args: argparse.Namespace) -> Setting:
+def setting_of(args: argparse.Namespace) -> Setting:
     """How windows are answered; 0 windows means all of them."""
     stride, most = getattr(args, "stride", 1), getattr(args, "max_windows", None) or None
     return Setting(args.frames, stride, most, args.sampler_steps, args.guidance, args.seed)
