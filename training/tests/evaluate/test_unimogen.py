@@ -227,7 +227,7 @@ def test_the_card_tells_bodies_training_and_figures(run: Path, corpus_cache: Pat
     notes.write_text("## Data and limits\n\nWalks.\n")
     blend = tmp_path / "b.json"
     blend.write_text(json.dumps({"step": 26, "styles": ["calm", "brisk"], "shares": {"test": {"0": 0.25, "1": 1.0}}}))
-    card = ["unimogen", "card", "--pack", str(pack), "--evaluation", str(measured_at), "--notes", str(notes)]
+    card = ["unimogen", "card", "--pack", str(pack), "--evaluations", str(measured_at), "--notes", str(notes)]
     card += ["--sweeps", str(measured_at), "--blend", str(blend)]
     assert main(card) == 0 and main(card) == 0
     text = (pack / "README.md").read_text()

@@ -76,6 +76,7 @@ OPTIONS["--beside"] = {
 }
 OPTIONS["--other-steps"] = {"type": int, "nargs": "+", "default": [], "help": "also measure with as many sampler steps"}
 OPTIONS["--other-guidance"] = {"type": float, "nargs": "+", "default": [], "help": "also measure with such guidance"}
+OPTIONS["--evaluations"] = {"type": Path, "nargs": "+", "help": "what `unimogen evaluate --json FILE` wrote"}
 OPTIONS["--sweeps"] = {
     "type": Path,
     "nargs": "+",
@@ -383,14 +384,14 @@ def film(args: argparse.Namespace) -> int:
 
 
 @command(
-    *("--pack", "--evaluation", "--sweeps", "--notes", "--blend"),
-    required=("--evaluation",),
+    *("--pack", "--evaluations", "--sweeps", "--notes", "--blend"),
+    required=("--evaluations",),
     group=GROUP,
     pack=Path("models/unimogen"),
 )
 def card(args: argparse.Namespace) -> int:
     """Writes a pack's README from its manifest, its bodies, and the JSON of `unimogen evaluate`."""
-    write_card(args.pack, args.evaluation, args.notes, args.blend, args.sweeps)
+    write_card(args.pack, args.evaluations, args.notes, args.blend, args.sweeps)
     return 0
 
 

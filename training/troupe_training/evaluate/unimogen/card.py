@@ -90,20 +90,28 @@ def _figure_parts(report: dict[str, Any]) -> list[str]:
 
 
 def write_card(
-    pack: Path, evaluation: Path, notes: Path | None, blends: Sequence[Path] = (), sweeps: Sequence[Path] = ()
+    pack: Path,
+    evaluations: Sequence[Path],
+    notes: Path | None,
+    blends: Sequence[Path] = (),
+    sweeps: Sequence[Path] = (),
 ) -> None:
     """Writes ``README.md`` into the pack folder and the main figures into ``pack.toml``.
 
-    ``notes`` is Markdown about the data and limits, put in as it stands; ``blends`` are what ``unimogen blend --json`` wrote,
-    ``sweeps`` what ``unimogen evaluate --json`` wrote of other settings.
+    ``evaluations`` are what ``unimogen evaluate --json`` wrote with one setting, ``sweeps`` those of other settings, ``blends``
+    what ``unimogen blend --json`` wrote. ``notes`` is Markdown about the data and limits, put in as it stands.
     """
-    manifest, report = read_manifest(pack), json.loads(evaluation.read_text())
+    manifest = read_manifest(pack)
     if manifest["family"] != FAMILY.name:
         raise SystemExit(f"{pack} is a pack of the family {manifest['family']}")
     training, told = manifest["training"], manifest["unimogen"]
-    swept, blended = ([json.loads(path.read_text()) for path in paths] for paths in (sweeps, blends))
-    for measured in (report, *swept, *blended):
+    reports, swept, blended = (
+        [json.loads(path.read_text()) for path in paths] for paths in (evaluations, sweeps, blends)
+    )
+    for measured in (*reports, *swept, *blended):
         _check_source(measured, manifest)
+    if any(report["setting"] != reports[0]["setting"] for report in reports):
+        raise SystemExit("the evaluations were made with several settings: one card has one")
     size = sum(f.stat().st_size for f in pack.glob("*.onnx")) / 1e6
     hours = training["frames"] / FPS / 3600
     shortest, longest = (manifest["frames_per_token"] * manifest[key] for key in ("min_tokens", "max_tokens"))
@@ -124,9 +132,10 @@ def write_card(
         training_rows(training),
         "![Loss curves](curves.png)" if (pack / "curves.png").exists() else "",
         "## Evaluation",
-        ABOUT_FIGURES.format(**report["setting"]),
+        ABOUT_FIGURES.format(**reports[0]["setting"]),
     ]
-    parts += _figure_parts(report)
+    for report in reports:
+        parts += _figure_parts(report)
     if swept:
         parts.append("## Steps and guidance")
     for one in swept:
@@ -136,7 +145,9 @@ def write_card(
     for one in blended:
         parts += _blend_parts(one)
     write_readme(pack, parts)
-    write_figures(pack / "pack.toml", _figure_rows(report["figures"]))
+    write_figures(
+        pack / "pack.toml", _figure_rows({what: made for report in reports for what, made in report["figures"].items()})
+    )
 
 
 def _blend_parts(blend: dict[str, Any]) -> list[str]:
