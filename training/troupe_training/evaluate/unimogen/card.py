@@ -110,7 +110,8 @@ def write_card(
     )
     for measured in (*reports, *swept, *blended):
         _check_source(measured, manifest)
-    several = [report["setting"] | {"most": None} for report in reports]  # how many windows there are stands at each table
+    # How many windows there are stands at each table.
+    several = [report["setting"] | {"most": None} for report in reports]
     if any(setting != several[0] for setting in several):
         raise SystemExit("the evaluations were made with several settings: one card has one")
     size = sum(f.stat().st_size for f in pack.glob("*.onnx")) / 1e6
