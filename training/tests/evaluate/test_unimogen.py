@@ -11,8 +11,10 @@ from troupe_training.cli.main import main
 from troupe_training.data.bodies import Body
 from troupe_training.data.bodies_store import BodyStore, Corpus
 from troupe_training.data.conventions import CONTEXT_FRAMES
-from troupe_training.evaluate.unimogen.measure import chosen, measure
+from troupe_training.evaluate.unimogen.encoders import encoder_of
+from troupe_training.evaluate.unimogen.measure import chosen, figures, measure, table, toes, why_no_fid
 from troupe_training.evaluate.unimogen.methods import (
+    Answer,
     Asked,
     Setting,
     captured,
@@ -22,10 +24,10 @@ from troupe_training.evaluate.unimogen.methods import (
     interpolated,
     style_for,
 )
+from troupe_training.evaluate.unimogen.networks import load_network, of_pack
 from troupe_training.evaluate.unimogen.style import blend, classifier, trained_classifier
 from troupe_training.evaluate.unimogen.walk import chained, seams, swinging, walk_figures
-from troupe_training.models.unimogen.state import Range
-from troupe_training.train.unimogen.stage import load
+from troupe_training.models.unimogen.state import BodyKinematics, Range
 
 FRAMES = 20
 LIMITS = Range(torch.full((3,), -0.5), torch.full((3,), 0.5))
@@ -120,37 +122,113 @@ def test_a_classifier_tells_two_clouds_apart_whatever_their_sizes():
 
 
 def test_blends_are_measured_by_weight(run: Path, corpus_cache: Path):
-    store, trained, styles = Corpus(corpus_cache, "train").stores["walker"], load(run), ("calm", "brisk")
+    store, network, styles = Corpus(corpus_cache, "train").stores["walker"], load_network(run, 1), ("calm", "brisk")
     setting = Setting(FRAMES, 16, None, 1)
-    trained.words, store.words = ["brisk"], list(styles)
+    network.words, store.words = ["brisk"], list(styles)
     store.clip_words = torch.eye(2)[torch.arange(len(store.clips)) % 2]
-    found = blend(trained_classifier(store, styles, setting, encoder), store, styles, trained, setting, encoder)
+    found = blend(trained_classifier(store, styles, setting, encoder), store, styles, network, setting, encoder)
     assert list(found) == ["captured calm", "captured brisk", "0", "0.25", "0.5", "0.75", "1"]
     assert found["captured calm"] < found["captured brisk"]
 
 
 def test_chained_windows_join(run: Path, corpus_cache: Path):
-    body, trained = Body.load(corpus_cache / "walker" / "body.json"), load(run)
+    body, network = Body.load(corpus_cache / "walker" / "body.json"), load_network(run, 1)
     setting, path = Setting(FRAMES, steps=1), swinging(3, FRAMES, 1.0, 30.0)
-    answer = chained(body, trained, path, np.zeros(len(trained.words), np.float32), setting)
+    answer = chained(body, network, path, np.zeros(len(network.words), np.float32), setting)
     assert answer.root.shape == (1, 52, 3) == (*path.points.shape[:2], 3)
     assert seams(3, FRAMES) == [20, 36]
-    one = chained(body, trained, swinging(1, FRAMES, 1.0, 30.0), np.zeros(len(trained.words), np.float32), setting)
+    one = chained(body, network, swinging(1, FRAMES, 1.0, 30.0), np.zeros(len(network.words), np.float32), setting)
     torch.testing.assert_close(answer.root[:, :FRAMES], one.root, atol=1e-4, rtol=0)
     assert {"path_position_m", "seam_mps2", "foot_skate_m_per_frame"} <= set(walk_figures(body, answer, path, setting))
 
 
+def exported(run: Path, cache: Path, out: Path) -> Path:
+    assert main(["unimogen", "export", "--run", str(run), "--cache", str(cache), "--out", str(out)]) == 0
+    return out
+
+
+def test_a_pack_answers_as_its_run_does(run: Path, corpus_cache: Path, tmp_path: Path):
+    pack, told = exported(run, corpus_cache, tmp_path / "pack"), tmp_path / "f.json"
+    shared = ["--cache", str(corpus_cache), "--frames", "20", "--max-windows", "3", "--threads", "1", "--parts", "test"]
+    measured = ["unimogen", "evaluate", "--pack", str(pack), *shared, "--other-steps", "1", "--other-guidance", "2.5"]
+    assert main([*measured, "--beside", f"run={run}", "--json", str(told)]) == 0
+    report = json.loads(told.read_text())
+    assert report["content_hash"] == of_pack(pack, 1).source["content_hash"] and report["step"] == 26
+    assert f"--pack {pack}" in report["command"]
+    for methods in report["figures"].values():
+        for name, value in methods["run"].items():  # weights of a pack are rounded to 16 bits
+            assert methods["unimogen"][name] == pytest.approx(value, rel=0.02, abs=1e-3)
+        assert methods["1 steps"]["l2p_m"] != methods["unimogen"]["l2p_m"] != methods["guidance 2.5"]["l2p_m"]
+    assert "no evaluator knows the skeleton of toy" in report["notes"]["toy, test"]
+
+
+def test_a_pack_is_refused_where_file_or_body_is_another(run: Path, corpus_cache: Path, tmp_path: Path):
+    pack = exported(run, corpus_cache, tmp_path / "pack")
+    body = Body.load(corpus_cache / "toy" / "body.json")
+    of_pack(pack, 1).check_body(body)
+    body.skeleton.names[3] = "elsewhere"
+    with pytest.raises(SystemExit, match="body toy has other joints than the pack's"):
+        of_pack(pack, 1).check_body(body)
+    with (pack / "denoiser.onnx").open("ab") as file:
+        file.write(b"\0")
+    with pytest.raises(SystemExit, match="is not the file that pack"):
+        of_pack(pack, 1)
+    with pytest.raises(SystemExit, match="is no pack"):
+        main(["unimogen", "evaluate", "--pack", str(tmp_path / "none"), "--cache", str(corpus_cache)])
+
+
+def test_a_table_says_why_it_has_no_fid(robot: BodyStore, tmp_path: Path):
+    found = measure(robot, {}, Setting(FRAMES, 8, 5), encoder)
+    few = why_no_fid(found, "")
+    assert few == "FID is not measured: it needs at least 64 windows, these are 5."
+    assert "| toy, test | captured |" in (text := table({"toy, test": found}, {"toy, test": few}))
+    assert "| not measured | 5 |" in text and f"- toy, test: {few}" in text
+    assert why_no_fid({"captured": {"windows": 64.0}}, "") == ""
+    assert encoder_of(tmp_path, robot.body, 1)[0] is None
+    (tmp_path / "toy").mkdir()
+    (tmp_path / "toy" / "evaluator.onnx").touch()
+    (tmp_path / "toy" / "pack.toml").write_text('[[skeleton.joints]]\nname = "Hips"\n')
+    assert "knows other joints than toy has" in encoder_of(tmp_path, robot.body, 1)[1]
+
+
+def test_toes_are_contact_joints_without_others_below_them(robot: BodyStore):
+    names = [robot.body.skeleton.names[robot.body.skeleton.contact_joints[place]] for place in toes(robot.body)]
+    assert len(robot.body.skeleton.contact_joints) == 4 and sorted(names) == ["left_toe", "right_toe"]
+
+
+def test_a_toe_in_the_ground_counts_on_its_side(robot: BodyStore):
+    asked = asked_of(robot)
+    truth = captured(robot.body)(asked)
+    kinematics = BodyKinematics(robot.body)
+    joints = robot.body.skeleton.contact_joints
+    left = [place for place in toes(robot.body) if robot.body.sides[joints[place]] == 1]
+    low = kinematics.positions(truth.root, truth.turned)[:, :, [joints[left[0]]], 1].amax()
+    sunk = Answer(truth.root - torch.tensor([0.0, float(low) + 1.0, 0.0]), truth.turned)
+    found = figures(robot.body, sunk, truth, asked.path)
+    assert (found["left_penetration_share"] == 1).all() and (found["foot_penetration_share"] == 1).all()
+    raised = Answer(truth.root + torch.tensor([0.0, 5.0, 0.0]), truth.turned)
+    found = figures(robot.body, raised, truth, asked.path)
+    assert (found["foot_penetration_share"] == 0).all() and (found["foot_sliding_m"] == 0).all()
+
+
 def test_the_card_tells_bodies_training_and_figures(run: Path, corpus_cache: Path, tmp_path: Path):
-    shared, pack, figures = ["--run", str(run), "--cache", str(corpus_cache)], tmp_path / "pack", tmp_path / "f.json"
+    shared, pack, measured_at = (
+        ["--run", str(run), "--cache", str(corpus_cache)],
+        tmp_path / "pack",
+        tmp_path / "f.json",
+    )
     few = ["--frames", "20", "--max-windows", "2", "--sampler-steps", "1", "--threads", "1"]
     assert main(["unimogen", "export", *shared, "--out", str(pack)]) == 0
     measured = ["--trained-bodies", "toy", "--copied-from", "toy", "--beside", f"again={run}", "--parts", "test"]
-    assert main(["unimogen", "evaluate", *shared, *few, *measured, "--json", str(figures)]) == 0
+    assert main(["unimogen", "evaluate", *shared, *few, *measured, "--json", str(measured_at)]) == 0
     shown = ["--shown", "walker", "toy", "--windows", "2", "--frames", "20", "--sampler-steps", "1", "--threads", "1"]
     assert main(["unimogen", "film", *shared, *shown, "--out", str(pack / "film.png")]) == 0
     notes = tmp_path / "notes.md"
     notes.write_text("## Data and limits\n\nWalks.\n")
-    card = ["unimogen", "card", "--pack", str(pack), "--evaluation", str(figures), "--notes", str(notes)]
+    blend = tmp_path / "b.json"
+    blend.write_text(json.dumps({"step": 26, "styles": ["calm", "brisk"], "shares": {"test": {"0": 0.25, "1": 1.0}}}))
+    card = ["unimogen", "card", "--pack", str(pack), "--evaluations", str(measured_at), "--notes", str(notes)]
+    card += ["--sweeps", str(measured_at), "--blend", str(blend)]
     assert main(card) == 0 and main(card) == 0
     text = (pack / "README.md").read_text()
     for part in (
@@ -160,12 +238,19 @@ def test_the_card_tells_bodies_training_and_figures(run: Path, corpus_cache: Pat
         "### toy, test, 2 windows",
         "(film.png)",
         "(curves.png)",
+        "no evaluator knows the skeleton of toy",
+        f"    troupe-train unimogen evaluate --run {run}",
+        "## Steps and guidance",
+        "| 0 | 25.0 |",
     ):
         assert part in text
     assert "| | ground truth | frozen pose | interpolated | this pack | again |" in text
     manifest = (pack / "pack.toml").read_text()
     assert manifest.count("[evaluation]") == 1 and '"toy_test_unimogen" = {' in manifest and "[unimogen]" in manifest
-    told = json.loads(figures.read_text())
-    figures.write_text(json.dumps(told | {"step": 7}))
+    told = json.loads(measured_at.read_text())
+    measured_at.write_text(json.dumps(told | {"step": 7}))
     with pytest.raises(SystemExit, match="of update 7, the pack is of update 26"):
+        main(card)
+    measured_at.write_text(json.dumps(told | {"content_hash": "sha256:0"}))
+    with pytest.raises(SystemExit, match="its content hash differs"):
         main(card)

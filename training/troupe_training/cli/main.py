@@ -1,9 +1,11 @@
 """The command line: one command a step, and `pack`, which does all in one go."""
 
 import argparse
+import shlex
+import sys
 from typing import Any
 
-from troupe_training.cli import evaluate, train, unimogen  # noqa: F401 - their commands register themselves
+from troupe_training.cli import evaluate, train, unimogen, unimogen_ablate  # noqa: F401 - their commands register themselves
 from troupe_training.cli.options import COMMANDS
 
 
@@ -23,5 +25,6 @@ def main(argv: list[str] | None = None) -> int:
         add_options(parser_of)
         parser_of.set_defaults(command=run)
     args = parser.parse_args(argv)
+    args.command_line = shlex.join(["troupe-train", *(sys.argv[1:] if argv is None else argv)])  # for reports
     status: int = args.command(args)
     return status

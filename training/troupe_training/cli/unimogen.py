@@ -3,7 +3,7 @@
 import argparse
 import json
 import tomllib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,11 @@ from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
 from troupe_training.data.conventions import FPS
 from troupe_training.data.corpus import Wanted, make_corpus
-from troupe_training.evaluate.bench import Latents
 from troupe_training.evaluate.unimogen.card import write_card
-from troupe_training.evaluate.unimogen.measure import Encoder, Figures, measure, table
+from troupe_training.evaluate.unimogen.encoders import encoder_of
+from troupe_training.evaluate.unimogen.measure import Figures, measure, table, why_no_fid
 from troupe_training.evaluate.unimogen.methods import Method, Setting, copied, frozen, interpolated, of_network
+from troupe_training.evaluate.unimogen.networks import Network, load_network
 from troupe_training.evaluate.unimogen.style import blend as blend_styles
 from troupe_training.evaluate.unimogen.style import blend_table, shows, trained_classifier
 from troupe_training.evaluate.unimogen.walk import film as draw_film
@@ -71,7 +72,16 @@ OPTIONS["--beside"] = {
     "nargs": "+",
     "default": [],
     "metavar": "NAME=RUN",
-    "help": "other runs to measure on the same windows, as one of a single body, or one of an ablation",
+    "help": "other runs or packs to measure on the same windows, as one of a single body, or one of an ablation",
+}
+OPTIONS["--other-steps"] = {"type": int, "nargs": "+", "default": [], "help": "also measure with as many sampler steps"}
+OPTIONS["--other-guidance"] = {"type": float, "nargs": "+", "default": [], "help": "also measure with such guidance"}
+OPTIONS["--evaluations"] = {"type": Path, "nargs": "+", "help": "what `unimogen evaluate --json FILE` wrote"}
+OPTIONS["--sweeps"] = {
+    "type": Path,
+    "nargs": "+",
+    "default": [],
+    "help": "what `unimogen evaluate --other-steps` and `--other-guidance` wrote, for tables of their own",
 }
 OPTIONS["--copied-from"] = {
     "nargs": "+",
@@ -80,14 +90,18 @@ OPTIONS["--copied-from"] = {
     "help": "bodies whose motion of the same takes is copied by joint name, on the moments that all have",
 }
 OPTIONS["--styles"] = {"nargs": 2, "metavar": "STYLE", "help": "two styles to blend"}
-OPTIONS["--blend"] = {"type": Path, "help": "what `unimogen blend --json FILE` wrote"}
+OPTIONS["--blend"] = {"type": Path, "nargs": "+", "default": [], "help": "what `unimogen blend --json FILE` wrote"}
 OPTIONS["--shown"] = {
     "nargs": "+",
     "default": ["human", "g1", "h1_2", "horse"],
     "help": "bodies of the cache, trained on or not",
 }
 OPTIONS["--windows"] = {"type": int, "default": 3, "help": "windows that follow one another"}
-OPTIONS["--packs"] = {"type": Path, "help": "folder of packs whose evaluator.onnx measures FID, by the body's name"}
+OPTIONS["--packs"] = {
+    "type": Path,
+    "default": Path("models"),
+    "help": "folder of packs whose evaluator.onnx measures FID, by the body's name",
+}
 
 
 @command(
@@ -246,12 +260,17 @@ def style_vector(words: list[str], known: list[str]) -> np.ndarray:
     return style
 
 
+NETWORK = ("--run", "--pack")  # of which one is measured
+
+
 @command(
-    *("--run", "--cache", "--trained-bodies", "--parts", "--frames", "--stride", "--max-windows", *SAMPLING),
-    *("--beside", "--copied-from", "--packs", "--json", "--markdown"),
+    NETWORK,
+    *("--cache", "--trained-bodies", "--parts", "--frames", "--stride", "--max-windows", *SAMPLING),
+    *("--other-steps", "--other-guidance", "--beside", "--copied-from", "--packs", "--json", "--markdown"),
     group=GROUP,
     cache=CACHE,
     run=RUN,
+    pack=None,
     seed=1,
     stride=32,
     max_windows=128,
@@ -259,10 +278,13 @@ def style_vector(words: list[str], known: list[str]) -> np.ndarray:
 def evaluate(args: argparse.Namespace) -> int:
     """Path, feet and distance to captures of networks on test clips and held-out cells, beside captures and baselines."""
     torch.set_num_threads(args.threads)
-    trained = load(args.run)
-    runs = {"unimogen": trained} | {name: load(Path(run)) for name, run in map(_named, args.beside)}
-    setting = _setting(args)
-    report: dict[str, dict[str, Figures]] = {}
+    network, setting = _network(args), setting_of(args)
+    answering = {"unimogen": (network, setting)}
+    answering |= {f"{n} steps": (network, replace(setting, steps=n)) for n in args.other_steps}
+    answering |= {f"guidance {w:g}": (network, replace(setting, guidance=w)) for w in args.other_guidance}
+    others = {name: load_network(Path(folder), args.threads) for name, folder in map(_named, args.beside)}
+    answering |= {name: (other, setting) for name, other in others.items()}
+    limits, report, notes = network.limits, dict[str, dict[str, Figures]](), dict[str, str]()
     for part in args.parts:
         names = [*args.trained_bodies, *args.copied_from] if args.trained_bodies else None
         corpus = Corpus(args.cache, part, names)
@@ -271,43 +293,37 @@ def evaluate(args: argparse.Namespace) -> int:
             if name not in measured:
                 continue
             donors = {n: corpus.stores[n] for n in args.copied_from if n != name and n in corpus.stores}
-            limits = trained.limits
             methods: dict[str, Method] = {
                 "frozen pose": frozen(store.body, limits),
                 "interpolated": interpolated(store.body, limits),
             }
             methods |= {f"copied from {n}": copied(store, donor, limits) for n, donor in donors.items()}
-            methods |= {n: of_network(store.body, run, corpus.words, setting) for n, run in runs.items()}
-            encoder = _encoder(args.packs, name, args.threads)
-            report[f"{name}, {part}"] = measure(store, methods, setting, encoder, list(donors.values()))
-    text = table(report)
+            for n, (one, how) in answering.items():
+                one.check_body(store.body)
+                methods[n] = of_network(store.body, one, corpus.words, how)
+            encoder, without_encoder = encoder_of(args.packs, store.body, args.threads)
+            what = f"{name}, {part}"
+            report[what] = measure(store, methods, setting, encoder, list(donors.values()))
+            notes[what] = why_no_fid(report[what], without_encoder)
+    text = table(report, notes)
     print(text)
     if args.markdown:
-        args.markdown.write_text(text)
+        args.markdown.write_text(f"    {args.command_line}\n\n{text}")
     if args.json:
-        told = {"step": trained.state["step"], "setting": asdict(setting), "figures": report}
-        args.json.write_text(json.dumps(told, indent=1) + "\n")
+        told = network.source | {"command": args.command_line, "setting": asdict(setting)}
+        args.json.write_text(json.dumps(told | {"figures": report, "notes": notes}, indent=1) + "\n")
     return 0
 
 
 @command(
-    *(
-        "--run",
-        "--cache",
-        "--body",
-        "--styles",
-        "--packs",
-        "--parts",
-        "--frames",
-        "--stride",
-        "--max-windows",
-        *SAMPLING,
-    ),
+    NETWORK,
+    *("--cache", "--body", "--styles", "--packs", "--parts", "--frames", "--stride", "--max-windows", *SAMPLING),
     "--json",
-    required=("--styles", "--packs"),
+    required=("--styles",),
     group=GROUP,
     cache=CACHE,
     run=RUN,
+    pack=None,
     seed=1,
     stride=32,
     max_windows=64,
@@ -315,45 +331,37 @@ def evaluate(args: argparse.Namespace) -> int:
 def blend(args: argparse.Namespace) -> int:
     """Which of two styles a classifier takes blends of them for, on the paths of held-out windows."""
     torch.set_num_threads(args.threads)
-    trained, styles = load(args.run), (args.styles[0], args.styles[1])
-    style_vector(list(styles), trained.words)
-    encoder = _encoder(args.packs, args.body, args.threads)
-    if encoder is None:
-        raise SystemExit(f"{args.packs / args.body / 'evaluator.onnx'} is missing: `troupe-train evaluator` makes it")
+    network, styles = _network(args), (args.styles[0], args.styles[1])
+    style_vector(list(styles), network.words)
     train, *held_out = (
-        Corpus(args.cache, part, [args.body], trained.words).stores.get(args.body) for part in ("train", *args.parts)
+        Corpus(args.cache, part, [args.body], network.words).stores.get(args.body) for part in ("train", *args.parts)
     )
     if train is None:
         raise SystemExit(f"{args.cache} has no training clips of {args.body}")
-    judge, report = trained_classifier(train, styles, _setting(args), encoder), {}
+    network.check_body(train.body)
+    encoder, without_encoder = encoder_of(args.packs, train.body, args.threads)
+    if encoder is None:
+        raise SystemExit(f"{without_encoder}: `troupe-train evaluator` makes one")
+    judge, report = trained_classifier(train, styles, setting_of(args), encoder), {}
     for part, store in zip(args.parts, held_out, strict=True):
         if store is None or not shows(store, styles, args.frames):
             print(f"{part}: not both styles are shown")
             continue
-        report[part] = blend_styles(judge, store, styles, trained, _setting(args), encoder)
+        report[part] = blend_styles(judge, store, styles, network, setting_of(args), encoder)
         print(f"{part}\n\n{blend_table(styles, report[part])}")
     if args.json:
-        args.json.write_text(json.dumps({"step": trained.state["step"], "styles": styles, "shares": report}) + "\n")
+        told = network.source | {"command": args.command_line, "styles": styles, "shares": report}
+        args.json.write_text(json.dumps(told) + "\n")
     return 0
 
 
 @command(
-    *(
-        "--run",
-        "--cache",
-        "--shown",
-        "--words",
-        "--speed",
-        "--turn",
-        "--windows",
-        "--frames",
-        *SAMPLING,
-        "--out",
-        "--json",
-    ),
+    NETWORK,
+    *("--cache", "--shown", "--words", "--speed", "--turn", "--windows", "--frames", *SAMPLING, "--out", "--json"),
     group=GROUP,
     cache=CACHE,
     run=RUN,
+    pack=None,
     out=Path("film.png"),
     seed=1,
     turn=20.0,
@@ -361,31 +369,40 @@ def blend(args: argparse.Namespace) -> int:
 def film(args: argparse.Namespace) -> int:
     """One path walked by several bodies, window after window: a picture, and how each keeps to it, slides, and joins windows."""
     torch.set_num_threads(args.threads)
-    trained = load(args.run)
+    network = _network(args)
     bodies = [Body.load(args.cache / name / "body.json") for name in args.shown]
+    for body in bodies:
+        network.check_body(body)
     path = swinging(args.windows, args.frames, args.speed, args.turn)
-    style = style_vector(args.words, trained.words)
-    found = draw_film(bodies, trained, style, path, _setting(args), args.out)
+    style = style_vector(args.words, network.words)
+    found = draw_film(bodies, network, style, path, setting_of(args), args.out)
     for name, figures in found.items():
         print(f"{name}: " + ", ".join(f"{key} {value:.4g}" for key, value in figures.items()))
     if args.json:
-        args.json.write_text(json.dumps({"step": trained.state["step"], "figures": found}, indent=1) + "\n")
+        args.json.write_text(json.dumps(network.source | {"figures": found}, indent=1) + "\n")
     return 0
 
 
 @command(
-    *("--pack", "--evaluation", "--notes", "--blend"),
-    required=("--evaluation",),
+    *("--pack", "--evaluations", "--sweeps", "--notes", "--blend"),
+    required=("--evaluations",),
     group=GROUP,
     pack=Path("models/unimogen"),
 )
 def card(args: argparse.Namespace) -> int:
     """Writes a pack's README from its manifest, its bodies, and the JSON of `unimogen evaluate`."""
-    write_card(args.pack, args.evaluation, args.notes, args.blend)
+    write_card(args.pack, args.evaluations, args.notes, args.blend, args.sweeps)
     return 0
 
 
-def _setting(args: argparse.Namespace) -> Setting:
+def _network(args: argparse.Namespace) -> Network:
+    """What is measured: a pack where one is named, else a run."""
+    if args.pack and not (args.pack / "pack.toml").exists():
+        raise SystemExit(f"{args.pack} is no pack: it has no pack.toml")
+    return load_network(args.pack or args.run, args.threads)
+
+
+def setting_of(args: argparse.Namespace) -> Setting:
     """How windows are answered; 0 windows means all of them."""
     stride, most = getattr(args, "stride", 1), getattr(args, "max_windows", None) or None
     return Setting(args.frames, stride, most, args.sampler_steps, args.guidance, args.seed)
@@ -396,9 +413,3 @@ def _named(text: str) -> tuple[str, str]:
     if not run:
         raise SystemExit(f"{text!r} is not NAME=RUN")
     return name, run
-
-
-def _encoder(packs: Path | None, body: str, threads: int) -> Encoder | None:
-    """The evaluator of the pack that has the body's name, if there is one."""
-    path = packs / body / "evaluator.onnx" if packs else None
-    return Latents(path, threads).of if path and path.exists() else None

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ MEASURES = (
     Measure("foot_skate_m_per_frame", "foot skate (mm/frame) ↓", 1e3),
     Measure("foot_sliding_m", "toes slide, as the paper has it (m) ↓", 1, 3),
     Measure("foot_penetration_share", "frames with a toe in the ground (%) ↓", 100, 1),
+    Measure("left_penetration_share", "with the left toe (%) ↓", 100, 1),
+    Measure("right_penetration_share", "with the right toe (%) ↓", 100, 1),
     Measure("jitter_mps2", "joint acceleration (m/s²) ≈"),
     Measure("seam_mps2", "the same where the past ends (m/s²) ≈"),
     Measure("diversity_in_motion_m2", "diversity in a motion (m²) ≈", 1, 4),
@@ -30,8 +33,20 @@ METHOD_NAMES = {"captured": "ground truth", "unimogen": "this pack"}
 ABOUT_FIGURES = """\
 Of the network's own motion, before anything is pinned. A window has {frames} frames, the first four are given; one starts every
 {stride} frames. Its path is that of the captured root, its words are those of its clip. {steps} sampler steps, guidance
-{guidance:g}. ↓ lower is better, ≈ nearer to ground truth is better. Toes slide below 1 cm, and are in the ground 1 cm below where
-they stand. *Interpolated* alone is told the window's last pose. Ground truth's FID is between every other window and the rest."""
+{guidance:g}. ↓ lower is better, ≈ nearer to ground truth is better. *Interpolated* alone is told the window's last pose.
+
+- **Toes** slide where they are less than 1 cm above the height at which they stand: metres in a window, mean of both. They are in
+  the ground 1 cm below that height. The paper counts from the ground itself, which is easier.
+- **FID** is between latents of the evaluator in the pack of that body. Ground truth's is between every other window and the rest:
+  with few windows FID is too high, and that says how much.
+- **Diversity** is the variance of joint positions, summed over x, y and z: over the frames of a motion relative to the root, and
+  over motions relative to the root's point on the ground."""
+
+
+ABOUT_BLENDS = (
+    "Answers without a past on the paths of held-out windows, with both styles by their weights. A linear classifier of the "
+    "evaluator's latents, trained on captures of the two, says which style it sees."
+)
 
 
 def figures_table(methods: dict[str, Figures]) -> str:
@@ -56,21 +71,49 @@ def bodies_table(pack: Path, names: list[str]) -> str:
     return "\n".join(lines)
 
 
-def write_card(pack: Path, evaluation: Path, notes: Path | None, blend: Path | None) -> None:
+def _check_source(measured: dict[str, Any], manifest: dict[str, Any]) -> None:
+    """Ends the command where figures are of another network than the pack's."""
+    step = manifest["training"]["unimogen_steps"]
+    if measured["step"] != step:
+        raise SystemExit(f"the figures are of update {measured['step']}, the pack is of update {step}")
+    if measured.get("content_hash", manifest["content_hash"]) != manifest["content_hash"]:
+        raise SystemExit("the figures are of another pack: its content hash differs")
+
+
+def _figure_parts(report: dict[str, Any]) -> list[str]:
+    """Command and tables of one report, each table with why it has no FID."""
+    parts = [f"    {report['command']}"] if "command" in report else []
+    for what, methods in report["figures"].items():
+        parts += [f"### {what}, {methods['captured']['windows']:.0f} windows", figures_table(methods)]
+        parts.append(report.get("notes", {}).get(what, ""))
+    return parts
+
+
+def write_card(
+    pack: Path,
+    evaluations: Sequence[Path],
+    notes: Path | None,
+    blends: Sequence[Path] = (),
+    sweeps: Sequence[Path] = (),
+) -> None:
     """Writes ``README.md`` into the pack folder and the main figures into ``pack.toml``.
 
-    ``notes`` is Markdown about the data and limits, put in as it stands; ``blend`` is what ``unimogen blend --json`` wrote.
+    ``evaluations`` are what ``unimogen evaluate --json`` wrote with one setting, ``sweeps`` those of other settings, ``blends``
+    what ``unimogen blend --json`` wrote. ``notes`` is Markdown about the data and limits, put in as it stands.
     """
-    manifest, report = read_manifest(pack), json.loads(evaluation.read_text())
+    manifest = read_manifest(pack)
     if manifest["family"] != FAMILY.name:
         raise SystemExit(f"{pack} is a pack of the family {manifest['family']}")
     training, told = manifest["training"], manifest["unimogen"]
-    blends = json.loads(blend.read_text()) if blend else None
-    for measured in filter(None, (report, blends)):
-        if measured["step"] != training["unimogen_steps"]:
-            raise SystemExit(
-                f"the figures are of update {measured['step']}, the pack is of update {training['unimogen_steps']}"
-            )
+    reports, swept, blended = (
+        [json.loads(path.read_text()) for path in paths] for paths in (evaluations, sweeps, blends)
+    )
+    for measured in (*reports, *swept, *blended):
+        _check_source(measured, manifest)
+    # How many windows there are stands at each table.
+    several = [report["setting"] | {"most": None} for report in reports]
+    if any(setting != several[0] for setting in several):
+        raise SystemExit("the evaluations were made with several settings: one card has one")
     size = sum(f.stat().st_size for f in pack.glob("*.onnx")) / 1e6
     hours = training["frames"] / FPS / 3600
     shortest, longest = (manifest["frames_per_token"] * manifest[key] for key in ("min_tokens", "max_tokens"))
@@ -91,24 +134,29 @@ def write_card(pack: Path, evaluation: Path, notes: Path | None, blend: Path | N
         training_rows(training),
         "![Loss curves](curves.png)" if (pack / "curves.png").exists() else "",
         "## Evaluation",
-        ABOUT_FIGURES.format(**report["setting"]),
+        ABOUT_FIGURES.format(**reports[0]["setting"]),
     ]
-    for what, methods in report["figures"].items():
-        parts += [f"### {what}, {methods['captured']['windows']:.0f} windows", figures_table(methods)]
-    if blends:
-        parts += ["### Blends of two styles", _about_blends(blends)]
+    for report in reports:
+        parts += _figure_parts(report)
+    if swept:
+        parts.append("## Steps and guidance")
+    for one in swept:
+        parts += _figure_parts(one)
+    if blended:
+        parts += ["## Blends of two styles", ABOUT_BLENDS]
+    for one in blended:
+        parts += _blend_parts(one)
     write_readme(pack, parts)
-    write_figures(pack / "pack.toml", _figure_rows(report["figures"]))
-
-
-def _about_blends(blends: dict[str, Any]) -> str:
-    first, second = blends["styles"]
-    text = (
-        "Answers without a past on the paths of held-out windows, with both styles by their weights. A linear classifier of the "
-        "evaluator's latents, trained on captures of the two, says which style it sees."
+    write_figures(
+        pack / "pack.toml", _figure_rows({what: made for report in reports for what, made in report["figures"].items()})
     )
-    tables = [f"{part}:\n\n{blend_table((first, second), shares)}" for part, shares in blends["shares"].items()]
-    return "\n\n".join([text, *(table.strip() for table in tables)])
+
+
+def _blend_parts(blend: dict[str, Any]) -> list[str]:
+    """Command and tables of one pair of styles."""
+    first, second = blend["styles"]
+    tables = [f"{part}:\n\n{blend_table((first, second), shares)}".strip() for part, shares in blend["shares"].items()]
+    return [f"    {blend['command']}", *tables] if "command" in blend else tables
 
 
 def _figure_rows(report: dict[str, dict[str, Figures]]) -> list[str]:

@@ -4,7 +4,7 @@ Every window has four frames of past, a path that is the captured root's own, an
 All is measured on the network's own root and bends, before anything is pinned.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -18,20 +18,45 @@ from troupe_training.data.kinematics import near_ground
 from troupe_training.data.motion import Motion
 from troupe_training.data.rotations import matrix_to_six_d, wrap_angle, yaw_matrix
 from troupe_training.evaluate.distribution import Gaussian, frechet
+from troupe_training.evaluate.unimogen.encoders import Encoder
 from troupe_training.evaluate.unimogen.methods import Answer, Asked, Method, Setting, captured, counterparts
 from troupe_training.models.unimogen.state import BodyKinematics, Path2D
 
 TOE_MARGIN_M = 0.01  # the paper's height of a toe that slides, and what a toe may be below where it stands
 BATCH = 8
 MIN_FOR_FID = 64
-# `Latents.of`: roots, positions, rotations to latents.
-Encoder = Callable[[Tensor, Tensor, Tensor], np.ndarray]
 Figures = dict[str, float]
+
+
+def toes(body: Body) -> list[int]:
+    """Those of the contact joints that have no contact joint below them, by their place in the list: toes, not ankles."""
+    contacts = body.skeleton.contact_joints
+    above = {ancestor for joint in contacts for ancestor in body.ancestors(joint)}
+    return [place for place, joint in enumerate(contacts) if joint not in above]
+
+
+def _foot_figures(body: Body, positions: Tensor) -> dict[str, Tensor]:
+    """Figures ``[B]`` of feet, over the frames after the past, of joint positions ``[B, T, J, 3]``."""
+    contacts, ends = body.skeleton.contact_joints, toes(body)
+    feet = positions[:, CONTEXT_FRAMES - 1 :, contacts]
+    step = (feet[:, 1:] - feet[:, :-1])[..., [0, 2]].norm(dim=-1)
+    above = feet[:, 1:, :, 1] - torch.tensor(body.skeleton.contact_clearance_m)
+    sunk = above < -TOE_MARGIN_M
+    found = {
+        "foot_penetration_share": sunk[..., ends].any(-1).float().mean(1),
+        "foot_sliding_m": (step * (above < TOE_MARGIN_M))[..., ends].sum(1).mean(1),
+        "foot_skate_m_per_frame": (step * near_ground(above)).mean((1, 2)),
+    }
+    for side, sign in (("left", 1), ("right", -1)):
+        of_side = [place for place in ends if body.sides[contacts[place]] == sign]
+        if of_side:
+            found[f"{side}_penetration_share"] = sunk[..., of_side].any(-1).float().mean(1)
+    return found
 
 
 def figures(body: Body, answer: Answer, truth: Answer, path: Path2D) -> dict[str, np.ndarray]:
     """Figures ``[B]`` by name, over the frames after the past."""
-    skeleton, kinematics = body.skeleton, BodyKinematics(body)
+    kinematics = BodyKinematics(body)
     to_come = slice(CONTEXT_FRAMES, None)
     left = answer.turned[:, :, 0, :, 0]
     heading = torch.atan2(-left[..., 2], left[..., 0])
@@ -47,14 +72,8 @@ def figures(body: Body, answer: Answer, truth: Answer, path: Path2D) -> dict[str
         "seam_mps2": acceleration[:, CONTEXT_FRAMES - 2].mean(1),
         "diversity_in_motion_m2": positions[:, to_come].sub(answer.root[:, to_come, None]).var(1).sum(-1).mean(1),
     }
-    if skeleton.contact_joints:
-        clearance = torch.tensor(skeleton.contact_clearance_m)
-        feet = positions[:, CONTEXT_FRAMES - 1 :, skeleton.contact_joints]
-        step = (feet[:, 1:] - feet[:, :-1])[..., [0, 2]].norm(dim=-1)
-        above = feet[:, 1:, :, 1] - clearance
-        found["foot_penetration_share"] = (above < -TOE_MARGIN_M).any(-1).float().mean(1)
-        found["foot_sliding_m"] = (step * (above < TOE_MARGIN_M)).sum(1).mean(1)
-        found["foot_skate_m_per_frame"] = (step * near_ground(above)).mean((1, 2))
+    if body.skeleton.contact_joints:
+        found |= _foot_figures(body, positions)
     return {name: values.double().numpy() for name, values in found.items()}
 
 
@@ -157,10 +176,22 @@ def measure(
     return found
 
 
+def why_no_fid(report: dict[str, Figures], without_encoder: str) -> str:
+    """Why the methods of one table have no FID, in words; nothing where they have. ``without_encoder``: of `encoder_of`."""
+    windows = report["captured"]["windows"]
+    if without_encoder:
+        return f"FID is not measured: {without_encoder}."
+    if windows < MIN_FOR_FID:
+        return f"FID is not measured: it needs at least {MIN_FOR_FID} windows, these are {windows:.0f}."
+    return ""
+
+
 NAMES = (
     "path_position_m",
     "path_rotation_deg",
     "foot_penetration_share",
+    "left_penetration_share",
+    "right_penetration_share",
     "foot_sliding_m",
     "foot_skate_m_per_frame",
     "l2p_m",
@@ -173,11 +204,13 @@ NAMES = (
 )
 
 
-def table(report: dict[str, dict[str, Figures]]) -> str:
-    """The figures as Markdown: a row for each body, split and method."""
+def table(report: dict[str, dict[str, Figures]], notes: dict[str, str]) -> str:
+    """The figures as Markdown: a row for each body, split and method. ``notes``: `why_no_fid` of each body and split."""
     lines = [f"| what | method | {' | '.join(NAMES)} |", "|---" * (len(NAMES) + 2) + "|"]
     for what, methods in report.items():
         for method, values in methods.items():
-            cells = (f"{values[name]:.4g}" if name in values else "–" for name in NAMES)
+            missing = {"fid": "not measured"} if notes.get(what) else {}
+            cells = (f"{values[name]:.4g}" if name in values else missing.get(name, "–") for name in NAMES)
             lines.append(f"| {what} | {method} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+    told = [f"- {what}: {note}" for what, note in notes.items() if note]
+    return "\n".join([*lines, *([""] if told else []), *told]) + "\n"

@@ -11,10 +11,9 @@ from troupe_training.data.bodies import Body
 from troupe_training.data.bodies_store import BodyStore, Windows
 from troupe_training.data.conventions import CONTEXT_FRAMES
 from troupe_training.data.rotations import six_d_to_matrix
-from troupe_training.export.unimogen.pack import network_of
+from troupe_training.evaluate.unimogen.networks import Network
 from troupe_training.models.unimogen.sampler import Character, Denoiser, sample
 from troupe_training.models.unimogen.state import BodyKinematics, Path2D, Range, decode, encode
-from troupe_training.train.unimogen.stage import Trained
 
 
 @dataclass
@@ -136,9 +135,9 @@ def counterparts(
     return places[:, 0], places[:, 1]
 
 
-def of_network(body: Body, trained: Trained, words: list[str], setting: Setting) -> Method:
+def of_network(body: Body, network: Network, words: list[str], setting: Setting) -> Method:
     """A network's answers to windows whose style vectors are of ``words``; each window has a seed of its own."""
-    kinematics, limits, denoiser = BodyKinematics(body), trained.limits, network_of(trained.model)
+    kinematics, limits, denoiser = BodyKinematics(body), network.limits, network.denoiser
     asked_before = 0
 
     def answer(asked: Asked) -> Answer:
@@ -147,7 +146,7 @@ def of_network(body: Body, trained: Trained, words: list[str], setting: Setting)
         rows = encode(body, windows.root, windows.bends, path, limits).numpy()
         features = path.features(body.size_m).numpy()
         given = (np.arange(rows.shape[2]) < CONTEXT_FRAMES).astype(np.float32)
-        styles = style_for(windows.words.numpy(), words, trained.words)
+        styles = style_for(windows.words.numpy(), words, network.words)
         characters = []
         for b in range(len(rows)):
             seed = setting.seed + asked_before + b

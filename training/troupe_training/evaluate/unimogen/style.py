@@ -12,12 +12,12 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from troupe_training.data.bodies_store import BodyStore
-from troupe_training.evaluate.unimogen.measure import BATCH, Encoder, latents_of
+from troupe_training.evaluate.unimogen.encoders import Encoder
+from troupe_training.evaluate.unimogen.measure import BATCH, latents_of
 from troupe_training.evaluate.unimogen.methods import Answer, Asked, Setting, captured, sampled, style_for
-from troupe_training.export.unimogen.pack import network_of
+from troupe_training.evaluate.unimogen.networks import Network
 from troupe_training.models.unimogen.sampler import Character
 from troupe_training.models.unimogen.state import BodyKinematics, decode
-from troupe_training.train.unimogen.stage import Trained
 
 WEIGHTS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the second style
 PENALTY = 1e-2  # on the classifier's squared weights
@@ -92,10 +92,10 @@ def captured_latents(
 
 
 def answered_latents(
-    store: BodyStore, styles: tuple[str, str], weight: float, trained: Trained, setting: Setting, encoder: Encoder
+    store: BodyStore, styles: tuple[str, str], weight: float, network: Network, setting: Setting, encoder: Encoder
 ) -> np.ndarray:
     """Latents of a network's answers to the windows of both styles, with their contents and a blend of the styles."""
-    body, kinematics, denoiser = store.body, BodyKinematics(store.body), network_of(trained.model)
+    body, kinematics, denoiser = store.body, BodyKinematics(store.body), network.denoiser
     both = [windows_of(store, style, setting, setting.most) for style in styles]
     starts, owners = (torch.cat(parts) for parts in zip(*both, strict=True))
     first, second = (store.words.index(style) for style in styles)
@@ -108,9 +108,9 @@ def answered_latents(
         features = asked.path.features(body.size_m).numpy()
         characters = [
             Character(body, features[b], style, setting.seed + chunk + b, guidance=setting.guidance)
-            for b, style in enumerate(style_for(words, store.words, trained.words))
+            for b, style in enumerate(style_for(words, store.words, network.words))
         ]
-        root, bends = decode(body, sampled(denoiser, characters, setting.steps), asked.path, trained.limits)
+        root, bends = decode(body, sampled(denoiser, characters, setting.steps), asked.path, network.limits)
         parts.append(latents_of(body, encoder, Answer(root, kinematics.turned(bends))))
     return np.concatenate(parts)
 
@@ -124,7 +124,7 @@ def blend(
     judge: Classifier,
     held_out: BodyStore,
     styles: tuple[str, str],
-    trained: Trained,
+    network: Network,
     setting: Setting,
     encoder: Encoder,
 ) -> dict[str, float]:
@@ -134,7 +134,7 @@ def blend(
         for style in styles
     }
     for weight in WEIGHTS:
-        latents = answered_latents(held_out, styles, weight, trained, setting, encoder)
+        latents = answered_latents(held_out, styles, weight, network, setting, encoder)
         found[f"{weight:g}"] = judge.share(latents)
     return found
 

@@ -14,10 +14,9 @@ from troupe_training.data.conventions import CONTEXT_FRAMES, FPS
 from troupe_training.data.kinematics import near_ground
 from troupe_training.data.rotations import matrix_to_six_d
 from troupe_training.evaluate.unimogen.methods import Answer, Setting, sampled
-from troupe_training.export.unimogen.pack import network_of
+from troupe_training.evaluate.unimogen.networks import Network
 from troupe_training.models.unimogen.sampler import Character
 from troupe_training.models.unimogen.state import BodyKinematics, Path2D, decode, encode
-from troupe_training.train.unimogen.stage import Trained
 
 PERIOD_S = 6.0  # of a path that swings to the left and to the right
 VIEW_YAW, VIEW_PITCH = math.radians(35), math.radians(20)
@@ -37,9 +36,9 @@ def seams(windows: int, frames: int) -> list[int]:
     return [frames + n * (frames - CONTEXT_FRAMES) for n in range(windows - 1)]
 
 
-def chained(body: Body, trained: Trained, path: Path2D, style: np.ndarray, setting: Setting) -> Answer:
+def chained(body: Body, network: Network, path: Path2D, style: np.ndarray, setting: Setting) -> Answer:
     """A motion along a path `swinging` over several windows: each goes on from the last four frames of the one before."""
-    denoiser, kinematics = network_of(trained.model), BodyKinematics(body)
+    denoiser, kinematics = network.denoiser, BodyKinematics(body)
     fresh = setting.frames - CONTEXT_FRAMES
     roots, bends = torch.empty(1, 0, 3), torch.empty(1, 0, body.joint_count, 3, 3)
     for number in range((path.heading.shape[1] - CONTEXT_FRAMES) // fresh):
@@ -50,11 +49,11 @@ def chained(body: Body, trained: Trained, path: Path2D, style: np.ndarray, setti
             past = roots[:, -CONTEXT_FRAMES:], matrix_to_six_d(bends[:, -CONTEXT_FRAMES:])
             lead = Path2D(part.points[:, :CONTEXT_FRAMES], part.heading[:, :CONTEXT_FRAMES])
             known = np.zeros((body.joint_count + 1, setting.frames, 6), np.float32)
-            known[:, :CONTEXT_FRAMES] = encode(body, *past, lead, trained.limits)[0].numpy()
+            known[:, :CONTEXT_FRAMES] = encode(body, *past, lead, network.limits)[0].numpy()
             given = (np.arange(setting.frames) < CONTEXT_FRAMES).astype(np.float32)
         features = part.features(body.size_m)[0].numpy()
         one = Character(body, features, style, setting.seed + number, given, known, setting.guidance)
-        root, turned = decode(body, sampled(denoiser, [one], setting.steps), part, trained.limits)
+        root, turned = decode(body, sampled(denoiser, [one], setting.steps), part, network.limits)
         keep = slice(CONTEXT_FRAMES if number else 0, None)
         roots, bends = torch.cat([roots, root[:, keep]], 1), torch.cat([bends, turned[:, keep]], 1)
     return Answer(roots, kinematics.turned(bends))
@@ -113,14 +112,14 @@ def draw_walk(axis: Axes, body: Body, answer: Answer, path: Path2D) -> None:
 
 
 def film(
-    bodies: list[Body], trained: Trained, style: np.ndarray, path: Path2D, setting: Setting, out: Path
+    bodies: list[Body], network: Network, style: np.ndarray, path: Path2D, setting: Setting, out: Path
 ) -> dict[str, dict[str, float]]:
     """Draws one path walked by several bodies, and says how each did."""
     figure = Figure(figsize=(7, 2.4 * len(bodies)))
     axes = figure.subplots(len(bodies), 1, squeeze=False)[:, 0]
     found = {}
     for nth, (body, axis) in enumerate(zip(bodies, axes, strict=True)):
-        answer = chained(body, trained, path, style, replace(setting, seed=setting.seed + 1000 * nth))
+        answer = chained(body, network, path, style, replace(setting, seed=setting.seed + 1000 * nth))
         found[body.name] = walk_figures(body, answer, path, setting)
         draw_walk(axis, body, answer, path)
     figure.tight_layout()
