@@ -1,6 +1,6 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test python-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack picture samples styles eval live-eval object-eval film \
+.PHONY: run test lint rust-test python-test python-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web picture samples styles eval live-eval object-eval film \
 	film-objects film-crowd image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -103,6 +103,16 @@ live-eval: runtime real-clips
 	cargo build --release --package troupe-cli
 	scripts/with-server.sh target/release/troupe eval live $(ARGS) \
 		$$([ ! -d $(REAL_CLIPS) ] || echo --data $(REAL_CLIPS) --list models/human/styles.toml)
+
+# The skinned body of the human pack, for the viewer: web/public/bodies/human.glb, from the pack's skeleton
+body:
+	@[ -x .venv-body/bin/python ] || python3 -m venv .venv-body
+	@.venv-body/bin/python -m pip install --quiet --disable-pip-version-check -r web/scripts/body-requirements.txt
+	.venv-body/bin/python web/scripts/make_body.py $(ARGS)
+
+# The viewer's built files, web/dist, from its sources (they are committed, because the server embeds them).
+web:
+	WEB_DIST=any scripts/web.sh build
 
 # The picture of docs/requests.md, of a clip of the test split, through a running server.
 picture: real-clips

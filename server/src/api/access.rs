@@ -10,10 +10,11 @@ use http::{HeaderMap, Method, header};
 
 use super::credentials::{Admitted, Credentials};
 use super::error::ApiError;
+use super::http::ASSETS;
 use super::reserve::GRPC_HEALTH;
 use crate::clients::{Client, Clients, Role};
 
-/// Paths that need no key: health, and the documentation, which says the same of every server.
+/// Paths that need no key: health, and the documentation and the viewer, which are the same of every server.
 const OPEN: [&str; 5] = ["/", "/healthz", "/readyz", "/openapi.json", "/docs"];
 /// The one path that a ticket opens, and the parameter that it comes in.
 const STREAM: &str = "/v1/drive";
@@ -25,7 +26,11 @@ const HTTP_WRITES: [&str; 3] = ["/add", "/move", "/remove"];
 
 /// The role that a call needs; none where it needs no key.
 fn needed(method: &Method, path: &str) -> Option<Role> {
-    if OPEN.contains(&path) || path.starts_with("/docs/") || path.starts_with(GRPC_HEALTH) {
+    if OPEN.contains(&path)
+        || path.starts_with("/docs/")
+        || path.starts_with(ASSETS)
+        || path.starts_with(GRPC_HEALTH)
+    {
         return None;
     }
     if path == "/metrics" {
@@ -185,6 +190,7 @@ mod tests {
         assert_eq!(needed(&Method::GET, "/v1/nowhere"), Some(Role::Drive));
         assert_eq!(needed(&Method::PATCH, "/v1/scenes/a"), Some(Role::Author));
         assert_eq!(needed(&Method::GET, "/docsx"), Some(Role::Drive));
+        assert_eq!(needed(&Method::GET, "/assets/index.js"), None);
     }
 
     #[tokio::test]

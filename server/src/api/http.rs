@@ -4,13 +4,13 @@ pub(super) mod generate;
 pub(super) mod json;
 pub(super) mod scenes;
 pub(super) mod sessions;
+mod viewer;
 
 use std::sync::Arc;
 
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
-use axum::response::{IntoResponse, Redirect, Response};
-use axum::routing::get;
+use axum::response::{IntoResponse, Response};
 use axum::{Json, Router, middleware};
 use http::{HeaderMap, header};
 use serde::de::DeserializeOwned;
@@ -19,6 +19,8 @@ use utoipa::openapi::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use utoipa_swagger_ui::SwaggerUi;
+
+pub(super) use self::viewer::ASSETS;
 
 use self::json::{BodyLimits, JsonBody};
 use super::error::{ApiError, is_grpc};
@@ -92,14 +94,13 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
         .layer(axum::Extension(body))
         .with_state(service.clone());
     let operations = Router::from(operations())
-        .route("/", get(|| async { Redirect::temporary("/docs/") }))
         .method_not_allowed_fallback(wrong_method)
         .with_state(service.clone());
     let docs = SwaggerUi::new("/docs")
         .url("/openapi.json", document())
         // The page must not ask anybody else: by default it has a public validator draw a badge.
         .config(utoipa_swagger_ui::Config::from("/openapi.json").validator_url("none"));
-    api.merge(operations).merge(docs)
+    api.merge(operations).merge(docs).merge(viewer::router())
 }
 
 /// Fill the gap between context frames and target keyframes

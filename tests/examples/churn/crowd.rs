@@ -215,7 +215,7 @@ impl Crowd {
     fn command(&mut self) {
         let now = Instant::now();
         for (id, member) in &mut self.members {
-            if member.next_command > now {
+            if member.leaves || member.next_command > now {
                 continue;
             }
             let wait = self.random.random_range(COMMAND_EVERY_S);

@@ -1,0 +1,134 @@
+//! The viewer: the files that `web/` builds, inside the program.
+
+use axum::Router;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse as _, Response};
+use axum::routing::get;
+use rust_embed::{Embed, EmbeddedFile};
+use tower_http::compression::CompressionLayer;
+
+/// The page that loads the rest.
+const PAGE: &str = "index.html";
+/// Where files lie whose names change with their content.
+pub(in crate::api) const ASSETS: &str = "/assets/";
+/// The page gets scripts, pictures and data from the server that it comes from and from nobody else. The component library sets
+/// styles, and dropped files are read as blobs.
+const POLICY: &str = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; \
+    connect-src 'self' blob: data:; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+
+#[derive(Embed)]
+#[folder = "../web/dist"]
+struct Files;
+
+/// A route for each file, and `/` for the page.
+pub(super) fn router() -> Router {
+    let files = Files::iter().filter(|path| path != PAGE).map(|path| {
+        let route = format!("/{path}");
+        (route, path)
+    });
+    let page = ("/".to_owned(), PAGE.into());
+    std::iter::once(page)
+        .chain(files)
+        .fold(Router::new(), |router, (route, path)| {
+            router.route(
+                &route,
+                get(move |headers: HeaderMap| async move { file(&path, &headers) }),
+            )
+        })
+        .layer(CompressionLayer::new())
+}
+
+/// A file, or that the caller has it already.
+fn file(path: &str, headers: &HeaderMap) -> Response {
+    let Some(file) = Files::get(path) else {
+        return StatusCode::NOT_FOUND.into_response();
+    };
+    let tag = tag(&file);
+    let known = headers
+        .get(header::IF_NONE_MATCH)
+        .is_some_and(|known| *known == tag);
+    let mut response = match known {
+        true => StatusCode::NOT_MODIFIED.into_response(),
+        false => file.data.into_response(),
+    };
+    let kind = HeaderValue::from_str(file.metadata.mimetype());
+    let keep = match path.starts_with(&ASSETS[1..]) {
+        true => "public, max-age=31536000, immutable",
+        false => "no-cache",
+    };
+    let told = response.headers_mut();
+    told.insert(
+        header::CONTENT_TYPE,
+        kind.unwrap_or(HeaderValue::from_static("application/octet-stream")),
+    );
+    told.insert(header::ETAG, tag);
+    told.insert(header::CACHE_CONTROL, HeaderValue::from_static(keep));
+    told.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
+    told.insert(
+        header::X_CONTENT_TYPE_OPTIONS,
+        HeaderValue::from_static("nosniff"),
+    );
+    told.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
+    response
+}
+
+/// A name for a file's content.
+fn tag(file: &EmbeddedFile) -> HeaderValue {
+    let hash = file.metadata.sha256_hash();
+    let hex: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+    HeaderValue::from_str(&format!("\"{hex}\"")).unwrap_or(HeaderValue::from_static("\"\""))
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::body::{Body, to_bytes};
+    use axum::http::Request;
+    use tower::ServiceExt as _;
+
+    use super::*;
+
+    async fn get(path: &str, known: Option<&HeaderValue>) -> Response {
+        let mut request = Request::builder().uri(path);
+        if let Some(known) = known {
+            request = request.header(header::IF_NONE_MATCH, known);
+        }
+        router()
+            .oneshot(request.body(Body::empty()).unwrap())
+            .await
+            .unwrap()
+    }
+
+    #[tokio::test]
+    async fn the_page_and_all_that_it_names_are_there() {
+        let page = get("/", None).await;
+        assert_eq!(page.status(), StatusCode::OK);
+        assert!(
+            page.headers()[header::CONTENT_TYPE]
+                .to_str()
+                .unwrap()
+                .starts_with("text/html")
+        );
+        let again = get("/", Some(&page.headers()[header::ETAG])).await;
+        assert_eq!(again.status(), StatusCode::NOT_MODIFIED);
+        let text = to_bytes(page.into_body(), 1 << 20).await.unwrap();
+        let text = std::str::from_utf8(&text).unwrap();
+        let named: Vec<&str> = text.split('"').filter(|part| part.starts_with(ASSETS)).collect();
+        assert!(named.iter().any(|path| path.ends_with(".js")), "{text}");
+        for path in named {
+            let file = get(path, None).await;
+            assert_eq!(file.status(), StatusCode::OK, "{path}");
+            assert!(
+                file.headers()[header::CACHE_CONTROL]
+                    .to_str()
+                    .unwrap()
+                    .contains("immutable")
+            );
+        }
+        assert!(!text.contains("http://") && !text.contains("https://"), "{text}");
+    }
+
+    #[tokio::test]
+    async fn other_paths_are_not_the_viewers() {
+        assert_eq!(get("/assets/none.js", None).await.status(), StatusCode::NOT_FOUND);
+    }
+}

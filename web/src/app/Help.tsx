@@ -1,0 +1,67 @@
+import { Kbd, Modal, Text } from '@mantine/core';
+import type { ReactNode } from 'react';
+import { Fragment } from 'react';
+
+/** Keys, and what they do. */
+export type Keys = readonly (readonly [readonly string[], string])[];
+
+const KEYS: Keys = [
+  [['W', 'A', 'S', 'D'], 'go; arrow keys do the same'],
+  [['Shift'], 'run'],
+  [['Q', 'E'], 'face left, face right'],
+  [['X'], 'face where it goes again'],
+  [['P'], 'draw a path with the pointer'],
+  [['F'], 'follow the selected character'],
+  [['Tab'], 'next character, while the stage has the focus'],
+  [['I'], 'look inside the selected character'],
+  [['N'], 'numbers'],
+  [['Space'], 'pause and go on'],
+  [['.'], 'one frame'],
+  [['C'], 'camera as at the start'],
+  [['T'], 'light or dark'],
+  [['Esc'], 'leave what is open; to the stage'],
+  [['?'], 'this help'],
+];
+
+interface Props {
+  opened: boolean;
+  onClose: () => void;
+  /** Those of the live mode where left out. */
+  keys?: Keys;
+  /** What the pointer does. */
+  children?: ReactNode;
+}
+
+export function Help({ opened, onClose, keys = KEYS, children = <LivePointer /> }: Props) {
+  return (
+    <Modal opened={opened} onClose={onClose} title="Keys and pointer" centered size="md">
+      <dl className="keys">
+        {keys.map(([names, says]) => (
+          <Fragment key={says}>
+            <dt>
+              {names.map((key) => (
+                <Kbd key={key} mr={4}>
+                  {key}
+                </Kbd>
+              ))}
+            </dt>
+            <dd>{says}</dd>
+          </Fragment>
+        ))}
+      </dl>
+      <Text size="sm" c="dimmed" mt="md">
+        {children}
+      </Text>
+    </Modal>
+  );
+}
+
+function LivePointer() {
+  return (
+    <>
+      Click the ground to go there, click a character to select it. Drag to turn the camera, drag with the second button
+      to move it, turn the wheel to come nearer. With a gamepad: left stick goes, right stick faces, A runs. Drop a
+      skinned glb on the page to give the selected body its skin.
+    </>
+  );
+}

@@ -1,0 +1,49 @@
+// What the page says: its head, the banner of a broken connection, and lines that pass.
+import type { Connection } from './store';
+import { useLive } from './store';
+
+export function Head() {
+  const characters = useLive((state) => state.characters);
+  const connection = useLive((state) => state.connection);
+  const path = useLive((state) => state.path);
+  const says = characters === 0 ? 'opening a crowd …' : `${characters} live character${characters === 1 ? '' : 's'}`;
+  return (
+    <header className="head">
+      <h1>Troupe</h1>
+      <p>
+        {connection === 'connecting' ? 'connecting …' : says}
+        {path.state === 'walking' && ` · yours ${path.text}`}
+      </p>
+    </header>
+  );
+}
+
+export function Banner() {
+  const connection = useLive((state) => state.connection);
+  const trouble = useLive((state) => state.trouble);
+  return <ConnectionBanner connection={connection} trouble={trouble} />;
+}
+
+/** Says that a connection is gone. */
+export function ConnectionBanner({ connection, trouble }: { connection: Connection; trouble: string }) {
+  if (connection !== 'reconnecting' && connection !== 'failed') return null;
+  return (
+    <div className="banner" role="status">
+      <i />
+      {connection === 'reconnecting' ? `The connection is gone (${trouble}). Coming back …` : trouble}
+    </div>
+  );
+}
+
+export function Notices() {
+  const notices = useLive((state) => state.notices);
+  return (
+    <div className="notices" role="log" aria-live="polite">
+      {notices.map(({ id, text, kind }) => (
+        <div key={id} className="notice" data-kind={kind}>
+          {text}
+        </div>
+      ))}
+    </div>
+  );
+}

@@ -1,0 +1,82 @@
+import { ActionIcon, Tooltip, useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
+import type { LucideIcon } from 'lucide-react';
+import { CircleHelp, Crosshair, Moon, Pause, Play, RotateCcw, Spline, Sun } from 'lucide-react';
+import type { Live } from './live';
+import { useLive } from './store';
+
+interface ToolProps {
+  label: string;
+  icon: LucideIcon;
+  isOn?: boolean;
+  onClick: () => void;
+}
+
+/** A tool of the bar. */
+export function Tool({ label, icon: Icon, isOn, onClick }: ToolProps) {
+  return (
+    <Tooltip label={label}>
+      <ActionIcon
+        variant={isOn ? 'filled' : 'subtle'}
+        color={isOn ? 'accent' : 'gray'}
+        size="lg"
+        aria-label={label}
+        aria-pressed={isOn}
+        onClick={onClick}
+      >
+        <Icon size={18} />
+      </ActionIcon>
+    </Tooltip>
+  );
+}
+
+export function Toolbar({ live, onHelp }: { live: Live; onHelp: () => void }) {
+  const tool = useLive((state) => state.tool);
+  const follow = useLive((state) => state.follow);
+  const time = useLive((state) => state.time);
+  const { setColorScheme } = useMantineColorScheme();
+  const scheme = useComputedColorScheme('light');
+  return (
+    <nav className="bar" aria-label="Tools">
+      <Tool
+        label="Draw a path (P)"
+        icon={Spline}
+        isOn={tool === 'draw'}
+        onClick={() => {
+          live.setTool(tool === 'draw' ? 'point' : 'draw');
+        }}
+      />
+      <Tool
+        label="Follow the selected character (F)"
+        icon={Crosshair}
+        isOn={follow}
+        onClick={() => {
+          live.follow(!follow);
+        }}
+      />
+      <Tool
+        label={time.paused ? 'Go on (Space)' : 'Pause (Space)'}
+        icon={time.paused ? Play : Pause}
+        isOn={time.paused}
+        onClick={() => {
+          live.setTime(!time.paused, time.speed);
+        }}
+      />
+      <Tool
+        label="Camera as at the start (C)"
+        icon={RotateCcw}
+        onClick={() => {
+          live.resetView();
+        }}
+      />
+      <hr />
+      <Tool
+        label="Light or dark (T)"
+        icon={scheme === 'dark' ? Sun : Moon}
+        onClick={() => {
+          setColorScheme(scheme === 'dark' ? 'light' : 'dark');
+        }}
+      />
+      <Tool label="Help (?)" icon={CircleHelp} onClick={onHelp} />
+    </nav>
+  );
+}

@@ -1,0 +1,36 @@
+import { expect, test } from 'vitest';
+import { mapNames, partKey } from './names';
+
+const SPELLINGS: [string, string[]][] = [
+  ['upperarm.l', ['UpperArm_L', 'mixamorig:LeftArm', 'mixamorigLeftArm', 'upperarm_l', 'upper_arm.L', 'J_Bip_L_UpperArm', 'LeftUpperArm']],
+  ['lowerarm.r', ['LowerArm_R', 'mixamorig:RightForeArm', 'forearm.R', 'lowerarm_r', 'DEF-forearm.R', 'right_elbow']],
+  ['upperleg.r', ['UpperLeg_R', 'mixamorig:RightUpLeg', 'thigh_r', 'thigh.R', 'RightUpperLeg']],
+  ['lowerleg.l', ['LowerLeg_L', 'mixamorig:LeftLeg', 'calf_l', 'shin.L', 'J_Bip_L_LowerLeg']],
+  ['toes.l', ['Toes_L', 'mixamorig:LeftToeBase', 'ball_l', 'toe.L']],
+  ['hips', ['Hips', 'mixamorig:Hips', 'pelvis', 'J_Bip_C_Hips']],
+];
+
+test.each(SPELLINGS)('%s has many spellings', (key, names) => {
+  for (const name of names) expect(partKey(name), name).toBe(key);
+});
+
+test('a name that ends in an l has no side', () => {
+  expect(partKey('pelvis_roll')).toBe('pelvisroll');
+  expect(partKey('Skull')).toBe('skull');
+});
+
+const JOINTS = ['Hips', 'Spine', 'Chest', 'Neck', 'Head', 'Shoulder_L', 'UpperArm_L', 'LowerArm_L', 'Hand_L'];
+
+test("Mixamo's bones are found, in any order, and fingers are left alone", () => {
+  const bones = ['LeftHandIndex1', 'LeftHand', 'LeftForeArm', 'LeftArm', 'LeftShoulder', 'Head', 'Neck', 'Spine2', 'Spine1', 'Spine', 'Hips'];
+  const { bones: found, missing } = mapNames(JOINTS, bones.map((bone) => `mixamorig:${bone}`));
+  expect(missing).toEqual([]);
+  const names = Array.from(found, (bone) => bones[bone]);
+  expect(names).toEqual(['Hips', 'Spine', 'Spine2', 'Neck', 'Head', 'LeftShoulder', 'LeftArm', 'LeftForeArm', 'LeftHand']);
+});
+
+test('joints without a bone are named', () => {
+  const { bones, missing } = mapNames(JOINTS, ['Hips', 'Spine', 'Chest', 'Neck', 'Head']);
+  expect(missing).toEqual(['Shoulder_L', 'UpperArm_L', 'LowerArm_L', 'Hand_L']);
+  expect(Array.from(bones)).toEqual([0, 1, 2, 3, 4, -1, -1, -1, -1]);
+});
