@@ -1,6 +1,6 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test python-client fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web picture samples styles eval live-eval object-eval film \
+.PHONY: run test lint rust-test python-test python-client web-test fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web picture samples styles eval live-eval object-eval film \
 	film-objects film-crowd image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -11,7 +11,7 @@ PACK := human
 run: runtime
 	cargo run --release --package troupe-server
 
-test: lint rust-test python-test
+test: lint rust-test python-test python-client web-test
 
 lint: python-env
 	cargo fmt --all --check
@@ -36,6 +36,11 @@ rust-test: runtime real-clips python-env
 python-test: python-env
 	cd training && ../.venv/bin/python -m pytest --quiet
 	.venv/bin/python -m pytest --quiet bench/tests
+
+# The viewer: its sources are checked, web/dist is what they build, and a browser uses it. Without npm it is left out, aloud.
+web-test: runtime
+	@if command -v npm >/dev/null; then scripts/web.sh check && scripts/web.sh build && cargo build --package troupe-server --locked && scripts/web.sh e2e; \
+	else echo "*** THE VIEWER WAS NOT TESTED: there is no npm (Node 20.19 or newer)" >&2; fi
 
 # The Python client as users get it: its wheel is built, installed in an environment of its own, checked and tested.
 python-client:

@@ -21,7 +21,7 @@ packages() {
 }
 
 chromium() {
-    CHROMIUM=${CHROMIUM:-$(command -v chromium || command -v chromium-browser || true)}
+    CHROMIUM=$(command -v "${CHROMIUM:-chromium}" || command -v chromium-browser || true)
     if [ -z "$CHROMIUM" ]; then
         [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || die "chromium is missing: install it, or name one in CHROMIUM"
         apt-get update -qq

@@ -238,6 +238,7 @@ fn greeting(server: &ServerHandle) -> String {
     };
     format!(
         "Troupe serves gRPC and HTTP on {scheme}://{address}\n\
+         Open {scheme}://{address}/ in a browser to see a crowd walk\n\
          {packs}\
          Try next:\n\
          {key}  \

@@ -221,7 +221,7 @@ class TroupeStage implements Stage {
 
   /** Where the camera looks when it follows: above the ground under the root, at a share of its height. */
   private middleOf({ joints: { positions } }: Character): Vector3 {
-    return this.followed.set(positions[0]!, Math.max(positions[1]! * 0.9, 0.2), positions[2]!);
+    return this.followed.set(positions[0]!, Math.max(positions[1]! * 0.9, 0.2), positions[2]);
   }
 
   private placeRing(): void {
