@@ -109,8 +109,14 @@ pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, Conve
     if roots != 1 {
         return Err(ConvertError::SeveralRoots(roots));
     }
-    check(source, rules)?;
-    let taken = subtree(source, character_root(source, rules));
+    // What is too long is not played to find its root. Whether it has too many joints comes first all the same.
+    let checked = check(source, rules);
+    let root = if checked.is_ok() {
+        character_root(source, rules)
+    } else {
+        0
+    };
+    let taken = subtree(source, root);
     if taken.len() > MAX_JOINTS {
         return Err(SkeletonError::TooManyJoints(taken.len()).into());
     }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Vec3};
+use gltf::json::validation::Checked;
 
 use super::keys::{Keys, Track, read_track};
 use crate::clip::{Clip, MAX_FRAMES};
@@ -166,7 +167,18 @@ fn open(bytes: &[u8]) -> Result<gltf::Gltf, GlbReadError> {
         let reason = "it does not begin with \"glTF\" (text files, .gltf, are not read)";
         return Err(GlbReadError::Format(reason.to_owned()));
     }
-    gltf::Gltf::from_slice(bytes).map_err(|e| GlbReadError::Format(e.to_string()))
+    let file = gltf::Gltf::from_slice(bytes).map_err(|e| GlbReadError::Format(e.to_string()))?;
+    // The library looks at all but these before it takes them for granted.
+    let json = file.as_json();
+    let mut channels = json.animations.iter().flat_map(|animation| &animation.channels);
+    let is_wrong = |target: &gltf::json::animation::Target| {
+        target.node.value() >= json.nodes.len() || matches!(target.path, Checked::Invalid)
+    };
+    if channels.any(|channel| is_wrong(&channel.target)) {
+        let reason = "a channel of an animation names no node, or no property of one";
+        return Err(GlbReadError::Format(reason.to_owned()));
+    }
+    Ok(file)
 }
 
 fn names(file: &gltf::Gltf) -> Vec<String> {

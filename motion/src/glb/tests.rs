@@ -331,6 +331,14 @@ fn what_cannot_be_played_is_named() {
             moving().changed("/accessors/1/type", json!("VEC2")),
             "Translation keys of F32 Vec2",
         ),
+        (
+            moving().changed("/animations/0/channels/0/target/node", json!(7)),
+            "a channel of an animation names no node",
+        ),
+        (
+            moving().changed("/animations/0/channels/0/target/path", json!("colour")),
+            "or no property of one",
+        ),
         (moving().changed("/bufferViews/1/byteLength", json!(u64::MAX)), ""),
     ] {
         let error = parse(&made.glb(), &at(30.0)).err().map(|e| e.to_string());
