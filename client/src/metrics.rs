@@ -21,9 +21,15 @@ impl Client {
         let request = http::Request::get("/metrics").body(Body::empty());
         let request = request.map_err(|e| self.sort(&tonic::Status::internal(e.to_string())))?;
         let broken = |e| self.sort(&tonic::Status::from_error(e));
-        let answer = self.channel().oneshot(request).await.map_err(|e| broken(e.into()))?;
+        let answer = self
+            .channel()
+            .oneshot(request)
+            .await
+            .map_err(|e| broken(e.into()))?;
         let status = answer.status();
-        let body = Limited::new(answer.into_body(), MAX_METRICS_BYTES).collect().await;
+        let body = Limited::new(answer.into_body(), MAX_METRICS_BYTES)
+            .collect()
+            .await;
         let bytes = body.map_err(broken)?.to_bytes();
         let text = String::from_utf8_lossy(&bytes);
         if status.is_success() {
@@ -60,7 +66,10 @@ mod tests {
         let told = refusal(http::StatusCode::FORBIDDEN, "needs the role metrics\n");
         assert_eq!(told.code(), tonic::Code::PermissionDenied);
         assert_eq!(told.message(), "/metrics: 403 Forbidden: needs the role metrics");
-        assert_eq!(refusal(http::StatusCode::BAD_GATEWAY, "").code(), tonic::Code::Internal);
+        assert_eq!(
+            refusal(http::StatusCode::BAD_GATEWAY, "").code(),
+            tonic::Code::Internal
+        );
     }
 
     #[tokio::test]
@@ -71,7 +80,10 @@ mod tests {
             let (mut stream, _) = listener.accept().await.unwrap();
             let mut hello = [0; 24];
             stream.read_exact(&mut hello).await.unwrap();
-            stream.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").await.unwrap();
+            stream
+                .write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+                .await
+                .unwrap();
         });
         let client = Client::connect(&url).await.unwrap();
         let error = client.metrics().await.unwrap_err();

@@ -126,7 +126,8 @@ impl View {
 
     fn draw_sessions(&mut self, frame: &mut Frame<'_>, area: Rect) {
         let mut widths = [Constraint::Length(10); 9];
-        (widths[0], widths[2]) = (Constraint::Fill(2), Constraint::Fill(1));
+        (widths[0], widths[2], widths[8]) =
+            (Constraint::Fill(2), Constraint::Fill(1), Constraint::Length(11));
         let mark = if self.reverse { "▼" } else { "▲" };
         let header = SESSION_HEADERS
             .iter()

@@ -12,6 +12,8 @@ use crate::skeleton::Skeleton;
 
 /// The most nodes of a file.
 pub const MAX_NODES: usize = 1 << 14;
+/// Bytes of a file's header.
+const HEADER_BYTES: usize = 12;
 /// The rate of an animation whose keys do not tell one, frames a second.
 const DEFAULT_FPS: f32 = 30.0;
 /// How unlike the axes of a scale may be: bones would change their lengths as they turn.
@@ -167,18 +169,47 @@ fn open(bytes: &[u8]) -> Result<gltf::Gltf, GlbReadError> {
         let reason = "it does not begin with \"glTF\" (text files, .gltf, are not read)";
         return Err(GlbReadError::Format(reason.to_owned()));
     }
-    let file = gltf::Gltf::from_slice(bytes).map_err(|e| GlbReadError::Format(e.to_string()))?;
-    // The library looks at all but these before it takes them for granted.
-    let json = file.as_json();
+    let wrong = |reason: &str| GlbReadError::Format(reason.to_owned());
+    let length = bytes
+        .get(8..HEADER_BYTES)
+        .and_then(|length| length.try_into().ok());
+    if length.is_none_or(|length| (u32::from_le_bytes(length) as usize) < HEADER_BYTES) {
+        return Err(wrong("its header is cut, or tells a length that is none"));
+    }
+    let told = |e: gltf::Error| GlbReadError::Format(e.to_string());
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(told)?;
+    let mut json = document.into_json();
+    keep_motion(&mut json);
+    // The library checks all but these before it takes them for granted.
     let mut channels = json.animations.iter().flat_map(|animation| &animation.channels);
     let is_wrong = |target: &gltf::json::animation::Target| {
         target.node.value() >= json.nodes.len() || matches!(target.path, Checked::Invalid)
     };
     if channels.any(|channel| is_wrong(&channel.target)) {
-        let reason = "a channel of an animation names no node, or no property of one";
-        return Err(GlbReadError::Format(reason.to_owned()));
+        return Err(wrong(
+            "a channel of an animation names no node, or no property of one",
+        ));
     }
-    Ok(file)
+    let document = gltf::Document::from_json(json).map_err(told)?;
+    Ok(gltf::Gltf { document, blob })
+}
+
+/// Leaves out what is no motion, so that nothing is refused because of it.
+fn keep_motion(json: &mut gltf::json::Root) {
+    json.meshes.clear();
+    json.materials.clear();
+    json.textures.clear();
+    json.images.clear();
+    json.samplers.clear();
+    json.cameras.clear();
+    json.scenes.clear();
+    json.scene = None;
+    for node in &mut json.nodes {
+        (node.mesh, node.camera, node.skin) = (None, None, None);
+    }
+    for skin in &mut json.skins {
+        skin.inverse_bind_matrices = None;
+    }
 }
 
 fn names(file: &gltf::Gltf) -> Vec<String> {
