@@ -15,7 +15,9 @@ use crate::object::Object;
 use crate::packs::Packs;
 use crate::scene::Scene;
 use crate::sessions::Sessions;
+use crate::shell::{Completions, Man};
 use crate::style::Style;
+use crate::top::Top;
 use crate::values::Seconds;
 use troupe_client::{ApiKey, ClientCertificate, TlsOptions};
 
@@ -100,7 +102,8 @@ Examples:
   troupe drive --path examples/paths/square.toml --out square.bvh
   troupe film --path examples/paths/square.toml --out square.png
   troupe object put examples/objects/*.toml
-  troupe scene put examples/scenes/courtyard.toml";
+  troupe scene put examples/scenes/courtyard.toml
+  troupe top";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
@@ -116,4 +119,7 @@ pub(crate) enum Command {
     Style(Style),
     Scene(Scene),
     Object(Object),
+    Top(Top),
+    Completions(Completions),
+    Man(Man),
 }

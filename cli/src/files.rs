@@ -1,14 +1,15 @@
 //! Reading clips and writing motion.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use troupe_client::{ClientError, Pack};
-use troupe_motion::bvh::{self, BvhFile, BvhOptions, BvhWriteOptions, ConvertError};
+use troupe_motion::bvh::{self, BvhFile, BvhWriteOptions};
 use troupe_motion::clip::Clip;
+use troupe_motion::files::{self, ReadOptions};
 use troupe_motion::glb::write_glb;
-use troupe_motion::robot::{read_csv, write_csv};
+use troupe_motion::robot::write_csv;
 use troupe_motion::skeleton::Skeleton;
 use troupe_proto::v1;
 
@@ -16,17 +17,17 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::term::Term;
 
-const BVH: &str = "BVH files";
+const CLIPS: &str = "Clip files";
 
-/// How BVH files relate to the pack's skeleton.
+/// How clip files relate to the pack's skeleton.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct Scale {
-    /// Length unit of the BVH files.
-    #[arg(long, help_heading = BVH, value_enum, default_value_t = Unit::Cm)]
+    /// Length unit of BVH files. All other formats are in metres.
+    #[arg(long, help_heading = CLIPS, value_enum, default_value_t = Unit::Cm)]
     pub(crate) unit: Unit,
 
     /// Also take clips whose bones have other lengths; their rotations are played on the pack's bones.
-    #[arg(long, help_heading = BVH)]
+    #[arg(long, help_heading = CLIPS)]
     pub(crate) other_bones: bool,
 }
 
@@ -55,22 +56,30 @@ impl Unit {
     }
 }
 
-/// Ending of clips of robots.
-pub(super) const CSV: &str = "csv";
-/// Rate of clips of robots, frames a second: the files know none.
-const CSV_FPS: f32 = 30.0;
-
-/// Ending of the clips that a pack is made from and measured with: a robot's are CSV, all others BVH.
-pub(super) fn clip_ending(pack: &Pack) -> &'static str {
-    match pack.robot() {
-        Some(_) => CSV,
-        None => "bvh",
-    }
+/// The file of a clip that is named without its ending: the first that is there, of those that [`read_clip`] takes. Where none
+/// is, that of the pack's own clips: CSV of robots, BVH of all others.
+pub(super) fn clip_in(folder: &Path, name: &str, pack: &Pack) -> PathBuf {
+    let first = match pack.robot() {
+        Some(_) => files::Format::Csv,
+        None => files::Format::Bvh,
+    };
+    let (name, animation) = match name.split_once('#') {
+        Some((name, animation)) => (name, format!("#{animation}")),
+        None => (name, String::new()),
+    };
+    let file = |format: files::Format| folder.join(format!("{name}.{}", format.ending()));
+    let there = std::iter::once(first)
+        .chain(files::Format::ALL)
+        .find(|format| file(*format).is_file());
+    let mut path = file(there.unwrap_or(first)).into_os_string();
+    path.push(animation);
+    path.into()
 }
 
-/// Reads a BVH file, or a robot's CSV, onto a pack's skeleton and at its rate.
+/// Reads a clip onto a pack's skeleton and at its rate, of any format.
 pub(super) fn read_clip(path: &Path, pack: &Pack, scale: Scale, term: &Term) -> Result<Clip, Failure> {
-    let clip = read_clip_on(path, pack.skeleton(), scale).map_err(|why| Failure::file(path, why))?;
+    let clip = read_clip_on(path, pack.skeleton(), scale, Some(pack.fps()))
+        .map_err(|why| Failure::file(path, why))?;
     if (clip.fps - pack.fps()).abs() < 1e-2 {
         return Ok(Clip {
             fps: pack.fps(),
@@ -88,30 +97,46 @@ pub(super) fn read_clip(path: &Path, pack: &Pack, scale: Scale, term: &Term) -> 
     Ok(resampled)
 }
 
-/// Reads a clip onto a skeleton at the file's own rate: a BVH file, joints by name, or the CSV of the skeleton's robot.
+/// Reads a clip onto a skeleton at the file's own rate, joints by name or by the hinges of the skeleton's robot. A glb's animation
+/// is sampled at `glb_fps`; which one, the path says behind a `#` where there are several.
 ///
 /// # Errors
 /// A sentence that says what is wrong with the file.
-pub(super) fn read_clip_on(path: &Path, skeleton: &Arc<Skeleton>, scale: Scale) -> Result<Clip, String> {
-    if ending(path).as_deref() == Some(CSV) {
-        let text = std::fs::read_to_string(path).map_err(|e| e.to_string())?;
-        return read_csv(&text, skeleton, CSV_FPS).map_err(|e| e.to_string());
-    }
-    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
-    let file = bvh::parse_bytes(&bytes).map_err(|e| e.to_string())?;
-    let mut options = BvhOptions {
-        scale_to_metres: scale.unit.metres(),
-        ..BvhOptions::default()
+pub(super) fn read_clip_on(
+    path: &Path,
+    skeleton: &Arc<Skeleton>,
+    scale: Scale,
+    glb_fps: Option<f32>,
+) -> Result<Clip, String> {
+    let (path, animation) = split_animation(path);
+    let options = ReadOptions {
+        bvh_unit_m: scale.unit.metres(),
+        glb_fps,
+        animation,
+        ..ReadOptions::default()
     };
-    if scale.other_bones {
-        options.max_offset_error_m = f32::INFINITY;
-    }
-    file.to_clip_on(skeleton, &options).map_err(|e| match e {
-        ConvertError::OffsetMismatch { .. } => {
+    let options = match scale.other_bones {
+        true => ReadOptions {
+            max_offset_error_m: f32::INFINITY,
+            ..options
+        },
+        false => options,
+    };
+    files::read_clip(&path, skeleton, &options).map_err(|e| match e {
+        e if e.is_offset_mismatch() => {
             format!("{e}; is --unit right? --other-bones plays the clip on the pack's own bones")
         }
         e => e.to_string(),
     })
+}
+
+/// `horse.glb#Walk` as a file and the name of an animation in it. A file of the whole name comes first.
+fn split_animation(path: &Path) -> (PathBuf, Option<String>) {
+    let whole = path.to_string_lossy();
+    match whole.rsplit_once('#') {
+        Some((file, animation)) if !path.exists() => (file.into(), Some(animation.to_owned())),
+        _ => (path.to_owned(), None),
+    }
 }
 
 /// Reads a scene or an object definition, as the server is to read it.
@@ -140,37 +165,31 @@ pub(super) fn document_failure(path: &Path, error: ClientError) -> Failure {
     }
 }
 
-/// A format for motion, told by a file's ending.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Format {
-    Bvh,
-    Glb,
-    /// A robot's root and angles, as Unitree publishes them.
-    Csv,
-}
-
 /// A file's ending, in lower case and without the dot.
 fn ending(path: &Path) -> Option<String> {
     path.extension().map(|e| e.to_string_lossy().to_lowercase())
 }
 
+/// A format to write motion in, told by a file's ending.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Format(files::Format);
+
 impl Format {
-    /// The format of a file by its ending, `.bvh`, `.glb` or `.csv`.
+    pub(super) const BVH: Self = Self(files::Format::Bvh);
+
+    /// The format of a file by its ending.
     pub(super) fn of(path: &Path) -> Result<Self, Failure> {
-        match ending(path).as_deref() {
-            Some("bvh") => Ok(Self::Bvh),
-            Some("glb") => Ok(Self::Glb),
-            Some(CSV) => Ok(Self::Csv),
-            _ => Err(Failure::file(
+        files::Format::of_ending(path).map(Self).ok_or_else(|| {
+            Failure::file(
                 path,
-                "the ending says the format and must be .bvh or .glb, or .csv for a robot",
-            )),
-        }
+                "the ending says the format and must be .bvh or .glb, .npz for arrays, or .csv or .npy for a robot",
+            )
+        })
     }
 
     /// Checks that clips of a server's pack can be written so, before any are made for nothing.
     pub(super) async fn check(self, context: &Context, pack: &str, path: &Path) -> Result<(), Failure> {
-        if self != Self::Csv {
+        if !self.0.is_for_robots() {
             return Ok(());
         }
         let (_, pack) = context.connect_to_pack(pack).await?;
@@ -179,59 +198,65 @@ impl Format {
 
     /// The same for a pack that is known.
     pub(super) fn fits(self, pack: &Pack, path: &Path) -> Result<(), Failure> {
-        if self != Self::Csv {
+        if !self.0.is_for_robots() || pack.robot().is_some() {
             return Ok(());
         }
-        match pack.robot() {
-            Some(_) => Ok(()),
-            None => Err(Failure::file(
-                path,
-                format_args!(
-                    "{} of pack `{}` is no robot, whose angles .csv holds; write .bvh or .glb",
-                    if pack.body().is_empty() {
-                        "the body"
-                    } else {
-                        pack.body()
-                    },
-                    pack.name()
-                ),
-            )),
-        }
+        let body = match pack.body() {
+            "" => "the body",
+            body => body,
+        };
+        Err(Failure::file(
+            path,
+            format_args!(
+                "{body} of pack `{}` is no robot, whose angles .{} holds; write .bvh or .glb",
+                pack.name(),
+                self.0.ending()
+            ),
+        ))
     }
 
-    /// Writes a clip; BVH in the unit of `scale`, glTF and CSV in metres as they must be, CSV at 30 rows a second.
+    /// Writes a clip; BVH in the unit of `scale`, all others in metres as they must be. CSV and `qpos` have 30 rows a second.
     pub(super) fn write(self, clip: &Clip, path: &Path, scale: Scale) -> Result<(), Failure> {
-        let bytes = match self {
-            Self::Bvh => {
-                let units_per_metre = 1.0 / scale.unit.metres();
+        let bytes = self
+            .bytes(clip, scale)
+            .map_err(|why| Failure::output(path, why))?;
+        std::fs::write(path, bytes).map_err(|e| Failure::output(path, e))
+    }
+
+    fn bytes(self, clip: &Clip, scale: Scale) -> Result<Vec<u8>, String> {
+        let rows = || clip.resample(files::DEFAULT_FPS).map_err(|e| e.to_string());
+        match self.0 {
+            files::Format::Bvh => {
                 let options = BvhWriteOptions {
-                    units_per_metre,
+                    units_per_metre: 1.0 / scale.unit.metres(),
                     ..BvhWriteOptions::default()
                 };
-                let file = BvhFile::from_clip(clip, &options).map_err(|e| Failure::output(path, e))?;
-                bvh::write(&file).into_bytes()
+                let file = BvhFile::from_clip(clip, &options).map_err(|e| e.to_string())?;
+                Ok(bvh::write(&file).into_bytes())
             }
-            Self::Glb => write_glb(clip).map_err(|e| Failure::output(path, e))?,
-            Self::Csv => {
-                let rows = clip.resample(CSV_FPS).map_err(|e| Failure::output(path, e))?;
-                write_csv(&rows)
-                    .map_err(|e| Failure::output(path, e))?
-                    .into_bytes()
-            }
-        };
-        std::fs::write(path, bytes).map_err(|e| Failure::output(path, e))
+            files::Format::Glb => write_glb(clip).map_err(|e| e.to_string()),
+            files::Format::Npz => files::write_npz(clip).map_err(|e| e.to_string()),
+            files::Format::Csv => write_csv(&rows()?)
+                .map(String::into_bytes)
+                .map_err(|e| e.to_string()),
+            files::Format::Npy => files::write_qpos(&rows()?).map_err(|e| e.to_string()),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::{Quat, Vec3};
+
     use super::*;
 
     #[test]
     fn the_ending_says_the_format() {
-        assert_eq!(Format::of(Path::new("a/b.BVH")).unwrap(), Format::Bvh);
-        assert_eq!(Format::of(Path::new("b.glb")).unwrap(), Format::Glb);
-        assert_eq!(Format::of(Path::new("b.csv")).unwrap(), Format::Csv);
+        assert_eq!(Format::of(Path::new("a/b.BVH")).unwrap(), Format::BVH);
+        for format in files::Format::ALL {
+            let path = PathBuf::from(format!("b.{}", format.ending()));
+            assert_eq!(Format::of(&path).unwrap(), Format(format));
+        }
         for path in ["b.fbx", "bvh", "b."] {
             let failure = Format::of(Path::new(path)).unwrap_err().to_string();
             assert!(failure.contains(".bvh or .glb"), "{failure}");
@@ -250,13 +275,14 @@ mod tests {
         let path = folder.join("hop.CSV");
         std::fs::write(&path, "2,1,0.9,0,0,0,1,0.4\n2.1,1,0.9,0,0,0,1,0.5\n").unwrap();
         let clip = read_clip(&path, &pack, scale, &Term::new(true)).unwrap();
-        assert_eq!(
-            (clip.frames(), clip.root_positions[1].z, clip_ending(&pack)),
-            (2, 2.1, "csv")
-        );
-        Format::Csv.write(&clip, &path, scale).unwrap();
+        assert_eq!((clip.frames(), clip.root_positions[1].z), (2, 2.1));
+        Format::of(&path).unwrap().write(&clip, &path, scale).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.ends_with("0.000000,1.000000,0.500000\n"), "{text}");
+        let qpos = folder.join("hop.npy");
+        Format::of(&qpos).unwrap().write(&clip, &qpos, scale).unwrap();
+        let again = read_clip(&qpos, &pack, scale, &Term::new(true)).unwrap();
+        assert!(again.root_positions[1].abs_diff_eq(clip.root_positions[1], 1e-6));
         std::fs::write(&path, "2,1,0.9\n").unwrap();
         let failure = read_clip(&path, &pack, scale, &Term::new(true))
             .unwrap_err()
@@ -271,5 +297,94 @@ mod tests {
             .to_string();
         assert!(failure.contains("no robot's"), "{failure}");
         std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn a_clip_is_found_whatever_its_format() {
+        let pack = Pack::try_from(crate::testing::pair()).unwrap();
+        let robot = Pack::try_from(crate::testing::hopper()).unwrap();
+        let folder = std::env::temp_dir().join(format!("troupe-clip-in-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let found = |name: &str, pack: &Pack| {
+            let path = clip_in(&folder, name, pack);
+            path.file_name().unwrap().to_str().unwrap().to_owned()
+        };
+        assert_eq!(
+            (found("walk", &pack), found("walk", &robot)),
+            ("walk.bvh".into(), "walk.csv".into())
+        );
+        std::fs::write(folder.join("walk.glb"), "").unwrap();
+        assert_eq!(found("walk", &pack), "walk.glb");
+        assert_eq!(found("walk#Slow", &robot), "walk.glb#Slow");
+        std::fs::write(folder.join("walk.bvh"), "").unwrap();
+        assert_eq!(
+            (found("walk", &pack), found("walk", &robot)),
+            ("walk.bvh".into(), "walk.bvh".into())
+        );
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn a_path_may_name_an_animation() {
+        let split = |path: &str| {
+            let (path, animation) = split_animation(Path::new(path));
+            (path.to_str().unwrap().to_owned(), animation)
+        };
+        assert_eq!(
+            split("a/horse.glb#Walk"),
+            ("a/horse.glb".into(), Some("Walk".into()))
+        );
+        assert_eq!(split("a/horse.glb"), ("a/horse.glb".into(), None));
+        let odd = std::env::temp_dir().join(format!("troupe-{}#1.bvh", std::process::id()));
+        std::fs::write(&odd, "").unwrap();
+        assert_eq!(
+            split_animation(&odd),
+            (odd.clone(), None),
+            "a file of that name is there"
+        );
+        std::fs::remove_file(odd).unwrap();
+    }
+
+    #[test]
+    fn a_glb_is_read_onto_the_packs_skeleton_at_its_rate() {
+        let pack = Pack::try_from(crate::testing::pair()).unwrap();
+        let scale = Scale {
+            unit: Unit::Cm,
+            other_bones: false,
+        };
+        let clip = Clip::new(
+            Arc::clone(pack.skeleton()),
+            60.0,
+            (0..5).map(|f| Vec3::Z * f as f32).collect(),
+            vec![Quat::IDENTITY; 10],
+        );
+        let path = std::env::temp_dir().join(format!("troupe-pair-{}.glb", std::process::id()));
+        Format::of(&path)
+            .unwrap()
+            .write(&clip.unwrap(), &path, scale)
+            .unwrap();
+        let read = read_clip(&path, &pack, scale, &Term::new(true)).unwrap();
+        assert_eq!((read.fps, read.frames()), (30.0, 3));
+        assert!(read.root_positions[1].abs_diff_eq(Vec3::Z * 2.0, 1e-5));
+        let mut other = crate::testing::pair();
+        other.joints[1].offset = Some(v1::Vec3 {
+            x: 0.0,
+            y: -1.5,
+            z: 0.0,
+        });
+        let other = Pack::try_from(other).unwrap();
+        let failure = read_clip(&path, &other, scale, &Term::new(true))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            failure.contains("\"Foot\" stands 0.6") && failure.contains("--other-bones"),
+            "{failure}"
+        );
+        let scale = Scale {
+            other_bones: true,
+            ..scale
+        };
+        assert!(read_clip(&path, &other, scale, &Term::new(true)).is_ok());
+        std::fs::remove_file(path).unwrap();
     }
 }

@@ -16,7 +16,8 @@ const SAMPLING: &str = "Pack and sampling";
 /// Which gap of which clip to fill, and how.
 #[derive(Debug, Args)]
 pub(crate) struct Gap {
-    /// Motion clip in BVH format, or a robot's as CSV: root x y z qx qy qz qw, then the hinges' angles.
+    /// Motion clip: .bvh, .glb or .npz, or a robot's .csv (root x y z qx qy qz qw, then the hinges' angles) or .npy (qpos).
+    /// horse.glb#Walk names one animation of several.
     #[arg(long, value_name = "FILE")]
     pub(crate) clip: PathBuf,
 

@@ -37,7 +37,7 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "FILE")]
     pub(crate) path: PathBuf,
 
-    /// File to write; its ending, .bvh, .glb or (of a robot) .csv, says the format.
+    /// File to write; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a robot.
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 

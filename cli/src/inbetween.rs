@@ -28,7 +28,7 @@ pub(crate) struct Inbetween {
     #[command(flatten)]
     pub(crate) gap: Gap,
 
-    /// File to write; its ending, .bvh, .glb or (of a robot) .csv, says the format.
+    /// File to write; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a robot.
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 

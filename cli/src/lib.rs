@@ -20,11 +20,13 @@ mod packs;
 mod path;
 mod scene;
 mod sessions;
+mod shell;
 mod splice;
 mod stage;
 mod style;
 mod take;
 mod term;
+mod top;
 mod values;
 
 #[cfg(test)]
@@ -83,5 +85,8 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Style(command) => style::run(&context, &command).await,
         Command::Scene(command) => scene::run(&context, &command).await,
         Command::Object(command) => object::run(&context, &command).await,
+        Command::Top(command) => top::run(&context, &command).await,
+        Command::Completions(command) => shell::completions(&command),
+        Command::Man(command) => shell::man(&context, &command),
     }
 }

@@ -125,6 +125,21 @@ fn help_of_object_new() {
 }
 
 #[test]
+fn help_of_top() {
+    insta::assert_snapshot!(help(&["top"]));
+}
+
+#[test]
+fn help_of_completions() {
+    insta::assert_snapshot!(help(&["completions"]));
+}
+
+#[test]
+fn help_of_man() {
+    insta::assert_snapshot!(help(&["man"]));
+}
+
+#[test]
 fn arguments_are_consistent() {
     Arguments::command().debug_assert();
 }

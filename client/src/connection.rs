@@ -81,6 +81,7 @@ impl Default for ConnectOptions {
 pub struct Client {
     url: String,
     options: ConnectOptions,
+    channel: KeyedChannel,
     pub(crate) rpc: MotionClient<KeyedChannel>,
     sessions: SessionsRpc,
     scenes: ScenesRpc,
@@ -155,12 +156,13 @@ impl Client {
         let sessions = SessionsClient::new(channel.clone())
             .max_decoding_message_size(limit)
             .max_encoding_message_size(limit);
-        let scenes = ScenesClient::new(channel)
+        let scenes = ScenesClient::new(channel.clone())
             .max_decoding_message_size(limit)
             .max_encoding_message_size(limit);
         Ok(Self {
             url: url.to_owned(),
             options,
+            channel,
             rpc,
             sessions,
             scenes,
@@ -272,6 +274,11 @@ impl Client {
 
     pub(crate) fn request_timeout(&self) -> Duration {
         self.options.request_timeout
+    }
+
+    /// The connection itself, for what is no call of gRPC.
+    pub(crate) fn channel(&self) -> KeyedChannel {
+        self.channel.clone()
     }
 
     pub(crate) fn sessions_rpc(&self) -> SessionsRpc {

@@ -41,6 +41,7 @@ mod error;
 mod generate;
 mod inbetween;
 pub mod live;
+mod metrics;
 mod pack;
 mod problem;
 mod scenes;

@@ -9,7 +9,7 @@ mod snapshot;
 mod websocket;
 
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use prost::Message as _;
 use serde::Serialize;
@@ -20,8 +20,11 @@ use troupe_character::scene::NamedScene;
 use troupe_engine::pack::{Manifest, Pack};
 use troupe_motion::bvh::{self, BvhFile, BvhOptions, BvhWriteOptions};
 use troupe_motion::codec;
+use troupe_motion::files::{read_npz, write_npz};
+use troupe_motion::glb::{self, GlbOptions, write_glb};
 use troupe_motion::robot::{read_csv, write_csv};
 use troupe_motion::rotation::angle_between;
+use troupe_motion::{Joint, Skeleton, Vec3};
 use troupe_proto::v1;
 use troupe_server::api::testing::Reader;
 use troupe_server::config::Config;
@@ -37,15 +40,17 @@ pub use websocket::{SEPARATOR, websocket};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target, by its name.
-pub const TARGETS: [Target; 12] = [
+pub const TARGETS: [Target; 14] = [
     ("bvh", bvh),
     ("calls", calls),
     ("codec", codec),
     ("csv", csv),
     ("drive", drive),
     ("generate", generate),
+    ("glb", glb),
     ("inbetween", inbetween),
     ("manifest", manifest),
+    ("npz", npz),
     ("object", object),
     ("scene", scene),
     ("snapshot", snapshot),
@@ -105,6 +110,8 @@ struct Home {
     robot: Pack,
     definitions: Definitions,
     reader: Reader,
+    /// Hips and a foot.
+    small: Arc<Skeleton>,
 }
 
 fn home() -> &'static Home {
@@ -124,8 +131,23 @@ fn home() -> &'static Home {
             reader: Reader::new(&config.api_limits()),
             pack,
             robot,
+            small: Arc::new(small()),
         }
     })
+}
+
+/// A skeleton of two joints.
+fn small() -> Skeleton {
+    let joint = |name: &str, parent, offset_m| Joint {
+        name: name.to_owned(),
+        parent,
+        offset_m,
+    };
+    let joints = vec![
+        joint("Hips", None, Vec3::ZERO),
+        joint("Foot", Some(0), Vec3::NEG_Y),
+    ];
+    Skeleton::new(joints, Vec3::X, 0.0, None).expect("a skeleton")
 }
 
 /// A BVH file. What is read survives writing and reading again, and conversion to a clip and back.
@@ -182,6 +204,45 @@ pub fn csv(bytes: &[u8]) {
     assert_eq!(again.frames(), clip.frames());
     let above = |height| clip.root_positions.iter().any(|root| root.y > height);
     planted(|| [clip.frames() == 2, above(10.0), above(100.0)]);
+}
+
+/// The animation of a glb file. A clip that is made of it survives writing and reading again.
+pub fn glb(bytes: &[u8]) {
+    // Much rest between keys would be many frames.
+    let options = GlbOptions {
+        fps: Some(2.0),
+        ..GlbOptions::default()
+    };
+    let animation = match glb::parse(bytes, &options) {
+        Ok(animation) => animation,
+        Err(error) => return assert!(!error.to_string().is_empty()),
+    };
+    // Minutes of many joints are slow, not wrong.
+    if animation.frames() > 1000 {
+        return;
+    }
+    let Ok(clip) = animation.to_clip(&options) else {
+        return;
+    };
+    let written = write_glb(&clip).expect("a short clip");
+    let again = glb::parse(&written, &options).expect("what was written is read");
+    assert_eq!(again.frames(), clip.frames());
+    let high = clip.root_positions.iter().any(|root| root.y > 10.0);
+    planted(|| [clip.frames() > 2, high]);
+}
+
+/// NumPy's arrays of a clip of two joints. What is read is written, and read again.
+pub fn npz(bytes: &[u8]) {
+    let skeleton = &home().small;
+    let clip = match read_npz(bytes, skeleton) {
+        Ok(clip) => clip,
+        Err(error) => return assert!(!error.to_string().is_empty()),
+    };
+    let written = write_npz(&clip).expect("a clip");
+    let again = read_npz(&written, skeleton).expect("what was written is read");
+    assert_eq!(again.root_positions, clip.root_positions);
+    let high = clip.root_positions.iter().any(|root| root.y > 10.0);
+    planted(|| [clip.fps > 60.0, high]);
 }
 
 /// A message of a client on a stream, as text and as protobuf.

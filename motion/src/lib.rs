@@ -15,7 +15,10 @@ pub mod clip;
 pub mod codec;
 pub mod contacts;
 pub mod conventions;
+pub mod convert;
 pub mod features;
+#[cfg(feature = "files")]
+pub mod files;
 pub mod fk;
 pub mod gait;
 pub mod glb;

@@ -40,7 +40,7 @@ pub(crate) struct Drive {
     #[arg(long, value_name = "FILE")]
     pub(crate) path: Option<PathBuf>,
 
-    /// File to write the motion to; its ending, .bvh, .glb or (of a robot) .csv, says the format.
+    /// File to write the motion to; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a robot.
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
 

@@ -86,7 +86,7 @@ pub(super) async fn run(
         recording: None,
         takes: Takes {
             out: command.out.clone().unwrap_or_else(|| PathBuf::from(DEFAULT_OUT)),
-            format: format.unwrap_or(Format::Bvh),
+            format: format.unwrap_or(Format::BVH),
             scale: command.scale(),
             written: Vec::new(),
         },

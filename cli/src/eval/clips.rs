@@ -6,9 +6,10 @@ use std::path::Path;
 use serde::Serialize;
 use troupe_client::Pack;
 use troupe_motion::clip::Clip;
+use troupe_motion::files::Format;
 
 use crate::failure::Failure;
-use crate::files::{Scale, read_clip};
+use crate::files::{Scale, clip_in, read_clip};
 use crate::term::Term;
 
 /// A clip by its file's stem.
@@ -24,43 +25,23 @@ pub(super) struct Skipped {
     pub(super) reason: String,
 }
 
-/// A kind of clip files.
-struct Kind {
-    /// Ending of their names, with the dot.
-    ending: &'static str,
-    /// Reads one onto a pack's skeleton and at its rate.
-    read: fn(&Path, &Pack, Scale) -> Result<Clip, Failure>,
-}
-
-/// All kinds that can be read: BVH, and for packs of robots Unitree's CSV. A new one is an entry here, and its name in the
-/// help of `--data`.
-const KINDS: [Kind; 2] = [kind(".bvh"), kind(".csv")];
-
-/// Files of an ending that tells `read_clip` how to read them.
-const fn kind(ending: &'static str) -> Kind {
-    Kind {
-        ending,
-        read: |path, pack, scale| read_clip(path, pack, scale, &Term::new(true)),
-    }
-}
+/// Formats of the clips of a folder. A lone `.npy` is as often something else.
+const FORMATS: [Format; 4] = [Format::Bvh, Format::Csv, Format::Glb, Format::Npz];
 
 /// Endings of the files that can be read, for messages.
 pub(super) fn endings() -> String {
-    KINDS.map(|kind| kind.ending).join(" or ")
+    FORMATS.map(|format| format!(".{}", format.ending())).join(" or ")
 }
 
 /// A file's name without the ending of a clip. None where it has none.
 fn stem(name: &str) -> Option<&str> {
-    KINDS.iter().find_map(|kind| name.strip_suffix(kind.ending))
+    let strip = |format: &Format| name.strip_suffix(format.ending())?.strip_suffix('.');
+    FORMATS.iter().find_map(strip)
 }
 
-/// Reads the clip of a name in a folder, whichever kind of file it is in.
+/// Reads the clip of a name in a folder, whichever kind of file it is in. Where there is none the reader says so.
 pub(super) fn read_named(data: &Path, name: &str, pack: &Pack, scale: Scale) -> Result<Clip, Failure> {
-    let file = |kind: &Kind| data.join(format!("{name}{}", kind.ending));
-    let there = KINDS.iter().find(|kind| file(kind).is_file());
-    // Where there is none the first kind's reader says so.
-    let kind = there.unwrap_or(&KINDS[0]);
-    (kind.read)(&file(kind), pack, scale)
+    read_clip(&clip_in(data, name, pack), pack, scale, &Term::new(true))
 }
 
 /// Names of the clips to use, sorted: those of the split file, or every clip of the folder.
@@ -143,7 +124,7 @@ mod tests {
         std::fs::write(&split, "# held out\nwalk_2.bvh\r\n\nwalk_1  # good\nwalk_2\n").unwrap();
         let names = clip_names(&folder, Some(&split)).unwrap();
         std::fs::write(folder.join("b.bvh"), "").unwrap();
-        std::fs::write(folder.join("a.bvh"), "").unwrap();
+        std::fs::write(folder.join("a.glb"), "").unwrap();
         let all = clip_names(&folder, None).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
         assert_eq!(names, ["walk_1", "walk_2"]);

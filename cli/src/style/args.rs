@@ -93,7 +93,7 @@ pub(super) struct Building {
 /// A clip, the gait that it shows, and the frames in which to look for it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Source {
-    /// BVH file, or a robot's CSV.
+    /// File of any format that is read.
     pub(super) clip: PathBuf,
     /// Name of the gait. None: `walk`, or `idle` of a style that only stands.
     pub(super) gait: Option<String>,
@@ -120,7 +120,7 @@ impl Args for Sources {
                 repeated("clip", "FILE")
                     .required(true)
                     .value_parser(clap::value_parser!(PathBuf))
-                    .help("Motion clip in BVH format, or a robot's CSV; may be given again for another gait"),
+                    .help("Motion clip, .bvh, .glb (horse.glb#Walk for one animation of several) or .npz, or a robot's .csv or .npy; may be given again for another gait"),
             )
             .arg(repeated("gait", "NAME").help(
                 "Gait that the clip shows, such as idle, walk, run, walk-left or walk-back; without it walk",
@@ -255,7 +255,7 @@ pub(super) struct Build {
     #[arg(long, value_name = "FILE")]
     pub(super) list: PathBuf,
 
-    /// Folder of the files that the list names: BVH, or CSV for a robot.
+    /// Folder of the files that the list names: .bvh, .glb or .npz, or .csv for a robot.
     #[arg(long, value_name = "DIR")]
     pub(super) data: PathBuf,
 

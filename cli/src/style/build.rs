@@ -12,7 +12,7 @@ use super::list::{Entry, StyleList};
 use super::rebuild::rebuild;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::files::{Scale, clip_ending};
+use crate::files::{Scale, clip_in};
 
 pub(super) async fn run(context: &Context, command: &Build) -> Result<(), Failure> {
     let list = StyleList::read(&command.list)?;
@@ -103,10 +103,7 @@ impl Builder<'_> {
                     parts.len()
                 )));
             }
-            let paths: Vec<_> = parts
-                .iter()
-                .map(|p| data.join(format!("{}.{}", p.clip, clip_ending(self.pack))))
-                .collect();
+            let paths: Vec<_> = parts.iter().map(|p| clip_in(data, &p.clip, self.pack)).collect();
             let places: Vec<GaitSource<'_>> = parts
                 .iter()
                 .zip(&paths)

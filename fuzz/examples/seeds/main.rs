@@ -1,4 +1,4 @@
-//! Writes the seeds of the targets `calls`, `snapshot` and `websocket` anew: `cargo run -p troupe-fuzz --example seeds`. To be run
+//! Writes the seeds of the targets `calls`, `glb`, `npz`, `snapshot` and `websocket` anew: `cargo run -p troupe-fuzz --example seeds`. To be run
 //! where a call or what is kept has changed.
 
 mod calls;
@@ -6,9 +6,13 @@ mod calls;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use prost::Message as _;
 use troupe_fuzz::{HEAD_BYTES, Local, SEPARATOR};
+use troupe_motion::files::write_npz;
+use troupe_motion::glb::write_glb;
+use troupe_motion::{Clip, Joint, Quat, Skeleton, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent;
 use troupe_proto::v1::drive_request::Message as Ask;
@@ -33,6 +37,7 @@ type Problem = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Problem> {
     calls::write_all()?;
+    clips()?;
     websocket()?;
     snapshot()
 }
@@ -43,6 +48,26 @@ fn folder(target: &str) -> PathBuf {
 
 fn write(target: &str, name: &str, bytes: &[u8]) -> io::Result<()> {
     fs::write(folder(target).join(name), bytes)
+}
+
+/// Two joints that turn for three frames, as a file of each format that has no text.
+fn clips() -> Result<(), Problem> {
+    let joint = |name: &str, parent, offset_m| Joint {
+        name: name.to_owned(),
+        parent,
+        offset_m,
+    };
+    let joints = vec![
+        joint("Hips", None, Vec3::ZERO),
+        joint("Foot", Some(0), Vec3::NEG_Y),
+    ];
+    let skeleton = Arc::new(Skeleton::new(joints, Vec3::X, 0.0, None)?);
+    let roots = (0..3).map(|frame| Vec3::new(0.0, 1.0, 0.5 * frame as f32));
+    let turns = (0..6).map(|nth| Quat::from_rotation_x(0.1 * nth as f32));
+    let clip = Clip::new(skeleton, 2.0, roots.collect(), turns.collect())?;
+    write("glb", "two-joints.glb", &write_glb(&clip)?)?;
+    write("npz", "two-joints.npz", &write_npz(&clip)?)?;
+    Ok(())
 }
 
 fn vec3(x: f32, y: f32, z: f32) -> Option<v1::Vec3> {

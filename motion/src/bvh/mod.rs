@@ -11,10 +11,10 @@
 mod convert;
 mod euler;
 mod parse;
-mod sides;
 mod write;
 
-pub use convert::{BvhOptions, BvhWriteOptions, ConvertError};
+pub use crate::convert::ConvertError;
+pub use convert::{BvhOptions, BvhWriteOptions};
 pub use euler::EulerOrder;
 pub use parse::{BvhError, BvhErrorKind, parse, parse_bytes};
 pub use write::write;

@@ -11,7 +11,7 @@ use crate::values::positive;
 /// Measuring on held-out clips.
 #[derive(Debug, Args)]
 pub(crate) struct GapEval {
-    /// Folder of clips: BVH files.
+    /// Folder of clips: .bvh, .glb or .npz, or .csv for a robot.
     #[arg(long, value_name = "DIR", required = true)]
     data: Option<PathBuf>,
 

@@ -25,7 +25,7 @@ pub(crate) struct Live {
     #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
     pub(super) styles: Vec<String>,
 
-    /// Folder of BVH files with the clips that the styles were made from.
+    /// Folder of the clips that the styles were made from: .bvh, .glb or .npz, or .csv for a robot.
     #[arg(long, value_name = "DIR", requires = "list")]
     pub(super) data: Option<PathBuf>,
 

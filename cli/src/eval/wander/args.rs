@@ -48,7 +48,7 @@ pub(crate) struct Wander {
     #[arg(long, value_name = "FILE", requires = "data")]
     pub(super) evaluator: Option<PathBuf>,
 
-    /// Folder of clips that FID is measured to: BVH files.
+    /// Folder of clips that FID is measured to: .bvh, .glb or .npz, or .csv for a robot.
     #[arg(long, value_name = "DIR", requires = "evaluator")]
     pub(super) data: Option<PathBuf>,
 

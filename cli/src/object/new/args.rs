@@ -30,7 +30,7 @@ Examples:
 --release 80 --out cup.toml
   troupe object new --from bow.bvh --frames 20,58 --name wayside --pack-folder models/human | less")]
 pub(crate) struct New {
-    /// Motion clip in BVH format.
+    /// Motion clip: .bvh, .glb (reach.glb#Pick for one animation of several) or .npz.
     #[arg(long, value_name = "FILE")]
     pub(super) from: PathBuf,
 

@@ -1,5 +1,5 @@
 //! Writes a clip as binary glTF 2.0: a node a joint, one animation, and a plain mesh a bone so that viewers show
-//! something. glTF's axes and units are Troupe's own.
+//! something.
 
 use gltf_json as json;
 use json::accessor::{ComponentType, GenericComponentType, Type};

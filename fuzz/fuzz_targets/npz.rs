@@ -1,0 +1,4 @@
+#![no_main]
+//! See [`troupe_fuzz::npz`].
+
+troupe_fuzz::target!(npz);

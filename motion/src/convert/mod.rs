@@ -1,0 +1,363 @@
+//! From a file's hierarchy, whatever its format, to a [`Clip`].
+
+mod sides;
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3, Quat, Vec3};
+
+use self::sides::left_axis_of;
+use crate::clip::{Clip, ClipError, MAX_ROTATIONS};
+use crate::skeleton::{Joint, MAX_JOINTS, Skeleton, SkeletonError};
+
+/// Joints that move in each other, as a file has them, in its own units.
+pub(crate) trait Source {
+    /// Number of joints.
+    fn joint_count(&self) -> usize;
+    /// A joint's name.
+    fn name(&self, joint: usize) -> &str;
+    /// A joint's parent, smaller than the joint's own index.
+    fn parent(&self, joint: usize) -> Option<usize>;
+    /// Whether the file has the joint move in its parent.
+    fn moves(&self, joint: usize) -> bool;
+    /// Whether the joint is more than a node between the world and the joints.
+    fn is_joint(&self, joint: usize) -> bool;
+    /// Number of frames.
+    fn frames(&self) -> usize;
+    /// Frames a second.
+    fn fps(&self) -> f32;
+    /// Transforms of all joints in their parents in one frame.
+    fn locals(&self, frame: usize, out: &mut [Transform]);
+}
+
+/// What a format's options come to; [`BvhOptions`](crate::bvh::BvhOptions) documents them.
+pub(crate) struct Rules {
+    pub(crate) scale_to_metres: f32,
+    pub(crate) fold_root: bool,
+    pub(crate) left_axis: Option<Vec3>,
+    pub(crate) max_offset_variation_m: f32,
+    pub(crate) max_offset_error_m: f32,
+}
+
+/// Why a file's motion cannot become a clip.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConvertError {
+    /// More than one root.
+    #[error("the file has {0} roots, but a clip has one")]
+    SeveralRoots(usize),
+    /// Joints of the skeleton that the file lacks.
+    #[error("the file lacks joints of the skeleton: {}", .0.join(", "))]
+    MissingJoints(Vec<String>),
+    /// A joint that moves in its parent.
+    #[error(
+        "joint {joint:?} moves in its parent: by {variation_m} m, most in frame {frame}; only the root may"
+    )]
+    VaryingOffset {
+        /// The joint.
+        joint: String,
+        /// The frame farthest from the first, counted from 0.
+        frame: usize,
+        /// How far it moves, metres.
+        variation_m: f32,
+    },
+    /// A bone of another length or direction than the skeleton's.
+    #[error(
+        "joint {joint:?} stands {error_m} m from the skeleton's offset (frame {frame}); the skeletons differ"
+    )]
+    OffsetMismatch {
+        /// The joint.
+        joint: String,
+        /// The frame in which it is farthest, counted from 0.
+        frame: usize,
+        /// How far, metres.
+        error_m: f32,
+    },
+    /// A scale that is not finite and positive.
+    #[error("the scale must be finite and positive, not {0}")]
+    Scale(f32),
+    /// Frames times joints are more than [`MAX_ROTATIONS`]. Joints without channels take no text in a frame, so a small file
+    /// could else ask for any amount of memory.
+    #[error(
+        "{frames} frames of {joints} joints are too many: at most {} frames of so many joints are converted",
+        MAX_ROTATIONS / (*joints).max(1)
+    )]
+    TooLong {
+        /// Frames of the file.
+        frames: usize,
+        /// Joints of the file.
+        joints: usize,
+    },
+    /// The joints do not make a skeleton; for example they are more than [`MAX_JOINTS`](crate::skeleton::MAX_JOINTS).
+    #[error(transparent)]
+    Skeleton(#[from] SkeletonError),
+    /// The frames do not make a clip.
+    #[error(transparent)]
+    Clip(#[from] ClipError),
+}
+
+/// The joints of a file that a clip takes: index in the file, and the parent's place among the taken.
+type Taken = Vec<(usize, Option<usize>)>;
+
+/// A clip with a skeleton of its own, made from the file's joints in their order. Offsets are the mean places of the joints in
+/// their parents.
+pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, ConvertError> {
+    let roots = (0..source.joint_count())
+        .filter(|&j| source.parent(j).is_none())
+        .count();
+    if roots != 1 {
+        return Err(ConvertError::SeveralRoots(roots));
+    }
+    // What is too long is not played to find its root. Whether it has too many joints comes first all the same.
+    let checked = check(source, rules);
+    let root = if checked.is_ok() {
+        character_root(source, rules)
+    } else {
+        0
+    };
+    let taken = subtree(source, root);
+    if taken.len() > MAX_JOINTS {
+        return Err(SkeletonError::TooManyJoints(taken.len()).into());
+    }
+    let played = play(source, &taken, None, rules)?;
+    let mut joints = Vec::with_capacity(taken.len());
+    for (nth, (&(index, parent), place)) in taken.iter().zip(&played.places).enumerate() {
+        let name = source.name(index).to_owned();
+        if nth > 0 && place.farthest_m > rules.max_offset_variation_m {
+            return Err(ConvertError::VaryingOffset {
+                joint: name,
+                frame: place.frame,
+                variation_m: place.farthest_m,
+            });
+        }
+        // The root's place is the clip's root position.
+        let offset_m = if nth == 0 {
+            Vec3::ZERO
+        } else {
+            place.mean(source.frames())
+        };
+        joints.push(Joint {
+            name,
+            parent,
+            offset_m,
+        });
+    }
+    let left_axis = rules.left_axis.unwrap_or_else(|| left_axis_of(&joints));
+    let skeleton = Skeleton::new(joints, left_axis, 0.0, None)?;
+    Ok(Clip::new(
+        Arc::new(skeleton),
+        source.fps(),
+        played.root_positions,
+        played.rotations,
+    )?)
+}
+
+/// A clip on a given skeleton; joints go by name. Joints of the file that the skeleton lacks are folded into their descendants'
+/// world transforms.
+pub(crate) fn to_clip_on(
+    source: &impl Source,
+    skeleton: &Arc<Skeleton>,
+    rules: &Rules,
+) -> Result<Clip, ConvertError> {
+    let index: HashMap<&str, usize> = (0..source.joint_count())
+        .rev()
+        .map(|i| (source.name(i), i))
+        .collect();
+    let mut taken = Taken::with_capacity(skeleton.joint_count());
+    let mut missing = Vec::new();
+    for joint in &skeleton.joints {
+        match index.get(joint.name.as_str()) {
+            Some(&i) => taken.push((i, joint.parent)),
+            None => missing.push(joint.name.clone()),
+        }
+    }
+    if !missing.is_empty() {
+        return Err(ConvertError::MissingJoints(missing));
+    }
+    let played = play(source, &taken, Some(skeleton), rules)?;
+    for (joint, place) in skeleton.joints.iter().zip(&played.places).skip(1) {
+        if place.farthest_m > rules.max_offset_error_m {
+            return Err(ConvertError::OffsetMismatch {
+                joint: joint.name.clone(),
+                frame: place.frame,
+                error_m: place.farthest_m,
+            });
+        }
+    }
+    Ok(Clip::new(
+        Arc::clone(skeleton),
+        source.fps(),
+        played.root_positions,
+        played.rotations,
+    )?)
+}
+
+/// Refuses what would take too much to play, before anything is played.
+fn check(source: &impl Source, rules: &Rules) -> Result<(), ConvertError> {
+    let (frames, joints) = (source.frames(), source.joint_count());
+    if frames.saturating_mul(joints) > MAX_ROTATIONS {
+        return Err(ConvertError::TooLong { frames, joints });
+    }
+    let scale = rules.scale_to_metres;
+    match scale.is_finite() && scale > 0.0 {
+        true => Ok(()),
+        false => Err(ConvertError::Scale(scale)),
+    }
+}
+
+/// First joint from the root on that does not merely place its only child.
+fn character_root(source: &impl Source, rules: &Rules) -> usize {
+    let far = f64::from(rules.max_offset_variation_m) / f64::from(rules.scale_to_metres);
+    let mut root = 0;
+    loop {
+        let mut children = (0..source.joint_count()).filter(|&j| source.parent(j) == Some(root));
+        let (Some(child), None) = (children.next(), children.next()) else {
+            return root;
+        };
+        let places = !source.is_joint(root)
+            || (rules.fold_root && source.moves(child) && places_only(source, root, child, far));
+        if !places {
+            return root;
+        }
+        root = child;
+    }
+}
+
+/// Whether a root never moves, or its child moves in it farther than `far`, in the file's units.
+fn places_only(source: &impl Source, root: usize, child: usize, far: f64) -> bool {
+    let mut locals = vec![Transform::default(); source.joint_count()];
+    let (mut first, mut still, mut way) = (None, true, 0.0_f64);
+    for frame in 0..source.frames() {
+        source.locals(frame, &mut locals);
+        let (root_first, child_first) = *first.get_or_insert((locals[root], locals[child]));
+        still &= locals[root] == root_first;
+        way = way.max((locals[child].place - child_first.place).abs().max_element());
+    }
+    still || way > far
+}
+
+/// `root` and all below it, in the file's order.
+fn subtree(source: &impl Source, root: usize) -> Taken {
+    let mut place = vec![None; source.joint_count()];
+    let mut taken = Taken::new();
+    for index in 0..source.joint_count() {
+        let parent = source.parent(index).and_then(|p| place[p]);
+        if index == root || parent.is_some() {
+            place[index] = Some(taken.len());
+            taken.push((index, parent));
+        }
+    }
+    taken
+}
+
+/// Plays every frame of the file and takes what the clip needs of it. The joints' places are held against the offsets of
+/// `skeleton`, whose joints are `taken`, or against those of the first frame.
+fn play(
+    source: &impl Source,
+    taken: &Taken,
+    skeleton: Option<&Skeleton>,
+    rules: &Rules,
+) -> Result<Played, ConvertError> {
+    check(source, rules)?;
+    let (frames, joints) = (source.frames(), source.joint_count());
+    let scale = f64::from(rules.scale_to_metres);
+    let mut local = vec![Transform::default(); joints];
+    let mut world = local.clone();
+    let rest = |nth: usize| JointOffset {
+        rest: skeleton.map(|s| s.joints[nth].offset_m),
+        ..JointOffset::default()
+    };
+    let mut played = Played {
+        root_positions: Vec::with_capacity(frames),
+        rotations: Vec::with_capacity(frames * taken.len()),
+        places: (0..taken.len()).map(rest).collect(),
+    };
+    for frame in 0..frames {
+        source.locals(frame, &mut local);
+        for j in 0..joints {
+            world[j] = match source.parent(j) {
+                None => local[j],
+                Some(p) => world[p].to_world(&local[j]),
+            };
+        }
+        for (&(index, parent), at) in taken.iter().zip(&mut played.places) {
+            let parent = parent.map(|p| taken[p].0);
+            let Transform { place, turn } = match parent {
+                None => Transform {
+                    place: DVec3::ZERO,
+                    turn: world[index].turn,
+                },
+                Some(parent) if source.parent(index) == Some(parent) => local[index],
+                Some(parent) => world[parent].to_local(&world[index]),
+            };
+            if parent.is_none() {
+                played.root_positions.push((world[index].place * scale).as_vec3());
+            }
+            at.note(frame, (place * scale).as_vec3());
+            played.rotations.push(turn.normalize().as_quat());
+        }
+    }
+    Ok(played)
+}
+
+/// Where a joint is and how it is turned.
+#[derive(Clone, Copy, Default, PartialEq)]
+pub(crate) struct Transform {
+    pub(crate) place: DVec3,
+    pub(crate) turn: DQuat,
+}
+
+impl Transform {
+    /// The world transform of a child whose transform in this joint is `child`.
+    fn to_world(self, child: &Self) -> Self {
+        Self {
+            place: self.place + self.turn * child.place,
+            turn: self.turn * child.turn,
+        }
+    }
+
+    /// The transform in this joint of something whose world transform is `other`.
+    fn to_local(self, other: &Self) -> Self {
+        let back = self.turn.inverse();
+        Self {
+            place: back * (other.place - self.place),
+            turn: back * other.turn,
+        }
+    }
+}
+
+/// What a clip takes of a played file.
+struct Played {
+    root_positions: Vec<Vec3>,
+    /// `frames * taken`.
+    rotations: Vec<Quat>,
+    /// One a joint taken.
+    places: Vec<JointOffset>,
+}
+
+/// Where a joint is in its parent over a clip, metres.
+#[derive(Default)]
+struct JointOffset {
+    /// What places are held against; the first of them where it is not given.
+    rest: Option<Vec3>,
+    sum: DVec3,
+    /// Largest distance from `rest`.
+    farthest_m: f32,
+    /// The frame of it.
+    frame: usize,
+}
+
+impl JointOffset {
+    fn note(&mut self, frame: usize, place: Vec3) {
+        self.sum += place.as_dvec3();
+        let distance_m = place.distance(*self.rest.get_or_insert(place));
+        if distance_m > self.farthest_m {
+            (self.farthest_m, self.frame) = (distance_m, frame);
+        }
+    }
+
+    fn mean(&self, frames: usize) -> Vec3 {
+        (self.sum / frames.max(1) as f64).as_vec3()
+    }
+}

@@ -1,0 +1,394 @@
+//! NumPy's files: a clip as named arrays (`.npz`), and a robot's `qpos` as one array (`.npy`).
+
+use std::collections::HashMap;
+use std::io::{Cursor, Read as _, Write as _};
+use std::sync::Arc;
+
+use glam::{Quat, Vec3};
+use npyz::{
+    AutoSerialize, DType, Deserialize, NpyFile, Serialize, TypeStr, WriteOptions, WriterBuilder as _,
+};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
+
+use crate::clip::{Clip, ClipError, MAX_FRAMES, MAX_ROTATIONS};
+use crate::contacts;
+use crate::fk::WorldMotion;
+use crate::robot::{Fitted, Robot};
+use crate::rotation::{align_sign, from_wxyz, to_wxyz};
+use crate::skeleton::{Joint, Skeleton};
+
+/// The most bytes of an array that is read, once it is unpacked.
+const MAX_ARRAY_BYTES: u64 = 16 * MAX_ROTATIONS as u64 + 4096;
+/// How far a rotation may be from unit length.
+const UNIT_TOLERANCE: f32 = 1e-3;
+
+/// Why a NumPy file was not read or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NumpyError {
+    /// No zip archive, or one that is broken.
+    #[error("no .npz archive: {0}")]
+    Archive(String),
+    /// An array that cannot be used.
+    #[error("array {name:?}: {reason}")]
+    Array {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Joints of the skeleton that the file lacks.
+    #[error("joint_names lacks joints of the skeleton: {}", .0.join(", "))]
+    MissingJoints(Vec<String>),
+    /// The skeleton has no hinges.
+    #[error("the skeleton is no robot's: it has no hinges that numbers could be angles of")]
+    NoRobot,
+    /// The frames do not make a clip.
+    #[error(transparent)]
+    Clip(#[from] ClipError),
+}
+
+impl NumpyError {
+    fn array(name: &str, reason: impl std::fmt::Display) -> Self {
+        Self::Array {
+            name: name.to_owned(),
+            reason: reason.to_string(),
+        }
+    }
+}
+
+/// A clip as an `.npz` archive, whose arrays are:
+///
+/// | array | shape | type | holds |
+/// |---|---|---|---|
+/// | `positions` | frames, joints, 3 | float32 | places in the world, metres |
+/// | `quaternions` | frames, joints, 4 | float32 | rotations w x y z: joint 0 in the world, others relative to their parents |
+/// | `root` | frames, 3 | float32 | place of joint 0, metres |
+/// | `fps` | | float32 | frames a second |
+/// | `joint_names` | joints | text | |
+/// | `parents` | joints | int32 | -1 for joint 0 |
+/// | `offsets` | joints, 3 | float32 | offset from the parent in its frame, metres |
+/// | `contacts` | frames, contact joints | bool | whether they touch the ground; only if the skeleton has contact joints |
+/// | `contact_joints` | contact joints | text | which joints those are |
+/// | `qpos` | frames, 7 + hinges | float32 | MuJoCo's numbers; only for robots |
+///
+/// The same clip gives the same bytes.
+///
+/// # Errors
+/// [`NumpyError`] where memory or the format's sizes do not suffice.
+pub fn write_npz(clip: &Clip) -> Result<Vec<u8>, NumpyError> {
+    let skeleton = &*clip.skeleton;
+    let (frames, joints) = (clip.frames(), skeleton.joint_count());
+    let world = WorldMotion::from_clip(clip);
+    let mut archive = Archive(ZipWriter::new(Cursor::new(Vec::new())));
+    let floats = |vectors: &[Vec3]| -> Vec<f32> { vectors.iter().flat_map(|v| v.to_array()).collect() };
+    archive.add("positions", &[frames, joints, 3], &floats(&world.positions))?;
+    archive.add("quaternions", &[frames, joints, 4], &quaternions(clip))?;
+    archive.add("root", &[frames, 3], &floats(&clip.root_positions))?;
+    archive.add("fps", &[], &[clip.fps])?;
+    let names: Vec<&str> = skeleton.joints.iter().map(|joint| &*joint.name).collect();
+    archive.add_names("joint_names", &names)?;
+    let parent = |joint: &Joint| joint.parent.map_or(-1, |parent| parent as i32);
+    let parents: Vec<i32> = skeleton.joints.iter().map(parent).collect();
+    archive.add("parents", &[joints], &parents)?;
+    let offsets: Vec<Vec3> = skeleton.joints.iter().map(|joint| joint.offset_m).collect();
+    archive.add("offsets", &[joints, 3], &floats(&offsets))?;
+    if let Some(params) = &skeleton.contacts {
+        let touch = contacts::detect(&world, params, skeleton.ground_y_m, clip.fps);
+        archive.add("contacts", &[frames, params.len()], &touch)?;
+        let which: Vec<&str> = params.joints.iter().map(|&joint| names[joint]).collect();
+        archive.add_names("contact_joints", &which)?;
+    }
+    if let Some(robot) = &skeleton.robot {
+        archive.add("qpos", &[frames, robot.qpos_len()], &qpos(clip, robot))?;
+    }
+    let whole = archive
+        .0
+        .finish()
+        .map_err(|e| NumpyError::Archive(e.to_string()))?;
+    Ok(whole.into_inner())
+}
+
+/// Rotations of all frames, w x y z, without jumps of sign from frame to frame.
+fn quaternions(clip: &Clip) -> Vec<f32> {
+    let joints = clip.skeleton.joint_count();
+    let mut out = Vec::with_capacity(4 * clip.rotations.len());
+    let mut before = vec![Quat::IDENTITY; joints];
+    for pose in clip.rotations.chunks_exact(joints) {
+        for (&rotation, before) in pose.iter().zip(&mut before) {
+            *before = align_sign(rotation, *before);
+            out.extend(to_wxyz(*before));
+        }
+    }
+    out
+}
+
+/// MuJoCo's numbers of all frames, on the hinges and within their limits.
+fn qpos(clip: &Clip, robot: &Robot) -> Vec<f32> {
+    let size = robot.qpos_len();
+    let mut out = vec![0.0; clip.frames() * size];
+    let mut pose = vec![Quat::IDENTITY; clip.skeleton.joint_count()];
+    let mut fitted = Fitted::default();
+    let mut before = Quat::IDENTITY;
+    for (frame, row) in out.chunks_exact_mut(size).enumerate() {
+        pose.copy_from_slice(clip.rotations_at(frame));
+        robot.fit(&mut pose, &mut fitted);
+        before = align_sign(pose[0], before);
+        robot.write_qpos(clip.root_positions[frame], before, &fitted.angles, row);
+    }
+    out
+}
+
+/// A robot's clip as an `.npy` array: frames of MuJoCo's `qpos`, float32.
+///
+/// # Errors
+/// [`NumpyError::NoRobot`].
+pub fn write_qpos(clip: &Clip) -> Result<Vec<u8>, NumpyError> {
+    let robot = clip.skeleton.robot.as_ref().ok_or(NumpyError::NoRobot)?;
+    let mut bytes = Vec::new();
+    let shape = [clip.frames(), robot.qpos_len()];
+    write_array(&mut bytes, &shape, &qpos(clip, robot)).map_err(|e| NumpyError::array("qpos", e))?;
+    Ok(bytes)
+}
+
+/// Reads an `.npy` array of a robot's `qpos` as a clip of `fps` frames a second. Angles are taken as they are.
+///
+/// # Errors
+/// [`NumpyError`], with the row that is wrong.
+pub fn read_qpos(bytes: &[u8], skeleton: &Arc<Skeleton>, fps: f32) -> Result<Clip, NumpyError> {
+    let robot = skeleton.robot.as_ref().ok_or(NumpyError::NoRobot)?;
+    let (shape, numbers) = read_array(bytes).map_err(|reason| NumpyError::array("qpos", reason))?;
+    let (size, joints) = (robot.qpos_len(), skeleton.joint_count());
+    let rows = rows_of("qpos", &shape, &[size])?;
+    if rows > MAX_FRAMES.min(MAX_ROTATIONS / joints) {
+        return Err(NumpyError::array(
+            "qpos",
+            format_args!("{rows} rows are too many"),
+        ));
+    }
+    let mut roots = Vec::with_capacity(rows);
+    let mut rotations = vec![Quat::IDENTITY; rows * joints];
+    for (row, (numbers, pose)) in numbers
+        .chunks_exact(size)
+        .zip(rotations.chunks_exact_mut(joints))
+        .enumerate()
+    {
+        if !numbers.iter().all(|n| n.is_finite()) {
+            return Err(NumpyError::array("qpos", format_args!("row {row} is not finite")));
+        }
+        let (root, rotation, angles) = robot.read_qpos(numbers);
+        let rotation = unit(rotation)
+            .map_err(|why| NumpyError::array("qpos", format_args!("row {row}, numbers 4 to 7: {why}")))?;
+        roots.push(root);
+        robot.pose(rotation, angles, pose);
+    }
+    Ok(Clip::new(Arc::clone(skeleton), fps, roots, rotations)?)
+}
+
+/// Reads an `.npz` archive as [`write_npz`] makes them onto a skeleton, joints by name: `quaternions`, `root`, `fps` and
+/// `joint_names` count. Joints that the skeleton lacks are left out.
+///
+/// # Errors
+/// [`NumpyError`], with the array that is wrong.
+pub fn read_npz(bytes: &[u8], skeleton: &Arc<Skeleton>) -> Result<Clip, NumpyError> {
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| NumpyError::Archive(e.to_string()))?;
+    let mut entry = |name: &str| unpack(&mut archive, name);
+    let names = read_names(&entry("joint_names")?).map_err(|e| NumpyError::array("joint_names", e))?;
+    let mut floats = |name: &str| {
+        let bytes = entry(name)?;
+        read_array(&bytes).map_err(|reason| NumpyError::array(name, reason))
+    };
+    let (_, fps) = floats("fps")?;
+    let [fps] = fps[..] else {
+        return Err(NumpyError::array("fps", "it must be one number"));
+    };
+    let (shape, root) = floats("root")?;
+    let frames = rows_of("root", &shape, &[3])?;
+    let (shape, numbers) = floats("quaternions")?;
+    if rows_of("quaternions", &shape, &[names.len(), 4])? != frames {
+        let reason = format!("{} frames, but root has {frames}", shape[0]);
+        return Err(NumpyError::array("quaternions", reason));
+    }
+    let joints = skeleton.joint_count();
+    if frames > MAX_FRAMES.min(MAX_ROTATIONS / joints) {
+        return Err(NumpyError::array(
+            "root",
+            format_args!("{frames} frames are too many"),
+        ));
+    }
+    let place: HashMap<&str, usize> = names.iter().enumerate().rev().map(|(i, n)| (&**n, i)).collect();
+    let found: Vec<Option<usize>> = skeleton
+        .joints
+        .iter()
+        .map(|j| place.get(&*j.name).copied())
+        .collect();
+    let missing: Vec<String> = skeleton
+        .joints
+        .iter()
+        .zip(&found)
+        .filter(|(_, place)| place.is_none())
+        .map(|(joint, _)| joint.name.clone())
+        .collect();
+    if !missing.is_empty() {
+        return Err(NumpyError::MissingJoints(missing));
+    }
+    let mut rotations = Vec::with_capacity(frames * joints);
+    for (frame, pose) in numbers.chunks_exact(4 * names.len()).enumerate() {
+        for joint in found.iter().flatten() {
+            let at = &pose[4 * joint..4 * joint + 4];
+            let rotation = unit(from_wxyz([at[0], at[1], at[2], at[3]])).map_err(|why| {
+                NumpyError::array(
+                    "quaternions",
+                    format_args!("frame {frame}, joint {:?}: {why}", names[*joint]),
+                )
+            })?;
+            rotations.push(rotation);
+        }
+    }
+    let roots = root.chunks_exact(3).map(Vec3::from_slice).collect();
+    Ok(Clip::new(Arc::clone(skeleton), fps, roots, rotations)?)
+}
+
+/// A rotation of unit length, if it is near to that.
+fn unit(rotation: Quat) -> Result<Quat, String> {
+    let length = rotation.length();
+    match (length - 1.0).abs() <= UNIT_TOLERANCE {
+        true => Ok(rotation / length),
+        false => Err(format!("a rotation of length {length}; allowed: 0.999 to 1.001")),
+    }
+}
+
+/// Rows of an array whose other sizes are `rest`.
+fn rows_of(name: &str, shape: &[u64], rest: &[usize]) -> Result<usize, NumpyError> {
+    match shape {
+        [rows, others @ ..] if others.iter().copied().eq(rest.iter().map(|&n| n as u64)) => {
+            Ok(*rows as usize)
+        }
+        _ => {
+            let rest: Vec<String> = rest.iter().map(usize::to_string).collect();
+            let wanted = rest.join(", ");
+            Err(NumpyError::array(
+                name,
+                format_args!("shape {shape:?}; it must be frames, {wanted}"),
+            ))
+        }
+    }
+}
+
+/// An archive that grows. Nothing is compressed, and no time is noted.
+struct Archive(ZipWriter<Cursor<Vec<u8>>>);
+
+impl Archive {
+    fn add<T: AutoSerialize + Serialize>(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        values: &[T],
+    ) -> Result<(), NumpyError> {
+        let mut bytes = Vec::new();
+        write_array(&mut bytes, shape, values).map_err(|e| NumpyError::array(name, e))?;
+        self.store(name, &bytes)
+    }
+
+    fn add_names(&mut self, name: &str, names: &[&str]) -> Result<(), NumpyError> {
+        let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(1);
+        let text = format!("<U{longest}").parse::<TypeStr>();
+        let text = text.map_err(|e| NumpyError::array(name, e))?;
+        let mut bytes = Vec::new();
+        let write = || {
+            let mut writer = WriteOptions::<str>::new()
+                .dtype(DType::new_scalar(text))
+                .shape(&[names.len() as u64])
+                .writer(&mut bytes)
+                .begin_nd()?;
+            for name in names {
+                writer.push(name)?;
+            }
+            writer.finish()
+        };
+        write().map_err(|e| NumpyError::array(name, e))?;
+        self.store(name, &bytes)
+    }
+
+    fn store(&mut self, name: &str, bytes: &[u8]) -> Result<(), NumpyError> {
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Stored)
+            .last_modified_time(DateTime::DEFAULT)
+            .large_file(bytes.len() > 0x7fff_ffff);
+        let stored = (self.0.start_file(format!("{name}.npy"), options)).map_err(std::io::Error::from);
+        let stored = stored.and_then(|()| self.0.write_all(bytes));
+        stored.map_err(|e| NumpyError::array(name, e))
+    }
+}
+
+pub(super) fn write_array<T: AutoSerialize + Serialize>(
+    out: &mut Vec<u8>,
+    shape: &[usize],
+    values: &[T],
+) -> std::io::Result<()> {
+    let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
+    let mut writer = WriteOptions::new()
+        .default_dtype()
+        .shape(&shape)
+        .writer(out)
+        .begin_nd()?;
+    writer.extend(values)?;
+    writer.finish()
+}
+
+/// The bytes of one array of an archive.
+fn unpack(archive: &mut ZipArchive<Cursor<&[u8]>>, name: &str) -> Result<Vec<u8>, NumpyError> {
+    let entry = archive.by_name(&format!("{name}.npy"));
+    let entry = entry.map_err(|e| NumpyError::array(name, e))?;
+    let mut bytes = Vec::new();
+    // By what comes out, not by what the archive says.
+    let read = entry.take(MAX_ARRAY_BYTES + 1).read_to_end(&mut bytes);
+    match read.map_err(|e| NumpyError::array(name, e))? as u64 {
+        size if size > MAX_ARRAY_BYTES => Err(NumpyError::array(name, "it is too large")),
+        _ => Ok(bytes),
+    }
+}
+
+/// Shape and numbers of an array of floats of any size, as float32.
+pub(super) fn read_array(bytes: &[u8]) -> Result<(Vec<u64>, Vec<f32>), String> {
+    let file = open(bytes)?;
+    let shape = file.shape().to_vec();
+    let numbers = match file.try_data::<f32>() {
+        Ok(numbers) => numbers.collect::<Result<Vec<_>, _>>(),
+        Err(file) => match file.try_data::<f64>() {
+            Ok(numbers) => numbers.map(|n| n.map(|n| n as f32)).collect(),
+            Err(file) => match file.try_data::<i64>() {
+                Ok(numbers) => numbers.map(|n| n.map(|n| n as f32)).collect(),
+                Err(file) => {
+                    return Err(format!(
+                        "its type is {}; it must be float32 or float64",
+                        file.dtype().descr()
+                    ));
+                }
+            },
+        },
+    };
+    Ok((shape, numbers.map_err(|e| e.to_string())?))
+}
+
+fn read_names(bytes: &[u8]) -> Result<Vec<String>, String> {
+    collect(open(bytes)?.data::<String>().map_err(|e| e.to_string())?)
+}
+
+fn collect<T: Deserialize>(values: npyz::NpyReader<T, &[u8]>) -> Result<Vec<T>, String> {
+    values.collect::<Result<_, _>>().map_err(|e| e.to_string())
+}
+
+/// Opens an array whose numbers are all there, so that no size is taken from the header alone.
+fn open(bytes: &[u8]) -> Result<NpyFile<&[u8]>, String> {
+    let file = NpyFile::new(bytes).map_err(|e| e.to_string())?;
+    if file.order() != npyz::Order::C && file.shape().len() > 1 {
+        return Err("it is in Fortran's order; np.ascontiguousarray makes it C's".to_owned());
+    }
+    let count = file.shape().iter().try_fold(1_u64, |all, &n| all.checked_mul(n));
+    match count.is_some_and(|count| count <= bytes.len() as u64) {
+        true => Ok(file),
+        false => Err(format!("shape {:?} is more than the file holds", file.shape())),
+    }
+}

@@ -1,0 +1,14 @@
+//! Binary glTF 2.0: writing, and (with the feature `files`) reading the animation of a skeleton. glTF's axes and units are
+//! Troupe's own.
+
+#[cfg(feature = "files")]
+mod keys;
+#[cfg(feature = "files")]
+mod read;
+#[cfg(all(test, feature = "files"))]
+mod tests;
+mod write;
+
+#[cfg(feature = "files")]
+pub use read::{GlbAnimation, GlbOptions, GlbReadError, MAX_NODES, animation_names, parse};
+pub use write::{GlbError, write_glb};
