@@ -19,6 +19,7 @@ pub mod features;
 pub mod fk;
 pub mod gait;
 pub mod glb;
+pub mod gltf;
 pub mod ik;
 pub mod inspect;
 pub mod interpolate;
