@@ -73,7 +73,7 @@ pub fn check(value: Value, models: &[Model]) -> Result<Take, Fault> {
             ),
         ));
     }
-    let style = look(&options, model, &mut notes)?;
+    let look = look(&options, model, &mut notes)?;
     let native = |frame: usize| clock.native(frame).round() as usize;
     Ok(Take {
         model: model.clone(),
@@ -87,7 +87,7 @@ pub fn check(value: Value, models: &[Model]) -> Result<Take, Fault> {
         hold_feet: options.post_processing.unwrap_or(true),
         transition: native(options.transition_frames.unwrap_or(TRANSITION_FRAMES) as usize),
         is_loop: options.is_loop.unwrap_or(false),
-        style,
+        look,
         notes,
     })
 }

@@ -12,7 +12,7 @@ use troupe_motion::{Quat, Vec3};
 use super::limits::{
     MAX_BATCH, MAX_CONSTRAINTS, MAX_SAMPLES, MAX_SECONDS, MAX_VALUES, RECOMMENDED_SECONDS, TEMPERATURES,
 };
-use super::schema::{Joint, Skeleton, axes, units};
+use super::schema::{Joint, Skeleton, coordinates, units};
 use super::skeleton::Axes;
 use crate::inbetween::MAX_PROMPT_CHARS;
 use crate::packs::{LoadedPack, PackTable};
@@ -171,7 +171,7 @@ impl Model {
         };
         Skeleton {
             joints: joints.iter().map(joint).collect(),
-            coordinate_system: axes(),
+            coordinate_system: coordinates(),
             units: units(),
         }
     }
@@ -285,7 +285,7 @@ impl Capabilities {
         Self {
             protocol_version: VERSION,
             rotation_format: "quaternion_xyzw",
-            coordinate_system: axes(),
+            coordinate_system: coordinates(),
             units: units(),
             response_formats: ["gltf_2.0_json"],
             models: models.map(|model| model.describe(max_request_bytes)).collect(),

@@ -152,7 +152,7 @@ fn batch(mut value: Value) -> Result<Vec<Result<Value, Fault>>, Fault> {
 struct Job {
     take: usize,
     chain: Chain,
-    /// Whether its last answer is still to be asked for.
+    /// Why it went no further.
     failure: Option<Failure>,
 }
 

@@ -34,7 +34,7 @@ pub struct Skeleton {
     /// At least one.
     pub joints: Vec<Joint>,
     /// `right_handed_y_up`.
-    #[serde(default = "axes")]
+    #[serde(default = "coordinates")]
     pub coordinate_system: String,
     /// `meters`.
     #[serde(default = "units")]
@@ -42,7 +42,7 @@ pub struct Skeleton {
 }
 
 /// The protocol's axes.
-pub fn axes() -> String {
+pub fn coordinates() -> String {
     "right_handed_y_up".to_owned()
 }
 

@@ -8,7 +8,7 @@ use troupe_motion::{Quat, Vec3};
 use super::fault::{Code, Fault};
 use super::limits::{MAX_PLACE_M, REST_TOLERANCE_M};
 use super::model::Model;
-use super::schema::{Joint, Skeleton, axes, units};
+use super::schema::{Joint, Skeleton, coordinates, units};
 
 /// Most characters of a joint's name.
 const MAX_NAME_CHARS: usize = 128;
@@ -169,7 +169,7 @@ fn foreign(field: impl Into<String>, message: String, allowed: impl Into<String>
 
 fn check_form(skeleton: &Skeleton) -> Result<(), Fault> {
     for (field, found, only) in [
-        ("skeleton.coordinate_system", &skeleton.coordinate_system, axes()),
+        ("skeleton.coordinate_system", &skeleton.coordinate_system, coordinates()),
         ("skeleton.units", &skeleton.units, units()),
     ] {
         if *found != only {

@@ -38,7 +38,7 @@ pub struct Take {
     /// Whether the end meets the start.
     pub is_loop: bool,
     /// How to move.
-    pub style: Look,
+    pub look: Look,
     /// What was done otherwise than asked.
     pub notes: Vec<Note>,
 }
