@@ -47,4 +47,4 @@ def test_skeletons_stand_at_rest(ours):
         contacts = [names.index(name) for name in model["predicted_contact_joints"]]
         if contacts:
             assert abs(places[contacts, 1].min()) < 0.2, (model["id"], places[contacts, 1])
-        assert places[:, 1].max() > 0.1, model["id"]
+        assert np.ptp(places, axis=0).max() > 0.3, model["id"]

@@ -178,11 +178,11 @@ def test_feet_stand_on_uneven_ground(ours):
         if not name.startswith("Foot"):
             continue
         foot = answer.positions()[0, :, answer.names.index(name)]
-        # In the middle of a contact the ankle is as high over its step as it is over a floor.
+        # In the middle of a contact the ankle is as high over a step below the foot as it is over a floor.
         middle = np.convolve(stands, np.ones(5), "same") == 5
-        over = [place[1] - height(place[2]) for place in foot[middle]]
-        assert len(over) > 5
-        assert abs(np.median(over) - 0.12) < 0.06, np.median(over)
+        off = [min(abs(y - height(z + ahead) - 0.12) for ahead in (0, 0.1, 0.2)) for _, y, z in foot[middle]]
+        assert len(off) > 5
+        assert np.median(off) < 0.03, off
 
 
 def test_loops_close(ours, mover):
@@ -198,7 +198,7 @@ def test_loops_close(ours, mover):
             turns = angle(quaternions[1:], quaternions[:-1]).max(axis=-1)
             assert turns[[0, 1, -2, -1]].max() < 2 * turns.max() + 0.05
             speed = np.linalg.norm(np.diff(roots, axis=0), axis=-1)
-            assert abs(speed[0] - speed[-1]) < 0.02, (speed[0], speed[-1])
+            assert abs(speed[0] - speed[-1]) < 1.5 * np.abs(np.diff(speed)).max() + 0.005, (speed[0], speed[-1])
         if path:
             np.testing.assert_allclose((roots[-1] - roots[0])[[0, 2]], [0, 2.2], atol=5e-3)
 

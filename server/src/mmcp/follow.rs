@@ -156,9 +156,17 @@ impl Follow {
         let Some((plan, frame)) = &mut self.plan else {
             return Ok(());
         };
+        let whole = Track::of_motion(motion, frame, &plan.body.rig);
+        let context = plan.body.rig.dims.context_frames;
         let (fresh, _) = plan.take(motion, frame);
-        let made = Track::of_motion(&fresh, frame, &plan.body.rig);
+        let mut made = Track::of_motion(&fresh, frame, &plan.body.rig);
         let before = self.track.len();
+        if let Some(last) = before.checked_sub(1).filter(|_| before >= context) {
+            // The network's own context is near the frames that it was given.
+            let of = |track: &Track, frame: usize| (track.roots[frame], track.pose(frame).to_vec());
+            let (was, is) = (of(&whole, context - 1), of(&self.track, last));
+            made.join((was.0, &was.1), (is.0, &is.1), LEAD_FRAMES);
+        }
         self.track.extend(&made, 0, made.len());
         // So few frames are no past to go on from.
         if before < self.rig().dims.context_frames {

@@ -169,7 +169,11 @@ fn foreign(field: impl Into<String>, message: String, allowed: impl Into<String>
 
 fn check_form(skeleton: &Skeleton) -> Result<(), Fault> {
     for (field, found, only) in [
-        ("skeleton.coordinate_system", &skeleton.coordinate_system, coordinates()),
+        (
+            "skeleton.coordinate_system",
+            &skeleton.coordinate_system,
+            coordinates(),
+        ),
         ("skeleton.units", &skeleton.units, units()),
     ] {
         if *found != only {

@@ -1,8 +1,8 @@
 //! Frames of one motion, as they grow.
 
 use troupe_character::post::{contact_bits, parent_relative, roots, to_world_rotations};
-use troupe_motion::interpolate::smoothstep;
 use troupe_motion::model::{Dims, Motion, Rig};
+use troupe_motion::pin::fade;
 use troupe_motion::root::heading_of;
 use troupe_motion::rotation::{align_sign, slerp_pose, yaw};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
@@ -73,24 +73,35 @@ impl Track {
 
     /// Has the frames from `from` on begin at the pose before them: what they are off by fades over `over` frames.
     pub fn lead_over(&mut self, from: usize, over: usize) {
-        let (joints, len) = (self.joints(), self.len());
+        let len = self.len();
         if from == 0 || from >= len {
             return;
         }
-        let off_m = self.roots[from - 1].y - self.roots[from].y;
-        let (before, at) = (self.pose(from - 1).to_vec(), self.pose(from).to_vec());
-        let turns: Vec<Quat> = before
+        let mut behind = self.part(from, len - from);
+        let height = |frame: usize| Vec3::Y * self.roots[frame].y;
+        let (was, is) = (height(from), height(from - 1));
+        behind.join((was, self.pose(from)), (is, self.pose(from - 1)), over);
+        let before = self.part(0, from);
+        *self = before;
+        self.extend(&behind, 0, len - from);
+    }
+
+    /// Brings the first frames nearer to where they are to go on from: what `is` there differs from what `was` expected (root and
+    /// pose of one frame each) fades over `over` frames.
+    pub fn join(&mut self, was: (Vec3, &[Quat]), is: (Vec3, &[Quat]), over: usize) {
+        let joints = self.joints();
+        let turns: Vec<Quat> = was
+            .1
             .iter()
-            .zip(&at)
-            .map(|(before, at)| {
-                let turn = (*before * at.conjugate()).normalize();
+            .zip(is.1)
+            .map(|(was, is)| {
+                let turn = (*is * was.conjugate()).normalize();
                 if turn.w < 0.0 { -turn } else { turn }
             })
             .collect();
-        for step in 0..over.min(len - from) {
-            let weight = 1.0 - smoothstep((step + 1) as f32 / (over + 1) as f32);
-            let frame = from + step;
-            self.roots[frame].y += off_m * weight;
+        for frame in 0..over.min(self.len()) {
+            let weight = fade(frame + 1, over + 1);
+            self.roots[frame] += (is.0 - was.0) * weight;
             let pose = &mut self.rotations[frame * joints..(frame + 1) * joints];
             for (rotation, turn) in pose.iter_mut().zip(&turns) {
                 *rotation = (Quat::IDENTITY.slerp(*turn, weight) * *rotation).normalize();

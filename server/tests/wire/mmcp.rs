@@ -93,7 +93,7 @@ async fn words_are_for_packs_that_know_them() {
 }
 
 #[tokio::test]
-async fn samples_and_batches_share_steps() {
+async fn samples_and_requests_of_a_batch_are_one_batch() {
     let server = words_server().await;
     let capabilities = capabilities(&server).await;
     let words = model(&capabilities, "words");
