@@ -47,7 +47,13 @@ pub enum Failure {
     Fault(#[from] Fault),
     /// It was accepted, but not served.
     #[error(transparent)]
-    Service(#[from] ServiceError),
+    Service(Box<ServiceError>),
+}
+
+impl From<ServiceError> for Failure {
+    fn from(error: ServiceError) -> Self {
+        Self::Service(Box::new(error))
+    }
 }
 
 impl From<NonFinite> for Failure {

@@ -154,7 +154,7 @@ impl Walk {
                 self.track.extend(&made, 0, fresh);
                 self.track.lead_over(before, self.transition);
                 let short = fresh.saturating_sub(made.len());
-                if short > 0 && self.track.len() > 0 {
+                if short > 0 && !self.track.is_empty() {
                     let message = format!(
                         "the model made {short} frames less than were asked for: it stays in the last"
                     );

@@ -105,11 +105,11 @@ async fn samples_and_requests_of_a_batch_are_one_batch() {
     for result in answer["results"].as_array().unwrap() {
         assert_eq!(result["gltf"]["animations"].as_array().unwrap().len(), 4);
     }
-    // Two parts a job, all eight jobs in each step.
+    // All eight jobs are one batch.
     server
-        .metric("troupe_batch_size_count{model=\"words\"", "2")
+        .metric("troupe_batch_size_count{model=\"words\"", "1")
         .await;
-    server.metric("troupe_batch_size_sum{model=\"words\"", "16").await;
+    server.metric("troupe_batch_size_sum{model=\"words\"", "8").await;
 }
 
 #[tokio::test]

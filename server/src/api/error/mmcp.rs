@@ -28,7 +28,7 @@ impl From<Failure> for ApiError {
     fn from(failure: Failure) -> Self {
         match failure {
             Failure::Fault(fault) => Self::Mmcp(Box::new(fault)),
-            Failure::Service(error) => error.into(),
+            Failure::Service(error) => Self::Service(error),
         }
     }
 }
