@@ -1,6 +1,6 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test python-client web-test fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web picture samples styles eval live-eval object-eval film \
+.PHONY: run test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web picture samples styles eval live-eval object-eval film \
 	film-objects film-crowd image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -45,6 +45,16 @@ web-test: runtime
 # The Python client as users get it: its wheel is built, installed in an environment of its own, checked and tested.
 python-client:
 	scripts/python-client.sh $(ARGS)
+
+# The Motion Model Context Protocol, with its own Python packages as the other side, through a running server with the packs in models/
+mmcp-test: runtime
+	tests/mmcp/setup.sh
+	scripts/with-server.sh target/mmcp/venv/bin/python -m pytest --quiet tests/mmcp
+
+# A request of eight samples of four seconds in one batch, beside one request a sample (ARGS="--samples 4" for others; see --help)
+mmcp-figure: runtime
+	tests/mmcp/setup.sh
+	scripts/with-server.sh target/mmcp/venv/bin/python tests/mmcp/figure.py $(ARGS)
 
 # libFuzzer on one target: make fuzz TARGET=object SECONDS=60 (see fuzz/README.md)
 fuzz:

@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 # Bottom up.
-order=(telemetry clients offload batch packs records wire world session inbetween service api health config server doctor)
+order=(telemetry clients offload batch packs records wire world session inbetween service mmcp api health config server doctor)
 failed=0
 
 fail() {

@@ -20,7 +20,7 @@ packages() {
     fi
 }
 
-chromium() {
+browser() {
     CHROMIUM=$(command -v "${CHROMIUM:-chromium}" || command -v chromium-browser || true)
     if [ -z "$CHROMIUM" ]; then
         [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null || die "chromium is missing: install it, or name one in CHROMIUM"
@@ -48,7 +48,7 @@ build)
     ;;
 e2e)
     packages
-    chromium
+    browser
     shift
     # The runner of the browser tests finds the server by TROUPE_SERVER, or in target/.
     cd web && npm run e2e -- "$@"

@@ -22,6 +22,7 @@ pub mod files;
 pub mod fk;
 pub mod gait;
 pub mod glb;
+pub mod gltf;
 pub mod ik;
 pub mod inspect;
 pub mod interpolate;

@@ -14,6 +14,7 @@
 //! | [`session`] | live characters: commands, steps, streams |
 //! | [`inbetween`] | single requests: from keyframes to tasks, from motion to frames |
 //! | [`service`] | every call, apart from how it travels |
+//! | [`mmcp`] | the protocol of motion tools: requests in its form, answers as glTF |
 //! | [`api`] | gRPC, HTTP, WebSocket, and how errors look there |
 //! | [`health`] | asks a running server whether it is ready |
 //! | [`config`], [`server`], [`doctor`] | options; what runs the rest on a port; what a machine offers |
@@ -51,6 +52,7 @@ pub mod config;
 pub mod doctor;
 pub mod health;
 pub mod inbetween;
+pub mod mmcp;
 pub mod offload;
 pub mod packs;
 pub mod records;

@@ -170,7 +170,17 @@ impl Service {
         }
     }
 
-    fn table(&self) -> Result<&PackTable, ServiceError> {
+    /// How a request that arrived then waits for its turn.
+    pub(crate) fn order(&self, arrived: Instant) -> Order {
+        Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.common.timeout)
+    }
+
+    /// Most characters of a request.
+    pub(crate) fn max_characters(&self) -> usize {
+        self.common.limits.max_characters
+    }
+
+    pub(crate) fn table(&self) -> Result<&PackTable, ServiceError> {
         self.space().map(|space| space.packs.table())
     }
 
@@ -219,7 +229,7 @@ impl Service {
         if let Some(error) = loaded.batcher.refuse(characters.min(most)) {
             return Err(error.into());
         }
-        let order = Order::request(arrived + REQUEST_TARGET).expiring(arrived + self.common.timeout);
+        let order = self.order(arrived);
         let (rig, limits) = (loaded.pack.rig.clone(), self.common.limits);
         let (items, plans) = offload(characters, INLINE_CHARACTERS, move || {
             prepare(&request, &rig, limits)

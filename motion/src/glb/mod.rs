@@ -11,4 +11,5 @@ mod write;
 
 #[cfg(feature = "files")]
 pub use read::{GlbAnimation, GlbOptions, GlbReadError, MAX_NODES, animation_names, parse};
+pub(crate) use write::Builder;
 pub use write::{GlbError, write_glb};

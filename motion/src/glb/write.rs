@@ -1,13 +1,15 @@
 //! Writes a clip as binary glTF 2.0: a node a joint, one animation, and a plain mesh a bone so that viewers show
 //! something.
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use gltf_json as json;
 use json::accessor::{ComponentType, GenericComponentType, Type};
 use json::validation::Checked::Valid;
 use json::validation::USize64;
 use json::{Index, Root};
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 use crate::clip::Clip;
 use crate::rotation::align_sign;
@@ -42,10 +44,13 @@ pub fn write_glb(clip: &Clip) -> Result<Vec<u8>, GlbError> {
 
 /// The JSON root and the binary chunk, as they grow.
 #[derive(Default)]
-struct Builder {
-    root: Root,
+pub(crate) struct Builder {
+    pub(crate) root: Root,
     bytes: Vec<u8>,
 }
+
+/// One animated value of a node: its node, what of it, and the values.
+pub(crate) type Track = (usize, json::animation::Property, Index<json::Accessor>);
 
 impl Builder {
     fn add_nodes(&mut self, clip: &Clip) {
@@ -73,11 +78,16 @@ impl Builder {
                 ..Default::default()
             });
         }
+        self.add_scene(0);
+    }
+
+    /// A scene of the tree below one node.
+    pub(crate) fn add_scene(&mut self, root: usize) {
         self.root.scenes.push(json::Scene {
             extensions: None,
             extras: Default::default(),
             name: None,
-            nodes: vec![Index::new(0)],
+            nodes: vec![Index::new(root as u32)],
         });
         self.root.scene = Some(Index::new(0));
         self.root.asset.generator = Some(concat!("troupe-motion ", env!("CARGO_PKG_VERSION")).to_owned());
@@ -118,9 +128,7 @@ impl Builder {
     }
 
     fn add_animation(&mut self, clip: &Clip) {
-        let times: Vec<f32> = (0..clip.frames()).map(|f| f as f32 / clip.fps).collect();
-        let last = times.last().copied().unwrap_or(0.0);
-        let times = self.add_floats(&times, Type::Scalar, Some((vec![0.0], vec![last])));
+        let times = self.add_times(clip.frames(), clip.fps);
         let mut tracks = vec![(
             0,
             json::animation::Property::Translation,
@@ -128,18 +136,36 @@ impl Builder {
         )];
         let joints = clip.skeleton.joint_count();
         for joint in 0..joints {
-            let mut track = Vec::with_capacity(clip.frames() * 4);
-            let mut before = None;
-            for &q in clip.rotations.iter().skip(joint).step_by(joints) {
-                let q = before.map_or(q, |before| align_sign(q, before));
-                track.extend(q.to_array());
-                before = Some(q);
-            }
-            let output = self.add_floats(&track, Type::Vec4, None);
+            let track = clip.rotations.iter().copied().skip(joint).step_by(joints);
+            let output = self.add_rotations(track);
             tracks.push((joint, json::animation::Property::Rotation, output));
         }
+        self.push_animation("motion", times, tracks);
+    }
+
+    /// The times of so many frames, from 0 on.
+    pub(crate) fn add_times(&mut self, frames: usize, fps: f32) -> Index<json::Accessor> {
+        let times: Vec<f32> = (0..frames).map(|f| f as f32 / fps).collect();
+        let last = times.last().copied().unwrap_or(0.0);
+        self.add_floats(&times, Type::Scalar, Some((vec![0.0], vec![last])))
+    }
+
+    /// The rotations of one joint, each in the hemisphere of the one before.
+    pub(crate) fn add_rotations(&mut self, rotations: impl Iterator<Item = Quat>) -> Index<json::Accessor> {
+        let mut track = Vec::new();
+        let mut before = None;
+        for q in rotations {
+            let q = before.map_or(q, |before| align_sign(q, before));
+            track.extend(q.to_array());
+            before = Some(q);
+        }
+        self.add_floats(&track, Type::Vec4, None)
+    }
+
+    /// An animation of linear tracks that share their times.
+    pub(crate) fn push_animation(&mut self, name: &str, times: Index<json::Accessor>, tracks: Vec<Track>) {
         let (mut samplers, mut channels) = (Vec::new(), Vec::new());
-        for (nth, (joint, property, output)) in tracks.into_iter().enumerate() {
+        for (nth, (node, property, output)) in tracks.into_iter().enumerate() {
             samplers.push(json::animation::Sampler {
                 extensions: None,
                 extras: Default::default(),
@@ -152,25 +178,23 @@ impl Builder {
                 target: json::animation::Target {
                     extensions: None,
                     extras: Default::default(),
-                    node: Index::new(joint as u32),
+                    node: Index::new(node as u32),
                     path: Valid(property),
                 },
                 extensions: None,
                 extras: Default::default(),
             });
         }
-        let name = Some("motion".to_owned());
-        let animation = json::Animation {
+        self.root.animations.push(json::Animation {
             extensions: None,
             extras: Default::default(),
             channels,
-            name,
+            name: Some(name.to_owned()),
             samplers,
-        };
-        self.root.animations.push(animation);
+        });
     }
 
-    fn add_vectors(&mut self, vectors: &[Vec3]) -> Index<json::Accessor> {
+    pub(crate) fn add_vectors(&mut self, vectors: &[Vec3]) -> Index<json::Accessor> {
         let min = vectors.iter().copied().fold(Vec3::INFINITY, Vec3::min);
         let max = vectors.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
         let flat: Vec<f32> = vectors.iter().flat_map(|v| v.to_array()).collect();
@@ -239,15 +263,29 @@ impl Builder {
         })
     }
 
-    /// The container: a header, the JSON chunk, the binary chunk; all lengths are multiples of four.
-    fn finish(mut self) -> Result<Vec<u8>, GlbError> {
+    /// The document alone, its bytes in a `data:` URI.
+    pub(crate) fn into_json(mut self) -> Result<Vec<u8>, GlbError> {
+        let uri = format!(
+            "data:application/octet-stream;base64,{}",
+            STANDARD.encode(&self.bytes)
+        );
+        self.push_buffer(Some(uri));
+        self.root.to_vec().map_err(|e| GlbError::Json(e.to_string()))
+    }
+
+    fn push_buffer(&mut self, uri: Option<String>) {
         self.root.buffers.push(json::Buffer {
             byte_length: USize64::from(self.bytes.len()),
             name: None,
-            uri: None,
+            uri,
             extensions: None,
             extras: Default::default(),
         });
+    }
+
+    /// The container: a header, the JSON chunk, the binary chunk; all lengths are multiples of four.
+    fn finish(mut self) -> Result<Vec<u8>, GlbError> {
+        self.push_buffer(None);
         let mut text = self.root.to_vec().map_err(|e| GlbError::Json(e.to_string()))?;
         pad(&mut text, b' ');
         let total = 12 + 8 + text.len() + 8 + self.bytes.len();
@@ -330,7 +368,7 @@ mod tests {
                 }
                 gltf::animation::util::ReadOutputs::Rotations(v) => {
                     for (f, q) in v.into_f32().enumerate() {
-                        let q = glam::Quat::from_array(q);
+                        let q = Quat::from_array(q);
                         let want = clip.rotations_at(f)[node.index()];
                         assert!(q.dot(want).abs() > 0.999_999, "joint {} frame {f}", node.index());
                     }

@@ -6,6 +6,7 @@
 
 mod batch;
 mod form;
+mod mmcp;
 mod row;
 mod session;
 mod world;
@@ -16,6 +17,7 @@ use super::head::MAX_HEAD_BYTES;
 use super::tokens::TokenError;
 use crate::batch::SubmitError;
 use crate::clients::{Exhausted, Role};
+use crate::mmcp::Fault;
 use crate::service::ServiceError;
 use crate::session::SessionError;
 use crate::world::WorldError;
@@ -48,6 +50,9 @@ pub enum ApiError {
     /// A value that the edge itself does not accept.
     #[error(transparent)]
     Field(#[from] FieldError),
+    /// A request of the Motion Model Context Protocol that is not accepted.
+    #[error(transparent)]
+    Mmcp(Box<Fault>),
     /// A body that is not a request: truncated, no protobuf, no JSON, or with a field of the wrong form.
     #[error("the request cannot be read: {message}")]
     Malformed {
@@ -156,6 +161,7 @@ impl ApiError {
         match self {
             Self::Service(error) => error.row(),
             Self::Field(error) => error.row(),
+            Self::Mmcp(fault) => fault.row(),
             Self::Malformed { message, field } => Row {
                 field: field.as_deref(),
                 description: Some(message.clone()),

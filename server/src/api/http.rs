@@ -2,6 +2,7 @@
 
 pub(super) mod generate;
 pub(super) mod json;
+pub(super) mod mmcp;
 pub(super) mod scenes;
 pub(super) mod sessions;
 mod viewer;
@@ -60,6 +61,8 @@ fn rpcs() -> OpenApiRouter<Arc<Service>> {
             scenes::delete_object
         ))
         .routes(routes!(scenes::detect))
+        .routes(routes!(mmcp::capabilities))
+        .routes(routes!(mmcp::generate))
 }
 
 /// The routes that are no remote procedures, with their documentation.

@@ -13,6 +13,7 @@ mod head;
 mod http;
 pub mod keys;
 mod metrics;
+mod mmcp;
 mod observe;
 mod openapi;
 mod opening;
@@ -90,7 +91,7 @@ pub fn router(
         None => router,
     };
     Ok(observe::observed(
-        head::limited(guard::guarded(router, guard)),
+        mmcp::enveloped(head::limited(guard::guarded(router, guard))),
         service.telemetry(),
     ))
 }

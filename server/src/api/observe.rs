@@ -18,7 +18,7 @@ use crate::telemetry::{RequestContext, RequestId, Telemetry, Traces};
 pub(super) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// How paths of remote procedures begin. Other requests have no traces.
-const RPCS: [&str; 2] = ["/v1/", "/troupe.v1."];
+const RPCS: [&str; 3] = ["/v1/", "/troupe.v1.", "/generate"];
 
 /// What the middleware knows.
 #[derive(Clone)]

@@ -7,6 +7,7 @@ use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement
 use utoipa::openapi::{ContentBuilder, ObjectBuilder, OpenApi, Ref, RefOr, Required, Response, Type};
 
 use super::error::ErrorBody;
+use crate::mmcp::Code;
 
 /// The name of the way to send a key.
 const KEY: &str = "key";
@@ -20,17 +21,63 @@ const KEY: &str = "key";
                        same messages travel over gRPC as troupe.v1.Motion, troupe.v1.Sessions and troupe.v1.Scenes on the same port. A \
                        missing field takes its default (0, false or empty); unknown fields are refused.",
     ),
-    components(schemas(troupe_proto::v1::DriveRequest, ErrorBody)),
+    components(schemas(troupe_proto::v1::DriveRequest, ErrorBody, MmcpError)),
     tags(
         (name = "motion", description = "Single requests: motion between keyframes"),
         (name = "sessions", description = "Live characters"),
         (name = "styles", description = "Ways to move"),
         (name = "scenes", description = "What characters stand on and use"),
         (name = "objects", description = "What characters can do with things"),
+        (name = "mmcp", description = "The Motion Model Context Protocol, which tools such as Blender's Proscenium speak"),
         (name = "operations", description = "What operators need"),
     )
 )]
 struct Frame;
+
+/// Every error of the Motion Model Context Protocol.
+#[derive(utoipa::ToSchema)]
+#[expect(
+    dead_code,
+    reason = "for the document: the protocol's errors are written where they are mapped"
+)]
+struct MmcpError {
+    /// What went wrong.
+    error: MmcpErrorDetail,
+}
+
+/// What went wrong, as the protocol has it.
+#[derive(utoipa::ToSchema)]
+#[expect(dead_code, reason = "for the document")]
+struct MmcpErrorDetail {
+    /// One of the protocol's closed list of codes.
+    code: String,
+    /// What went wrong, for people.
+    message: String,
+    /// The field at fault, what is allowed, and what else there is to tell.
+    #[schema(value_type = Object)]
+    details: serde_json::Value,
+}
+
+/// Adds the protocol's errors, by their statuses.
+fn add_mmcp_errors(operation: &mut Operation) {
+    for code in Code::ALL {
+        let status = code.status().to_string();
+        let responses = &mut operation.responses.responses;
+        let RefOr::T(response) = responses
+            .entry(status)
+            .or_insert_with(|| RefOr::T(Response::new(String::new())))
+        else {
+            continue;
+        };
+        let comma = if response.description.is_empty() { "" } else { ", " };
+        response.description += &format!("{comma}{}", code.name());
+        let schema = Ref::from_schema_name("MmcpError");
+        let content = ContentBuilder::new().schema(Some(schema)).build();
+        response
+            .content
+            .insert("application/json".to_owned(), content.into());
+    }
+}
 
 /// The document without any path.
 pub(super) fn frame() -> OpenApi {
@@ -102,6 +149,9 @@ fn path_parameter(name: &str, collection: &str) -> Parameter {
 /// Adds the errors that all operations of a kind have, and the body of errors.
 fn add_responses(operation: &mut Operation) {
     let tagged = |tag: &str| operation.tags.iter().flatten().any(|name| name == tag);
+    if tagged("mmcp") {
+        return add_mmcp_errors(operation);
+    }
     let needs_packs = ["motion", "styles", "scenes", "objects"].into_iter().any(tagged);
     let has_body = operation.request_body.is_some();
     let has_parameters = operation.parameters.is_some();

@@ -7,6 +7,7 @@ use axum::response::Response;
 use http::{HeaderValue, Version, header};
 
 use super::error::ApiError;
+use super::mmcp;
 use super::observe::with_id;
 
 /// Paths that operators and their tools ask.
@@ -22,6 +23,7 @@ pub fn reserve(router: Router) -> Router {
 
 async fn answer(request: Request, next: Next) -> Response {
     let path = request.uri().path();
+    let is_mmcp = mmcp::is_route(path);
     let version = request.version();
     let mut response = match HEALTH.contains(&path) || path.starts_with(GRPC_HEALTH) {
         true => next.run(request).await,
@@ -32,6 +34,9 @@ async fn answer(request: Request, next: Next) -> Response {
             .await
         }
     };
+    if is_mmcp {
+        response = mmcp::in_envelope(response);
+    }
     // HTTP/2 has no such header; its connections are closed when they are idle.
     if version < Version::HTTP_2 {
         response

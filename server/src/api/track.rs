@@ -192,10 +192,13 @@ impl HttpRpcs {
     }
 }
 
+/// Operations over HTTP that no service of gRPC has.
+const HTTP_ONLY: [&str; 2] = ["MmcpCapabilities", "MmcpGenerate"];
+
 /// The remote procedure of this name.
 fn known(name: &str) -> &'static str {
-    let rpc = RPCS.iter().find(|rpc| rpc.name == name);
-    rpc.map_or("unknown", |rpc| rpc.name)
+    let mut names = RPCS.iter().map(|rpc| rpc.name).chain(HTTP_ONLY);
+    names.find(|known| *known == name).unwrap_or("unknown")
 }
 
 /// The procedure that a gRPC path names.

@@ -15,7 +15,7 @@ use troupe_server::server::PackSource;
 const WORDS: &str = "words";
 
 /// A server with a pack of the toy family beside those of MotionBricks.
-async fn server() -> TestServer {
+pub async fn words_server() -> TestServer {
     let more = |workers| {
         let manifest = Manifest {
             family: troupe_engine::toy::FAMILY.to_owned(),
@@ -75,7 +75,7 @@ async fn parts(server: &TestServer, request: v1::GenerateRequest) -> Vec<v1::Gen
 
 #[tokio::test]
 async fn words_are_acted_out_part_by_part() {
-    let server = server().await;
+    let server = words_server().await;
     let made = parts(&server, prompt("walk to the door", 7)).await;
     assert_eq!(made.len(), 4, "a part a word");
     let last: Vec<bool> = made.iter().map(|part| part.is_last).collect();
@@ -100,7 +100,7 @@ async fn words_are_acted_out_part_by_part() {
 
 #[tokio::test]
 async fn the_same_over_http_as_lines() {
-    let server = server().await;
+    let server = words_server().await;
     let body = serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "wave twice"}}, "seed": 3});
     let client = reqwest::Client::new();
     let answer = client
@@ -128,7 +128,7 @@ async fn the_same_over_http_as_lines() {
 
 #[tokio::test]
 async fn a_motion_is_put_into_words() {
-    let server = server().await;
+    let server = words_server().await;
     let frames: Vec<v1::Keyframe> = common::character(0.0).context;
     let request = v1::GenerateRequest {
         pack: WORDS.to_owned(),
@@ -149,7 +149,7 @@ async fn a_motion_is_put_into_words() {
 #[tokio::test]
 async fn in_between_and_sessions_do_not_know_the_family() {
     const { assert!(STEPS > 1) };
-    let server = server().await;
+    let server = words_server().await;
     let request = v1::InBetweenRequest {
         pack: WORDS.to_owned(),
         characters: vec![common::character(1.0), common::character(2.0)],
@@ -190,7 +190,7 @@ async fn in_between_and_sessions_do_not_know_the_family() {
 
 #[tokio::test]
 async fn a_pack_that_cannot_do_it_says_what_it_can() {
-    let server = server().await;
+    let server = words_server().await;
     let mut request = prompt("walk", 1);
     request.pack = "toy".to_owned();
     let status = server.grpc().await.generate(request).await.unwrap_err();
@@ -233,7 +233,7 @@ async fn a_pack_that_cannot_do_it_says_what_it_can() {
 
 #[tokio::test]
 async fn what_fails_before_the_first_part_is_an_error_of_the_call() {
-    let server = server().await;
+    let server = words_server().await;
     let body = serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "fail"}}});
     let error = json_error(&server, &body).await;
     assert_eq!(error["code"], "INTERNAL");
@@ -241,7 +241,7 @@ async fn what_fails_before_the_first_part_is_an_error_of_the_call() {
 
 #[tokio::test]
 async fn who_leaves_gives_up_the_rest() {
-    let server = server().await;
+    let server = words_server().await;
     let long = vec!["go"; 300].join(" ");
     for _ in 0..20 {
         let mut stream = server

@@ -18,6 +18,7 @@ mod generate;
 mod interactions;
 mod lifecycle;
 mod metrics;
+mod mmcp;
 mod observe;
 mod openapi;
 mod overload;

@@ -168,6 +168,8 @@ impl IntoResponse for ApiError {
             response.headers_mut().insert(header::WWW_AUTHENTICATE, challenge);
         }
         response.extensions_mut().insert(CodeLabel(codes.label));
+        // Routes with another form of errors make theirs of it.
+        response.extensions_mut().insert(self);
         response
     }
 }

@@ -124,6 +124,34 @@ fn wrong_type(headers: &HeaderMap) -> Option<String> {
     (!json).then(|| cut(&text, MAX_PATH))
 }
 
+/// The bytes of a body, whose content type says that it is JSON.
+pub(in crate::api) async fn body<S: Send + Sync>(
+    request: Request,
+    state: &S,
+    limits: &BodyLimits,
+) -> Result<Bytes, ApiError> {
+    let wrong = wrong_type(request.headers());
+    if let Some(found) = wrong.filter(|_| !request.body().is_end_stream()) {
+        return Err(ApiError::WrongType { found });
+    }
+    let too_large = ApiError::TooLarge {
+        limit_bytes: limits.bytes,
+    };
+    let bytes = Bytes::from_request(request, state).await.map_err(|rejection| {
+        match rejection.into_response().status() {
+            StatusCode::PAYLOAD_TOO_LARGE => too_large.clone(),
+            _ => ApiError::Truncated {
+                problem: "it is shorter than announced".to_owned(),
+                limit_bytes: limits.bytes,
+            },
+        }
+    })?;
+    match bytes.len() <= limits.bytes {
+        true => Ok(bytes),
+        false => Err(too_large),
+    }
+}
+
 /// A JSON body, whose content type says so.
 pub(in crate::api) struct JsonBody<T>(pub(in crate::api) T);
 
@@ -133,21 +161,7 @@ impl<S: Send + Sync, T: rpc::Request + DeserializeOwned> FromRequest<S> for Json
     async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
         let limits = request.extensions().get::<BodyLimits>().cloned();
         let limits = limits.ok_or_else(|| ApiError::Internal("no limits are set".to_owned()))?;
-        let wrong = wrong_type(request.headers());
-        if let Some(found) = wrong.filter(|_| !request.body().is_end_stream()) {
-            return Err(ApiError::WrongType { found });
-        }
-        let bytes = Bytes::from_request(request, state).await.map_err(|rejection| {
-            match rejection.into_response().status() {
-                StatusCode::PAYLOAD_TOO_LARGE => ApiError::TooLarge {
-                    limit_bytes: limits.bytes,
-                },
-                _ => ApiError::Truncated {
-                    problem: "it is shorter than announced".to_owned(),
-                    limit_bytes: limits.bytes,
-                },
-            }
-        })?;
+        let bytes = body(request, state, &limits).await?;
         read(&bytes, &limits).map(Self)
     }
 }

@@ -1,0 +1,330 @@
+//! Models of the protocol: a loaded pack is one, or as many as it has bodies.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+use serde_json::{Value, json};
+use troupe_character::style::StyleTable;
+use troupe_motion::fk::local_from_world_rotations;
+use troupe_motion::model::{Body, Capability, Rig};
+use troupe_motion::{Quat, Vec3};
+
+use super::limits::{
+    MAX_BATCH, MAX_CONSTRAINTS, MAX_SAMPLES, MAX_SECONDS, MAX_VALUES, RECOMMENDED_SECONDS, TEMPERATURES,
+};
+use super::schema::{Joint, Skeleton, coordinates, units};
+use super::skeleton::Axes;
+use crate::inbetween::MAX_PROMPT_CHARS;
+use crate::packs::{LoadedPack, PackTable};
+
+/// The version that is spoken.
+pub const VERSION: &str = "1.4";
+
+/// A model.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// Its id: the pack's name, or `PACK/BODY`.
+    pub id: String,
+    /// Its pack.
+    pub loaded: Arc<LoadedPack>,
+    /// The place of its body among the pack's; 0 for a pack of one skeleton.
+    pub place: usize,
+}
+
+/// All models, the default pack's first.
+pub fn models(table: &PackTable) -> Vec<Model> {
+    let mut packs: Vec<&Arc<LoadedPack>> = table.all().collect();
+    packs.sort_by_key(|loaded| !table.is_default(loaded));
+    packs.into_iter().flat_map(of_pack).collect()
+}
+
+fn of_pack(loaded: &Arc<LoadedPack>) -> Vec<Model> {
+    let model = |id: String, place| Model {
+        id,
+        loaded: loaded.clone(),
+        place,
+    };
+    let name = loaded.pack.name();
+    if loaded.pack.bodies.is_empty() {
+        return vec![model(name.to_owned(), 0)];
+    }
+    let first = loaded.place_of("", "").unwrap_or(0);
+    let bodies = loaded.pack.bodies.iter().enumerate();
+    let mut bodies: Vec<Model> = bodies
+        .map(|(place, body)| model(format!("{name}/{}", body.name), place))
+        .collect();
+    bodies.sort_by_key(|model| model.place != first);
+    bodies
+}
+
+impl Model {
+    /// What it animates.
+    pub fn rig(&self) -> &Arc<Rig> {
+        self.loaded.rig(self.place)
+    }
+
+    /// Its body, where its pack has bodies.
+    pub fn body(&self) -> Option<&Arc<Body>> {
+        self.loaded.pack.bodies.get(self.place)
+    }
+
+    /// Its styles.
+    pub fn styles(&self) -> &Arc<StyleTable> {
+        &self.loaded.styles[self.place]
+    }
+
+    fn can(&self, capability: Capability) -> bool {
+        self.loaded.pack.manifest.capabilities.has(capability)
+    }
+
+    /// Whether it goes from keyframe to keyframe, walking in a style between them.
+    pub fn walks(&self) -> bool {
+        self.can(Capability::Inbetween)
+            && self.rig().by_path.is_none()
+            && self.styles().default_style().is_some()
+    }
+
+    /// Whether it follows paths.
+    pub fn follows(&self) -> bool {
+        self.can(Capability::Path) && self.body().is_some()
+    }
+
+    /// Whether it acts out words.
+    pub fn speaks(&self) -> bool {
+        self.can(Capability::Text)
+    }
+
+    /// The types of segments that it takes.
+    pub fn segments(&self) -> Vec<&'static str> {
+        let all = [
+            ("text", self.speaks()),
+            ("unconditioned", self.walks() || self.follows()),
+        ];
+        names(&all)
+    }
+
+    /// The types of constraints that it takes.
+    pub fn constraints(&self) -> Vec<&'static str> {
+        let moves = self.walks() || self.follows();
+        let all = [
+            ("root_path", moves),
+            ("effector_target", self.walks()),
+            ("pose_keyframe", self.walks()),
+            ("ground_height", moves),
+        ];
+        names(&all)
+    }
+
+    /// The types of guidance that it takes.
+    pub fn guidance(&self) -> Vec<&'static str> {
+        names(&[("nocfg", true), ("regular", self.follows())])
+    }
+
+    /// Names of its styles, as many as an option may list. The default comes first where there is one.
+    pub fn style_names(&self) -> Vec<String> {
+        if self.follows() {
+            let words = self.body().map(|body| body.words.clone()).unwrap_or_default();
+            return words.into_iter().take(MAX_VALUES).collect();
+        }
+        let default = self.styles().default_style().map(|style| style.name.clone());
+        let others = self.styles().list().into_iter().map(|style| style.name.clone());
+        let others = others.filter(|name| Some(name) != default.as_ref());
+        default.iter().cloned().chain(others).take(MAX_VALUES).collect()
+    }
+
+    /// The local rotations of its pose at rest, one a joint, and the height of its root, metres. It stands and faces +Z.
+    pub fn rest(&self) -> (Vec<Quat>, f32) {
+        let skeleton = &self.rig().skeleton;
+        if let Some(body) = self.body() {
+            let mut local = vec![Quat::IDENTITY; body.joints()];
+            local_from_world_rotations(skeleton, &body.neutral, &mut local);
+            return (local, body.height_m);
+        }
+        match self.styles().default_style() {
+            Some(style) => (style.idle().rotations.clone(), style.idle().height_m),
+            None => (vec![Quat::IDENTITY; skeleton.joint_count()], 0.0),
+        }
+    }
+
+    /// The axes of its joints on the wire.
+    pub fn axes(&self) -> Axes {
+        Axes::new(&self.rig().skeleton, &self.rest().0)
+    }
+
+    /// Its skeleton at rest. On the wire all joints have the world's axes then: there are clients that leave out the rotations of
+    /// a rest pose.
+    pub fn skeleton(&self) -> Skeleton {
+        let (_, height_m) = self.rest();
+        let axes = self.axes();
+        let joints = &self.rig().skeleton.joints;
+        let joint = |joint: &troupe_motion::Joint| Joint {
+            name: joint.name.clone(),
+            parent: joint.parent.map(|parent| joints[parent].name.clone()),
+            rest_translation: match joint.parent {
+                Some(parent) => axes.offset(parent, joint.offset_m),
+                None => Vec3::Y * height_m,
+            }
+            .to_array()
+            .map(f64::from),
+            rest_rotation: [0.0, 0.0, 0.0, 1.0],
+            display_name: None,
+        };
+        Skeleton {
+            joints: joints.iter().map(joint).collect(),
+            coordinate_system: coordinates(),
+            units: units(),
+        }
+    }
+
+    /// Names of the joints whose contacts are told, at most eight.
+    pub fn contact_joints(&self) -> Vec<String> {
+        let skeleton = &self.rig().skeleton;
+        let joints = skeleton.contacts.iter().flat_map(|contacts| &contacts.joints);
+        joints
+            .take(8)
+            .map(|&joint| skeleton.joints[joint].name.clone())
+            .collect()
+    }
+
+    /// Frames that one call of the networks makes at most.
+    pub fn window_frames(&self) -> usize {
+        let dims = &self.rig().dims;
+        dims.max_frames() - dims.context_frames
+    }
+
+    /// The options that are its own.
+    fn options(&self) -> Vec<Value> {
+        let names = self.style_names();
+        let mut options = Vec::new();
+        if !names.is_empty() {
+            let default = (!self.follows()).then(|| names[0].clone());
+            options.push(json!({
+                "name": "style",
+                "type": "enum",
+                "title": "Style",
+                "description": "How to move",
+                "default": default,
+                "values": names,
+            }));
+        }
+        if self.walks() || self.speaks() {
+            let [low, high] = TEMPERATURES;
+            options.push(json!({
+                "name": "temperature",
+                "type": "number",
+                "title": "Temperature",
+                "description": "0 takes the most likely poses, more samples them",
+                "default": 1.0,
+                "minimum": low,
+                "maximum": high,
+            }));
+        }
+        options
+    }
+
+    /// Its entry in the answer to `GET /capabilities`.
+    fn describe(&self, max_request_bytes: usize) -> Spec {
+        let moves = self.walks() || self.follows();
+        Spec {
+            id: self.id.clone(),
+            fps: self.rig().fps,
+            canonical_skeleton: self.skeleton(),
+            supports_retargeting: false,
+            supports_joint_translation: false,
+            supports_async: false,
+            supports_segment_seed: true,
+            supports_loop: moves,
+            supports_keyframe_reduction: false,
+            model_options: self.options(),
+            supports_motion_reference_mixed: false,
+            supports_batch: true,
+            supports_trajectory: true,
+            supported_constraints: self.constraints(),
+            supported_segments: self.segments(),
+            supported_guidance_types: self.guidance(),
+            predicted_contact_joints: self.contact_joints(),
+            native_clip_seconds: self.window_frames() as f32 / self.rig().fps,
+            chunking: "stitched",
+            recommended_max_duration_seconds: RECOMMENDED_SECONDS,
+            limits: Limits {
+                max_duration_seconds: MAX_SECONDS,
+                max_num_samples: MAX_SAMPLES,
+                max_constraints_per_request: MAX_CONSTRAINTS,
+                max_prompt_length: MAX_PROMPT_CHARS,
+                max_request_bytes,
+                max_batch_size: MAX_BATCH,
+            },
+        }
+    }
+}
+
+fn names(all: &[(&'static str, bool)]) -> Vec<&'static str> {
+    all.iter()
+        .filter(|(_, has)| *has)
+        .map(|(name, _)| *name)
+        .collect()
+}
+
+/// The answer to `GET /capabilities`.
+#[derive(Debug, Serialize)]
+pub struct Capabilities {
+    protocol_version: &'static str,
+    rotation_format: &'static str,
+    coordinate_system: String,
+    units: String,
+    response_formats: [&'static str; 1],
+    models: Vec<Spec>,
+}
+
+impl Capabilities {
+    /// What the models of a table can do, from requests of at most so many bytes. A pack that can do nothing of the protocol is no
+    /// model.
+    pub fn of(table: &PackTable, max_request_bytes: usize) -> Self {
+        let models = models(table).into_iter();
+        let models = models.filter(|model| !model.segments().is_empty());
+        Self {
+            protocol_version: VERSION,
+            rotation_format: "quaternion_xyzw",
+            coordinate_system: coordinates(),
+            units: units(),
+            response_formats: ["gltf_2.0_json"],
+            models: models.map(|model| model.describe(max_request_bytes)).collect(),
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct Spec {
+    id: String,
+    fps: f32,
+    canonical_skeleton: Skeleton,
+    supports_retargeting: bool,
+    supports_joint_translation: bool,
+    supports_async: bool,
+    supports_segment_seed: bool,
+    supports_loop: bool,
+    supports_keyframe_reduction: bool,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    model_options: Vec<Value>,
+    supports_motion_reference_mixed: bool,
+    supports_batch: bool,
+    supports_trajectory: bool,
+    supported_constraints: Vec<&'static str>,
+    supported_segments: Vec<&'static str>,
+    supported_guidance_types: Vec<&'static str>,
+    predicted_contact_joints: Vec<String>,
+    native_clip_seconds: f32,
+    chunking: &'static str,
+    recommended_max_duration_seconds: f32,
+    limits: Limits,
+}
+
+#[derive(Debug, Serialize)]
+struct Limits {
+    max_duration_seconds: f32,
+    max_num_samples: usize,
+    max_constraints_per_request: usize,
+    max_prompt_length: usize,
+    max_request_bytes: usize,
+    max_batch_size: usize,
+}

@@ -1,0 +1,302 @@
+//! The skeleton of a request beside the model's own.
+
+use std::collections::HashMap;
+
+use troupe_motion::gltf::GltfJoint;
+use troupe_motion::{Quat, Vec3};
+
+use super::fault::{Code, Fault};
+use super::limits::{MAX_PLACE_M, REST_TOLERANCE_M};
+use super::model::Model;
+use super::schema::{Joint, Skeleton, coordinates, units};
+
+/// Most characters of a joint's name.
+const MAX_NAME_CHARS: usize = 128;
+/// Most characters of the name that people see.
+const MAX_DISPLAY_CHARS: usize = 256;
+/// Shortest and longest quaternion that is taken as a rotation.
+const QUAT_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+
+/// The axes that joints have on the wire: those of the world where the model is at rest. The model's own are turned against them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axes {
+    /// World rotation of each joint at rest, in the model's axes.
+    rest: Vec<Quat>,
+    parents: Vec<Option<usize>>,
+}
+
+impl Axes {
+    /// Those of a skeleton whose pose at rest has these rotations, joint 0 in the world and others relative to their parents.
+    pub fn new(skeleton: &troupe_motion::Skeleton, pose: &[Quat]) -> Self {
+        let mut rest: Vec<Quat> = Vec::with_capacity(pose.len());
+        for (joint, &rotation) in skeleton.joints.iter().zip(pose) {
+            rest.push(match joint.parent {
+                Some(parent) => (rest[parent] * rotation).normalize(),
+                None => rotation,
+            });
+        }
+        Self {
+            rest,
+            parents: skeleton.joints.iter().map(|joint| joint.parent).collect(),
+        }
+    }
+
+    fn above(&self, joint: usize) -> Quat {
+        self.parents[joint].map_or(Quat::IDENTITY, |parent| self.rest[parent])
+    }
+
+    /// A place in the frame of `parent`, as the wire has it.
+    pub fn offset(&self, parent: usize, offset: Vec3) -> Vec3 {
+        self.rest[parent] * offset
+    }
+
+    /// A rotation of a joint relative to its parent, as the wire has it.
+    pub fn to_wire(&self, joint: usize, rotation: Quat) -> Quat {
+        self.above(joint) * rotation * self.rest[joint].conjugate()
+    }
+
+    /// A rotation of a joint relative to its parent, as the model has it.
+    pub fn to_model(&self, joint: usize, rotation: Quat) -> Quat {
+        (self.above(joint).conjugate() * rotation * self.rest[joint]).normalize()
+    }
+
+    /// A world rotation of a joint, as the model has it.
+    pub fn world_to_model(&self, joint: usize, rotation: Quat) -> Quat {
+        (rotation * self.rest[joint]).normalize()
+    }
+}
+
+/// The joints of a request, which are the model's in an order of their own.
+#[derive(Debug, Clone)]
+pub struct Joints {
+    /// Of each joint of the request, the model's.
+    pub order: Vec<usize>,
+    /// The joints at rest, as the request has them.
+    pub rest: Vec<GltfJoint>,
+    /// The axes of the model's joints on the wire.
+    pub axes: Axes,
+}
+
+/// A rotation of about unit length.
+///
+/// # Errors
+/// [`Fault`] for numbers that are no rotation.
+pub fn rotation(place: &str, xyzw: [f64; 4]) -> Result<Quat, Fault> {
+    let length = xyzw.iter().map(|value| value * value).sum::<f64>().sqrt();
+    match QUAT_LENGTHS.contains(&length) {
+        true => Ok(Quat::from_array(xyzw.map(|value| (value / length) as f32)).normalize()),
+        false => Err(Fault::schema(
+            place,
+            format!("has length {length}"),
+            "a unit quaternion x, y, z, w",
+        )),
+    }
+}
+
+/// Checks the skeleton of a request, whose joints must be the model's. Their order may be another, and so may the rotations at
+/// rest: a channel replaces them.
+///
+/// # Errors
+/// [`Fault`] for joints that are no tree, and for those that are not the model's.
+pub fn check(skeleton: &Skeleton, model: &Model) -> Result<Joints, Fault> {
+    check_form(skeleton)?;
+    let parents = tree(&skeleton.joints)?;
+    let own = model.skeleton();
+    let places: HashMap<&str, usize> = own
+        .joints
+        .iter()
+        .enumerate()
+        .map(|(index, joint)| (joint.name.as_str(), index))
+        .collect();
+    if skeleton.joints.len() != own.joints.len() {
+        return Err(foreign(
+            "skeleton.joints",
+            format!("has {} joints", skeleton.joints.len()),
+            format!("the {} joints of canonical_skeleton", own.joints.len()),
+        ));
+    }
+    let mut order = Vec::with_capacity(own.joints.len());
+    let mut rest = Vec::with_capacity(own.joints.len());
+    for (index, joint) in skeleton.joints.iter().enumerate() {
+        let field = |name: &str| format!("skeleton.joints[{index}].{name}");
+        let Some(&place) = places.get(joint.name.as_str()) else {
+            let allowed = "the joints of canonical_skeleton, by name";
+            return Err(foreign(field("name"), format!("is {:?}", joint.name), allowed));
+        };
+        let canonical = &own.joints[place];
+        if canonical.parent != joint.parent {
+            let allowed = canonical.parent.clone().unwrap_or_else(|| "null".to_owned());
+            return Err(foreign(
+                field("parent"),
+                format!("is {:?}", joint.parent),
+                allowed,
+            ));
+        }
+        let off = joint.rest_translation.iter().zip(canonical.rest_translation);
+        let off_m = off.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
+        // Where the root is at rest says nothing of the body.
+        let tolerance_m = if joint.parent.is_some() {
+            REST_TOLERANCE_M
+        } else {
+            MAX_PLACE_M
+        };
+        if off_m > tolerance_m {
+            let allowed = format!("within {tolerance_m} m of {:?}", canonical.rest_translation);
+            return Err(foreign(
+                field("rest_translation"),
+                format!("is {:?}", joint.rest_translation),
+                allowed,
+            ));
+        }
+        order.push(place);
+        rest.push(GltfJoint {
+            name: joint.name.clone(),
+            parent: parents[index],
+            translation_m: Vec3::from_array(joint.rest_translation.map(|value| value as f32)),
+            rotation: rotation(&field("rest_rotation"), joint.rest_rotation)?,
+        });
+    }
+    Ok(Joints {
+        order,
+        rest,
+        axes: model.axes(),
+    })
+}
+
+fn foreign(field: impl Into<String>, message: String, allowed: impl Into<String>) -> Fault {
+    Fault::new(Code::RetargetingUnsupported, field, message, allowed)
+}
+
+fn check_form(skeleton: &Skeleton) -> Result<(), Fault> {
+    for (field, found, only) in [
+        (
+            "skeleton.coordinate_system",
+            &skeleton.coordinate_system,
+            coordinates(),
+        ),
+        ("skeleton.units", &skeleton.units, units()),
+    ] {
+        if *found != only {
+            return Err(Fault::schema(field, format!("is {found:?}"), only));
+        }
+    }
+    for (index, joint) in skeleton.joints.iter().enumerate() {
+        let count = joint.name.chars().count();
+        if !(1..=MAX_NAME_CHARS).contains(&count) {
+            let allowed = format!("1 to {MAX_NAME_CHARS} characters");
+            let field = format!("skeleton.joints[{index}].name");
+            return Err(Fault::schema(field, format!("has {count} characters"), allowed));
+        }
+        let shown = joint.display_name.iter().map(|name| name.chars().count());
+        if let Some(count) = shown.into_iter().find(|count| *count > MAX_DISPLAY_CHARS) {
+            let allowed = format!("at most {MAX_DISPLAY_CHARS} characters");
+            let field = format!("skeleton.joints[{index}].display_name");
+            return Err(Fault::schema(field, format!("has {count} characters"), allowed));
+        }
+    }
+    match skeleton.joints.is_empty() {
+        true => Err(Fault::schema("skeleton.joints", "is empty", "1 joint or more")),
+        false => Ok(()),
+    }
+}
+
+/// The parents of joints that make one tree, each behind its parent.
+fn tree(joints: &[Joint]) -> Result<Vec<Option<usize>>, Fault> {
+    let wrong = |index: usize, name: &str, message: String, allowed: &str| {
+        let field = format!("skeleton.joints[{index}].{name}");
+        Err(Fault::new(Code::InvalidSkeleton, field, message, allowed))
+    };
+    let mut places: HashMap<&str, usize> = HashMap::new();
+    let mut parents = Vec::with_capacity(joints.len());
+    let mut roots = 0;
+    for (index, joint) in joints.iter().enumerate() {
+        let parent = match &joint.parent {
+            None => None,
+            Some(parent) => match places.get(parent.as_str()) {
+                Some(&place) => Some(place),
+                None => {
+                    let allowed = "the name of a joint before it";
+                    return wrong(index, "parent", format!("is {parent:?}"), allowed);
+                }
+            },
+        };
+        roots += usize::from(parent.is_none());
+        if roots > 1 {
+            return wrong(index, "parent", "is null again".to_owned(), "null for one joint");
+        }
+        if places.insert(&joint.name, index).is_some() {
+            return wrong(
+                index,
+                "name",
+                format!("is {:?} again", joint.name),
+                "each name once",
+            );
+        }
+        parents.push(parent);
+    }
+    Ok(parents)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn joint(name: &str, parent: Option<&str>) -> Joint {
+        Joint {
+            name: name.to_owned(),
+            parent: parent.map(str::to_owned),
+            rest_translation: [0.0; 3],
+            rest_rotation: [0.0, 0.0, 0.0, 1.0],
+            display_name: None,
+        }
+    }
+
+    #[test]
+    fn joints_make_one_tree() {
+        let good = [joint("a", None), joint("b", Some("a")), joint("c", Some("a"))];
+        assert_eq!(tree(&good).unwrap(), [None, Some(0), Some(0)]);
+        for bad in [
+            vec![joint("a", None), joint("b", None)],
+            vec![joint("a", None), joint("a", Some("a"))],
+            vec![joint("b", Some("a")), joint("a", None)],
+            vec![joint("a", Some("a"))],
+        ] {
+            assert_eq!(tree(&bad).unwrap_err().code, Code::InvalidSkeleton);
+        }
+    }
+
+    #[test]
+    fn at_rest_the_wire_turns_nothing() {
+        let joint = |name: &str, parent| troupe_motion::Joint {
+            name: name.to_owned(),
+            parent,
+            offset_m: Vec3::X,
+        };
+        let joints = vec![joint("a", None), joint("b", Some(0)), joint("c", Some(1))];
+        let skeleton = troupe_motion::Skeleton::new(joints, Vec3::X, 0.0, None).unwrap();
+        let turn = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
+        let rest = [turn, Quat::from_rotation_x(0.3), turn];
+        let axes = Axes::new(&skeleton, &rest);
+        assert!(axes.offset(0, Vec3::X).distance(Vec3::Y) < 1e-6);
+        for (joint, &rotation) in rest.iter().enumerate() {
+            assert!(axes.to_wire(joint, rotation).angle_between(Quat::IDENTITY) < 1e-3);
+            let other = Quat::from_rotation_y(0.7);
+            let back = axes.to_model(joint, axes.to_wire(joint, other));
+            assert!(back.angle_between(other) < 1e-3);
+        }
+        // The same motion: worlds differ by the rotation at rest alone.
+        let pose = [0.1, 0.5, -0.4].map(Quat::from_rotation_y);
+        let wire: Vec<Quat> = (0..3).map(|joint| axes.to_wire(joint, pose[joint])).collect();
+        let (model, wire) = (pose[0] * pose[1] * pose[2], wire[0] * wire[1] * wire[2]);
+        assert!(axes.world_to_model(2, wire).angle_between(model) < 1e-3);
+    }
+
+    #[test]
+    fn rotations_are_brought_to_unit_length() {
+        let turned = rotation("q", [0.0, 1.1, 0.0, 0.0]).unwrap();
+        assert_eq!(turned, Quat::from_xyzw(0.0, 1.0, 0.0, 0.0));
+        for bad in [[0.0; 4], [f64::NAN; 4], [9.0, 0.0, 0.0, 0.0]] {
+            assert!(rotation("q", bad).is_err());
+        }
+    }
+}

@@ -1,0 +1,519 @@
+//! Motion of a model that goes from keyframe to keyframe, window after window.
+//!
+//! Where a keyframe is near, a window ends with it. Elsewhere smart locomotion walks along the way in a style, as a live character
+//! does. Words are acted out from where the motion is.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use troupe_character::keyframe::{Checked, KeyWriter};
+use troupe_character::live::request::{Context, build};
+use troupe_character::live::{CONTEXT_FRAMES, CharacterOptions, LiveShape, PlanItem, finish_live};
+use troupe_character::post::{NonFinite, check_finite};
+use troupe_character::primitives::path::PathPoint;
+use troupe_character::primitives::{
+    GapPose, Guide, Locomotion, LocomotionCommand, PathCommand, PlanContext, PlanTargets, TargetKey,
+};
+use troupe_character::style::Style;
+use troupe_motion::interpolate::smoothstep;
+use troupe_motion::model::{Motion, PromptTask, Rig, Task};
+use troupe_motion::root::wrap_angle;
+use troupe_motion::rotation::yaw;
+use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
+
+use super::take::{Note, Part, Take, window_seed};
+use super::track::Track;
+use super::way::{STANDING_MPS, Way};
+
+/// Frames that a motion which begins on its way is begun earlier.
+const BEFORE: usize = 36;
+/// Frames that are taken of a window of smart locomotion: its end is where the next begins.
+const FRESH: usize = 24;
+/// A window ends with a keyframe that is at least and at most so many frames away.
+const KEY_FRAMES: [usize; 2] = [8, 48];
+/// Frames over which the root's velocity is measured.
+const VELOCITY_FRAMES: usize = 10;
+
+/// A motion on its way.
+#[derive(Debug)]
+pub struct Walk {
+    rig: Arc<Rig>,
+    style: Option<Arc<Style>>,
+    temperature: f32,
+    transition: usize,
+    parts: Vec<Part>,
+    seed: u64,
+    sample: usize,
+    /// Frames of the track before the motion's first one.
+    lead: usize,
+    frames: usize,
+    is_loop: bool,
+    /// Whole poses, by frame of the track.
+    keys: BTreeMap<usize, TargetKey>,
+    way: Way,
+    /// Made when it is first asked for.
+    locomotion: Option<Locomotion>,
+    track: Track,
+    pending: Option<Pending>,
+    windows: usize,
+    /// Frames of the track at which windows begin.
+    boundaries: Vec<usize>,
+    notes: Vec<Note>,
+}
+
+/// A window that is being made.
+#[derive(Debug)]
+enum Pending {
+    Plan { shape: Box<LiveShape>, fresh: usize },
+    Words { frame: SegmentFrame, fresh: usize },
+}
+
+impl Walk {
+    /// A sample of a take.
+    pub fn new(take: &Take, sample: usize) -> Self {
+        let rig = take.model.rig().clone();
+        let style = take.look.style.clone();
+        let mut notes = Vec::new();
+        let usual_mps = style.as_ref().map_or(0.0, |style| style.default_speed_mps);
+        let mut way = Way::of(take, sample, usual_mps, &mut notes);
+        let (track, lead) = start(take, &mut way);
+        let left = rig.skeleton.left_axis;
+        let whole = take.wanted.keys.iter().filter_map(|key| {
+            let rotations = key.whole()?;
+            let root = key.root.map(|root| GlobalRoot::of_pose(root, rotations[0], left));
+            let key_frame = key.frame + lead;
+            let key = TargetKey {
+                height_m: root.is_none().then(|| take.model.rest().1),
+                root,
+                velocity: None,
+                rotations: Some(rotations),
+            };
+            (key_frame >= track.len()).then_some((key_frame, key))
+        });
+        Self {
+            keys: whole.collect(),
+            style,
+            temperature: take.look.temperature,
+            transition: take.transition,
+            parts: take.parts.clone(),
+            seed: take.seed,
+            sample,
+            lead,
+            frames: take.frames,
+            is_loop: take.is_loop,
+            way,
+            locomotion: None,
+            track,
+            pending: None,
+            windows: 0,
+            boundaries: Vec::new(),
+            notes,
+            rig,
+        }
+    }
+
+    /// What the model is to make next; none where all is done.
+    pub fn ask(&mut self) -> Option<Task> {
+        let end = self.lead + self.frames;
+        let begin = self.track.len();
+        if begin >= end {
+            return None;
+        }
+        self.close_loop();
+        let part = self.part(begin).clone();
+        let left = (self.lead + part.end).min(end) - begin;
+        let seed = window_seed(part.seed.unwrap_or(self.seed), self.sample, self.windows);
+        self.windows += 1;
+        self.boundaries.push(begin);
+        match part.text {
+            Some(text) => Some(self.words(text, left, seed)),
+            None => self.plan(left, seed),
+        }
+    }
+
+    /// Takes what the model made of [`ask`](Self::ask).
+    ///
+    /// # Errors
+    /// [`NonFinite`] where its numbers are not usable.
+    pub fn take(&mut self, motion: &Motion) -> Result<(), NonFinite> {
+        let before = self.track.len();
+        match self.pending.take() {
+            None => {}
+            Some(Pending::Plan { shape, fresh }) => {
+                let plan = finish_live(motion, &shape, &self.rig)?;
+                let made = Track {
+                    roots: plan.roots,
+                    rotations: plan.rotations,
+                    contacts: plan.contacts,
+                };
+                self.track.extend(&made, CONTEXT_FRAMES, fresh);
+            }
+            Some(Pending::Words { frame, fresh }) => {
+                check_finite(motion)?;
+                let made = Track::of_motion(motion, &frame, &self.rig);
+                self.track.extend(&made, 0, fresh);
+                self.track.lead_over(before, self.transition);
+                let short = fresh.saturating_sub(made.len());
+                if short > 0 && !self.track.is_empty() {
+                    let message = format!(
+                        "the model made {short} frames less than were asked for: it stays in the last"
+                    );
+                    self.notes.push(Note::warning("shorter_than_asked", message));
+                    let last = self.track.part(self.track.len() - 1, 1);
+                    (0..short).for_each(|_| self.track.extend(&last, 0, 1));
+                }
+            }
+        }
+        // A generator that makes nothing would never end.
+        match self.track.len() > before {
+            true => Ok(()),
+            false => Err(NonFinite),
+        }
+    }
+
+    /// The frames, those at which windows begin, and what is good to know.
+    pub fn done(self) -> (Track, Vec<usize>, Vec<Note>) {
+        let inside = self
+            .boundaries
+            .iter()
+            .filter_map(|frame| frame.checked_sub(self.lead));
+        let boundaries = inside.filter(|&frame| frame > 0 && frame < self.frames).collect();
+        (self.track.part(self.lead, self.frames), boundaries, self.notes)
+    }
+
+    /// The segment of a frame of the track.
+    fn part(&self, frame: usize) -> &Part {
+        let frame = frame.saturating_sub(self.lead);
+        let found = self.parts.iter().find(|part| frame < part.end);
+        found.unwrap_or(&self.parts[self.parts.len() - 1])
+    }
+
+    /// Once the motion has begun, its end is known: the same frames, where its way has come to.
+    fn close_loop(&mut self) {
+        if !self.is_loop || self.track.len() <= self.lead {
+            return;
+        }
+        self.is_loop = false;
+        let skeleton = &self.rig.skeleton;
+        let first = self.track.root(self.lead, skeleton);
+        let to = self.way.place(self.frames as f32 - 1.0);
+        let travel = Vec3::new(to[0], 0.0, to[1]) - first.projected();
+        let last = self.lead + self.frames - 1;
+        for back in 0..CONTEXT_FRAMES.min(self.lead + 1) {
+            let (from, at) = (self.lead - back, last.saturating_sub(back));
+            if at < self.track.len() + KEY_FRAMES[0] {
+                break;
+            }
+            let mut root = self.track.root(from, skeleton);
+            root.position += travel;
+            let key = TargetKey {
+                root: Some(root),
+                velocity: None,
+                rotations: Some(self.track.pose(from).to_vec()),
+                height_m: None,
+            };
+            self.keys.insert(at, key);
+        }
+    }
+
+    fn words(&mut self, text: String, frames: usize, seed: u64) -> Task {
+        let keys = self.last_keys();
+        let origin = GlobalRoot::new(Vec3::ZERO, self.way.first_heading());
+        let last = keys.last().and_then(|key| key.root);
+        let frame = SegmentFrame::from_root(last.unwrap_or(origin));
+        self.pending = Some(Pending::Words { frame, fresh: frames });
+        // Where it goes from here on is not what was planned.
+        self.locomotion = None;
+        Task::Prompt(PromptTask {
+            text,
+            context: KeyWriter::new(&self.rig.skeleton, self.rig.fps).write(&frame, &keys),
+            frames: Some(frames),
+            seed,
+            temperature: self.temperature,
+        })
+    }
+
+    /// The last frames as keyframes: as many as a context has, or none.
+    fn last_keys(&self) -> Vec<Checked> {
+        let Some(from) = self.track.len().checked_sub(CONTEXT_FRAMES) else {
+            return Vec::new();
+        };
+        let key = |frame: usize| {
+            let root = self.track.root(frame, &self.rig.skeleton);
+            Checked::of(Some(root), None, None, Some(self.track.pose(frame).to_vec()))
+        };
+        (from..self.track.len()).map(key).collect()
+    }
+
+    /// Repeats the first frame until there is a context: words may have made fewer frames.
+    fn fill_context(&mut self) {
+        let missing = CONTEXT_FRAMES.saturating_sub(self.track.len());
+        if missing == 0 || self.track.is_empty() {
+            return;
+        }
+        let first = self.track.part(0, 1);
+        let made = std::mem::take(&mut self.track);
+        (0..missing).for_each(|_| self.track.extend(&first, 0, 1));
+        self.track.extend(&made, 0, made.len());
+        self.lead += missing;
+        self.boundaries.iter_mut().for_each(|frame| *frame += missing);
+        let keys = std::mem::take(&mut self.keys);
+        self.keys = keys
+            .into_iter()
+            .map(|(frame, key)| (frame + missing, key))
+            .collect();
+    }
+
+    /// A window of keyframes of which at most `left` frames are taken.
+    fn plan(&mut self, left: usize, seed: u64) -> Option<Task> {
+        self.fill_context();
+        let now = self.track.len() - 1;
+        let [least, most] = KEY_FRAMES;
+        let target = self
+            .keys
+            .range(now + least..)
+            .next()
+            .map(|(frame, _)| frame - now);
+        let (targets, fresh) = match target {
+            Some(away) if away <= most => self.to_key(now, away),
+            _ => {
+                let fresh = target.map_or(FRESH, |away| FRESH.min(away - least));
+                (self.by_style(now), fresh)
+            }
+        };
+        let from = self.track.len() - CONTEXT_FRAMES;
+        let context = Context {
+            roots: std::array::from_fn(|frame| self.track.roots[from + frame]),
+            rotations: self.track.part(from, CONTEXT_FRAMES).rotations,
+        };
+        let options = CharacterOptions {
+            seed,
+            look_ahead_frames: 0,
+            replan_interval_frames: None,
+            root_ratio: None,
+            temperature: self.temperature,
+        };
+        let (item, shape) = build(&self.rig, &options, self.windows as u64, context, targets);
+        self.pending = Some(Pending::Plan {
+            shape: Box::new(shape),
+            fresh: fresh.min(left),
+        });
+        match item {
+            PlanItem::Keyframes(task) => Some(Task::Keyframes(task)),
+            // Only bodies that follow paths have such plans, and they do not walk.
+            PlanItem::Path(_) => None,
+        }
+    }
+
+    /// What smart locomotion asks for on the way, with the poses that are too near to end a window.
+    fn by_style(&mut self, now: usize) -> PlanTargets {
+        let rig = self.rig.clone();
+        let rotations = self
+            .track
+            .part(now + 1 - CONTEXT_FRAMES, CONTEXT_FRAMES)
+            .rotations;
+        let roots =
+            std::array::from_fn(|frame| self.track.root(now + 1 - CONTEXT_FRAMES + frame, &rig.skeleton));
+        let context = PlanContext {
+            frame: now as u64,
+            roots,
+            rotations: &rotations,
+            velocity: self.velocity(now),
+            skeleton: &rig.skeleton,
+            fps: rig.fps,
+            frames_per_token: rig.dims.frames_per_token,
+            plan_frames: None,
+        };
+        if self.locomotion.is_none() {
+            self.locomotion = self.locomotion(now, context.roots[CONTEXT_FRAMES - 1]);
+        }
+        let planned = self
+            .locomotion
+            .as_mut()
+            .map(|locomotion| locomotion.plan(&context));
+        let mut targets = planned.unwrap_or_else(|| stand(context.roots[CONTEXT_FRAMES - 1]));
+        let frames = targets.frames.unwrap_or(rig.dims.max_frames());
+        targets.gap_poses.extend(self.gap_poses(now, frames));
+        targets
+    }
+
+    fn locomotion(&mut self, now: usize, root: GlobalRoot) -> Option<Locomotion> {
+        let style = self.style.as_ref()?;
+        let frame = now as f32 - self.lead as f32;
+        if !self.way.is_given {
+            self.way.shift_to(frame, [root.position.x, root.position.z]);
+        }
+        let points = self.way.knots.iter().map(|knot| PathPoint {
+            position: Vec3::new(knot.place[0], 0.0, knot.place[1]),
+            heading: knot.heading,
+            time_s: (knot.frame - frame) / self.way.fps,
+        });
+        let path = PathCommand {
+            style: style.clone(),
+            points: points.collect(),
+            closing_s: None,
+        };
+        let standing = LocomotionCommand::standing(style);
+        let mut locomotion = Locomotion::new(now as u64, root.heading, self.rig.fps, standing);
+        locomotion.set_path(now as u64, path);
+        Some(locomotion)
+    }
+
+    /// Velocity over the ground without the sway of a step, m/s.
+    fn velocity(&self, now: usize) -> Vec3 {
+        let from = now.saturating_sub(VELOCITY_FRAMES);
+        let way = (self.track.roots[now] - self.track.roots[from]).with_y(0.0);
+        way * self.rig.fps / (now - from).max(1) as f32
+    }
+
+    /// A window that ends with the keyframe `away` frames ahead and those right behind it, and how many frames it makes.
+    fn to_key(&self, now: usize, away: usize) -> (PlanTargets, usize) {
+        let first = now + away;
+        let most = self.rig.dims.max_targets;
+        let row = (first..).take(most).map_while(|frame| self.keys.get(&frame));
+        let keys: Vec<TargetKey> = row.cloned().collect();
+        let fresh = away + keys.len() - 1;
+        let frames = CONTEXT_FRAMES + fresh;
+        let here = self.track.root(now, &self.rig.skeleton);
+        let to = keys.last().and_then(|key| key.root);
+        let targets = PlanTargets {
+            targets: keys,
+            gap_poses: self.gap_poses(now, CONTEXT_FRAMES + away - 1),
+            frames: Some(frames),
+            allowed_token_counts: Vec::new(),
+            guide: self.way.is_given.then(|| self.guide(now, frames, here, to)),
+            r_g1: to.unwrap_or(here),
+            r_g2: Vec::new(),
+            path: None,
+            unfinished: false,
+            gaits: Vec::new(),
+        };
+        (targets, fresh)
+    }
+
+    /// The keyed poses inside the window of `frames` frames that begins behind `now`.
+    fn gap_poses(&self, now: usize, frames: usize) -> Vec<GapPose> {
+        let inside = self
+            .keys
+            .range(now + 1..now + 1 + frames.saturating_sub(CONTEXT_FRAMES));
+        let pose = |(frame, key): (&usize, &TargetKey)| {
+            let root_m = key.root.map(|root| root.position.y);
+            Some(GapPose {
+                frame: frame - now + CONTEXT_FRAMES - 1,
+                rotations: key.rotations.clone()?,
+                height_m: root_m.or(key.height_m)?,
+            })
+        };
+        inside.filter_map(pose).collect()
+    }
+
+    /// The way of a window, which begins where the motion is and ends at `to`.
+    fn guide(&self, now: usize, frames: usize, here: GlobalRoot, to: Option<GlobalRoot>) -> Guide {
+        let first = now as f32 - self.lead as f32;
+        let last = frames - CONTEXT_FRAMES;
+        let at = |step: usize| {
+            let [x, z, heading] = self.way.at(first + step as f32);
+            GlobalRoot::new(Vec3::new(x, 0.0, z), heading)
+        };
+        let off = |root: GlobalRoot, way: GlobalRoot| {
+            let place = (root.position - way.position).with_y(0.0);
+            (place, wrap_angle(root.heading - way.heading))
+        };
+        let start = off(here, at(0));
+        let end = to.map_or((Vec3::ZERO, 0.0), |to| off(to, at(last)));
+        let height_m = to.map_or(here.position.y, |to| to.position.y);
+        let root = |frame: usize| {
+            let Some(step) = frame.checked_sub(CONTEXT_FRAMES - 1) else {
+                let from = now + 1 + frame - CONTEXT_FRAMES;
+                return self.track.root(from, &self.rig.skeleton);
+            };
+            let share = smoothstep((step as f32 / last.max(1) as f32).min(1.0));
+            let way = at(step);
+            let place = way.position + start.0 * (1.0 - share) + end.0 * share;
+            let y = here.position.y + (height_m - here.position.y) * share;
+            let heading = way.heading + start.1 * (1.0 - share) + end.1 * share;
+            GlobalRoot::new(place.with_y(y), wrap_angle(heading))
+        };
+        Guide {
+            path: (0..frames).map(root).collect(),
+            position_ratio: 1.0,
+            height_ratio: 0.0,
+            heading_ratio: 1.0,
+        }
+    }
+}
+
+/// What one without a style is asked for: to be where it is.
+fn stand(here: GlobalRoot) -> PlanTargets {
+    PlanTargets {
+        targets: vec![TargetKey {
+            root: Some(here),
+            ..TargetKey::default()
+        }],
+        gap_poses: Vec::new(),
+        frames: Some(CONTEXT_FRAMES + FRESH),
+        allowed_token_counts: Vec::new(),
+        guide: None,
+        r_g1: here,
+        r_g2: Vec::new(),
+        path: None,
+        unfinished: false,
+        gaits: Vec::new(),
+    }
+}
+
+/// The frames that a motion begins with, and how many of them are before its first one.
+fn start(take: &Take, way: &mut Way) -> (Track, usize) {
+    let mut track = Track::default();
+    let keys = &take.wanted.keys;
+    let given = keys.iter().take(CONTEXT_FRAMES).enumerate();
+    let given = given.map_while(|(nth, key)| {
+        let root = key.root.filter(|_| key.frame == nth)?;
+        Some((root, key.whole()?))
+    });
+    let given: Vec<(Vec3, Vec<Quat>)> = given.collect();
+    if given.len() == CONTEXT_FRAMES {
+        for (root, pose) in given {
+            track.push(root, &pose, 0);
+        }
+        return (track, 0);
+    }
+    let place = |frame: f32, y: f32, way: &Way| {
+        let [x, z] = way.place(frame);
+        Vec3::new(x, y, z)
+    };
+    let (rest, height_m) = take.model.rest();
+    if let Some((key, pose)) = keys
+        .first()
+        .filter(|key| key.frame == 0)
+        .and_then(|key| Some((key, key.whole()?)))
+    {
+        let root = key.root.unwrap_or_else(|| place(0.0, height_m, way));
+        (0..CONTEXT_FRAMES).for_each(|_| track.push(root, &pose, 0));
+        return (track, CONTEXT_FRAMES - 1);
+    }
+    // A segment may be shorter than a frame of the model.
+    let begins = take.parts.iter().find(|part| part.end > 0);
+    if begins.is_some_and(|part| part.text.is_some()) {
+        return (track, 0);
+    }
+    let [x, z] = way.start_mps();
+    let before = if x.hypot(z) > STANDING_MPS { BEFORE } else { 0 };
+    if before > 0 {
+        way.begun_before(before);
+    }
+    // The pose at rest faces +Z.
+    let mut pose = match &take.look.style {
+        Some(style) => style.idle().rotations.clone(),
+        None => rest,
+    };
+    let height_m = take
+        .look
+        .style
+        .as_ref()
+        .map_or(height_m, |style| style.idle().height_m);
+    pose[0] = yaw(way.first_heading()) * pose[0];
+    let root = place(-(before as f32), height_m, way);
+    (0..CONTEXT_FRAMES).for_each(|_| track.push(root, &pose, 0));
+    (track, CONTEXT_FRAMES - 1 + before)
+}
