@@ -118,7 +118,7 @@ export function FillPanel({ editor }: { editor: Editor }) {
             void editor.fill();
           }}
         >
-          {filled && stale ? 'Fill again: the gap has changed' : 'Fill the gap'}
+          {filled && stale ? 'Fill again, it has changed' : 'Fill the gap'}
         </Button>
         <TroubleAlert />
       </Stack>

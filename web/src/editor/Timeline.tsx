@@ -275,9 +275,13 @@ function Track({ editor, doc, contextFrames }: TrackProps) {
       </div>
       <div className="lane" onPointerDown={scrub}>
         <div className="clip" style={{ left: x(0), width: wide(clip.frames) }} />
-        <div className="gap" style={{ left: x(gap.start), width: wide(lengthOf(gap)) }} onPointerDown={(event) => {
+        <div
+          className="gap"
+          style={{ left: x(gap.start), width: wide(lengthOf(gap)) }}
+          onPointerDown={(event) => {
             drag('gap', event);
-          }} />
+          }}
+        />
         {Array.from({ length: contextFrames }, (_, c) => (
           <i key={c} className="context" style={{ left: x(gap.start + c), width: wide(1) }} />
         ))}

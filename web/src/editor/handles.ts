@@ -11,7 +11,7 @@ import {
   Vector3,
 } from 'three';
 import { TransformControls } from 'three/examples/jsm/controls/TransformControls.js';
-import { ACCENT } from '../stage';
+import { ACCENT, PALETTE } from '../stage';
 import type { Stage } from '../stage/types';
 
 export interface HandlePoint {
@@ -50,6 +50,7 @@ export class Handles {
     const { scene, camera, canvas, controls } = stage.three;
     this.gizmo = new TransformControls(camera, canvas);
     this.gizmo.setSize(0.62);
+    this.gizmo.setColors(PALETTE[1], PALETTE[3], PALETTE[0], PALETTE[2]);
     this.gizmo.addEventListener('dragging-changed', ({ value }) => {
       this.isGizmoDragged = value === true;
       controls.enabled = !this.isGizmoDragged;

@@ -1,7 +1,18 @@
 // The ground: a calm grid that fades into the background, and soft shadows on it.
 import {
-  CircleGeometry, Color, DynamicDrawUsage, InstancedBufferAttribute, InstancedBufferGeometry, Mesh, PlaneGeometry,
-  ShaderMaterial, ShadowMaterial, Vector3, Group, MultiplyBlending, type Scene,
+  CircleGeometry,
+  Color,
+  DynamicDrawUsage,
+  InstancedBufferAttribute,
+  InstancedBufferGeometry,
+  Mesh,
+  PlaneGeometry,
+  ShaderMaterial,
+  ShadowMaterial,
+  Vector3,
+  Group,
+  MultiplyBlending,
+  type Scene,
 } from 'three';
 import type { Surroundings } from './colours';
 
@@ -72,8 +83,12 @@ export class Ground {
       fragmentShader: GRID_FRAGMENT,
       depthWrite: false,
       uniforms: {
-        uBackground: { value: new Color() }, uGround: { value: new Color() }, uGrid: { value: new Color() },
-        uMajor: { value: new Color() }, uFocus: { value: new Vector3() }, uReach: { value: 40 },
+        uBackground: { value: new Color() },
+        uGround: { value: new Color() },
+        uGrid: { value: new Color() },
+        uMajor: { value: new Color() },
+        uFocus: { value: new Vector3() },
+        uReach: { value: 40 },
       },
     });
     this.mesh = new Mesh(new CircleGeometry(RADIUS, 64).rotateX(-Math.PI / 2), this.grid);

@@ -1,6 +1,15 @@
 // The stage: everything that is drawn in three dimensions.
 import {
-  Color, Fog, NeutralToneMapping, PCFShadowMap, Raycaster, Scene, Vector2, Vector3, WebGLRenderer, type Object3D,
+  Color,
+  Fog,
+  NeutralToneMapping,
+  PCFShadowMap,
+  Raycaster,
+  Scene,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+  type Object3D,
 } from 'three';
 import { Characters, type Character } from './characters';
 import { SURROUNDINGS } from './colours';

@@ -38,22 +38,38 @@ export function checkSkeleton(skeleton: Skeleton): void {
 
 /** Rotates (x, y, z) by the quaternion at `q` of `rotations`, adds the point at `p` of `from`, writes to `o` of `out`. */
 export function place(
-  rotations: Float32Array, q: number, from: Float32Array, p: number, x: number, y: number, z: number,
-  out: Float32Array, o: number,
+  rotations: Float32Array,
+  q: number,
+  from: Float32Array,
+  p: number,
+  x: number,
+  y: number,
+  z: number,
+  out: Float32Array,
+  o: number,
 ): void {
-  const qx = rotations[q]!, qy = rotations[q + 1]!, qz = rotations[q + 2]!, qw = rotations[q + 3]!;
-  const tx = 2 * (qy * z - qz * y), ty = 2 * (qz * x - qx * z), tz = 2 * (qx * y - qy * x);
+  const qx = rotations[q]!,
+    qy = rotations[q + 1]!,
+    qz = rotations[q + 2]!,
+    qw = rotations[q + 3]!;
+  const tx = 2 * (qy * z - qz * y),
+    ty = 2 * (qz * x - qx * z),
+    tz = 2 * (qx * y - qy * x);
   out[o] = from[p]! + x + qw * tx + qy * tz - qz * ty;
   out[o + 1] = from[p + 1]! + y + qw * ty + qz * tx - qx * tz;
   out[o + 2] = from[p + 2]! + z + qw * tz + qx * ty - qy * tx;
 }
 
 /** `out[o..] = a[i..] * b[j..]` for quaternions x y z w. `out` may be `a` or `b` at other indices. */
-export function multiply(
-  a: Float32Array, i: number, b: Float32Array, j: number, out: Float32Array, o: number,
-): void {
-  const ax = a[i]!, ay = a[i + 1]!, az = a[i + 2]!, aw = a[i + 3]!;
-  const bx = b[j]!, by = b[j + 1]!, bz = b[j + 2]!, bw = b[j + 3]!;
+export function multiply(a: Float32Array, i: number, b: Float32Array, j: number, out: Float32Array, o: number): void {
+  const ax = a[i]!,
+    ay = a[i + 1]!,
+    az = a[i + 2]!,
+    aw = a[i + 3]!;
+  const bx = b[j]!,
+    by = b[j + 1]!,
+    bz = b[j + 2]!,
+    bw = b[j + 3]!;
   out[o] = aw * bx + ax * bw + ay * bz - az * by;
   out[o + 1] = aw * by - ax * bz + ay * bw + az * bx;
   out[o + 2] = aw * bz + ax * by - ay * bx + az * bw;
@@ -62,7 +78,11 @@ export function multiply(
 
 /** Places (3 per joint) and rotations (4 per joint) in the world from a root and local rotations. */
 export function forward(
-  skeleton: Skeleton, root: Float32Array, local: Float32Array, positions: Float32Array, rotations: Float32Array,
+  skeleton: Skeleton,
+  root: Float32Array,
+  local: Float32Array,
+  positions: Float32Array,
+  rotations: Float32Array,
 ): void {
   const { parents, offsets } = skeleton;
   const count = parents.length;

@@ -21,7 +21,10 @@ export interface BodyMaterials {
  * `varying vec4 vColour`. A `base` material keeps its own maps and colours.
  */
 export function bodyMaterials(
-  declare: string, edge: EdgeUniform, uniforms: Record<string, IUniform<Texture | null>>, base?: MeshStandardMaterial,
+  declare: string,
+  edge: EdgeUniform,
+  uniforms: Record<string, IUniform<Texture | null>>,
+  base?: MeshStandardMaterial,
 ): BodyMaterials {
   const make = (): MeshStandardMaterial => {
     const material = base?.clone() ?? new MeshStandardMaterial({ roughness: 0.62, metalness: 0 });

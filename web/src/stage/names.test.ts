@@ -2,7 +2,18 @@ import { expect, test } from 'vitest';
 import { mapNames, partKey } from './names';
 
 const SPELLINGS: [string, string[]][] = [
-  ['upperarm.l', ['UpperArm_L', 'mixamorig:LeftArm', 'mixamorigLeftArm', 'upperarm_l', 'upper_arm.L', 'J_Bip_L_UpperArm', 'LeftUpperArm']],
+  [
+    'upperarm.l',
+    [
+      'UpperArm_L',
+      'mixamorig:LeftArm',
+      'mixamorigLeftArm',
+      'upperarm_l',
+      'upper_arm.L',
+      'J_Bip_L_UpperArm',
+      'LeftUpperArm',
+    ],
+  ],
   ['lowerarm.r', ['LowerArm_R', 'mixamorig:RightForeArm', 'forearm.R', 'lowerarm_r', 'DEF-forearm.R', 'right_elbow']],
   ['upperleg.r', ['UpperLeg_R', 'mixamorig:RightUpLeg', 'thigh_r', 'thigh.R', 'RightUpperLeg']],
   ['lowerleg.l', ['LowerLeg_L', 'mixamorig:LeftLeg', 'calf_l', 'shin.L', 'J_Bip_L_LowerLeg']],
@@ -22,11 +33,36 @@ test('a name that ends in an l has no side', () => {
 const JOINTS = ['Hips', 'Spine', 'Chest', 'Neck', 'Head', 'Shoulder_L', 'UpperArm_L', 'LowerArm_L', 'Hand_L'];
 
 test("Mixamo's bones are found, in any order, and fingers are left alone", () => {
-  const bones = ['LeftHandIndex1', 'LeftHand', 'LeftForeArm', 'LeftArm', 'LeftShoulder', 'Head', 'Neck', 'Spine2', 'Spine1', 'Spine', 'Hips'];
-  const { bones: found, missing } = mapNames(JOINTS, bones.map((bone) => `mixamorig:${bone}`));
+  const bones = [
+    'LeftHandIndex1',
+    'LeftHand',
+    'LeftForeArm',
+    'LeftArm',
+    'LeftShoulder',
+    'Head',
+    'Neck',
+    'Spine2',
+    'Spine1',
+    'Spine',
+    'Hips',
+  ];
+  const { bones: found, missing } = mapNames(
+    JOINTS,
+    bones.map((bone) => `mixamorig:${bone}`),
+  );
   expect(missing).toEqual([]);
   const names = Array.from(found, (bone) => bones[bone]);
-  expect(names).toEqual(['Hips', 'Spine', 'Spine2', 'Neck', 'Head', 'LeftShoulder', 'LeftArm', 'LeftForeArm', 'LeftHand']);
+  expect(names).toEqual([
+    'Hips',
+    'Spine',
+    'Spine2',
+    'Neck',
+    'Head',
+    'LeftShoulder',
+    'LeftArm',
+    'LeftForeArm',
+    'LeftHand',
+  ]);
 });
 
 test('joints without a bone are named', () => {

@@ -10,18 +10,39 @@ export interface PartName {
 
 /** Other spellings of parts, without side and marks. Those of Mixamo, VRM, Unreal, Rigify, Blender and SMPL. */
 const SYNONYMS: Record<string, string> = {
-  pelvis: 'hips', hip: 'hips', root: 'root',
-  spine01: 'spine', abdomen: 'spine',
-  upperchest: 'chest', spine2: 'chest', spine3: 'chest', spine03: 'chest', thorax: 'chest', torso: 'chest',
-  neck01: 'neck', neck1: 'neck',
-  clavicle: 'shoulder', collar: 'shoulder', collarbone: 'shoulder',
-  arm: 'upperarm', humerus: 'upperarm',
-  forearm: 'lowerarm', elbow: 'lowerarm',
+  pelvis: 'hips',
+  hip: 'hips',
+  root: 'root',
+  spine01: 'spine',
+  abdomen: 'spine',
+  upperchest: 'chest',
+  spine2: 'chest',
+  spine3: 'chest',
+  spine03: 'chest',
+  thorax: 'chest',
+  torso: 'chest',
+  neck01: 'neck',
+  neck1: 'neck',
+  clavicle: 'shoulder',
+  collar: 'shoulder',
+  collarbone: 'shoulder',
+  arm: 'upperarm',
+  humerus: 'upperarm',
+  forearm: 'lowerarm',
+  elbow: 'lowerarm',
   wrist: 'hand',
-  upleg: 'upperleg', thigh: 'upperleg', femur: 'upperleg',
-  leg: 'lowerleg', calf: 'lowerleg', shin: 'lowerleg', knee: 'lowerleg',
+  upleg: 'upperleg',
+  thigh: 'upperleg',
+  femur: 'upperleg',
+  leg: 'lowerleg',
+  calf: 'lowerleg',
+  shin: 'lowerleg',
+  knee: 'lowerleg',
   ankle: 'foot',
-  toe: 'toes', toebase: 'toes', ball: 'toes', toe0: 'toes',
+  toe: 'toes',
+  toebase: 'toes',
+  ball: 'toes',
+  toe0: 'toes',
 };
 
 /** Takes a name apart: `mixamorig:LeftForeArm`, `forearm.L` and `LowerArm_L` are all the left `lowerarm`. */
@@ -49,7 +70,10 @@ export function partOf(name: string): PartName {
     rest = rest.replace(pattern, '');
     break;
   }
-  rest = rest.replace(/^C[_\-. ]/, '').toLowerCase().replace(/[^a-z0-9]/g, '');
+  rest = rest
+    .replace(/^C[_\-. ]/, '')
+    .toLowerCase()
+    .replace(/[^a-z0-9]/g, '');
   return { side, part: SYNONYMS[rest] ?? rest };
 }
 

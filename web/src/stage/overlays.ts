@@ -1,7 +1,17 @@
 // Lines and discs on the ground, by name.
 import {
-  BufferAttribute, BufferGeometry, CircleGeometry, DoubleSide, Group, Mesh, RingGeometry, ShaderMaterial, Color,
-  InstancedBufferAttribute, InstancedBufferGeometry, type Scene,
+  BufferAttribute,
+  BufferGeometry,
+  CircleGeometry,
+  DoubleSide,
+  Group,
+  Mesh,
+  RingGeometry,
+  ShaderMaterial,
+  Color,
+  InstancedBufferAttribute,
+  InstancedBufferGeometry,
+  type Scene,
 } from 'three';
 import { SURROUNDINGS, tintColour } from './colours';
 import type { LineStyle, Theme } from './types';
@@ -80,7 +90,8 @@ export function ribbon(points: Float32Array, width_m: number): Ribbon {
   let gone = 0;
   for (let p = 0; p < count; p++) {
     const [before, after] = [Math.max(p - 1, 0) * 3, Math.min(p + 1, count - 1) * 3];
-    const dx = points[after]! - points[before]!, dz = points[after + 2]! - points[before + 2]!;
+    const dx = points[after]! - points[before]!,
+      dz = points[after + 2]! - points[before + 2]!;
     const scale = width_m / 2 / (Math.hypot(dx, dz) || 1);
     const o = p * 3;
     if (p > 0) gone += Math.hypot(points[o]! - points[o - 3]!, points[o + 2]! - points[o - 1]!);
@@ -146,7 +157,10 @@ export class Overlays {
     geometry.setAttribute('aPlace', new InstancedBufferAttribute(raised, 3));
     geometry.instanceCount = raised.length / 3;
     const material = new ShaderMaterial({
-      vertexShader: DISC_VERTEX, fragmentShader: DISC_FRAGMENT, transparent: true, depthWrite: false,
+      vertexShader: DISC_VERTEX,
+      fragmentShader: DISC_FRAGMENT,
+      transparent: true,
+      depthWrite: false,
       uniforms: { uColour: { value: new Color() } },
     });
     this.keep(this.discMeshes, name, { mesh: new Mesh(geometry, material), tint }, -5);
@@ -190,7 +204,11 @@ export class Overlays {
 
 function ribbonMaterial(): ShaderMaterial {
   return new ShaderMaterial({
-    vertexShader: RIBBON_VERTEX, fragmentShader: RIBBON_FRAGMENT, transparent: true, depthWrite: false, side: DoubleSide,
+    vertexShader: RIBBON_VERTEX,
+    fragmentShader: RIBBON_FRAGMENT,
+    transparent: true,
+    depthWrite: false,
+    side: DoubleSide,
     uniforms: { uColour: { value: new Color() }, uDash: { value: 0 }, uOpacity: { value: 0.92 } },
   });
 }

@@ -26,8 +26,12 @@ export function hitCapsules(ray: Ray, ends: Float32Array, offset: number, count:
 function hitCapsule(ray: Ray, ends: Float32Array, o: number): number {
   const [ox, oy, oz] = ray.origin;
   const [dx, dy, dz] = ray.direction;
-  const ax = ends[o]! - ox, ay = ends[o + 1]! - oy, az = ends[o + 2]! - oz;
-  const bx = ends[o + 4]! - ends[o]!, by = ends[o + 5]! - ends[o + 1]!, bz = ends[o + 6]! - ends[o + 2]!;
+  const ax = ends[o]! - ox,
+    ay = ends[o + 1]! - oy,
+    az = ends[o + 2]! - oz;
+  const bx = ends[o + 4]! - ends[o]!,
+    by = ends[o + 5]! - ends[o + 1]!,
+    bz = ends[o + 6]! - ends[o + 2]!;
   const bb = bx * bx + by * by + bz * bz;
   const bd = bx * dx + by * dy + bz * dz;
   const ab = ax * bx + ay * by + az * bz;
@@ -36,7 +40,9 @@ function hitCapsule(ray: Ray, ends: Float32Array, o: number): number {
   const across = bb - bd * bd;
   // Along the axis all are equally near: the end that faces the eye counts.
   const s = across > 1e-9 ? Math.min(Math.max((ad * bd - ab) / across, 0), 1) : bd < 0 ? 1 : 0;
-  const px = ax + s * bx, py = ay + s * by, pz = az + s * bz;
+  const px = ax + s * bx,
+    py = ay + s * by,
+    pz = az + s * bz;
   const t = px * dx + py * dy + pz * dz;
   if (t < 0) return Infinity;
   const away = px * px + py * py + pz * pz - t * t;

@@ -73,16 +73,34 @@ export function writeEnds(flat: FlatRig, joints: Joints, out: Float32Array, offs
 
 /** A heel lies on along the shank, and away from the toes. */
 function writeHeel(
-  places: Float32Array, ankle: number, knee: number, toes: number, length: number, out: Float32Array, o: number,
+  places: Float32Array,
+  ankle: number,
+  knee: number,
+  toes: number,
+  length: number,
+  out: Float32Array,
+  o: number,
 ): void {
-  const a = ankle * 3, k = knee * 3, t = toes * 3;
-  let sx = places[a]! - places[k]!, sy = places[a + 1]! - places[k + 1]!, sz = places[a + 2]! - places[k + 2]!;
+  const a = ankle * 3,
+    k = knee * 3,
+    t = toes * 3;
+  let sx = places[a]! - places[k]!,
+    sy = places[a + 1]! - places[k + 1]!,
+    sz = places[a + 2]! - places[k + 2]!;
   const shank = 1 / (Math.sqrt(sx * sx + sy * sy + sz * sz) || 1);
-  let tx = places[t]! - places[a]!, ty = places[t + 1]! - places[a + 1]!, tz = places[t + 2]! - places[a + 2]!;
+  let tx = places[t]! - places[a]!,
+    ty = places[t + 1]! - places[a + 1]!,
+    tz = places[t + 2]! - places[a + 2]!;
   const foot = 0.62 / (Math.sqrt(tx * tx + ty * ty + tz * tz) || 1);
-  sx *= shank; sy *= shank; sz *= shank;
-  tx *= foot; ty *= foot; tz *= foot;
-  const hx = sx - tx, hy = sy - ty, hz = sz - tz;
+  sx *= shank;
+  sy *= shank;
+  sz *= shank;
+  tx *= foot;
+  ty *= foot;
+  tz *= foot;
+  const hx = sx - tx,
+    hy = sy - ty,
+    hz = sz - tz;
   const scale = length / (Math.sqrt(hx * hx + hy * hy + hz * hz) || 1);
   out[o] = places[a]! + hx * scale;
   out[o + 1] = places[a + 1]! + hy * scale;

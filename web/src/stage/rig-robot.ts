@@ -67,7 +67,9 @@ export function buildRobot(tree: Tree): Omit<Rig, 'kind'> {
 
 /** A flat sole from behind the ankle to the toe. */
 function addFoot(
-  tree: Tree, toe: number, add: (from: End, to: End, a: number, b: number, shade: number) => void,
+  tree: Tree,
+  toe: number,
+  add: (from: End, to: End, a: number, b: number, shade: number) => void,
 ): void {
   const ankle = tree.skeleton.parents[toe]!;
   const [x, y, z] = offsetOf(tree, toe);

@@ -35,7 +35,10 @@ test('a person is thicker at the trunk than at limbs, and limbs taper', () => {
   expect(radius('Spine', 'Chest')).toBeGreaterThan(radius('UpperLeg_L', 'LowerLeg_L'));
   expect(radius('UpperLeg_L', 'LowerLeg_L')).toBeGreaterThan(radius('LowerLeg_L', 'Foot_L'));
   expect(radius('UpperLeg_L', 'LowerLeg_L')).toBeGreaterThan(radius('UpperArm_L', 'LowerArm_L'));
-  for (const [from, to] of [['UpperArm_R', 'LowerArm_R'], ['LowerLeg_R', 'Foot_R']] as const) {
+  for (const [from, to] of [
+    ['UpperArm_R', 'LowerArm_R'],
+    ['LowerLeg_R', 'Foot_R'],
+  ] as const) {
     const [start, end] = between(PERSON, rig, from, to).radii;
     expect(end).toBeLessThan(start);
   }

@@ -49,8 +49,18 @@ export interface Tree {
 
 /** Joints of a person that have to be there. */
 const HUMAN = [
-  'hips', 'head', 'upperarm.l', 'upperarm.r', 'lowerarm.l', 'lowerarm.r', 'upperleg.l', 'upperleg.r', 'lowerleg.l',
-  'lowerleg.r', 'foot.l', 'foot.r',
+  'hips',
+  'head',
+  'upperarm.l',
+  'upperarm.r',
+  'lowerarm.l',
+  'lowerarm.r',
+  'upperleg.l',
+  'upperleg.r',
+  'lowerleg.l',
+  'lowerleg.r',
+  'foot.l',
+  'foot.r',
 ];
 /** Names of a robot's axes: a joint turns about one of them. */
 const AXIS = /(_|^)(pitch|roll|yaw)(_|$)/i;

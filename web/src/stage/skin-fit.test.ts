@@ -26,7 +26,9 @@ function followed(bones: RestBone[], joints: Joints): { positions: Float32Array;
 function bent(): Joints {
   const pose = identityPose(PERSON, 0.94);
   for (const name of ['LowerArm_L', 'LowerLeg_R', 'Spine']) {
-    new Quaternion().setFromAxisAngle(new Vector3(1, 0.5, 0.2).normalize(), 0.8).toArray(pose.rotations, PERSON.names.indexOf(name) * 4);
+    new Quaternion()
+      .setFromAxisAngle(new Vector3(1, 0.5, 0.2).normalize(), 0.8)
+      .toArray(pose.rotations, PERSON.names.indexOf(name) * 4);
   }
   const joints = new Joints(PERSON);
   joints.update(pose);
@@ -43,7 +45,10 @@ test("bones in the pack's own frames follow as they are", () => {
 test('bones with other frames and lengths follow too, by their own lengths', () => {
   const joints = bent();
   const turn = new Quaternion().setFromAxisAngle(new Vector3(0, 0.6, 0.8), 1.1);
-  const { positions, native } = followed(bonesOf(turn, 1.1, (name) => name.replace('UpperArm_L', 'mixamorig:LeftArm')), joints);
+  const { positions, native } = followed(
+    bonesOf(turn, 1.1, (name) => name.replace('UpperArm_L', 'mixamorig:LeftArm')),
+    joints,
+  );
   expect(native).toBe(false);
   joints.positions.forEach((value, c) => {
     expect(positions[c], `${PERSON.names[Math.floor(c / 3)]}`).toBeCloseTo(value * 1.1, 4);

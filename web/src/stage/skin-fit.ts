@@ -31,13 +31,19 @@ export interface Fit {
 
 /** Fits bones to a skeleton, or throws an error that names the joints for which none was found. */
 export function fitBones(skeleton: Skeleton, bones: readonly RestBone[]): Fit {
-  const mapping = mapNames(skeleton.names, bones.map((bone) => bone.name));
+  const mapping = mapNames(
+    skeleton.names,
+    bones.map((bone) => bone.name),
+  );
   if (mapping.missing.length > 0) {
     const [few, rest] = [mapping.missing.slice(0, 12), mapping.missing.length - 12];
     const more = rest > 0 ? ` and ${rest} more` : '';
     throw new Error(
       `The skin has no bones for these joints: ${few.join(', ')}${more}. ` +
-        `Its ${bones.length} bones are named ${bones.slice(0, 6).map((bone) => bone.name).join(', ')}, …`,
+        `Its ${bones.length} bones are named ${bones
+          .slice(0, 6)
+          .map((bone) => bone.name)
+          .join(', ')}, …`,
     );
   }
   const rest = Array.from(mapping.bones, (bone) => withoutScale(bones[bone]!.world));
@@ -116,7 +122,10 @@ function retarget(skeleton: Skeleton, rest: readonly Matrix4[]): Fit['follow'] {
   const inverse = new Quaternion();
   for (let j = 0; j < count; j++) {
     multiply(swings, j * 4, restTurns, j * 4, constants, j * 4);
-    inverse.fromArray(neutral, j * 4).invert().toArray(undo);
+    inverse
+      .fromArray(neutral, j * 4)
+      .invert()
+      .toArray(undo);
     multiply(undo, 0, constants, j * 4, constants, j * 4);
     const parent = skeleton.parents[j]!;
     if (parent < 0) continue;
@@ -142,11 +151,24 @@ function retarget(skeleton: Skeleton, rest: readonly Matrix4[]): Fit['follow'] {
 
 /** `positions[to] = positions[from] + rotation * offset` */
 function addTurned(
-  turns: Float32Array, q: number, offsets: Float32Array, o: number, positions: Float32Array, from: number, to: number,
+  turns: Float32Array,
+  q: number,
+  offsets: Float32Array,
+  o: number,
+  positions: Float32Array,
+  from: number,
+  to: number,
 ): void {
-  const qx = turns[q]!, qy = turns[q + 1]!, qz = turns[q + 2]!, qw = turns[q + 3]!;
-  const x = offsets[o]!, y = offsets[o + 1]!, z = offsets[o + 2]!;
-  const tx = 2 * (qy * z - qz * y), ty = 2 * (qz * x - qx * z), tz = 2 * (qx * y - qy * x);
+  const qx = turns[q]!,
+    qy = turns[q + 1]!,
+    qz = turns[q + 2]!,
+    qw = turns[q + 3]!;
+  const x = offsets[o]!,
+    y = offsets[o + 1]!,
+    z = offsets[o + 2]!;
+  const tx = 2 * (qy * z - qz * y),
+    ty = 2 * (qz * x - qx * z),
+    tz = 2 * (qx * y - qy * x);
   positions[to] = positions[from]! + x + qw * tx + qy * tz - qz * ty;
   positions[to + 1] = positions[from + 1]! + y + qw * ty + qz * tx - qx * tz;
   positions[to + 2] = positions[from + 2]! + z + qw * tz + qx * ty - qy * tx;
@@ -163,7 +185,10 @@ function placesOf(skeleton: Skeleton, world: Float32Array): Vector3[] {
   skeleton.parents.forEach((parent, j) => {
     if (parent < 0) local.set(world.subarray(0, 4));
     else {
-      new Quaternion().fromArray(world, parent * 4).invert().toArray(undo);
+      new Quaternion()
+        .fromArray(world, parent * 4)
+        .invert()
+        .toArray(undo);
       multiply(undo, 0, world, j * 4, local, j * 4);
     }
   });

@@ -1,7 +1,20 @@
 // Skinned bodies: all characters with the same skin in one draw call per mesh, posed through a texture of bones.
 import {
-  BufferGeometry, DataTexture, DynamicDrawUsage, FloatType, Group, InstancedBufferAttribute, InstancedBufferGeometry,
-  Matrix4, Mesh, MeshStandardMaterial, NearestFilter, RGBAFormat, SkinnedMesh, type Color, type Object3D,
+  BufferGeometry,
+  DataTexture,
+  DynamicDrawUsage,
+  FloatType,
+  Group,
+  InstancedBufferAttribute,
+  InstancedBufferGeometry,
+  Matrix4,
+  Mesh,
+  MeshStandardMaterial,
+  NearestFilter,
+  RGBAFormat,
+  SkinnedMesh,
+  type Color,
+  type Object3D,
 } from 'three';
 import { GLTFLoader } from 'three/examples/jsm/loaders/GLTFLoader.js';
 import type { BodyView } from './body';
@@ -67,7 +80,8 @@ export class Skin {
     root.traverse((node) => {
       if (node instanceof SkinnedMesh) meshes.push(node as SkinnedMesh);
     });
-    if (meshes.length === 0) throw new Error('The glb file has no skinned mesh: it needs a mesh with a skin (joints and weights).');
+    if (meshes.length === 0)
+      throw new Error('The glb file has no skinned mesh: it needs a mesh with a skin (joints and weights).');
     const { bones, indices } = restBones(meshes);
     this.fit = fitBones(skeleton, bones);
     this.neutral = this.fit.neutral;
@@ -182,7 +196,10 @@ export class Skin {
     const base = material instanceof MeshStandardMaterial ? material : undefined;
     const isPainted = base !== undefined && (base.map !== null || base.name !== 'body');
     const part = {
-      geometry: shared(mesh.geometry), bones, constants, isPainted,
+      geometry: shared(mesh.geometry),
+      bones,
+      constants,
+      isPainted,
       materials: bodyMaterials(DECLARE, edge, { uBones: { value: null } }, base),
     } as Part;
     makeRoom(part, this.capacity);
@@ -244,17 +261,41 @@ function toRows(matrix: Matrix4, out: Float32Array, o: number): void {
 
 /** `out = [rotation | place] * constant`, all as 3 rows of 4. */
 function writeBone(
-  turns: Float32Array, q: number, places: Float32Array, p: number, constant: Float32Array, c: number,
-  out: Float32Array, o: number,
+  turns: Float32Array,
+  q: number,
+  places: Float32Array,
+  p: number,
+  constant: Float32Array,
+  c: number,
+  out: Float32Array,
+  o: number,
 ): void {
-  const x = turns[q]!, y = turns[q + 1]!, z = turns[q + 2]!, w = turns[q + 3]!;
-  const xx = 2 * x * x, yy = 2 * y * y, zz = 2 * z * z, xy = 2 * x * y, xz = 2 * x * z, yz = 2 * y * z;
-  const wx = 2 * w * x, wy = 2 * w * y, wz = 2 * w * z;
-  const a0 = 1 - yy - zz, a1 = xy - wz, a2 = xz + wy;
-  const b0 = xy + wz, b1 = 1 - xx - zz, b2 = yz - wx;
-  const c0 = xz - wy, c1 = yz + wx, c2 = 1 - xx - yy;
+  const x = turns[q]!,
+    y = turns[q + 1]!,
+    z = turns[q + 2]!,
+    w = turns[q + 3]!;
+  const xx = 2 * x * x,
+    yy = 2 * y * y,
+    zz = 2 * z * z,
+    xy = 2 * x * y,
+    xz = 2 * x * z,
+    yz = 2 * y * z;
+  const wx = 2 * w * x,
+    wy = 2 * w * y,
+    wz = 2 * w * z;
+  const a0 = 1 - yy - zz,
+    a1 = xy - wz,
+    a2 = xz + wy;
+  const b0 = xy + wz,
+    b1 = 1 - xx - zz,
+    b2 = yz - wx;
+  const c0 = xz - wy,
+    c1 = yz + wx,
+    c2 = 1 - xx - yy;
   for (let k = 0; k < 4; k++) {
-    const r0 = constant[c + k]!, r1 = constant[c + 4 + k]!, r2 = constant[c + 8 + k]!;
+    const r0 = constant[c + k]!,
+      r1 = constant[c + 4 + k]!,
+      r2 = constant[c + 8 + k]!;
     out[o + k] = a0 * r0 + a1 * r1 + a2 * r2;
     out[o + 4 + k] = b0 * r0 + b1 * r1 + b2 * r2;
     out[o + 8 + k] = c0 * r0 + c1 * r1 + c2 * r2;

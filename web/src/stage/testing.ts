@@ -13,7 +13,10 @@ export function skeletonOf(rows: readonly Row[]): Skeleton {
   };
 }
 
-const SIDES: [string, number][] = [['L', 1], ['R', -1]];
+const SIDES: [string, number][] = [
+  ['L', 1],
+  ['R', -1],
+];
 
 /** A person who stands with arms spread in the pose with identity rotations: 21 joints. */
 export const PERSON = skeletonOf([

@@ -135,8 +135,7 @@ export class Api {
 
   get = <T>(path: string): Promise<T> => this.json<T>(this.call('GET', path));
 
-  send = <T>(method: string, path: string, body?: object): Promise<T> =>
-    this.json<T>(this.call(method, path, body));
+  send = <T>(method: string, path: string, body?: object): Promise<T> => this.json<T>(this.call(method, path, body));
 
   private json = async <T>(answer: Promise<Response>): Promise<T> => (await (await answer).json()) as T;
 

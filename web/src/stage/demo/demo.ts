@@ -79,12 +79,22 @@ async function cast(stage: Stage): Promise<Played[]> {
 function overlays(stage: Stage, { clip, shift }: Played): void {
   const path = new Float32Array(clip.poses.flatMap(({ root }) => [root[0]! + shift[0], 0, root[2]! + shift[1]]));
   stage.line('path', path.slice(0, 3 * 120), { tint: 0 });
-  stage.line('asked', path.slice(3 * 120).map((value, c) => (c % 3 === 0 ? value + 0.1 : value)), { tint: 8, dashed: true });
+  stage.line(
+    'asked',
+    path.slice(3 * 120).map((value, c) => (c % 3 === 0 ? value + 0.1 : value)),
+    { tint: 8, dashed: true },
+  );
   const moved = (pose: Pose): Pose => ({
     ...pose,
     root: new Float32Array([pose.root[0]! + shift[0], pose.root[1]!, pose.root[2]! + shift[1]]),
   });
-  stage.ghosts('plan', clip.skeleton, [20, 40, 60, 80].map((frame) => moved(clip.poses[frame]!)), 0.45, 0);
+  stage.ghosts(
+    'plan',
+    clip.skeleton,
+    [20, 40, 60, 80].map((frame) => moved(clip.poses[frame]!)),
+    0.45,
+    0,
+  );
   stage.discs('contacts', new Float32Array([0, 0, 0, 0.3, 0, 0.2, -0.2, 0, 0.5]), 2);
 }
 
