@@ -22,7 +22,7 @@ function usePeek(live: Live, of: Character | undefined): PeekResponse | undefine
     let failed = false;
     let isAsking = false;
     const look = async () => {
-      if (isAsking) return;
+      if (isAsking || useLive.getState().connection !== 'live') return;
       isAsking = true;
       try {
         const answer = await live.api.peek(of.session);
@@ -31,7 +31,7 @@ function usePeek(live: Live, of: Character | undefined): PeekResponse | undefine
         drawPlan(live.stage, of, answer);
         failed = false;
       } catch (error) {
-        // Once: while the server is away the banner says so.
+        // Once: while the server is away the banner says so, and a session that is gone is opened again.
         if (!failed && useLive.getState().connection === 'live') report(error);
         failed = true;
       } finally {
