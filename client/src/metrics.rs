@@ -9,8 +9,8 @@ use crate::error::ClientError;
 
 /// The longest text that is taken, bytes.
 const MAX_METRICS_BYTES: usize = 16 << 20;
-/// The longest part of an error page that is told, bytes.
-const MAX_TOLD_BYTES: usize = 300;
+/// The longest part of an error page that is told, characters.
+const MAX_TOLD_CHARS: usize = 300;
 
 impl Client {
     /// The server's `/metrics`, as it gives them to Prometheus. Where it asks for keys, one of the role `metrics` or `admin`.
@@ -51,8 +51,11 @@ fn refusal(status: http::StatusCode, text: &str) -> tonic::Status {
         503 => Code::Unavailable,
         _ => Code::Internal,
     };
-    let told: String = text.chars().take(MAX_TOLD_BYTES).collect();
-    tonic::Status::new(code, format!("/metrics: {status}: {}", told.trim()))
+    // The server's own errors have their words in JSON; a proxy's have not.
+    let error = serde_json::from_str::<serde_json::Value>(text).unwrap_or_default();
+    let told = error["error"]["message"].as_str().unwrap_or(text);
+    let told: String = told.trim().chars().take(MAX_TOLD_CHARS).collect();
+    tonic::Status::new(code, format!("/metrics: {status}: {told}"))
 }
 
 #[cfg(test)]
@@ -66,6 +69,9 @@ mod tests {
         let told = refusal(http::StatusCode::FORBIDDEN, "needs the role metrics\n");
         assert_eq!(told.code(), tonic::Code::PermissionDenied);
         assert_eq!(told.message(), "/metrics: 403 Forbidden: needs the role metrics");
+        let ours = r#"{"error": {"code": "PERMISSION_DENIED", "message": "the role is drive"}}"#;
+        let told = refusal(http::StatusCode::FORBIDDEN, ours);
+        assert_eq!(told.message(), "/metrics: 403 Forbidden: the role is drive");
         assert_eq!(
             refusal(http::StatusCode::BAD_GATEWAY, "").code(),
             tonic::Code::Internal

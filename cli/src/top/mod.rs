@@ -168,7 +168,8 @@ impl Watch {
 
 /// All that the screen shows, as plain text, in tables as wide as the terminal or of a given width.
 fn text(view: &View, width: Option<u16>) -> String {
-    let mut parts = vec![format!("Troupe at {}\n{}", view.server, view.figures.head)];
+    let mut parts = vec![format!("Troupe at {}", view.server)];
+    parts.extend(Some(view.figures.head.clone()).filter(|head| !head.is_empty()));
     parts.extend(view.notes.iter().cloned());
     let mut packs = table();
     packs.set_header(PACK_HEADERS).add_rows(&view.figures.packs);
