@@ -11,6 +11,7 @@ export default defineConfig({
   fullyParallel: false,
   timeout: 60_000,
   globalTimeout: 15 * 60_000,
+  retries: process.env['CI'] === undefined ? 0 : 2,
   expect: {
     timeout: 15_000,
     toHaveScreenshot: { maxDiffPixelRatio: 0.02, threshold: 0.25, animations: 'disabled' },

@@ -15,7 +15,7 @@ pub trait Holder: Debug + Send + Sync {
 
 impl Holder for SceneTable {
     fn bytes(&self) -> usize {
-        self.all().iter().map(|(_, cell)| cell.snapshot().bytes()).sum()
+        self.all().values().map(|cell| cell.snapshot().bytes()).sum()
     }
 }
 

@@ -117,6 +117,10 @@ function Inside({ inside, pack }: { inside: Intermediates; pack: Pack | undefine
             <span>{says}</span>
           </div>
         ))}
+        <div>
+          <i className="disc" style={{ background: tintCss(3) }} />
+          <span>feet that stand</span>
+        </div>
       </div>
     </Stack>
   );

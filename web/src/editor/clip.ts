@@ -24,6 +24,8 @@ export interface Rig {
   leftAxis: Vector3;
   /** Hinges of a robot, in the order of its CSV; none for other bodies. */
   hinges: readonly Hinge[];
+  /** Joints that touch the ground, in the order of an answer's contacts. */
+  contactJoints: readonly number[];
   limits: Limits;
 }
 

@@ -1,6 +1,6 @@
 // The editor at work: opens clips, changes the document, asks the server, hands out files.
 import { Quaternion, Vector3 } from 'three';
-import { notice, report } from '../live/store';
+import { notice } from '../live/store';
 import type { Pose } from '../stage/types';
 import type { Api } from '../wire/api';
 import { ApiError } from '../wire/api';
@@ -281,7 +281,6 @@ export class Editor {
       const message = error instanceof Error ? error.message : String(error);
       const { field, allowed } = error instanceof ApiError ? error : { field: '', allowed: '' };
       useEditor.setState({ trouble: { message, field, allowed } });
-      report(error);
     } finally {
       if (!this.isDisposed) useEditor.setState({ isBusy: false });
     }

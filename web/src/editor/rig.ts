@@ -23,6 +23,7 @@ export function rigOf(pack: Pack): Rig {
     skeleton,
     leftAxis: pack.left_axis ? vector(pack.left_axis) : new Vector3(1, 0, 0),
     hinges,
+    contactJoints: pack.contact_joints.map((name) => skeleton.names.indexOf(name)),
     limits: {
       contextFrames: pack.context_frames,
       maxTargets: pack.max_targets,

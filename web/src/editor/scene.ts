@@ -16,6 +16,7 @@ import { docOf, isStale, useEditor } from './store';
 /** Tint of what was captured, and of the keyframes. */
 const GREY = 8;
 const KEY_TINT = 0;
+const CONTACT_TINT = 3;
 /** Tints of variants, of the palette without grey. */
 const VARIANT_TINTS = [0, 1, 2, 3, 4, 5, 6, 7];
 /** Distance of variants that stand side by side, metres. */
@@ -155,6 +156,7 @@ export class EditorScene {
     this.lastRig = rig;
     if (!doc || !rig) return;
     this.cast(rig, this.actors(state, doc, rig));
+    this.drawContacts(state, rig);
     this.drawHandles(state, doc, rig);
     const isSame = before && docOf(before) === doc && before.filled === state.filled && before.chosen === state.chosen;
     const isSameView = isSame && before.layout === state.layout && before.showsInside === state.showsInside;
@@ -204,6 +206,19 @@ export class EditorScene {
       }
       this.stage.pose(id, pose);
     }
+  }
+
+  /** Discs under the joints of the chosen variant that stand, as the decoder has it. */
+  private drawContacts({ showsInside, filled, chosen, frame }: EditorState, { contactJoints }: Rig): void {
+    const id = `variant-${chosen}`;
+    const joints = showsInside && this.shown.has(id) ? this.stage.jointPositions(id) : undefined;
+    const variant = filled?.variants[chosen];
+    const from =
+      filled && variant ? Math.min(frame - filled.doc.gap.start, variant.clip.frames - 1) * contactJoints.length : 0;
+    const places = contactJoints.flatMap((joint, c) =>
+      joints && (variant?.contacts[from + c] ?? 0) > 0.5 ? [joints[joint * 3]!, 0.012, joints[joint * 3 + 2]!] : [],
+    );
+    this.stage.discs('contacts', places.length > 0 ? Float32Array.from(places) : null, CONTACT_TINT);
   }
 
   private drawHandles(state: EditorState, doc: Doc, rig: Rig): void {
@@ -256,6 +271,7 @@ export class EditorScene {
     this.shown.clear();
     this.handles.set([], undefined, false);
     if (this.lastRig) for (const name of ['context', 'targets']) this.stage.ghosts(name, this.lastRig.skeleton, null);
+    this.stage.discs('contacts', null, CONTACT_TINT);
     for (const name of ['captured', ...PATHS]) this.stage.line(name, null, { tint: GREY });
     for (let v = 0; v < VARIANT_TINTS.length; v++) this.stage.line(`variant-${v}`, null, { tint: GREY });
   }

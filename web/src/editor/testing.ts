@@ -21,7 +21,15 @@ export function rigFor({ names, places, turns }: Recording, parents: readonly nu
     offset.applyQuaternion(back).toArray(offsets, j * 3);
   });
   const skeleton = { names, parents: Int16Array.from(parents), offsets };
-  return { pack: 'human', fps: 30, skeleton, leftAxis: new Vector3(0, -1, 0), hinges: [], limits: LIMITS };
+  return {
+    pack: 'human',
+    fps: 30,
+    skeleton,
+    leftAxis: new Vector3(0, -1, 0),
+    hinges: [],
+    contactJoints: [],
+    limits: LIMITS,
+  };
 }
 
 /** Parents of the joints of examples/walk.bvh, in the file's order. */
@@ -64,6 +72,7 @@ export function robot(): Rig {
     fps: 30,
     skeleton: { names, parents: Int16Array.from([-1, 0, 1, 2, 3, 4, 5]), offsets: Float32Array.from(offsets) },
     leftAxis: new Vector3(1, 0, 0),
+    contactJoints: [6],
     hinges: [
       hinge(1, [1, 0, 0], -2.53, 2.88),
       hinge(2, [0, 0, 1], -0.52, 2.97, bent(-0.1749)),
