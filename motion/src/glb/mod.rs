@@ -5,7 +5,8 @@
 mod keys;
 #[cfg(feature = "files")]
 mod read;
-#[cfg(all(test, feature = "files"))]
+#[cfg(feature = "files")]
+#[cfg(test)]
 mod tests;
 mod write;
 
