@@ -240,7 +240,11 @@ fn it_says_where_it_listens_and_stops_on_sigterm() {
     let rest: Vec<String> = lines.map(Result::unwrap).collect();
     let hint = format!("  curl http://{address}/v1/packs");
     assert!(rest.contains(&hint), "{rest:?}");
-    assert!(rest[0].starts_with("  pack human "), "{rest:?}");
+    assert_eq!(
+        rest[0],
+        format!("Open http://{address}/ in a browser to see a crowd walk")
+    );
+    assert!(rest[1].starts_with("  pack human "), "{rest:?}");
 }
 
 /// The exit code of the health check, and what it says.
