@@ -394,18 +394,16 @@ impl Scheduler {
         let mut parts: Vec<Part> = Vec::new();
         while room > 0 {
             let calls_only = own > 0;
-            match self
-                .queue
-                .take(now, if calls_only { own } else { room }, calls_only)
-            {
+            let most = if calls_only { own } else { room };
+            match self.queue.take(now, most, calls_only) {
                 Some(Take::Part(part)) => {
                     room -= part.characters;
                     own = own.saturating_sub(part.characters);
-                    if part.class == Class::Request {
-                        calls += part.characters;
-                    }
-                    // A call may get places of its own, and then more of the others.
-                    match parts.iter_mut().find(|before| before.request == part.request) {
+                    let is_call = part.class == Class::Request;
+                    calls += if is_call { part.characters } else { 0 };
+                    // A call may get places of its own, and then more of the others. Nothing else is there twice.
+                    let mut before = parts.iter_mut().filter(|_| is_call);
+                    match before.find(|before| before.request == part.request) {
                         Some(before) => before.characters += part.characters,
                         None => parts.push(part),
                     }
