@@ -131,13 +131,16 @@ fn home() -> &'static Home {
             reader: Reader::new(&config.api_limits()),
             pack,
             robot,
-            small: Arc::new(small()),
+            small: Arc::new(two_joints()),
         }
     })
 }
 
 /// A skeleton of two joints.
-fn small() -> Skeleton {
+///
+/// # Panics
+/// Where it is none, which a build that passes its tests rules out.
+pub fn two_joints() -> Skeleton {
     let joint = |name: &str, parent, offset_m| Joint {
         name: name.to_owned(),
         parent,

@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use prost::Message as _;
-use troupe_fuzz::{HEAD_BYTES, Local, SEPARATOR};
+use troupe_fuzz::{HEAD_BYTES, Local, SEPARATOR, two_joints};
 use troupe_motion::files::write_npz;
 use troupe_motion::glb::write_glb;
-use troupe_motion::{Clip, Joint, Quat, Skeleton, Vec3};
+use troupe_motion::{Clip, Quat, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::command::Intent;
 use troupe_proto::v1::drive_request::Message as Ask;
@@ -52,16 +52,7 @@ fn write(target: &str, name: &str, bytes: &[u8]) -> io::Result<()> {
 
 /// Two joints that turn for three frames, as a file of each format that has no text.
 fn clips() -> Result<(), Problem> {
-    let joint = |name: &str, parent, offset_m| Joint {
-        name: name.to_owned(),
-        parent,
-        offset_m,
-    };
-    let joints = vec![
-        joint("Hips", None, Vec3::ZERO),
-        joint("Foot", Some(0), Vec3::NEG_Y),
-    ];
-    let skeleton = Arc::new(Skeleton::new(joints, Vec3::X, 0.0, None)?);
+    let skeleton = Arc::new(two_joints());
     let roots = (0..3).map(|frame| Vec3::new(0.0, 1.0, 0.5 * frame as f32));
     let turns = (0..6).map(|nth| Quat::from_rotation_x(0.1 * nth as f32));
     let clip = Clip::new(skeleton, 2.0, roots.collect(), turns.collect())?;
