@@ -11,8 +11,8 @@ use super::metrics::Eviction;
 use super::options::MAX_ID_CHARS;
 use crate::clients::Tenant;
 
-/// About the most memory that an open session takes, bytes: 38 KiB were measured for one that walks in the default pack, one in a
-/// scene keeps events and keyframes besides, and a path of 1,024 points takes 28 KiB, once as it is followed and once as it waits.
+/// About the most memory that an open session takes, bytes. 38 KiB were measured for one that walks in the default pack. One in a
+/// scene keeps events and keyframes besides. A path of 1,024 points takes 28 KiB: once while it is followed, once while it waits.
 pub const MAX_SESSION_BYTES: u64 = 128 << 10;
 /// Most ids of expired sessions that are remembered: a few megabytes.
 const MAX_TOMBSTONES: usize = 65_536;
