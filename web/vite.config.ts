@@ -2,7 +2,7 @@ import react from '@vitejs/plugin-react';
 import { defineConfig } from 'vitest/config';
 
 /** The server that the development server passes calls on to. */
-const SERVER = process.env['TROUPE_SERVER'] ?? 'http://127.0.0.1:18081';
+const SERVER = process.env['TROUPE_SERVER'] ?? 'http://127.0.0.1:8080';
 
 /** The server answers its own pages alone: it is asked as if the page were its own. */
 const proxied = {
@@ -25,14 +25,14 @@ export default defineConfig({
   plugins: [react()],
   server: {
     host: '127.0.0.1',
-    port: 15173,
+    port: 5173,
     strictPort: true,
     // The examples of the repository.
     fs: { allow: ['..'] },
     proxy: { '/v1': proxied, '/metrics': proxied, '/healthz': proxied, '/readyz': proxied },
   },
   // The built page as the server would serve it.
-  preview: { host: '127.0.0.1', port: 15173, strictPort: true, headers: { 'content-security-policy': POLICY } },
+  preview: { host: '127.0.0.1', port: 5173, strictPort: true, headers: { 'content-security-policy': POLICY } },
   build: {
     target: 'es2022',
     sourcemap: false,

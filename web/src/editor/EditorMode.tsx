@@ -1,11 +1,13 @@
 // The in-between editor on the page: makes it run, and lays out its panels.
 import './editor.css';
-import { ActionIcon, Kbd, Modal, Text, Tooltip, useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
+import { ActionIcon, Text, Tooltip, useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
 import { CircleHelp, Moon, Sun } from 'lucide-react';
-import { Fragment, useEffect, useState } from 'react';
+import { useEffect, useState } from 'react';
 import { create } from 'zustand';
+import { Help } from '../app/Help';
 import type { ModeProps } from '../app/modes';
 import { Notices } from '../live/Signs';
+import { runLoop } from '../live/stage-events';
 import { notice, report } from '../live/store';
 import type { Stage } from '../stage/types';
 import { ApiError } from '../wire/api';
@@ -25,10 +27,6 @@ import { ExportPanel, VariantsPanel } from './VariantsPanel';
 const LINK_MS = 700;
 /** Time between tries to start, ms. */
 const RETRY_MS = 1500;
-/** A pointer that moved farther than this while it was down has dragged, pixels. */
-const DRAG_PX = 5;
-/** Frames of the screen that took longer count as this long, seconds. */
-const LONGEST_S = 0.25;
 
 interface Running {
   editor: Editor;
@@ -43,7 +41,14 @@ function useEditorOn({ stage, api }: ModeProps): Running | undefined {
     useEditor.setState(INITIAL, true);
     const editor = new Editor(api);
     const scene = new EditorScene(stage, editor);
-    const stop = runScene(stage, scene);
+    const stop = runLoop(stage, {
+      frame: (_, dt) => {
+        scene.frame(dt);
+      },
+      click: (x, y) => {
+        scene.click(x, y);
+      },
+    });
     const uninstall = installEditorHooks(editor, scene);
     // Another clip, another view.
     const unsubscribe = useEditor.subscribe((now, before) => {
@@ -118,40 +123,6 @@ function writeAddress(stage: Stage): void {
     ...(isWalk ? { cam: stage.cameraState() } : {}),
   });
   if (hash !== location.hash) history.replaceState(null, '', hash);
-}
-
-function runScene(stage: Stage, scene: EditorScene): () => void {
-  const { canvas } = stage.three;
-  const abort = new AbortController();
-  const { signal } = abort;
-  let last = performance.now();
-  let request = requestAnimationFrame(function draw(now) {
-    scene.frame(Math.min(LONGEST_S, Math.max(0, (now - last) / 1000)));
-    last = now;
-    request = requestAnimationFrame(draw);
-  });
-  let down: { x: number; y: number } | undefined;
-  canvas.addEventListener(
-    'pointerdown',
-    (event) => {
-      down = event.button === 0 ? { x: event.clientX, y: event.clientY } : undefined;
-      canvas.focus({ preventScroll: true });
-    },
-    { signal },
-  );
-  canvas.addEventListener(
-    'pointerup',
-    (event) => {
-      if (down && Math.hypot(event.clientX - down.x, event.clientY - down.y) < DRAG_PX)
-        scene.click(event.clientX, event.clientY);
-      down = undefined;
-    },
-    { signal },
-  );
-  return () => {
-    cancelAnimationFrame(request);
-    abort.abort();
-  };
 }
 
 /** A file that is dropped anywhere is opened. Returns whether one hovers over the page. */
@@ -244,32 +215,6 @@ function Corner({ onHelp }: { onHelp: () => void }) {
   );
 }
 
-function Help({ isOpen, onClose }: { isOpen: boolean; onClose: () => void }) {
-  return (
-    <Modal opened={isOpen} onClose={onClose} title="Keys and pointer" centered size="md">
-      <dl className="keys">
-        {HELP.map(([keys, says]) => (
-          <Fragment key={says}>
-            <dt>
-              {keys.map((key) => (
-                <Kbd key={key} mr={4}>
-                  {key}
-                </Kbd>
-              ))}
-            </dt>
-            <dd>{says}</dd>
-          </Fragment>
-        ))}
-      </dl>
-      <Text size="sm" c="dimmed" mt="md">
-        Drag the ends of the gap on the timeline, or the gap as a whole; the wheel zooms, with Shift it moves along. At
-        a keyframe drag a ball: hands and feet bend their limb, the ball at the pelvis moves the body. Click a variant
-        to choose it.
-      </Text>
-    </Modal>
-  );
-}
-
 export function EditorMode(props: ModeProps) {
   const running = useEditorOn(props);
   const [isHelpOpen, setHelpOpen] = useState(false);
@@ -295,11 +240,16 @@ export function EditorMode(props: ModeProps) {
       <Timeline editor={editor} />
       <Notices />
       <Help
-        isOpen={isHelpOpen}
+        opened={isHelpOpen}
         onClose={() => {
           setHelpOpen(false);
         }}
-      />
+        keys={HELP}
+      >
+        Drag the ends of the gap on the timeline, or the gap as a whole; the wheel zooms, with Shift it moves along. At
+        a keyframe drag a ball: hands and feet bend their limb, the ball at the pelvis moves the body. Click a variant
+        to choose it.
+      </Help>
     </>
   );
 }

@@ -5,7 +5,7 @@ import { useState } from 'react';
 import { Panel, Row } from '../app/Panel';
 import { tintCss } from '../app/theme';
 import { STAGES } from '../inside/overlays';
-import { TokenGrid } from '../inside/InsidePanel';
+import { StageLegend, TokenGrid } from '../inside/InsidePanel';
 import { report } from '../live/store';
 import type { Intermediates, Pack } from '../wire/types';
 import type { Editor, Scope } from './editor';
@@ -109,19 +109,7 @@ function Inside({ inside, pack }: { inside: Intermediates; pack: Pack | undefine
       <Row label="Root module's length" value={`${inside.predicted_frame_count} frames`} />
       <Row label="Likeliest token count" value={`${best + 3}, ${(share * 100).toFixed(0)} %`} />
       <TokenGrid tokens={inside.tokens} heads={pack?.heads ?? 1} codes={pack?.codes ?? 1} />
-      <div className="legend">
-        {STAGES.filter(({ name }) => name === 'r_g3' || name === 'r_g4').map(({ name, says, tint }) => (
-          <div key={name}>
-            <i style={{ background: tintCss(tint) }} />
-            <code>{name}</code>
-            <span>{says}</span>
-          </div>
-        ))}
-        <div>
-          <i className="disc" style={{ background: tintCss(3) }} />
-          <span>feet that stand</span>
-        </div>
-      </div>
+      <StageLegend stages={STAGES.filter(({ name }) => name === 'r_g3' || name === 'r_g4')} />
     </Stack>
   );
 }

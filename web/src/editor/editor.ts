@@ -1,12 +1,14 @@
 // The editor at work: opens clips, changes the document, asks the server, hands out files.
 import { Quaternion, Vector3 } from 'three';
 import { notice } from '../live/store';
+import { forward } from '../stage/kinematics';
 import type { Pose } from '../stage/types';
 import type { Api } from '../wire/api';
 import { ApiError } from '../wire/api';
 import type { Clip, Rig } from './clip';
 import { copyPose, goOnFrom, join, poseAt, quaternionAt, slice } from './clip';
 import { readClip, save, writeClip, type Format } from './files';
+import type { HandlePoint } from './handles';
 import { begin, change, endGesture, redo, undo } from './history';
 import { reach } from './ik';
 import { limbsOf, type Limb } from './limbs';
@@ -171,12 +173,22 @@ export class Editor {
   /** Moves the selected handle by a step. */
   nudge(by: Vector3): void {
     const { handle } = useEditor.getState();
-    const at = handle === undefined ? undefined : this.handlePlace(handle);
-    if (handle !== undefined && at) this.moveHandle(handle, at.add(by), undefined, `nudge ${handle}`);
+    const point = this.handlePoints().find(({ name }) => name === handle);
+    if (point) this.moveHandle(point.name, point.place.add(by), undefined, `nudge ${point.name}`);
   }
 
-  /** Set by whoever draws: where a handle is. */
-  handlePlace: (name: string) => Vector3 | undefined = () => undefined;
+  /** The handles of the keyframe under the playhead: the root, and the limbs' ends. */
+  handlePoints(): HandlePoint[] {
+    const { rig } = useEditor.getState();
+    const { doc, posed } = this;
+    if (!rig || !doc || posed === undefined) return [];
+    const pose = segment.targetPose(doc, posed);
+    const joints = rig.skeleton.names.length;
+    const [places, turns] = [new Float32Array(joints * 3), new Float32Array(joints * 4)];
+    forward(rig.skeleton, pose.root, pose.rotations, places, turns);
+    const ends = this.limbsNow().map(({ name, end }) => ({ name, place: new Vector3().fromArray(places, end * 3) }));
+    return [{ name: ROOT, place: new Vector3().fromArray(places), turn: quaternionAt(turns, 0) }, ...ends];
+  }
 
   // The server.
 

@@ -94,10 +94,6 @@ export class Handles {
     if (this.gizmo.object !== this.proxy) this.gizmo.attach(this.proxy);
   }
 
-  placeOf(name: string): Vector3 | undefined {
-    return this.points.find((point) => point.name === name)?.place.clone();
-  }
-
   /** Keeps the balls the same size on the screen. */
   update(): void {
     const { camera, canvas } = this.stage.three;

@@ -44,7 +44,11 @@ export function installEditorHooks(editor: Editor, scene: EditorScene): () => vo
     isStale: () => isStale(useEditor.getState()),
     trouble: () => useEditor.getState().trouble?.message ?? '',
     handleAt: (name) => scene.pixelOf(name),
-    placeOf: (name) => editor.handlePlace(name)?.toArray(),
+    placeOf: (name) =>
+      editor
+        .handlePoints()
+        .find((point) => point.name === name)
+        ?.place.toArray(),
   };
   return () => {
     delete window.editor;

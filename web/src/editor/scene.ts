@@ -1,13 +1,11 @@
 // What the editor shows on the stage: the clip, variants, keyframes, paths and handles.
 import { Vector3 } from 'three';
 import { groundLine, STAGES } from '../inside/overlays';
-import { forward } from '../stage/kinematics';
 import type { Pose, Stage } from '../stage/types';
 import type { Clip, Rig } from './clip';
-import { copyPose, headingOf, poseAt, quaternionAt } from './clip';
+import { copyPose, headingOf, poseAt } from './clip';
 import type { Editor } from './editor';
-import { ROOT } from './editor';
-import { Handles, type HandlePoint } from './handles';
+import { Handles } from './handles';
 import type { Doc } from './segment';
 import { docPose, lengthOf, targetAt, targetPose } from './segment';
 import type { EditorState } from './store';
@@ -81,7 +79,6 @@ export class EditorScene {
         editor.endGesture();
       },
     });
-    editor.handlePlace = (name) => this.handles.placeOf(name);
   }
 
   pixelOf(handle: string): { x: number; y: number } | undefined {
@@ -94,7 +91,6 @@ export class EditorScene {
     const state = useEditor.getState();
     if (state !== this.drawn) this.draw(state);
     this.handles.update();
-    this.stage.render();
   }
 
   /** Turns the camera to the gap: from the side, or from ahead where variants stand side by side. */
@@ -157,7 +153,7 @@ export class EditorScene {
     if (!doc || !rig) return;
     this.cast(rig, this.actors(state, doc, rig));
     this.drawContacts(state, rig);
-    this.drawHandles(state, doc, rig);
+    this.handles.set(this.editor.handlePoints(), state.handle, state.turns);
     const isSame = before && docOf(before) === doc && before.filled === state.filled && before.chosen === state.chosen;
     const isSameView = isSame && before.layout === state.layout && before.showsInside === state.showsInside;
     const posed = targetAt(doc, state.frame);
@@ -219,23 +215,6 @@ export class EditorScene {
       joints && (variant?.contacts[from + c] ?? 0) > 0.5 ? [joints[joint * 3]!, 0.012, joints[joint * 3 + 2]!] : [],
     );
     this.stage.discs('contacts', places.length > 0 ? Float32Array.from(places) : null, CONTACT_TINT);
-  }
-
-  private drawHandles(state: EditorState, doc: Doc, rig: Rig): void {
-    const target = this.editor.posed;
-    if (target === undefined) {
-      this.handles.set([], undefined, false);
-      return;
-    }
-    const pose = targetPose(doc, target);
-    const joints = rig.skeleton.names.length;
-    const [places, turns] = [new Float32Array(joints * 3), new Float32Array(joints * 4)];
-    forward(rig.skeleton, pose.root, pose.rotations, places, turns);
-    const root = { name: ROOT, place: new Vector3().fromArray(places), turn: quaternionAt(turns, 0) };
-    const ends = this.editor
-      .limbsNow()
-      .map(({ name, end }): HandlePoint => ({ name, place: new Vector3().fromArray(places, end * 3) }));
-    this.handles.set([root, ...ends], state.handle, state.turns);
   }
 
   private drawKeyframes(doc: Doc, rig: Rig, posed: number | undefined): void {

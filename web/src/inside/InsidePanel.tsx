@@ -1,6 +1,7 @@
 // Look inside: the plan of the selected character, and its clock.
 import { ActionIcon, Group, Progress, SegmentedControl, Stack, Text, Tooltip } from '@mantine/core';
 import { Pause, Play, StepForward } from 'lucide-react';
+import type { ReactNode } from 'react';
 import { useEffect, useState } from 'react';
 import { Panel, Row } from '../app/Panel';
 import type { Character } from '../live/character';
@@ -211,16 +212,17 @@ export function TokenGrid({ tokens, codes, heads }: { tokens: readonly number[];
   );
 }
 
-function Legend({ plan }: { plan: PlanView | undefined }) {
-  const isDrawn = [
-    plan?.root_r_g1 != null,
-    (plan?.root_r_g2.length ?? 0) > 0,
-    (plan?.root_r_g3.length ?? 0) > 0,
-    (plan?.root_r_g4.length ?? 0) > 0,
-  ];
+/** Which line is which, and what the discs are. */
+export function StageLegend({
+  stages,
+  children,
+}: {
+  stages: readonly (typeof STAGES)[number][];
+  children?: ReactNode;
+}) {
   return (
     <div className="legend">
-      {STAGES.filter((_, i) => isDrawn[i]).map(({ name, says, tint }) => (
+      {stages.map(({ name, says, tint }) => (
         <div key={name}>
           <i style={{ background: tintCss(tint) }} />
           <code>{name}</code>
@@ -231,12 +233,26 @@ function Legend({ plan }: { plan: PlanView | undefined }) {
         <i className="disc" style={{ background: tintCss(3) }} />
         <span>feet that stand</span>
       </div>
+      {children}
+    </div>
+  );
+}
+
+function Legend({ plan }: { plan: PlanView | undefined }) {
+  const isDrawn = [
+    plan?.root_r_g1 != null,
+    (plan?.root_r_g2.length ?? 0) > 0,
+    (plan?.root_r_g3.length ?? 0) > 0,
+    (plan?.root_r_g4.length ?? 0) > 0,
+  ];
+  return (
+    <StageLegend stages={STAGES.filter((_, i) => isDrawn[i])}>
       {(plan?.targets.length ?? 0) > 0 && (
         <div>
           <i className="ghost" />
           <span>keyframes of the plan</span>
         </div>
       )}
-    </div>
+    </StageLegend>
   );
 }

@@ -14,9 +14,9 @@ export interface StageEvents {
   frame: (now_ms: number, dt: number) => void;
   click: (x: number, y: number) => void;
   /** Main-thread time of the frame and its drawing. */
-  onTime: (ms: number) => void;
-  /** Files were dropped on the page. */
-  onFiles: (files: File[]) => Promise<void>;
+  onTime?: (ms: number) => void;
+  /** Files were dropped on the page. Where left out, the loop does not listen for them. */
+  onFiles?: (files: File[]) => Promise<void>;
 }
 
 /** Renders the stage until the function that it returns is called. */
@@ -48,7 +48,7 @@ export function runLoop(stage: Stage, events: StageEvents): () => void {
     events.frame(now, Math.min(LONGEST_S, Math.max(0, (now - last) / 1000)));
     last = now;
     stage.render();
-    events.onTime(performance.now() - started);
+    events.onTime?.(performance.now() - started);
     request = requestAnimationFrame(draw);
   });
   let down: { x: number; y: number } | undefined;
@@ -70,14 +70,14 @@ export function runLoop(stage: Stage, events: StageEvents): () => void {
     },
     { signal },
   );
-  takeFiles(events.onFiles, signal);
+  if (events.onFiles) takeFiles(events.onFiles, signal);
   return () => {
     cancelAnimationFrame(request);
     abort.abort();
   };
 }
 
-function takeFiles(onFiles: StageEvents['onFiles'], signal: AbortSignal): void {
+function takeFiles(onFiles: NonNullable<StageEvents['onFiles']>, signal: AbortSignal): void {
   window.addEventListener(
     'dragover',
     (event) => {
