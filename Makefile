@@ -11,7 +11,7 @@ PACK := human
 run: runtime
 	cargo run --release --package troupe-server
 
-test: lint rust-test python-test python-client web-test
+test: lint rust-test python-test python-client web-test mmcp-test
 
 lint: python-env
 	cargo fmt --all --check
@@ -49,7 +49,7 @@ python-client:
 # The Motion Model Context Protocol, with its own Python packages as the other side, through a running server with the packs in models/
 mmcp-test: runtime
 	tests/mmcp/setup.sh
-	scripts/with-server.sh target/mmcp/venv/bin/python -m pytest --quiet tests/mmcp
+	TROUPE_BUILD=debug scripts/with-server.sh target/mmcp/venv/bin/python -m pytest --quiet tests/mmcp
 
 # A request of eight samples of four seconds in one batch, beside one request a sample (ARGS="--samples 4" for others; see --help)
 mmcp-figure: runtime

@@ -1,15 +1,18 @@
 #!/usr/bin/env bash
 # Runs a command with TROUPE_SERVER set to a running server: the one that TROUPE_SERVER names already, or one that this
-# script starts on a free port with the packs in models/ and stops when the command is done.
+# script starts on a free port with the packs in models/ and stops when the command is done. TROUPE_BUILD=debug takes the debug build.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [ $# -gt 0 ] || { echo "usage: with-server.sh COMMAND [ARGUMENTS]" >&2; exit 2; }
 [ -z "${TROUPE_SERVER:-}" ] || exec "$@"
 
-cargo build --release --package troupe-server
+build=${TROUPE_BUILD:-release}
+profile=dev
+[ "$build" = debug ] || profile=$build
+cargo build --profile "$profile" --package troupe-server
 log=$(mktemp)
 ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$PWD/.runtime/libonnxruntime.so} \
-    target/release/troupe-server --listen 127.0.0.1:0 >"$log" 2>&1 &
+    "target/$build/troupe-server" --listen 127.0.0.1:0 >"$log" 2>&1 &
 server=$!
 stop() {
     kill "$server" 2>/dev/null || true
