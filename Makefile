@@ -1,6 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
+# make docs  builds the site of docs/, which a server that is built after that serves at /docs/
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web picture samples styles eval live-eval object-eval film \
 	film-objects film-crowd image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -8,8 +9,14 @@ REAL_CLIPS := target/data/bandai-namco
 # The pack that `make styles` and `make eval` are about.
 PACK := human
 
+# The documentation that the server holds is built first where Python with venv is there.
 run: runtime
+	@python3 -m ensurepip --version >/dev/null 2>&1 && scripts/docs.sh || echo "Without the documentation: it needs Python 3.11 and PyPI" >&2
 	cargo run --release --package troupe-server
+
+# The site of docs/ in target/site: ARGS=--check for the references too, ARGS=--references to write those anew.
+docs:
+	scripts/docs.sh $(ARGS)
 
 test: lint rust-test python-test python-client web-test mmcp-test
 

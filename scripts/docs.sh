@@ -20,6 +20,7 @@ case "${1:-}" in
 *) echo "usage: docs.sh [--references | --check]" >&2; exit 2 ;;
 esac
 "$home/bin/python" docs/site/stage.py target/docs
-rm -rf target/site
 (cd target/docs && "../../$home/bin/zensical" build --clean --strict)
-[ -f target/site/index.html ] || { echo "docs.sh: there is no site in target/site" >&2; exit 1; }
+[ -f target/docs/site/index.html ] || { echo "docs.sh: zensical has built no site" >&2; exit 1; }
+rm -rf target/site
+mv target/docs/site target/site
