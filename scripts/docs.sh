@@ -20,7 +20,8 @@ case "${1:-}" in
 *) echo "usage: docs.sh [--references | --check]" >&2; exit 2 ;;
 esac
 "$home/bin/python" docs/site/stage.py target/docs
-(cd target/docs && "../../$home/bin/zensical" build --clean --strict)
+(cd target/docs && "../../$home/bin/zensical" build --strict)
 [ -f target/docs/site/index.html ] || { echo "docs.sh: zensical has built no site" >&2; exit 1; }
+"$home/bin/python" docs/site/finish.py target/docs/site
 rm -rf target/site
 mv target/docs/site target/site

@@ -109,7 +109,9 @@ class Proto:
 
 def prose(comment: str) -> str:
     """A comment as a paragraph."""
-    return "\n".join(line.strip() for line in comment.replace("<", "&lt;").splitlines()).strip() + "\n" if comment else ""
+    return (
+        "\n".join(line.strip() for line in comment.replace("<", "&lt;").splitlines()).strip() + "\n" if comment else ""
+    )
 
 
 def short(name: str) -> str:
@@ -165,7 +167,9 @@ def shape(schema: dict[str, Any]) -> str:
 
 def body(holder: dict[str, Any]) -> str:
     """What a request or an answer holds."""
-    return ", ".join(f"{shape(content.get('schema', {}))}, {kind}" for kind, content in holder.get("content", {}).items())
+    return ", ".join(
+        f"{shape(content.get('schema', {}))}, {kind}" for kind, content in holder.get("content", {}).items()
+    )
 
 
 def http() -> str:
@@ -173,8 +177,8 @@ def http() -> str:
     document = json.loads((ROOT / "server/openapi.json").read_text())
     parts = ["# HTTP\n", MADE.format("`server/openapi.json`")]
     parts.append(
-        "A running server has this as a page to try calls on at `/docs/api/`, and as a document at `/openapi.json`. Messages are\n"
-        "those of [gRPC](grpc.md) as JSON. [Single requests](../requests.md) explains conventions and errors.\n"
+        "A running server has this as a page to try calls on at `/docs/api/`, and as a document at `/openapi.json`.\n"
+        "Messages are those of [gRPC](grpc.md) as JSON. [Single requests](../requests.md) explains conventions and errors.\n"
     )
     groups: dict[str, list[str]] = {}
     for path, methods in document["paths"].items():
@@ -203,10 +207,13 @@ def http() -> str:
 
 def configuration() -> str:
     """The reference of the server's options."""
-    parts = ["# Configuration\n", MADE.format("`server/config.toml`, which is what `troupe-server --print-config` prints")]
+    parts = [
+        "# Configuration\n",
+        MADE.format("`server/config.toml`, which is what `troupe-server --print-config` prints"),
+    ]
     parts.append(
-        "The option `max_batch` is `--max-batch` as a flag and `max_batch` in the file. [Running a server](../running.md) has them\n"
-        "by topic.\n"
+        "The option `max_batch` is `--max-batch` as a flag and `max_batch` in the file. [Running a server](../running.md)\n"
+        "has them by topic.\n"
     )
     blocks = (ROOT / "server/config.toml").read_text().split("\n\n")
     for block in blocks:

@@ -17,7 +17,15 @@ LINK = re.compile(r"(?<=\]\()([^()\s]+)(?=\))")
 FENCE = re.compile(r"^(```|~~~)")
 # Files that are longer are offered as they are.
 LONGEST_LISTING = 64_000
-LANGUAGES = {".rs": "rust", ".py": "python", ".toml": "toml", ".proto": "protobuf", ".json": "json", ".yml": "yaml", ".yaml": "yaml"}
+LANGUAGES = {
+    ".rs": "rust",
+    ".py": "python",
+    ".toml": "toml",
+    ".proto": "protobuf",
+    ".json": "json",
+    ".yml": "yaml",
+    ".yaml": "yaml",
+}
 PICTURES = {".png", ".svg", ".jpg"}
 
 
@@ -151,7 +159,8 @@ def main(out: Path) -> None:
     stage.faults += [f"no page links to {page.relative_to(ROOT)}" for page in sorted(unreached)]
     if stage.faults:
         raise SystemExit("\n".join(stage.faults))
-    shutil.copyfile(DOCS / "site/site.css", stage.pages / "site.css")
+    for own in ("site.css", "iframe-worker.js"):
+        shutil.copyfile(DOCS / "site" / own, stage.pages / own)
     text = (DOCS / "site/zensical.toml").read_text().replace("[project]\n", f"[project]\nnav = {toml(nav)}\n", 1)
     (out / "zensical.toml").write_text(text)
 
