@@ -20,7 +20,7 @@ from grpc_tools import protoc
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "docs/references"
-MADE = "`scripts/docs.sh --references` makes this page from {}.\n"
+MADE = "`scripts/docs.sh references` makes this page from {}.\n"
 # Field numbers of descriptor.proto, of which paths to comments are made.
 MESSAGES, ENUMS, SERVICES = 4, 5, 6
 FIELDS, NESTED_MESSAGES, NESTED_ENUMS, CHOICES = 2, 3, 4, 8
@@ -273,7 +273,7 @@ def main(check: bool) -> None:
         elif not page.is_file() or page.read_text() != text:
             stale.append(str(page.relative_to(ROOT)))
     if stale:
-        raise SystemExit(f"not current: {', '.join(stale)}; `scripts/docs.sh --references` writes them")
+        raise SystemExit(f"not current: {', '.join(stale)}; `scripts/docs.sh references` writes them")
 
 
 if __name__ == "__main__":

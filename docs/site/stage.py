@@ -1,7 +1,7 @@
 """Puts the pages of the site into a folder for the generator: python stage.py OUT.
 
-Pages link to files of the repository as they lie there. Here each file that a page links to gets a page too: Markdown as it is,
-other text as a listing, folders as a list. Links are turned to those pages. A link to nothing is an error.
+Pages link to files of the repository as they lie there. Markdown becomes a page, a picture becomes a smaller one, and other files
+are offered as plain text. A folder becomes a list of its files. Links are turned to those. A link to nothing is an error.
 """
 
 import json
@@ -11,22 +11,19 @@ import shutil
 import sys
 from pathlib import Path
 
+from PIL import Image
+
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 LINK = re.compile(r"(?<=\]\()([^()\s]+)(?=\))")
+NAMED = re.compile(r"\[([^\]]+)\]\(([^()\s]+\.md)\)")
+RECORDS = "decisions/README.md"
 FENCE = re.compile(r"^(```|~~~)")
-# Files that are longer are offered as they are.
-LONGEST_LISTING = 64_000
-LANGUAGES = {
-    ".rs": "rust",
-    ".py": "python",
-    ".toml": "toml",
-    ".proto": "protobuf",
-    ".json": "json",
-    ".yml": "yaml",
-    ".yaml": "yaml",
-}
-PICTURES = {".png", ".svg", ".jpg"}
+# Of WebP, 0 to 100: lines and letters of plots stay sharp. What moves is large, and looked at less closely.
+QUALITY, MOVING_QUALITY = 80, 40
+MOST_WIDTH = 1600
+# Pictures that stay as they are.
+PICTURES = {".svg", ".jpg"}
 
 
 class Stage:
@@ -48,13 +45,15 @@ class Stage:
         return self.placed[source]
 
     def name(self, source: Path) -> Path:
-        """The name of a file's page."""
+        """The name of what stands for a file."""
         within = source.relative_to(DOCS) if source.is_relative_to(DOCS) else "repository" / source.relative_to(ROOT)
         if source.is_dir():
             return within / "index.md"
         if source.name == "README.md":
             return within.with_name("index.md")
-        return within if source.suffix == ".md" or not is_listed(source) else within.with_name(f"{source.name}.md")
+        if source.suffix in {".md", ".txt", *PICTURES}:
+            return within
+        return within.with_suffix(".webp") if source.suffix == ".png" else within.with_name(f"{source.name}.txt")
 
     def fill(self) -> None:
         """Writes every page that is reached."""
@@ -62,12 +61,12 @@ class Stage:
             source = self.waiting.pop()
             target = self.pages / self.placed[source]
             target.parent.mkdir(parents=True, exist_ok=True)
-            if source.suffix == ".md":
-                target.write_text(self.turned(source))
-            elif source.is_dir():
+            if source.is_dir():
                 target.write_text(self.folder(source))
-            elif is_listed(source):
-                target.write_text(listing(source))
+            elif source.suffix == ".md":
+                target.write_text(self.turned(source))
+            elif source.suffix == ".png":
+                shrink(source, target)
             else:
                 shutil.copyfile(source, target)
 
@@ -100,43 +99,34 @@ class Stage:
         return f"# {source.relative_to(ROOT)}\n\n" + "\n".join(links) + "\n"
 
 
-def is_listed(source: Path) -> bool:
-    """Whether a file's text is shown on a page."""
-    return source.is_file() and source.suffix not in PICTURES and source.stat().st_size <= LONGEST_LISTING
-
-
-def listing(source: Path) -> str:
-    """A page with a file's text."""
-    text = source.read_text()
-    fence = "`" * 4 if "```" in text else "```"
-    return f"# {source.relative_to(ROOT)}\n\n{fence}{LANGUAGES.get(source.suffix, 'text')}\n{text.rstrip()}\n{fence}\n"
-
-
-def title(page: Path) -> str:
-    """A page's first heading."""
-    text = page.read_text()
-    heading = re.search(r"^# (.+)$", text, re.MULTILINE) or re.search(r"<h1[^>]*>(.+?)</h1>", text)
-    if heading is None:
-        raise SystemExit(f"{page} has no heading")
-    return heading[1].replace("`", "")
+def shrink(source: Path, target: Path) -> None:
+    """Writes a picture as WebP, with all frames of one that moves."""
+    picture = Image.open(source)
+    moves = getattr(picture, "n_frames", 1) > 1
+    if not moves:
+        picture.thumbnail((MOST_WIDTH, picture.height))
+    picture.save(target, quality=MOVING_QUALITY if moves else QUALITY, method=4, save_all=moves)
 
 
 def navigation(stage: Stage) -> list[dict[str, object]]:
-    """The sections of docs/README.md with their pages. A record of all records stands before them."""
+    """The sections of docs/README.md with their pages, and below the list of decisions its records."""
     sections: list[dict[str, object]] = [{"Troupe": "index.md"}]
-    pages: list[dict[str, str]] = []
+    pages: list[dict[str, object]] = []
     for line in (DOCS / "README.md").read_text().splitlines():
-        if section := re.match(r"\| \*\*(.+)\*\* \|", line):
+        if line.startswith("## "):
             pages = []
-            sections.append({section[1]: pages})
+            sections.append({line.removeprefix("## "): pages})
         elif line.startswith("| ["):
-            for link in LINK.findall(line.split("|")[1]):
-                page = (DOCS / link.partition("#")[0]).resolve()
-                pages.append({title(page): str(stage.place(page))})
-                if page == DOCS / "decisions/README.md":
-                    records = [page.parent / record for record in LINK.findall(page.read_text())]
-                    pages += [{title(record): str(stage.place(record))} for record in records]
+            for name, page in NAMED.findall(line.split("|")[1]):
+                place = str(stage.place((DOCS / page).resolve()))
+                pages.append({name: [place, *records(stage)] if page == RECORDS else place})
     return sections
+
+
+def records(stage: Stage) -> list[dict[str, object]]:
+    """The records of decisions, in the order of their list."""
+    page = DOCS / RECORDS
+    return [{name: str(stage.place(page.parent / record))} for name, record in NAMED.findall(page.read_text())]
 
 
 def toml(value: object) -> str:
@@ -159,8 +149,7 @@ def main(out: Path) -> None:
     stage.faults += [f"no page links to {page.relative_to(ROOT)}" for page in sorted(unreached)]
     if stage.faults:
         raise SystemExit("\n".join(stage.faults))
-    for own in ("site.css", "iframe-worker.js"):
-        shutil.copyfile(DOCS / "site" / own, stage.pages / own)
+    shutil.copyfile(DOCS / "site/site.css", stage.pages / "site.css")
     text = (DOCS / "site/zensical.toml").read_text().replace("[project]\n", f"[project]\nnav = {toml(nav)}\n", 1)
     (out / "zensical.toml").write_text(text)
 

@@ -75,7 +75,7 @@ fn the_committed_template_is_current() {
     assert!(
         std::fs::read_to_string(path).unwrap_or_default().trim_end() == current.trim_end(),
         "{path} differs from the code; `UPDATE_CONFIG=1 cargo test -p troupe-server --lib config` and \
-         `scripts/docs.sh --references` write it and its page",
+         `scripts/docs.sh references` write it and its page",
     );
 }
 

@@ -27,7 +27,11 @@ pub(super) fn answer(
     let known = headers
         .get(header::IF_NONE_MATCH)
         .is_some_and(|known| *known == tag);
-    let kind = HeaderValue::from_str(file.metadata.mimetype());
+    let kind = match file.metadata.mimetype() {
+        // The files are UTF-8, which browsers do not assume of text.
+        text if text.starts_with("text/") => HeaderValue::from_str(&format!("{text}; charset=utf-8")),
+        other => HeaderValue::from_str(other),
+    };
     let mut response = match known {
         true => StatusCode::NOT_MODIFIED.into_response(),
         false => file.data.into_response(),

@@ -1,12 +1,11 @@
-//! The documentation: the site that `make docs` builds, inside the program, where it was built before the program.
+//! The documentation: the site that `scripts/docs.sh` builds from `docs/`, inside the program if it was built before the program.
 
 use axum::Router;
 use axum::extract::Path;
-use axum::http::HeaderMap;
-use axum::response::{IntoResponse as _, Redirect, Response};
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum::response::{Html, IntoResponse as _, Redirect, Response};
 use axum::routing::get;
 use rust_embed::Embed;
-use tower_http::compression::CompressionLayer;
 
 use super::files::{self, Keep};
 
@@ -14,32 +13,39 @@ use super::files::{self, Keep};
 pub(super) const SWAGGER: &str = "/docs/api";
 /// The page of a folder.
 const PAGE: &str = "index.html";
-/// The generator writes scripts and styles into its pages. Nothing comes from anybody else.
+/// What `/docs/` shows if the program was built without the site.
+const UNBUILT: &str = include_str!("unbuilt.html");
+/// The generator writes scripts and styles into its pages. Nothing comes from anywhere else.
 const POLICY: &str = "default-src 'self'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; \
     img-src 'self' data:; connect-src 'self'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'self'; \
     form-action 'none'";
 
 #[derive(Embed)]
-#[folder = "../target/site"]
-#[allow_missing = true]
+#[folder = "site"]
 struct Files;
 
-/// The site at `/docs/`. Without one `/docs/` leads to the interactive page.
+/// The site at `/docs/`, or how to build it.
 pub(super) fn router() -> Router {
-    let router = Router::new().route("/docs", get(|| async { Redirect::temporary("/docs/") }));
-    if Files::get(PAGE).is_none() {
-        return router.route("/docs/", get(|| async { Redirect::temporary("/docs/api/") }));
-    }
-    router
-        .route(
-            "/docs/",
-            get(|headers: HeaderMap| async move { file(PAGE, &headers) }),
-        )
+    Router::new()
+        .route("/docs", get(|| async { Redirect::temporary("/docs/") }))
+        .route("/docs/", get(front))
         .route(
             "/docs/{*path}",
             get(|Path(path): Path<String>, headers: HeaderMap| async move { file(&path, &headers) }),
         )
-        .layer(CompressionLayer::new())
+}
+
+/// The first page.
+async fn front(headers: HeaderMap) -> Response {
+    if Files::get(PAGE).is_some() {
+        return file(PAGE, &headers);
+    }
+    let mut response = Html(UNBUILT).into_response();
+    let policy = HeaderValue::from_static(POLICY);
+    response
+        .headers_mut()
+        .insert(header::CONTENT_SECURITY_POLICY, policy);
+    response
 }
 
 /// A file of the site. A folder's page is at the folder's name and a slash, so that its links lead on from there.
@@ -56,8 +62,8 @@ fn file(path: &str, headers: &HeaderMap) -> Response {
 
 #[cfg(test)]
 mod tests {
-    use axum::body::Body;
-    use axum::http::{Request, StatusCode, header};
+    use axum::body::{Body, to_bytes};
+    use axum::http::{Request, StatusCode};
     use tower::ServiceExt as _;
 
     use super::*;
@@ -68,18 +74,29 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn the_site_or_the_interactive_page_is_there() {
+    async fn the_site_is_there_or_how_to_build_it() {
         assert_eq!(get("/docs").await.headers()[header::LOCATION], "/docs/");
         let answer = get("/docs/").await;
-        if Files::get(PAGE).is_none() {
-            assert_eq!(answer.headers()[header::LOCATION], "/docs/api/");
-            return;
-        }
         assert_eq!(answer.status(), StatusCode::OK);
         assert_eq!(answer.headers()[header::CONTENT_SECURITY_POLICY], POLICY);
-        assert_eq!(get("/docs/none.html").await.status(), StatusCode::NOT_FOUND);
+        let text = to_bytes(answer.into_body(), 1 << 20).await.unwrap();
+        let text = std::str::from_utf8(&text).unwrap();
+        if Files::get(PAGE).is_none() {
+            assert!(text.contains("make docs") && text.contains(r#"href="/docs/api/""#), "{text}");
+            return;
+        }
+        assert!(text.contains("tutorials/first-character.html"), "{text}");
         let folder = get("/docs/decisions").await;
         assert_eq!(folder.headers()[header::LOCATION], "/docs/decisions/");
-        assert_eq!(get("/docs/decisions/").await.status(), StatusCode::OK);
+        for page in ["/docs/decisions/", "/docs/search.json", "/docs/tutorials/first-character.html"] {
+            assert_eq!(get(page).await.status(), StatusCode::OK, "{page}");
+        }
+    }
+
+    #[tokio::test]
+    async fn what_the_site_lacks_is_not_found() {
+        for path in ["/docs/none.html", "/docs/none/", "/docs/../Cargo.toml"] {
+            assert_eq!(get(path).await.status(), StatusCode::NOT_FOUND, "{path}");
+        }
     }
 }
