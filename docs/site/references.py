@@ -172,6 +172,10 @@ def body(holder: dict[str, Any]) -> str:
     )
 
 
+# Groups of paths whose names are not just their tag with a capital.
+NAMES = {"mmcp": "MMCP"}
+
+
 def http() -> str:
     """The reference of paths."""
     document = json.loads((ROOT / "server/openapi.json").read_text())
@@ -198,7 +202,7 @@ def http() -> str:
             rows += [(status, "", cell(answer["description"])) for status, answer in answers if status >= "400"]
             lines.append(table(("status", "body", "meaning"), rows))
     for name, lines in groups.items():
-        parts += [f"## {name.capitalize()}\n", *lines]
+        parts += [f"## {NAMES.get(name, name.capitalize())}\n", *lines]
     return "\n".join(part for part in parts if part)
 
 

@@ -110,7 +110,7 @@ def shrink(source: Path, target: Path) -> None:
 
 def navigation(stage: Stage) -> list[dict[str, object]]:
     """The sections of docs/README.md with their pages, and below the list of decisions its records."""
-    sections: list[dict[str, object]] = [{"Troupe": "index.md"}]
+    sections: list[dict[str, object]] = [{"Overview": "index.md"}]
     pages: list[dict[str, object]] = []
     for line in (DOCS / "README.md").read_text().splitlines():
         if line.startswith("## "):
@@ -149,7 +149,8 @@ def main(out: Path) -> None:
     stage.faults += [f"no page links to {page.relative_to(ROOT)}" for page in sorted(unreached)]
     if stage.faults:
         raise SystemExit("\n".join(stage.faults))
-    shutil.copyfile(DOCS / "site/site.css", stage.pages / "site.css")
+    for own in ("site.css", "mark.svg"):
+        shutil.copyfile(DOCS / "site" / own, stage.pages / own)
     text = (DOCS / "site/zensical.toml").read_text().replace("[project]\n", f"[project]\nnav = {toml(nav)}\n", 1)
     (out / "zensical.toml").write_text(text)
 
