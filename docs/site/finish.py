@@ -1,5 +1,6 @@
-"""Leaves out what no page loads, and checks that pages load nothing from elsewhere and that the site is small:
-python finish.py SITE.
+"""Checks the site, and leaves out what no page loads: python finish.py SITE.
+
+Pages must load nothing from elsewhere, and the site must be small.
 """
 
 import re

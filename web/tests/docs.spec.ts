@@ -12,7 +12,12 @@ test('the documentation loads, and its search finds a word', async ({ page, serv
   await page.getByRole('combobox', { name: 'Search' }).fill('underruns');
   await page.getByRole('option').first().click();
   await expect(page).toHaveURL(/\/docs\/.+\.html\?h=underruns/);
-  await expect(page.getByRole('article').getByText(/underruns/).first()).toBeVisible();
+  await expect(
+    page
+      .getByRole('article')
+      .getByText(/underruns/)
+      .first(),
+  ).toBeVisible();
   expect(watched.errors).toEqual([]);
 });
 
