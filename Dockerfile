@@ -16,10 +16,21 @@ RUN TROUPE_RUNTIME="${RUNTIME}" scripts/get-runtime.sh \
     && cp "$(dirname "$(readlink -f .runtime/libonnxruntime.so)")"/* /out/ \
     && ln -s "$(basename "$(readlink -f .runtime/libonnxruntime.so)")" /out/libonnxruntime.so
 
+# The site of the documentation, which the server serves at /docs.
+FROM ${RUST_IMAGE} AS docs
+WORKDIR /src
+RUN python3 -c 'import ensurepip, venv' 2>/dev/null \
+    || { apt-get update -qq \
+        && apt-get install -y -qq --no-install-recommends python3-venv \
+        && rm -rf /var/lib/apt/lists/*; }
+COPY . .
+RUN scripts/docs.sh build /out
+
 # The binary. The caches are the builder's: nothing of them is in the image.
 FROM ${RUST_IMAGE} AS build
 WORKDIR /src
 COPY . .
+COPY --from=docs /out server/site
 RUN --mount=type=cache,id=troupe-cargo,target=/usr/local/cargo/registry \
     --mount=type=cache,id=troupe-target,target=/src/target \
     cargo build --release --locked --package troupe-server \

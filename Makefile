@@ -1,6 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
+# make docs  builds the site of docs/, which a server that is built after that serves at /docs
 # make test  lints and tests everything, Rust and Python
-.PHONY: run test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web picture samples styles eval live-eval object-eval film \
 	film-objects film-crowd image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -8,10 +9,21 @@ REAL_CLIPS := target/data/bandai-namco
 # The pack that `make styles` and `make eval` are about.
 PACK := human
 
+# The site of the documentation comes first, because the server embeds it. Without it the server says how to build it.
 run: runtime
+	@scripts/docs.sh build || echo "*** /docs WILL BE WITHOUT THE DOCUMENTATION: see above" >&2
 	cargo run --release --package troupe-server
 
-test: lint rust-test python-test python-client web-test mmcp-test
+# The site of docs/: ARGS=check for the references too, ARGS=references to write those
+docs:
+	scripts/docs.sh $(or $(ARGS),build)
+
+# The site is built before the tests, which look at it.
+test: docs-check lint rust-test python-test python-client web-test mmcp-test
+
+.PHONY: docs-check
+docs-check:
+	scripts/docs.sh check
 
 lint: python-env
 	cargo fmt --all --check

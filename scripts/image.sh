@@ -241,6 +241,13 @@ check_dashboard() {
     prove "dashboard" "all $count metrics that it asks for are exported"
 }
 
+# The image has the site of the documentation.
+check_docs() {
+    curl --silent --fail --output "$work/docs.html" http://127.0.0.1:8080/docs/
+    grep -q tutorials/first-character.html "$work/docs.html" || fail "/docs/ does not show the documentation"
+    prove "documentation" "/docs/ shows it"
+}
+
 check() {
     local entry health environment frames
     here=$work/read-only
@@ -266,6 +273,7 @@ check() {
     frames=$(in_between)
     prove "in-between" "$frames frames"
     check_dashboard
+    check_docs
     stop "$work/server.log"
     prove "SIGTERM" "exit code 0 after $stop_s s (at most $most_stop_s)"
     ! in_container "${health[@]:1}" >"$work/health.log" 2>&1 || fail "the health check succeeds without a server"

@@ -65,6 +65,20 @@ fn the_template_names_every_option_and_loads() {
     load(&["--config", file.0.to_str().unwrap()]).unwrap();
 }
 
+#[test]
+fn the_committed_template_is_current() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/config.toml");
+    let current = Config::template() + "\n";
+    if std::env::var_os("UPDATE_CONFIG").is_some() {
+        std::fs::write(path, &current).unwrap();
+    }
+    assert!(
+        std::fs::read_to_string(path).unwrap_or_default().trim_end() == current.trim_end(),
+        "{path} differs from the code; `UPDATE_CONFIG=1 cargo test -p troupe-server --lib config` and \
+         `scripts/docs.sh references` write it and its page",
+    );
+}
+
 /// The help as a terminal of usual width shows it. Defaults of this machine's environment do not show.
 fn help(command: &mut clap::Command) -> String {
     command

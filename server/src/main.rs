@@ -261,7 +261,7 @@ fn greeting(server: &ServerHandle) -> String {
            curl {scheme}://{address}/v1/packs{bearer}\n  \
            {troupe}{server} drive\n  \
            {troupe}{server} inbetween {clip}\n  \
-           {scheme}://{address}/docs/ in a browser, for the HTTP interface\n  \
+           {scheme}://{address}/docs/ in a browser, for the documentation\n  \
            {scheme}://{address}/metrics, for Prometheus\n"
     )
 }

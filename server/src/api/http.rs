@@ -1,10 +1,12 @@
 //! HTTP: the same messages as JSON, and what operators need.
 
+mod files;
 pub(super) mod generate;
 pub(super) mod json;
 pub(super) mod mmcp;
 pub(super) mod scenes;
 pub(super) mod sessions;
+mod site;
 mod viewer;
 
 use std::sync::Arc;
@@ -99,11 +101,14 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
     let operations = Router::from(operations())
         .method_not_allowed_fallback(wrong_method)
         .with_state(service.clone());
-    let docs = SwaggerUi::new("/docs")
+    let docs = SwaggerUi::new(site::SWAGGER)
         .url("/openapi.json", document())
         // The page must not ask anybody else: by default it has a public validator draw a badge.
         .config(utoipa_swagger_ui::Config::from("/openapi.json").validator_url("none"));
-    api.merge(operations).merge(docs).merge(viewer::router())
+    api.merge(operations)
+        .merge(docs)
+        .merge(site::router())
+        .merge(viewer::router())
 }
 
 /// Fill the gap between context frames and target keyframes

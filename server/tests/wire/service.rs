@@ -396,7 +396,7 @@ async fn the_documentation_needs_no_network() {
     let server = TestServer::start().await;
     let document: serde_json::Value = server.get("/openapi.json").await.json().await.unwrap();
     assert!(document["paths"]["/v1/inbetween"]["post"].is_object());
-    let page = server.get("/docs/").await;
+    let page = server.get("/docs/api/").await;
     let html = page.text().await.unwrap();
     let mut assets = 0;
     for part in html.split(['"', '\'']) {
@@ -406,13 +406,13 @@ async fn the_documentation_needs_no_network() {
         );
         if part.ends_with(".js") || part.ends_with(".css") {
             assets += 1;
-            let path = format!("/docs/{}", part.trim_start_matches("./"));
+            let path = format!("/docs/api/{}", part.trim_start_matches("./"));
             assert_eq!(server.get(&path).await.status(), StatusCode::OK, "{path}");
         }
     }
     assert!(assets >= 3, "{html}");
     let script = server
-        .get("/docs/swagger-initializer.js")
+        .get("/docs/api/swagger-initializer.js")
         .await
         .text()
         .await

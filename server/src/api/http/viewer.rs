@@ -1,10 +1,12 @@
 //! The viewer: the files that `web/` builds, inside the program.
 
 use axum::Router;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse as _, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 use axum::routing::get;
-use rust_embed::{Embed, EmbeddedFile};
+use rust_embed::Embed;
+
+use super::files::{self, Keep};
 
 /// The page that loads the rest.
 const PAGE: &str = "index.html";
@@ -37,51 +39,19 @@ pub(super) fn router() -> Router {
         })
 }
 
-/// A file, or that the caller has it already.
+/// A file of the viewer.
 fn file(path: &str, headers: &HeaderMap) -> Response {
-    let Some(file) = Files::get(path) else {
-        return StatusCode::NOT_FOUND.into_response();
-    };
-    let tag = tag(&file);
-    let known = headers
-        .get(header::IF_NONE_MATCH)
-        .is_some_and(|known| *known == tag);
-    let mut response = match known {
-        true => StatusCode::NOT_MODIFIED.into_response(),
-        false => file.data.into_response(),
-    };
-    let kind = HeaderValue::from_str(file.metadata.mimetype());
     let keep = match path.starts_with(&ASSETS[1..]) {
-        true => "public, max-age=31536000, immutable",
-        false => "no-cache",
+        true => Keep::Forever,
+        false => Keep::Ask,
     };
-    let told = response.headers_mut();
-    told.insert(
-        header::CONTENT_TYPE,
-        kind.unwrap_or(HeaderValue::from_static("application/octet-stream")),
-    );
-    told.insert(header::ETAG, tag);
-    told.insert(header::CACHE_CONTROL, HeaderValue::from_static(keep));
-    told.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
-    told.insert(
-        header::X_CONTENT_TYPE_OPTIONS,
-        HeaderValue::from_static("nosniff"),
-    );
-    told.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
-    response
-}
-
-/// A name for a file's content.
-fn tag(file: &EmbeddedFile) -> HeaderValue {
-    let hash = file.metadata.sha256_hash();
-    let hex: String = hash[..16].iter().map(|byte| format!("{byte:02x}")).collect();
-    HeaderValue::from_str(&format!("\"{hex}\"")).unwrap_or(HeaderValue::from_static("\"\""))
+    files::answer(Files::get(path), headers, keep, POLICY)
 }
 
 #[cfg(test)]
 mod tests {
     use axum::body::{Body, to_bytes};
-    use axum::http::Request;
+    use axum::http::{HeaderValue, Request, StatusCode, header};
     use tower::ServiceExt as _;
 
     use super::*;
