@@ -1,7 +1,7 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
 # make docs  builds the site of docs/, which a server that is built after that serves at /docs
 # make test  lints and tests everything, Rust and Python
-.PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web picture samples styles eval live-eval object-eval film \
+.PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-crowd image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
@@ -131,7 +131,7 @@ live-eval: runtime real-clips
 	scripts/with-server.sh target/release/troupe eval live $(ARGS) \
 		$$([ ! -d $(REAL_CLIPS) ] || echo --data $(REAL_CLIPS) --list models/human/styles.toml)
 
-# The skinned body of the human pack, for the viewer: web/public/bodies/human.glb, from the pack's skeleton
+# The skinned body of the human pack, for the viewer: web/src/bodies/human.glb, from the pack's skeleton
 body:
 	@[ -x .venv-body/bin/python ] || python3 -m venv .venv-body
 	@.venv-body/bin/python -m pip install --quiet --disable-pip-version-check -r web/scripts/body-requirements.txt
@@ -140,6 +140,17 @@ body:
 # The viewer's built files, web/dist, from its sources (they are committed, because the server embeds them).
 web:
 	WEB_DIST=any scripts/web.sh build
+
+# The pictures of the viewer in docs/pictures, for README.md and docs/: a browser, a server, the packs in models/
+pictures: runtime web
+	cargo build --release --package troupe-server
+	scripts/web.sh pictures $(ARGS)
+
+# What a crowd of 200 costs a browser, and what 1, 10 and 100 viewers cost the server (docs/live.md)
+viewer-figures: runtime
+	cargo build --release --package troupe-server
+	scripts/web.sh measure
+	cargo run --release --package troupe-tests --example viewers -- $(ARGS)
 
 # The picture of docs/requests.md, of a clip of the test split, through a running server.
 picture: real-clips

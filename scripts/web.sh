@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # The viewer in web/: `check` lints and tests its sources, `build` makes web/dist and checks that the committed one is the same
-# (WEB_DIST=any: does not compare), `e2e` runs the browser tests against a built troupe-server.
-# It installs what it needs: the npm packages of the lock file, and for `e2e` Debian's Chromium where there is apt and root.
+# (WEB_DIST=any: does not compare), `e2e` runs the browser tests against a built troupe-server, `pictures` makes the pictures of
+# docs/pictures, `measure` prints what a crowd costs a browser.
+# It installs what it needs: the npm packages of the lock file, and for the browser Debian's Chromium where there is apt and root.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -46,14 +47,13 @@ build)
             { git --no-pager diff --stat -- web/dist; die "web/dist is not what its sources build: commit it"; }
     fi
     ;;
-e2e)
+e2e | pictures | measure)
     packages
     browser
-    shift
     # The runner of the browser tests finds the server by TROUPE_SERVER, or in target/.
-    cd web && npm run e2e -- "$@"
+    cd web && npm run "$1" -- "${@:2}"
     ;;
 *)
-    die "usage: scripts/web.sh check | build | e2e [PLAYWRIGHT'S ARGUMENTS]"
+    die "usage: scripts/web.sh check | build | e2e | pictures | measure [PLAYWRIGHT'S ARGUMENTS]"
     ;;
 esac

@@ -2,11 +2,12 @@
 
 use std::io::{self, IsTerminal as _, Write as _};
 use std::net::SocketAddr;
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use clap::Parser as _;
+use clap::{CommandFactory as _, Parser as _};
 use tokio::net::{TcpListener, TcpSocket};
 use tracing_subscriber::EnvFilter;
 use troupe_server::api::{Role, keys};
@@ -37,6 +38,7 @@ fn main() -> ExitCode {
         Some(Command::Doctor(args)) => doctor(args),
         Some(Command::Health(args)) => check_health(args),
         Some(Command::Key(KeyCommand::New { name, role, tenant })) => new_key(name, *role, tenant.as_deref()),
+        Some(Command::Man { out }) => write_manual(out),
         None if cli.print_config => say(&Config::template()).map(|()| ExitCode::SUCCESS),
         None => run(cli),
     };
@@ -80,6 +82,13 @@ fn new_key(name: &str, role: Role, tenant: Option<&str>) -> anyhow::Result<ExitC
         entry += &keys::tenant_line(tenant).map_err(anyhow::Error::msg)?;
     }
     say(&format!("# The key, which is shown this once: {key}\n{entry}"))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn write_manual(folder: &Path) -> anyhow::Result<ExitCode> {
+    std::fs::create_dir_all(folder)
+        .and_then(|()| clap_mangen::generate_to(Cli::command(), folder))
+        .with_context(|| format!("cannot write manual pages to {}", folder.display()))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -231,7 +240,7 @@ fn greeting(server: &ServerHandle) -> String {
     });
     let packs: String = packs.collect();
     // In a checkout the client is to be built, and there is a clip to try it with.
-    let (troupe, clip) = if std::path::Path::new("examples/walk.bvh").exists() {
+    let (troupe, clip) = if Path::new("examples/walk.bvh").exists() {
         (
             "cargo run --release -p troupe-cli --",
             "--clip examples/walk.bvh --from 30 --to 65 --out filled.glb",

@@ -1,4 +1,4 @@
-"""Makes the skinned body of the human pack, web/public/bodies/human.glb: `make body`. The same input gives the same file."""
+"""Makes the skinned body of the human pack, web/src/bodies/human.glb: `make body`. The same input gives the same file."""
 
 import argparse
 import tomllib
@@ -165,7 +165,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pack", type=Path, default=ROOT / "models/human/pack.toml")
     parser.add_argument("--neutral", type=Path, default=ROOT / "models/unimogen/bodies/human.toml")
-    parser.add_argument("--out", type=Path, default=ROOT / "web/public/bodies/human.glb")
+    parser.add_argument("--out", type=Path, default=ROOT / "web/src/bodies/human.glb")
     arguments = parser.parse_args()
     rig, sole_m = read_rig(arguments.pack, arguments.neutral)
     shape = person(dict(zip(rig.names, rig.places, strict=True)), sole_m)

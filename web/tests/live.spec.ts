@@ -41,6 +41,30 @@ test('goes where W says', async ({ page, open }) => {
     .toBeLessThan(0.02);
 });
 
+test('goes where a gamepad says', async ({ page, open }) => {
+  await page.addInitScript(() => {
+    // A pad of the standard mapping whose left stick is what the test says.
+    const pad = { mapping: 'standard', axes: [0, 0, 0, 0], buttons: [{ pressed: false, value: 0 }] };
+    Object.assign(window, { pad });
+    navigator.getGamepads = () => [pad as unknown as Gamepad];
+  });
+  const axes = (...values: number[]) =>
+    page.evaluate((to) => {
+      (window as unknown as { pad: { axes: number[] } }).pad.axes = to;
+    }, values);
+  await open('mode=live&n=1');
+  await waitForCrowd(page, 1);
+  const before = await ownPlace(page);
+  // As near to the middle as this a stick that is let go may rest.
+  await axes(0.1, -0.1, 0, 0);
+  await page.waitForTimeout(800);
+  expect(apart(await ownPlace(page), before)).toBeLessThan(0.1);
+  await axes(0, -1, 0, 0);
+  await expect.poll(async () => apart(await ownPlace(page), before), { timeout: 20_000 }).toBeGreaterThan(1);
+  await axes(0, 0, 1, 0);
+  await expect(page.getByRole('button', { name: 'Face where it goes (X)' })).toBeVisible();
+});
+
 test('changes style, on the page and on the server', async ({ page, open }) => {
   await open('mode=live&n=1');
   await waitForCrowd(page, 1);

@@ -1,7 +1,7 @@
 // A troupe-server for the tests, with a store of its own, and the viewer that it serves.
 import type { ChildProcess } from 'node:child_process';
 import { spawn } from 'node:child_process';
-import { existsSync, mkdtempSync, rmSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { createServer } from 'node:net';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
@@ -15,7 +15,7 @@ const READY_MS = 240_000;
 const SHOWN_LINES = 15;
 
 /** The built server: TROUPE_SERVER, or the newest build of the repository. */
-function binary(): string {
+export function binary(): string {
   const asked = process.env['TROUPE_SERVER'];
   const found = (asked ? [asked] : ['release', 'debug'].map((kind) => join(ROOT, `target/${kind}/troupe-server`))).find(
     (path) => existsSync(path),
@@ -45,11 +45,14 @@ export class TroupeServer {
   private readonly store = mkdtempSync(join(tmpdir(), 'troupe-web-'));
   private readonly lines: string[] = [];
 
-  private constructor(private readonly port: number) {}
+  private constructor(
+    private readonly port: number,
+    private readonly args: readonly string[],
+  ) {}
 
-  /** Starts a server, and waits until it is ready. */
-  static async start(): Promise<TroupeServer> {
-    const server = new TroupeServer(await freePort());
+  /** Starts a server, and waits until it is ready. `args` come after the tests' own. */
+  static async start(args: readonly string[] = ['--packs', join(ROOT, 'models')]): Promise<TroupeServer> {
+    const server = new TroupeServer(await freePort(), args);
     await server.run();
     if (process.env['TROUPE_VIEWER'] === 'preview') await server.serveViewer();
     return server;
@@ -65,10 +68,18 @@ export class TroupeServer {
     return this.viewer?.resolvedUrls?.local[0] ?? `${this.api}/`;
   }
 
+  /** Processor time that the process has taken, seconds. Linux only. */
+  cpuSeconds(): number {
+    const stat = readFileSync(`/proc/${this.child?.pid}/stat`, 'utf8');
+    // Behind the name, which may hold spaces: user and system time are the 12th and the 13th, in hundredths.
+    const numbers = stat.slice(stat.lastIndexOf(')') + 2).split(' ');
+    return (Number(numbers[11]) + Number(numbers[12])) / 100;
+  }
+
   /** Starts the process, with the store that is there. */
   async run(): Promise<void> {
     const runtime = join(ROOT, '.runtime/libonnxruntime.so');
-    const args = ['--listen', `127.0.0.1:${this.port}`, '--store', this.store, '--packs', join(ROOT, 'models')];
+    const args = ['--listen', `127.0.0.1:${this.port}`, '--store', this.store, ...this.args];
     const child = spawn(binary(), args, {
       cwd: ROOT,
       env: { ORT_DYLIB_PATH: runtime, ...process.env, NO_COLOR: '1' },

@@ -143,6 +143,7 @@ impl Client {
             return_positions: options.frames.positions,
             close_sessions: options.close_sessions,
             return_six_d: false,
+            watch: String::new(),
         };
         // The queue is empty, so it has room.
         let _ = asks.try_send(request(Ask::Open(open)));

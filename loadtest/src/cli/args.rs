@@ -48,6 +48,12 @@ pub(super) enum Command {
     Report(ReportArgs),
     /// Print the JSON Schema of reports.
     Schema,
+    /// Write manual pages: troupe-loadtest.1, and one for each command.
+    Man {
+        /// Folder to write them to. It is made where it is not there.
+        #[arg(long, value_name = "FOLDER")]
+        out: PathBuf,
+    },
 }
 
 /// Make a load, once or several times.

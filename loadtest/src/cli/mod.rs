@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::SystemTime;
 
-use clap::Parser as _;
+use clap::{CommandFactory as _, Parser as _};
 
 use crate::failure::{BOUND_MISSED, Failure};
 use crate::figures::Bounds;
@@ -90,7 +90,15 @@ async fn command(arguments: Arguments) -> Result<ExitCode, Failure> {
                 .map_err(|e| Failure::Other(e.to_string()))?;
             say(&(schema + "\n"))
         }
+        Command::Man { out } => write_manual(&out),
     }
+}
+
+fn write_manual(folder: &Path) -> Result<ExitCode, Failure> {
+    std::fs::create_dir_all(folder)
+        .and_then(|()| clap_mangen::generate_to(Arguments::command(), folder))
+        .map_err(|why| Failure::output(folder, why))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn repetition(nth: u32, of: u32) -> String {

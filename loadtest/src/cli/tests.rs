@@ -50,6 +50,25 @@ fn help_of_report() {
     insta::assert_snapshot!(help(&["report"]));
 }
 
+#[test]
+fn every_command_gets_a_manual_page() {
+    let folder = std::env::temp_dir().join(format!("troupe-loadtest-man-{}", std::process::id()));
+    super::write_manual(&folder).unwrap();
+    let page =
+        |name: &str| std::fs::read_to_string(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+    for name in Arguments::command()
+        .get_subcommands()
+        .map(clap::Command::get_name)
+    {
+        assert!(
+            page(&format!("troupe-loadtest-{name}.1")).contains(".TH"),
+            "{name}"
+        );
+    }
+    assert!(page("troupe-loadtest.1").contains("Exit codes"));
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
 fn run(options: &str) -> Result<Plan, String> {
     let words = ["troupe-loadtest", "run"]
         .into_iter()

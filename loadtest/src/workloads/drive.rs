@@ -111,7 +111,7 @@ impl Stream {
         let (asks, queue) = mpsc::channel(QUEUE);
         let session_ids = self.walkers.iter().map(|w| w.id.clone()).collect();
         // The queue is empty, so it has room.
-        let _ = asks.try_send(request(Ask::Open(self.options)));
+        let _ = asks.try_send(request(Ask::Open(self.options.clone())));
         let _ = asks.try_send(request(Ask::Attach(v1::DriveAttach { session_ids })));
         let mut rpc = SessionsClient::new(channel).max_decoding_message_size(MOST_ANSWER_BYTES);
         let mut answers = rpc.drive(ReceiverStream::new(queue)).await?.into_inner();

@@ -131,6 +131,10 @@ fn reason(closing: Closing) -> v1::Problem {
     match closing {
         Closing::ClientDone | Closing::Gone => because("CLIENT_DONE", "the client is done".to_owned()),
         Closing::Draining => because("DRAINING", STREAM_DRAINS.to_owned()),
+        Closing::WatchedEnded => because(
+            "WATCHED_ENDED",
+            "the stream that was watched has ended".to_owned(),
+        ),
         Closing::SlowReader(limit) => because(
             "SLOW_READER",
             format!("nothing was read for {} ms", limit.as_millis()),

@@ -23,7 +23,7 @@ use super::error::ApiError;
 use super::http::json::{self, BodyLimits};
 use super::ours::Ours;
 use crate::clients::{Client, Turns};
-use crate::session::drive::{Outlet, StreamPermit, outbox};
+use crate::session::drive::{Outgoing, Outlet, StreamPermit, outbox};
 use crate::wire::{MAX_MESSAGE, cut};
 
 /// How long a client may take to read what is left once its stream has ended.
@@ -99,12 +99,16 @@ impl Form {
         }
     }
 
-    fn write(&self, said: &v1::DriveResponse) -> Result<Message, serde_json::Error> {
+    /// Frames that several read as protobuf are written once for all of them.
+    fn write(&self, said: &Outgoing) -> Result<Message, serde_json::Error> {
         // A client that is turned away before it said anything can read text.
         let text = self.text.load(Ordering::Relaxed) || !self.known.load(Ordering::Relaxed);
         match text {
-            true => Ok(Message::Text(serde_json::to_string(said)?.into())),
-            false => Ok(Message::Binary(said.encode_to_vec().into())),
+            true => Ok(Message::Text(serde_json::to_string(said.response())?.into())),
+            false => Ok(Message::Binary(match said {
+                Outgoing::Frames(message) => message.binary(),
+                Outgoing::Control(response) => response.encode_to_vec().into(),
+            })),
         }
     }
 }
@@ -167,7 +171,7 @@ async fn write(
             said = outlet.next() => match said {
                 None => break,
                 Some(said) => {
-                    if let Some(Say::Closing(closing)) = &said.message {
+                    if let Some(Say::Closing(closing)) = &said.response().message {
                         farewell = closing.reason.clone();
                     }
                     form.write(&said)
@@ -193,7 +197,7 @@ async fn write(
 
 fn close_frame(problem: &v1::Problem) -> CloseFrame {
     let code = match problem.reason.as_str() {
-        "CLIENT_DONE" => close_code::NORMAL,
+        "CLIENT_DONE" | "WATCHED_ENDED" => close_code::NORMAL,
         "DRAINING" => close_code::AWAY,
         _ => close_code::POLICY,
     };
@@ -276,7 +280,7 @@ mod tests {
 
     #[test]
     fn answers_take_the_form_of_the_first_message() {
-        let said = v1::DriveResponse::default();
+        let said = Outgoing::Control(v1::DriveResponse::default());
         let form = Form::default();
         assert!(matches!(form.write(&said).unwrap(), Message::Text(_)));
         form.note(false);

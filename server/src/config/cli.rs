@@ -52,6 +52,12 @@ pub enum Command {
     /// Make API keys for the file that `keys` names.
     #[command(subcommand)]
     Key(KeyCommand),
+    /// Write manual pages: troupe-server.1, and one for each command.
+    Man {
+        /// Folder to write them to. It is made where it is not there.
+        #[arg(long, value_name = "FOLDER")]
+        out: PathBuf,
+    },
 }
 
 /// What to do about keys.

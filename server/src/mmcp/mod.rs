@@ -17,6 +17,7 @@ pub mod model;
 pub mod run;
 pub mod schema;
 pub mod skeleton;
+pub mod start;
 pub mod take;
 pub mod track;
 pub mod trajectory;

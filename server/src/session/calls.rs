@@ -7,7 +7,7 @@ use tokio::sync::{Semaphore, watch};
 use troupe_proto::v1;
 
 use super::cell::SessionCell;
-use super::drive::{Roster, StreamPermit};
+use super::drive::{Audience, Roster, StreamPermit};
 use super::executor::Executor;
 use super::{CommandResult, LivePacks, Registry, SessionError, StepPlan, Stepped, TimeSource};
 use super::{commands, describe, metrics, options, peek, step};
@@ -128,9 +128,10 @@ impl Sessions {
         self.common.draining.subscribe()
     }
 
-    pub(super) fn roster(&self, close_at_end: bool) -> Roster {
+    pub(super) fn roster(&self, close_at_end: bool, audience: &Arc<Audience>) -> Roster {
         let (registry, time) = (self.registry.clone(), self.common.time.clone());
-        Roster::new(registry, time, self.common.limits.per_stream, close_at_end)
+        let limit = self.common.limits.per_stream;
+        Roster::new(registry, time, limit, close_at_end, audience)
     }
 
     /// Notes how many streams are open, `leaving` of which are about to go.

@@ -1,13 +1,14 @@
 //! One session: its character behind a lock, who advances it, and when it was last wanted.
 
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use tokio::sync::Notify;
 use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
+use super::drive::Audience;
 use super::{EventQueue, LivePack, SessionError, TimeSource};
 use crate::batch::{OwnerId, SubmitError};
 use troupe_character::live::{Character, PlanRequest, Stats};
@@ -101,6 +102,8 @@ pub struct SessionCell {
     /// It was there before the server started, and its client has not said yet what it saw.
     woken: AtomicBool,
     live: Mutex<Live>,
+    /// Those who watch the stream that it is on, or was on last.
+    audience: Mutex<Weak<Audience>>,
     /// A plan came, failed, or the session ended. One waiter at most: the owner.
     changed: Notify,
 }
@@ -163,6 +166,7 @@ impl SessionCell {
                 resident: parts.resident,
                 counted: Stats::default(),
             }),
+            audience: Mutex::default(),
             changed: Notify::new(),
         }
     }
@@ -211,6 +215,17 @@ impl SessionCell {
     pub fn live(&self) -> MutexGuard<'_, Live> {
         // A panic under the lock leaves a character that may look odd, but one that still moves.
         self.live.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Those who watch the stream that it is on, or was on last.
+    pub(super) fn audience(&self) -> Option<Arc<Audience>> {
+        let audience = self.audience.lock().unwrap_or_else(PoisonError::into_inner);
+        audience.upgrade()
+    }
+
+    /// Its frames go to `audience` from now on.
+    pub(super) fn show_to(&self, audience: Weak<Audience>) {
+        *self.audience.lock().unwrap_or_else(PoisonError::into_inner) = audience;
     }
 
     /// Notes a sign of life.

@@ -125,6 +125,21 @@ fn the_doctor_says_what_would_serve() {
 }
 
 #[test]
+fn manual_pages_have_every_command_and_option() {
+    let folder = std::env::temp_dir().join(format!("troupe-server-man-{}", std::process::id()));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
+    let output = command.args(["man", "--out"]).arg(&folder).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let page =
+        |name: &str| std::fs::read_to_string(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+    assert!(page("troupe-server.1").contains("max\\-streams\\-per\\-client"));
+    for name in ["doctor", "health", "key", "key-new", "man"] {
+        assert!(page(&format!("troupe-server-{name}.1")).contains(".TH"), "{name}");
+    }
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
 fn a_missing_pack_is_named() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-server"));
     let text = complaint(command.args(["--listen", "127.0.0.1:0", "--packs", "/nowhere/models"]));

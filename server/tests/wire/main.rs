@@ -35,4 +35,5 @@ mod sessions;
 mod strangers;
 mod tenants;
 mod traces;
+mod watching;
 mod websocket;

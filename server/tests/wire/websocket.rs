@@ -19,10 +19,10 @@ use troupe_server::api::ErrorBody;
 use crate::common::calls::{ids, open, options, walk};
 use crate::common::{JOINTS, TestServer, robot};
 
-struct Socket(WebSocketStream<MaybeTlsStream<TcpStream>>);
+pub(super) struct Socket(WebSocketStream<MaybeTlsStream<TcpStream>>);
 
 impl Socket {
-    async fn connect(server: &TestServer) -> Self {
+    pub(super) async fn connect(server: &TestServer) -> Self {
         let url = server.url("/v1/drive").replace("http", "ws");
         Self(connect_async(url).await.unwrap().0)
     }
@@ -34,7 +34,7 @@ impl Socket {
             .unwrap();
     }
 
-    async fn binary(&mut self, message: Ask) {
+    pub(super) async fn binary(&mut self, message: Ask) {
         let bytes = v1::DriveRequest {
             message: Some(message),
         }
@@ -42,7 +42,7 @@ impl Socket {
         self.0.send(Message::Binary(bytes.into())).await.unwrap();
     }
 
-    async fn next(&mut self) -> Message {
+    pub(super) async fn next(&mut self) -> Message {
         loop {
             let next = timeout(Duration::from_secs(10), self.0.next())
                 .await

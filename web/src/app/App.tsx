@@ -1,5 +1,6 @@
 import { SegmentedControl, useComputedColorScheme } from '@mantine/core';
 import { useCallback, useEffect, useMemo, useState } from 'react';
+import { usePeopleOn } from '../bodies/person';
 import { readLink } from '../live/hash';
 import { createStage } from '../stage';
 import type { Stage } from '../stage/types';
@@ -45,6 +46,8 @@ export function App() {
   useEffect(() => {
     stage?.setTheme(scheme);
   }, [stage, scheme]);
+
+  usePeopleOn(stage);
 
   const mode = MODES.find((one) => one.id === modeId) ?? MODES[0]!;
   return (

@@ -18,6 +18,7 @@ const KEYS: Keys = [
   [['Space'], 'pause and go on'],
   [['.'], 'one frame'],
   [['C'], 'camera as at the start'],
+  [['V'], 'people as bodies or as capsules'],
   [['T'], 'light or dark'],
   [['Esc'], 'leave what is open; to the stage'],
   [['?'], 'this help'],

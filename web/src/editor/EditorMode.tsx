@@ -5,6 +5,7 @@ import { CircleHelp, Moon, Sun } from 'lucide-react';
 import { useEffect, useState } from 'react';
 import { create } from 'zustand';
 import { Help } from '../app/Help';
+import { PeopleTool } from '../bodies/PeopleTool';
 import type { ModeProps } from '../app/modes';
 import { Notices } from '../live/Signs';
 import { runLoop } from '../live/stage-events';
@@ -194,6 +195,7 @@ function Corner({ onHelp }: { onHelp: () => void }) {
   const scheme = useComputedColorScheme('light');
   return (
     <div className="corner">
+      <PeopleTool />
       <Tooltip label="Light or dark (T)">
         <ActionIcon
           variant="subtle"

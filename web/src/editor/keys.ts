@@ -2,6 +2,7 @@
 import { useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
 import { useEffect } from 'react';
 import { Vector3 } from 'three';
+import { togglePeople } from '../bodies/person';
 import { isTyping } from '../live/control';
 import type { Editor } from './editor';
 import { ROOT } from './editor';
@@ -25,6 +26,7 @@ export const HELP: readonly (readonly [readonly string[], string])[] = [
   [['Alt', 'arrows'], 'move the handle by a centimetre; Page Up and Down lift it'],
   [['Ctrl', 'Z'], 'undo; with Shift redo'],
   [['C'], 'look at the gap'],
+  [['V'], 'people as bodies or as capsules'],
   [['T'], 'light or dark'],
   [['Esc'], 'let go of the handle'],
   [['?'], 'this help'],
@@ -38,6 +40,7 @@ export function useEditorKeys(editor: Editor | undefined, scene: EditorScene | u
     const press = (event: KeyboardEvent) => {
       if (isForControl(event) || document.querySelector('[role="dialog"]')) return;
       if (event.key === '?') onHelp();
+      else if (event.key === 'v' && !event.ctrlKey && !event.metaKey) togglePeople();
       else if (event.key === 't') setColorScheme(scheme === 'dark' ? 'light' : 'dark');
       else if (event.key === 'c' && !event.ctrlKey && !event.metaKey) scene.lookAtGap();
       else if (event.altKey ? !nudge(editor, event) : !act(editor, event)) return;

@@ -13,7 +13,7 @@ import { installHooks } from './hooks';
 import { useKeys } from './keys';
 import { Live } from './live';
 import { PlayerPanel } from './PlayerPanel';
-import { Banner, Head, Notices } from './Signs';
+import { Banner, connectionAfter, Head, Notices } from './Signs';
 import { useLive } from './store';
 import { Toolbar } from './Toolbar';
 import { runStage } from './stage-events';
@@ -66,7 +66,7 @@ async function begin(live: Live, link: Link, signal: AbortSignal): Promise<void>
     } catch (error) {
       const trouble = error instanceof Error ? error.message : String(error);
       const mayPass = error instanceof ApiError && error.mayPass;
-      useLive.setState({ connection: mayPass ? 'reconnecting' : 'failed', trouble });
+      useLive.setState({ connection: connectionAfter(error), trouble });
       if (!mayPass) return;
       await new Promise((done) => setTimeout(done, RETRY_MS));
     }

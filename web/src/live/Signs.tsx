@@ -1,4 +1,6 @@
 // What the page says: its head, the banner of a broken connection, and lines that pass.
+import { Button } from '@mantine/core';
+import { ApiError, askForAnotherKey } from '../wire/api';
 import type { Connection } from './store';
 import { useLive } from './store';
 
@@ -24,13 +26,36 @@ export function Banner() {
   return <ConnectionBanner connection={connection} trouble={trouble} />;
 }
 
+/** What becomes of the connection after an error at the start. */
+export function connectionAfter(error: unknown): Connection {
+  if (!(error instanceof ApiError)) return 'failed';
+  if (error.isAboutKeys) return 'locked';
+  return error.mayPass ? 'reconnecting' : 'failed';
+}
+
 /** Says that a connection is gone. */
 export function ConnectionBanner({ connection, trouble }: { connection: Connection; trouble: string }) {
-  if (connection !== 'reconnecting' && connection !== 'failed') return null;
+  if (connection === 'connecting' || connection === 'live') return null;
   return (
     <div className="banner" role="status">
       <i />
       {connection === 'reconnecting' ? `The connection is gone (${trouble}). Coming back …` : trouble}
+      {connection === 'locked' && (
+        <Button size="compact-sm" onClick={askForAnotherKey}>
+          Use another key
+        </Button>
+      )}
+      {connection === 'failed' && (
+        <Button
+          size="compact-sm"
+          variant="default"
+          onClick={() => {
+            location.reload();
+          }}
+        >
+          Try again
+        </Button>
+      )}
     </div>
   );
 }

@@ -1,33 +1,9 @@
-import { ActionIcon, Tooltip, useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
-import type { LucideIcon } from 'lucide-react';
+import { useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
 import { CircleHelp, Crosshair, Moon, Pause, Play, RotateCcw, Spline, Sun } from 'lucide-react';
+import { Tool } from '../app/Tool';
+import { PeopleTool } from '../bodies/PeopleTool';
 import type { Live } from './live';
 import { useLive } from './store';
-
-interface ToolProps {
-  label: string;
-  icon: LucideIcon;
-  isOn?: boolean;
-  onClick: () => void;
-}
-
-/** A tool of the bar. */
-export function Tool({ label, icon: Icon, isOn, onClick }: ToolProps) {
-  return (
-    <Tooltip label={label}>
-      <ActionIcon
-        variant={isOn ? 'filled' : 'subtle'}
-        color={isOn ? 'accent' : 'gray'}
-        size="lg"
-        aria-label={label}
-        aria-pressed={isOn}
-        onClick={onClick}
-      >
-        <Icon size={18} />
-      </ActionIcon>
-    </Tooltip>
-  );
-}
 
 export function Toolbar({ live, onHelp }: { live: Live; onHelp: () => void }) {
   const tool = useLive((state) => state.tool);
@@ -69,6 +45,7 @@ export function Toolbar({ live, onHelp }: { live: Live; onHelp: () => void }) {
         }}
       />
       <hr />
+      <PeopleTool />
       <Tool
         label="Light or dark (T)"
         icon={scheme === 'dark' ? Sun : Moon}

@@ -23,7 +23,7 @@ export interface CrowdChoice {
 export const MOST_CHARACTERS = 200;
 
 /** Bodies of a pack of many that a mixed crowd shows. */
-const ANIMALS = ['horse', 'fox', 'spider'];
+const ANIMALS = ['horse', 'fox'];
 
 /** Bodies that a mixed crowd has beside the default pack's. */
 function guests(packs: readonly Pack[], main: string): { pack: string; body: string }[] {

@@ -18,6 +18,8 @@ export interface TroupeHooks {
   ids: () => string[];
   /** Root of a character as shown; the own one without a name. */
   position: (id?: string) => [number, number, number] | undefined;
+  /** Whether a character wears a skin; the own one without a name. */
+  isSkinned: (id?: string) => boolean;
   connection: () => Connection;
   underruns: () => number;
   droppedTicks: () => number;
@@ -51,6 +53,7 @@ export function installHooks(live: Live): () => void {
       const one = id === undefined ? live.own : crowd.all.get(id);
       return one?.isShown ? [one.root[0]!, one.root[1]!, one.root[2]!] : undefined;
     },
+    isSkinned: (id = live.own?.id ?? '') => live.stage.isSkinned(id),
     connection: () => useLive.getState().connection,
     underruns: () => meters.underruns,
     droppedTicks: () => meters.dropped,

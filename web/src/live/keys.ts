@@ -1,6 +1,7 @@
 // Keys that are not for going.
 import { useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
 import { useEffect } from 'react';
+import { togglePeople } from '../bodies/person';
 import { isTyping } from './control';
 import type { Live } from './live';
 import { useLive } from './store';
@@ -17,6 +18,7 @@ export function useKeys(live: Live | undefined, onHelp: () => void): void {
       if (isTyping(event.target, event.code) || document.querySelector('[role="dialog"]')) return;
       const isOnStage = event.target === live.stage.three.canvas || event.target === document.body;
       if (event.key === '?') onHelp();
+      else if (event.key === 'v') togglePeople();
       else if (event.key === 't') setColorScheme(scheme === 'dark' ? 'light' : 'dark');
       else if (!act(live, event, isOnStage)) return;
       event.preventDefault();

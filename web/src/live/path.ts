@@ -57,9 +57,9 @@ export function spread(places: readonly Place[], least: number): Place[] {
  * `undefined` for a line that is too short to be one.
  */
 export function pathFrom(drawn: readonly Place[], from: Place): PathPoint[] | undefined {
-  const least = 0.25;
-  let places = spread(simplify(drawn, 0.06), least);
-  for (let tolerance = 0.12; places.length > MOST_POINTS - 1; tolerance *= 2) {
+  const least = 0.15;
+  let places = spread(simplify(drawn, 0.02), least);
+  for (let tolerance = 0.04; places.length > MOST_POINTS - 1; tolerance *= 2) {
     places = spread(simplify(drawn, tolerance), least);
   }
   const first = places[0];

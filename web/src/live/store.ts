@@ -3,7 +3,8 @@ import { create } from 'zustand';
 import type { Pack, Style } from '../wire/types';
 import type { CrowdChoice } from './cast';
 
-export type Connection = 'connecting' | 'live' | 'reconnecting' | 'failed';
+/** `locked`: the server refuses the key, or wants one. */
+export type Connection = 'connecting' | 'live' | 'reconnecting' | 'failed' | 'locked';
 export type Tool = 'point' | 'draw';
 
 /** How time goes: 1 is the server's clock; anything else is the page's own. */

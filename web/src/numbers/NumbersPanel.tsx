@@ -4,6 +4,7 @@ import { useEffect, useState } from 'react';
 import { Panel } from '../app/Panel';
 import type { Live } from '../live/live';
 import { useLive } from '../live/store';
+import { ApiError } from '../wire/api';
 import { Sparkline } from './Sparkline';
 import { mean, quantile, rate, Snapshot } from './prometheus';
 
@@ -12,6 +13,9 @@ const EVERY_MS = 1000;
 const KEPT = 60;
 /** Moments between the two that rates and quantiles compare. */
 const WINDOW = 5;
+
+const NOT_ALLOWED =
+  "This key may not read the server's numbers: they take a key of the role metrics or admin. Those of this page are below.";
 
 interface Reading {
   label: string;
@@ -83,17 +87,26 @@ function useNumbers(live: Live): { groups: Group[]; history: History; trouble: s
   });
   useEffect(() => {
     const moments: Snapshot[] = [];
-    const look = async () => {
-      const groups: Group[] = [];
-      let trouble = '';
+    let mayRead = true;
+    const read = async (groups: Group[]): Promise<string> => {
+      if (!mayRead) return NOT_ALLOWED;
       try {
         moments.push(new Snapshot(await live.api.metrics(), performance.now()));
         if (moments.length > WINDOW + 1) moments.shift();
         if (moments.length > 1) groups.push(ofServer(moments[0]!, moments.at(-1)!));
+        return '';
       } catch (error) {
         moments.length = 0;
-        trouble = error instanceof Error ? error.message : String(error);
+        // The key stays the same, so there is no use in asking again.
+        mayRead = !(error instanceof ApiError && error.status === 403);
+        if (!mayRead) return NOT_ALLOWED;
+        const why = error instanceof Error ? error.message : String(error);
+        return `The server's numbers cannot be read: ${why}`;
       }
+    };
+    const look = async () => {
+      const groups: Group[] = [];
+      const trouble = await read(groups);
       groups.push(ofPage(live));
       setState(({ history }) => {
         const next: History = {};
@@ -137,7 +150,7 @@ function Numbers({ live }: { live: Live }) {
     <Stack gap="md">
       {trouble && (
         <Text size="sm" c="dimmed">
-          The server&apos;s numbers cannot be read: {trouble}
+          {trouble}
         </Text>
       )}
       {groups.map(({ title, readings }) => (

@@ -4,10 +4,10 @@ import { useEffect, useState } from 'react';
 import { create } from 'zustand';
 import { Help } from '../app/Help';
 import type { ModeProps } from '../app/modes';
+import type { Link } from '../live/hash';
 import { readLink, writeLink } from '../live/hash';
-import { ConnectionBanner, Notices } from '../live/Signs';
+import { ConnectionBanner, connectionAfter, Notices } from '../live/Signs';
 import { runLoop } from '../live/stage-events';
-import { report } from '../live/store';
 import { ActorPanel } from './ActorPanel';
 import { installSceneHooks } from './hooks';
 import { SCENE_KEYS, useSceneKeys } from './keys';
@@ -21,6 +21,8 @@ import { useScenes } from './store';
 
 /** Time between writes of the address, ms. */
 const LINK_MS = 700;
+/** Time between tries to start, ms. */
+const RETRY_MS = 1000;
 const CAMERA = [0, 0.6, 0.5, Math.PI - 0.55, 1.05, 14];
 
 const useRunning = create<{ scenes: Scenes | undefined }>(() => ({ scenes: undefined }));
@@ -48,15 +50,14 @@ function useScenesOn({ stage, api }: ModeProps): Scenes | undefined {
       },
     });
     const uninstall = installSceneHooks(scenes);
-    scenes.start(isOurs ? link : {}).catch((error: unknown) => {
-      useScenes.setState({ connection: 'failed', trouble: error instanceof Error ? error.message : String(error) });
-      report(error);
-    });
+    const abort = new AbortController();
+    void begin(scenes, isOurs ? link : {}, abort.signal);
     const timer = setInterval(() => {
       writeAddress(scenes);
     }, LINK_MS);
     useRunning.setState({ scenes });
     return () => {
+      abort.abort();
       clearInterval(timer);
       stop();
       uninstall();
@@ -65,6 +66,22 @@ function useScenesOn({ stage, api }: ModeProps): Scenes | undefined {
     };
   }, [stage, api]);
   return useRunning((state) => state.scenes);
+}
+
+/** Starts it; a server that is not there yet is asked again. */
+async function begin(scenes: Scenes, link: Link, signal: AbortSignal): Promise<void> {
+  while (!signal.aborted) {
+    try {
+      await scenes.start(link);
+      return;
+    } catch (error) {
+      const trouble = error instanceof Error ? error.message : String(error);
+      const connection = connectionAfter(error);
+      useScenes.setState({ connection, trouble });
+      if (connection !== 'reconnecting') return;
+      await new Promise((done) => setTimeout(done, RETRY_MS));
+    }
+  }
 }
 
 function writeAddress({ stage }: Scenes): void {

@@ -1,6 +1,7 @@
 import { useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
 import { CircleHelp, Crosshair, Moon, Move3d, PackagePlus, RotateCcw, Rotate3d, Sun } from 'lucide-react';
-import { Tool } from '../live/Toolbar';
+import { Tool } from '../app/Tool';
+import { PeopleTool } from '../bodies/PeopleTool';
 import type { Scenes } from './scenes';
 import type { SceneTool } from './store';
 import { useScenes } from './store';
@@ -44,6 +45,7 @@ export function ScenesToolbar({ scenes, onHelp }: { scenes: Scenes; onHelp: () =
           scenes.stage.resetCamera();
         }}
       />
+      <PeopleTool />
       <Tool
         label="Light or dark (T)"
         icon={scheme === 'dark' ? Sun : Moon}

@@ -2,6 +2,7 @@
 import { useComputedColorScheme, useMantineColorScheme } from '@mantine/core';
 import { useEffect } from 'react';
 import type { Keys } from '../app/Help';
+import { togglePeople } from '../bodies/person';
 import { isTyping } from '../live/control';
 import { report } from '../live/store';
 import type { Scenes } from './scenes';
@@ -21,6 +22,7 @@ export const SCENE_KEYS: Keys = [
   [['B'], 'break off'],
   [['F'], 'follow the character'],
   [['C'], 'camera as at the start'],
+  [['V'], 'people as bodies or as capsules'],
   [['T'], 'light or dark'],
   [['Esc'], 'leave the tool, then the object; to the stage'],
   [['?'], 'this help'],
@@ -38,6 +40,7 @@ export function useSceneKeys(scenes: Scenes | undefined, onHelp: () => void): vo
       if (event.key === 'Escape') leave(scenes);
       if (isTyping(event.target, event.code)) return;
       if (event.key === '?') onHelp();
+      else if (event.key === 'v') togglePeople();
       else if (event.key === 't') setColorScheme(scheme === 'dark' ? 'light' : 'dark');
       else if (!act(scenes, event)) return;
       event.preventDefault();

@@ -1,5 +1,5 @@
 // The characters on the stage: their joints, their bodies, and the skins that they wear.
-import { Color, Group } from 'three';
+import { Color, Group, type Object3D } from 'three';
 import { CapsuleBody, type BodyView } from './body';
 import { CapsuleField } from './capsules';
 import { tintColour } from './colours';
@@ -42,7 +42,12 @@ export class Characters {
   private readonly solid: CapsuleField;
   private readonly ghostly: CapsuleField;
   private readonly shapes = new WeakMap<Skeleton, Shape>();
+  /** What users gave, by the key of the skeleton. */
   private readonly skins = new Map<string, Skin>();
+  /** What was read of the file of the person, and its skins; null for skeletons that it is not made for. */
+  private person: Object3D | null = null;
+  private askedPersons = 0;
+  private readonly persons = new Map<string, Skin | null>();
   /** Neutral poses learnt from skins in the pack's own frames, by the key of the skeleton. */
   private readonly neutrals = new Map<string, Float32Array>();
   private readonly ghostSets = new Map<string, Ghosts>();
@@ -60,7 +65,7 @@ export class Characters {
     if (this.all.has(id)) throw new Error(`character ${id}: is on the stage already`);
     const shape = this.shapeOf(skeleton);
     const joints = new Joints(skeleton);
-    const body = this.bodyOf(shape, look);
+    const body = this.bodyOf(skeleton, shape, look);
     const character: Character = { skeleton, shape, look, joints, body, isPosed: false };
     this.all.set(id, character);
     this.paint(character);
@@ -109,7 +114,7 @@ export class Characters {
   async setSkin(skeleton: Skeleton, glb: ArrayBuffer | null): Promise<SkinReport | null> {
     const { key } = this.shapeOf(skeleton);
     const neutral = skeleton.neutral ?? this.neutrals.get(key);
-    const skin = glb && (await Skin.load(neutral ? { ...skeleton, neutral } : skeleton, glb, this.edge));
+    const skin = glb && Skin.fit(neutral ? { ...skeleton, neutral } : skeleton, await Skin.read(glb), this.edge);
     const old = this.skins.get(key);
     if (skin) {
       this.skins.set(key, skin);
@@ -118,15 +123,26 @@ export class Characters {
     } else {
       this.skins.delete(key);
     }
-    for (const character of this.all.values()) {
-      if (character.shape.key !== key || character.look.ghost) continue;
-      character.body.dispose();
-      character.body = this.bodyOf(character.shape, character.look);
-      if (character.isPosed) character.body.pose(character.joints);
-      this.paint(character);
-    }
+    this.dress(key);
     old?.dispose();
     return skin?.report ?? null;
+  }
+
+  async setPerson(glb: ArrayBuffer | null): Promise<void> {
+    const asked = ++this.askedPersons;
+    const person = glb && (await Skin.read(glb));
+    // Somebody asked for something else meanwhile.
+    if (asked !== this.askedPersons) return;
+    this.person = person;
+    const old = [...this.persons.values()];
+    this.persons.clear();
+    this.dress();
+    for (const skin of old) skin?.dispose();
+  }
+
+  /** Whether a character wears a skin. */
+  isSkinned(id: string): boolean {
+    return !(this.all.get(id)?.body instanceof CapsuleBody);
   }
 
   setTheme(theme: Theme): void {
@@ -156,7 +172,7 @@ export class Characters {
   }
 
   dispose(): void {
-    for (const skin of this.skins.values()) skin.dispose();
+    for (const skin of [...this.skins.values(), ...this.persons.values()]) skin?.dispose();
     this.solid.dispose();
     this.ghostly.dispose();
     this.object.removeFromParent();
@@ -180,9 +196,33 @@ export class Characters {
     return shape;
   }
 
-  private bodyOf(shape: Shape, look: CharacterLook): BodyView {
+  private bodyOf(skeleton: Skeleton, shape: Shape, look: CharacterLook): BodyView {
     if (look.ghost) return new CapsuleBody(this.ghostly, shape.rig, this.colour);
-    return this.skins.get(shape.key)?.wear() ?? new CapsuleBody(this.solid, shape.rig, this.colour);
+    const skin = this.skins.get(shape.key) ?? this.personOf(skeleton, shape);
+    return skin?.wear() ?? new CapsuleBody(this.solid, shape.rig, this.colour);
+  }
+
+  /** The person's skin, for skeletons whose joints are exactly its bones. */
+  private personOf(skeleton: Skeleton, { key }: Shape): Skin | null {
+    const known = this.persons.get(key);
+    if (known !== undefined || !this.person) return known ?? null;
+    const skin = fitted(skeleton, this.person, this.edge);
+    this.persons.set(key, skin);
+    if (!skin) return null;
+    this.object.add(skin.object);
+    if (skin.neutral) this.neutrals.set(key, skin.neutral);
+    return skin;
+  }
+
+  /** Gives characters the bodies that they should have now: those of a skeleton, or all. */
+  private dress(key?: string): void {
+    for (const character of this.all.values()) {
+      if ((key !== undefined && character.shape.key !== key) || character.look.ghost) continue;
+      character.body.dispose();
+      character.body = this.bodyOf(character.skeleton, character.shape, character.look);
+      if (character.isPosed) character.body.pose(character.joints);
+      this.paint(character);
+    }
   }
 
   private paint({ body, look }: Character): void {
@@ -192,4 +232,13 @@ export class Characters {
   private paintGhosts({ bodies, opacity, tint }: Ghosts): void {
     for (const body of bodies) body.tint(tintColour(tint, this.theme, this.colour), opacity);
   }
+}
+
+/** A skin whose bones have the skeleton's own frames, or null. */
+function fitted(skeleton: Skeleton, read: Object3D, edge: EdgeUniform): Skin | null {
+  if (!Skin.hasBonesOf(skeleton, read)) return null;
+  const skin = Skin.fit(skeleton, read, edge);
+  if (skin.report.native) return skin;
+  skin.dispose();
+  return null;
 }

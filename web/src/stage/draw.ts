@@ -35,8 +35,14 @@ export function drawOnGround(host: Host, options: DrawOptions): () => void {
   const { canvas } = host;
   let stroke: Stroke | null = null;
   const add = (event: PointerEvent): void => {
-    const place = host.ground(event.clientX, event.clientY);
-    if (place && stroke?.add(place)) options.onDraw?.(stroke.points());
+    // A slow screen puts several places into one event.
+    const events = event.getCoalescedEvents();
+    let isLonger = false;
+    for (const { clientX, clientY } of events.length > 0 ? events : [event]) {
+      const place = host.ground(clientX, clientY);
+      if (place && stroke?.add(place)) isLonger = true;
+    }
+    if (isLonger && stroke) options.onDraw?.(stroke.points());
   };
   const down = (event: PointerEvent): void => {
     if (event.button !== 0) return;

@@ -171,6 +171,14 @@ class TroupeStage implements Stage {
     return this.characters.setSkin(skeleton, glb);
   }
 
+  setPerson(glb: ArrayBuffer | null): Promise<void> {
+    return this.characters.setPerson(glb);
+  }
+
+  isSkinned(id: string): boolean {
+    return this.characters.all.has(id) && this.characters.isSkinned(id);
+  }
+
   cameraState(): number[] {
     return this.view.state();
   }
@@ -206,7 +214,7 @@ class TroupeStage implements Stage {
     this.fog.near = distance + 12;
     this.fog.far = distance * 2 + 50;
     this.ground.setFocus(target, 18 + distance * 2.2);
-    this.lights.setFocus(target, distance * 0.75);
+    this.lights.setFocus(target, Math.max(distance * 1.1, 7));
     this.placeRing();
     this.placeBlobs();
     this.characters.flush();

@@ -21,9 +21,9 @@ export class Lights {
     this.key.shadow.mapSize.set(MAP_SIZE, MAP_SIZE);
     this.key.shadow.camera.near = 1;
     this.key.shadow.camera.far = AWAY_M * 2;
-    this.key.shadow.normalBias = 0.04;
+    this.key.shadow.normalBias = 0.02;
     this.key.shadow.bias = -0.0004;
-    this.key.shadow.radius = 5;
+    this.key.shadow.radius = 3;
     this.fill.position.set(0.6, 0.5, -1);
     this.right.set(0, 1, 0).cross(TO_KEY).normalize();
     this.up.copy(TO_KEY).cross(this.right);

@@ -1,5 +1,6 @@
 // Skinned bodies: all characters with the same skin in one draw call per mesh, posed through a texture of bones.
 import {
+  Bone,
   BufferGeometry,
   DataTexture,
   DynamicDrawUsage,
@@ -94,12 +95,26 @@ export class Skin {
     this.report = { joints: skeleton.names.length, triangles, native: this.fit.native };
   }
 
-  /** Reads a glb file and fits it to a skeleton. */
-  static async load(skeleton: Skeleton, glb: ArrayBuffer, edge: EdgeUniform): Promise<Skin> {
+  /** Reads a glb file. */
+  static async read(glb: ArrayBuffer): Promise<Object3D> {
     const gltf = await new GLTFLoader().parseAsync(glb, '').catch((error: unknown) => {
       throw new Error(`The file is no glb that can be read: ${error instanceof Error ? error.message : String(error)}`);
     });
-    return new Skin(skeleton, gltf.scene, edge);
+    return gltf.scene;
+  }
+
+  /** Fits what was read to a skeleton, or throws an error that says what is missing. */
+  static fit(skeleton: Skeleton, read: Object3D, edge: EdgeUniform): Skin {
+    return new Skin(skeleton, read, edge);
+  }
+
+  /** Whether what was read has a bone of each joint's name, and no other bones. */
+  static hasBonesOf({ names }: Skeleton, read: Object3D): boolean {
+    const bones = new Set<string>();
+    read.traverse((node) => {
+      if (node instanceof Bone) bones.add(nameOf(node));
+    });
+    return bones.size === names.length && names.every((name) => bones.has(name));
   }
 
   /** A body that wears this skin. */
@@ -245,12 +260,16 @@ function restBones(meshes: readonly SkinnedMesh[]): { bones: RestBone[]; indices
     const known = indices.get(bone.uuid);
     if (known !== undefined) return known;
     const parent = bone.parent && all.has(bone.parent) ? visit(bone.parent) : -1;
-    const name = (bone.userData as { name?: string }).name ?? bone.name;
     indices.set(bone.uuid, bones.length);
-    return bones.push({ name, parent, world: bone.matrixWorld.clone() }) - 1;
+    return bones.push({ name: nameOf(bone), parent, world: bone.matrixWorld.clone() }) - 1;
   };
   for (const bone of all) visit(bone);
   return { bones, indices };
+}
+
+/** A node's name in the file: three.js changes some letters. */
+function nameOf(node: Object3D): string {
+  return (node.userData as { name?: string }).name ?? node.name;
 }
 
 function toRows(matrix: Matrix4, out: Float32Array, o: number): void {

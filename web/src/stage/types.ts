@@ -92,6 +92,13 @@ export interface Stage {
    * null brings the capsules back. Skeletons with equal joints and offsets share it.
    */
   setSkin(skeleton: Skeleton, glb: ArrayBuffer | null): Promise<SkinReport | null>;
+  /**
+   * Gives the skin of a glb file to all characters whose joints are exactly its bones, unless they have one by `setSkin`.
+   * null brings the capsules back.
+   */
+  setPerson(glb: ArrayBuffer | null): Promise<void>;
+  /** Whether a character wears a skin. */
+  isSkinned(id: string): boolean;
   /** Target (3), azimuth and polar angle (radians), distance (metres). */
   cameraState(): number[];
   setCamera(state: number[]): void;

@@ -16,6 +16,12 @@ import type {
 
 const KEY = 'troupe-key';
 
+/** Begins again without the key, so that the page asks for one. */
+export function askForAnotherKey(): void {
+  sessionStorage.removeItem(KEY);
+  location.reload();
+}
+
 /** The server's own words for what went wrong. */
 export class ApiError extends Error {
   override name = 'ApiError';
@@ -30,6 +36,11 @@ export class ApiError extends Error {
     readonly allowed = '',
   ) {
     super(message);
+  }
+
+  /** Whether another key may help. */
+  get isAboutKeys(): boolean {
+    return this.status === 401 || this.status === 403;
   }
 
   /** Whether the server is not there, or not ready: the same call may succeed later. */

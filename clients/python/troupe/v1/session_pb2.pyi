@@ -420,18 +420,20 @@ class StepResponse(_message.Message):
     def __init__(self, blocks: _Optional[_Iterable[_Union[FrameBlock, _Mapping]]] = ..., command_results: _Optional[_Iterable[_Union[CommandResult, _Mapping]]] = ..., problems: _Optional[_Iterable[_Union[SessionProblem, _Mapping]]] = ..., total_us: _Optional[int] = ..., waited_us: _Optional[int] = ..., events: _Optional[_Iterable[_Union[_event_pb2.SessionEvents, _Mapping]]] = ..., held: _Optional[_Iterable[_Union[_event_pb2.HeldObject, _Mapping]]] = ...) -> None: ...
 
 class DriveOpen(_message.Message):
-    __slots__ = ("rate_hz", "encoding", "return_positions", "close_sessions", "return_six_d")
+    __slots__ = ("rate_hz", "encoding", "return_positions", "close_sessions", "return_six_d", "watch")
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     ENCODING_FIELD_NUMBER: _ClassVar[int]
     RETURN_POSITIONS_FIELD_NUMBER: _ClassVar[int]
     CLOSE_SESSIONS_FIELD_NUMBER: _ClassVar[int]
     RETURN_SIX_D_FIELD_NUMBER: _ClassVar[int]
+    WATCH_FIELD_NUMBER: _ClassVar[int]
     rate_hz: int
     encoding: Encoding
     return_positions: bool
     close_sessions: bool
     return_six_d: bool
-    def __init__(self, rate_hz: _Optional[int] = ..., encoding: _Optional[_Union[Encoding, str]] = ..., return_positions: _Optional[bool] = ..., close_sessions: _Optional[bool] = ..., return_six_d: _Optional[bool] = ...) -> None: ...
+    watch: str
+    def __init__(self, rate_hz: _Optional[int] = ..., encoding: _Optional[_Union[Encoding, str]] = ..., return_positions: _Optional[bool] = ..., close_sessions: _Optional[bool] = ..., return_six_d: _Optional[bool] = ..., watch: _Optional[str] = ...) -> None: ...
 
 class DriveAttach(_message.Message):
     __slots__ = ("session_ids",)

@@ -151,7 +151,8 @@ impl Sessions for SessionsApi {
             drop(of_client);
         });
         let outbound = futures_util::stream::unfold(outlet, |mut outlet: Outlet| async {
-            outlet.next().await.map(|said| (Ok(said), outlet))
+            let said = outlet.next().await?;
+            Some((Ok(said.into_response()), outlet))
         });
         Ok(Response::new(Box::pin(outbound)))
     }

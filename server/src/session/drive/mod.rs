@@ -3,9 +3,11 @@
 //! The task ends when the client is done or gone, reads nothing for too long, says something that makes no sense, or when
 //! the server shuts down. Its sessions are let go of then, whatever the reason.
 
+mod audience;
 mod outbox;
 mod roster;
 mod said;
+mod watching;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -22,9 +24,12 @@ use crate::wire::units;
 use troupe_character::live::CommandOutcome;
 use troupe_character::{FieldError, Path};
 
-pub use outbox::{Outbox, Outlet, outbox};
+pub(super) use audience::Audience;
+use outbox::Tick;
+pub use outbox::{Outbox, Outgoing, Outlet, outbox};
 pub(super) use roster::Roster;
 pub use said::{Attached, Closing, Departure, Said};
+use watching::Watching;
 
 /// Longest time that characters catch up on after ticks that the server missed. What is longer they lose: one who walked would
 /// jump otherwise.
@@ -59,7 +64,14 @@ impl StreamPermit {
     {
         let mut draining = self.sessions.draining();
         let closing = match self.opened(inbound, &outbox, &mut draining).await {
-            Ok(mut stream) => stream.run(inbound, &outbox, &mut draining).await,
+            Ok(open) if !open.watch.is_empty() => match Watching::join(&self.sessions, &open, &outbox) {
+                Ok(mut watching) => watching.run(inbound, &outbox, &mut draining).await,
+                Err(error) => error.into(),
+            },
+            Ok(open) => match Driving::new(&self.sessions, &open) {
+                Ok(mut stream) => stream.run(inbound, &outbox, &mut draining).await,
+                Err(error) => error.into(),
+            },
             Err(closing) => closing,
         };
         tracing::debug!(?closing, "a stream ends");
@@ -72,7 +84,7 @@ impl StreamPermit {
         inbound: &mut I,
         outbox: &Outbox,
         draining: &mut watch::Receiver<bool>,
-    ) -> Result<Driving, Closing>
+    ) -> Result<v1::DriveOpen, Closing>
     where
         I: Stream<Item = Result<v1::DriveRequest, v1::Problem>> + Unpin,
     {
@@ -87,7 +99,7 @@ impl StreamPermit {
         match first {
             Ok(Some(Ok(v1::DriveRequest {
                 message: Some(Ask::Open(open)),
-            }))) => Ok(Driving::new(&self.sessions, &open)?),
+            }))) => Ok(open),
             Ok(Some(Ok(_))) => Err(path.field("message").error("is not open", wanted).into()),
             Ok(Some(Err(problem))) => Err(Closing::Unreadable(problem)),
             Ok(None) => Err(Closing::ClientDone),
@@ -118,6 +130,7 @@ async fn drained(draining: &mut watch::Receiver<bool>) {
 struct Driving {
     sessions: Arc<Sessions>,
     roster: Roster,
+    audience: Arc<Audience>,
     form: Form,
     sub_frames: u32,
     ticker: Ticker,
@@ -130,8 +143,10 @@ impl Driving {
         let path = root.field("open");
         let sub_frames = step::sub_frames(&path, open.rate_hz)?;
         let rate_hz = if open.rate_hz == 0 { 30 } else { open.rate_hz };
+        let audience = Arc::default();
         Ok(Self {
-            roster: sessions.roster(open.close_sessions),
+            roster: sessions.roster(open.close_sessions, &audience),
+            audience,
             sessions: sessions.clone(),
             form: Form::of(&path, open.encoding, open.return_positions, open.return_six_d)?,
             sub_frames,
@@ -169,13 +184,20 @@ impl Driving {
                         Some(Ok(asked)) => self.hear(asked).await,
                     };
                     match answered {
-                        Ok(Some(answer)) => outbox.say(answer),
+                        Ok(Some(answer)) => self.say(answer, outbox),
                         Ok(None) => {}
                         Err(closing) => return closing,
                     }
                 }
             }
         }
+    }
+
+    /// Tells the client, and those who watch where it is about the sessions.
+    fn say(&self, said: Said, outbox: &Outbox) {
+        let message = outbox.message(said);
+        self.audience.pass_on(&message);
+        outbox.post(message);
     }
 
     /// What a client's message leads to.
@@ -217,7 +239,7 @@ impl Driving {
     /// Advances the characters by a tick, and by those that were missed before it.
     async fn tick(&mut self, tick: TickNumber, outbox: &Outbox) {
         if let Some(gone) = left(self.roster.ended()) {
-            outbox.say(gone);
+            self.say(gone, outbox);
         }
         if tick.missed > 0 {
             self.dropped_ticks += tick.missed;
@@ -231,18 +253,26 @@ impl Driving {
         let ticks = 1 + tick.missed.min(self.ticker.most_missed()) as u32;
         // Where there is no room for what happened, it waits in the sessions, so many events for each.
         let mut happened = outbox.has_room().then(Vec::new);
-        let mut frames = self
+        let (mut frames, counts) = self
             .roster
             .tick(self.sub_frames * ticks, self.form, happened.as_mut())
             .await;
         if let Some(sessions) = happened.filter(|happened| !happened.is_empty()) {
-            outbox.say(Said::Events(sessions));
+            self.say(Said::Events(sessions), outbox);
         }
-        frames.frames.tick = tick.number;
-        frames.frames.dropped_ticks = self.dropped_ticks;
-        if outbox.send(frames) {
+        frames.tick = tick.number;
+        frames.dropped_ticks = self.dropped_ticks;
+        let tick = Tick::new(frames, counts);
+        self.audience.send(&tick);
+        if outbox.send(tick) {
             self.dropped_ticks += 1;
         }
+    }
+}
+
+impl Drop for Driving {
+    fn drop(&mut self) {
+        self.audience.end();
     }
 }
 

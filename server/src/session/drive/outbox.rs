@@ -1,10 +1,12 @@
 //! What a stream has to say, and how much of it may wait: control messages in a short queue, and one tick's frames. A tick
-//! that its reader has not taken when the next one comes is replaced, so a slow reader always gets the latest.
+//! that its reader has not taken when the next one comes is replaced, so a slow reader always gets the latest. A tick is one
+//! message for all who read it: it is written once.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
+use bytes::Bytes;
 use tokio::sync::Notify;
 use troupe_proto::v1;
 use troupe_proto::v1::drive_response::Message;
@@ -17,16 +19,57 @@ const MAX_CONTROL: usize = 64;
 /// Bytes of them that may wait, likewise; the message that goes over it still fits.
 const MAX_CONTROL_BYTES: usize = 1 << 20;
 
-/// The frames of one tick.
+/// A tick's message. Many may read it.
+#[derive(Debug)]
+pub struct TickMessage {
+    response: v1::DriveResponse,
+    binary: OnceLock<Bytes>,
+}
+
+impl TickMessage {
+    /// The message.
+    pub fn response(&self) -> &v1::DriveResponse {
+        &self.response
+    }
+
+    /// It as protobuf, written by the first who asks.
+    pub fn binary(&self) -> Bytes {
+        let bytes = self
+            .binary
+            .get_or_init(|| prost::Message::encode_to_vec(&self.response).into());
+        bytes.clone()
+    }
+}
+
+/// The frames of one tick, for one reader.
 #[derive(Debug)]
 pub struct Tick {
-    /// The message.
-    pub frames: v1::DriveFrames,
+    message: Arc<TickMessage>,
     /// Frames in it, by pack.
-    pub counts: Vec<(Arc<LivePack>, usize)>,
+    counts: Vec<(Arc<LivePack>, usize)>,
 }
 
 impl Tick {
+    /// A tick for the client whose sessions they are; `counts` has the frames in it, by pack.
+    pub fn new(frames: v1::DriveFrames, counts: Vec<(Arc<LivePack>, usize)>) -> Self {
+        let response = v1::DriveResponse {
+            message: Some(Message::Frames(frames)),
+        };
+        let binary = OnceLock::new();
+        Self {
+            message: Arc::new(TickMessage { response, binary }),
+            counts,
+        }
+    }
+
+    /// The same for somebody who watches. The metrics of packs do not count it.
+    pub(super) fn watched(&self) -> Self {
+        Self {
+            message: self.message.clone(),
+            counts: Vec::new(),
+        }
+    }
+
     /// Notes that the tick was not sent.
     fn dropped(&self) {
         for (pack, count) in &self.counts {
@@ -55,7 +98,7 @@ impl State {
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+pub(super) struct Shared {
     state: Mutex<State>,
     /// For the reader.
     readable: Notify,
@@ -81,6 +124,27 @@ impl Shared {
         self.readable.notify_one();
         result
     }
+
+    pub(super) fn has_room(&self) -> bool {
+        let state = self.state();
+        state.control.len() < MAX_CONTROL && state.control_bytes < MAX_CONTROL_BYTES
+    }
+
+    pub(super) fn post(&self, message: Message) {
+        self.put(|state| {
+            state.control_bytes += message.encoded_len();
+            state.control.push_back(message);
+        });
+    }
+
+    /// See [`Outbox::send`].
+    pub(super) fn send(&self, tick: Tick) -> bool {
+        let replaced = self.put(|state| state.tick.replace(tick));
+        if let Some(tick) = &replaced {
+            tick.dropped();
+        }
+        replaced.is_some()
+    }
 }
 
 /// The stream's end. Dropping it ends the reader's messages.
@@ -88,6 +152,36 @@ impl Shared {
 pub struct Outbox {
     shared: Arc<Shared>,
     write: fn(Said) -> Message,
+}
+
+/// A message on its way to a reader.
+#[derive(Debug)]
+pub enum Outgoing {
+    /// A control message.
+    Control(v1::DriveResponse),
+    /// A tick's frames.
+    Frames(Arc<TickMessage>),
+}
+
+impl Outgoing {
+    /// The message.
+    pub fn response(&self) -> &v1::DriveResponse {
+        match self {
+            Self::Control(response) => response,
+            Self::Frames(message) => message.response(),
+        }
+    }
+
+    /// The message, copied where others read it too.
+    pub fn into_response(self) -> v1::DriveResponse {
+        match self {
+            Self::Control(response) => response,
+            Self::Frames(message) => match Arc::try_unwrap(message) {
+                Ok(message) => message.response,
+                Err(message) => message.response.clone(),
+            },
+        }
+    }
 }
 
 /// The reader's end. Dropping it tells the stream that nobody reads any more.
@@ -107,26 +201,32 @@ pub fn outbox(write: fn(Said) -> Message) -> (Outbox, Outlet) {
 impl Outbox {
     /// Whether there is room for control messages that answer the client.
     pub fn has_room(&self) -> bool {
-        let state = self.shared.state();
-        state.control.len() < MAX_CONTROL && state.control_bytes < MAX_CONTROL_BYTES
+        self.shared.has_room()
     }
 
     /// Sends a control message.
     pub fn say(&self, said: Said) {
-        let message = (self.write)(said);
-        self.shared.put(|state| {
-            state.control_bytes += message.encoded_len();
-            state.control.push_back(message);
-        });
+        self.shared.post((self.write)(said));
+    }
+
+    /// The message of what is said.
+    pub(super) fn message(&self, said: Said) -> Message {
+        (self.write)(said)
+    }
+
+    /// Sends a message as it is.
+    pub(super) fn post(&self, message: Message) {
+        self.shared.post(message);
+    }
+
+    /// Where messages go.
+    pub(super) fn shared(&self) -> Arc<Shared> {
+        self.shared.clone()
     }
 
     /// Sends a tick's frames. Answers whether they replaced a tick that was not taken.
     pub fn send(&self, tick: Tick) -> bool {
-        let replaced = self.shared.put(|state| state.tick.replace(tick));
-        if let Some(tick) = &replaced {
-            tick.dropped();
-        }
-        replaced.is_some()
+        self.shared.send(tick)
     }
 
     /// How long the reader has left something lying at `now`.
@@ -161,7 +261,7 @@ impl Drop for Outbox {
 
 impl Outlet {
     /// The next message; control messages first. `None` at the end.
-    pub async fn next(&mut self) -> Option<v1::DriveResponse> {
+    pub async fn next(&mut self) -> Option<Outgoing> {
         loop {
             let readable = self.0.readable.notified();
             {
@@ -169,27 +269,30 @@ impl Outlet {
                 let message = Self::take(&mut state);
                 state.waits_since = state.waits().then(Instant::now);
                 if message.is_some() || state.finished {
-                    return message.map(|message| v1::DriveResponse {
-                        message: Some(message),
-                    });
+                    return message;
                 }
             }
             readable.await;
         }
     }
 
-    fn take(state: &mut State) -> Option<Message> {
+    fn take(state: &mut State) -> Option<Outgoing> {
+        let control = |message| {
+            Outgoing::Control(v1::DriveResponse {
+                message: Some(message),
+            })
+        };
         if let Some(message) = state.control.pop_front() {
             state.control_bytes -= message.encoded_len();
-            return Some(message);
+            return Some(control(message));
         }
-        if let Some(Tick { frames, counts }) = state.tick.take() {
+        if let Some(Tick { message, counts }) = state.tick.take() {
             for (pack, count) in counts {
                 pack.metrics.sent(count);
             }
-            return Some(Message::Frames(frames));
+            return Some(Outgoing::Frames(message));
         }
-        state.closing.take()
+        state.closing.take().map(control)
     }
 }
 
@@ -205,13 +308,11 @@ mod tests {
     use super::*;
 
     fn tick(number: u64) -> Tick {
-        Tick {
-            frames: v1::DriveFrames {
-                tick: number,
-                ..v1::DriveFrames::default()
-            },
-            counts: Vec::new(),
-        }
+        let frames = v1::DriveFrames {
+            tick: number,
+            ..v1::DriveFrames::default()
+        };
+        Tick::new(frames, Vec::new())
     }
 
     fn left() -> Said {
@@ -228,8 +329,8 @@ mod tests {
         }
     }
 
-    fn name(message: Option<v1::DriveResponse>) -> String {
-        match message.and_then(|response| response.message) {
+    fn name(message: Option<Outgoing>) -> String {
+        match message.and_then(|message| message.into_response().message) {
             Some(Message::Frames(frames)) => format!("tick {}", frames.tick),
             Some(Message::Left(_)) => "left".to_owned(),
             Some(Message::Closing(_)) => "closing".to_owned(),

@@ -1,12 +1,12 @@
 //! The sessions on a stream.
 
 use std::collections::HashSet;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::Instant;
 
 use troupe_proto::v1;
 
-use super::outbox::Tick;
+use super::audience::Audience;
 use super::said::{Attached, Departure};
 use crate::session::LivePack;
 use crate::session::cell::{End, Held, Owner, SessionCell};
@@ -40,12 +40,20 @@ pub struct Roster {
     /// By slot.
     members: Vec<Member>,
     packs: Vec<Arc<LivePack>>,
+    /// Those who watch the stream.
+    audience: Weak<Audience>,
     out: FrameOut,
 }
 
 impl Roster {
-    /// A roster for at most `limit` sessions.
-    pub fn new(registry: Arc<Registry>, time: TimeSource, limit: usize, close_at_end: bool) -> Self {
+    /// A roster for at most `limit` sessions, whose frames `audience` sees.
+    pub fn new(
+        registry: Arc<Registry>,
+        time: TimeSource,
+        limit: usize,
+        close_at_end: bool,
+        audience: &Arc<Audience>,
+    ) -> Self {
         Self {
             registry,
             time,
@@ -54,6 +62,7 @@ impl Roster {
             next_slot: 0,
             members: Vec::new(),
             packs: Vec::new(),
+            audience: Arc::downgrade(audience),
             out: FrameOut::default(),
         }
     }
@@ -92,6 +101,7 @@ impl Roster {
         let cell = self.registry.get(id, self.time.now(), &field)?;
         form.check(&Path::root().field("open"), cell.pack().rig())?;
         let held = cell.take(Owner::Drive, &field)?;
+        cell.show_to(self.audience.clone());
         let known = self.packs.iter().position(|pack| Arc::ptr_eq(pack, cell.pack()));
         let pack = known.unwrap_or_else(|| {
             self.packs.push(cell.pack().clone());
@@ -133,14 +143,14 @@ impl Roster {
         left
     }
 
-    /// Advances everybody by `sub_frames` and writes the frames. The tick's number and count of dropped ones are left to
+    /// Advances everybody by `sub_frames` and writes the frames; answers them and how many there are of each pack. The tick's number and count of dropped ones are left to
     /// the stream. `happened` is where to put what happened; without it, it goes on waiting.
     pub async fn tick(
         &mut self,
         sub_frames: u32,
         form: Form,
         mut happened: Option<&mut Vec<v1::SessionEvents>>,
-    ) -> Tick {
+    ) -> (v1::DriveFrames, Vec<(Arc<LivePack>, usize)>) {
         let counts = self.counts();
         let mut writers: Vec<(BlockWriter, usize)> = counts
             .iter()
@@ -184,15 +194,13 @@ impl Roster {
             turn.pause().await;
         }
         let blocks = writers.into_iter().filter(|(_, count)| *count > 0);
-        Tick {
-            frames: v1::DriveFrames {
-                blocks: blocks.map(|(writer, _)| writer.finish(|_| true)).collect(),
-                underruns,
-                held: in_hands,
-                ..v1::DriveFrames::default()
-            },
-            counts,
-        }
+        let frames = v1::DriveFrames {
+            blocks: blocks.map(|(writer, _)| writer.finish(|_| true)).collect(),
+            underruns,
+            held: in_hands,
+            ..v1::DriveFrames::default()
+        };
+        (frames, counts)
     }
 
     /// Has the pressure on the packs read, where it is time.

@@ -52,6 +52,8 @@ pub enum Closing {
     Gone,
     /// The server shuts down.
     Draining,
+    /// The stream that was watched is over.
+    WatchedEnded,
     /// Nobody read for this long.
     SlowReader(Duration),
     /// The client said something that cannot be read.

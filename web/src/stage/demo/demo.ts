@@ -1,6 +1,7 @@
 // The stage alone, for those who work on it: `npm run dev`, then /stage.html. Recordings: scripts/stage-clips.sh.
 // ?scene=bodies|crowd|overlays, ?count=200, ?theme=dark, ?skin=1, ?frame=N stops time, ?camera=x,y,z,azimuth,polar,distance
 import { createStage, type Pose, type Stage } from '../index';
+import HUMAN from '../../bodies/human.glb?url';
 import { readBvh, type Clip } from './clip';
 
 const FILES = import.meta.glob<string>('./clips/*.bvh', { query: '?url', import: 'default' });
@@ -105,7 +106,7 @@ async function start(): Promise<void> {
   const stage = createStage(canvas, query.get('theme') === 'dark' ? 'dark' : 'light');
   const played = await cast(stage);
   if (query.has('skin')) {
-    const glb = await (await fetch(query.get('skin') === '1' ? '/bodies/human.glb' : query.get('skin')!)).arrayBuffer();
+    const glb = await (await fetch(query.get('skin') === '1' ? HUMAN : query.get('skin')!)).arrayBuffer();
     const human = played.find(({ clip }) => clip.skeleton.names.includes('UpperArm_L'));
     if (human) console.log(JSON.stringify(await stage.setSkin(human.clip.skeleton, glb)));
   }

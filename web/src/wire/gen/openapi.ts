@@ -4,6 +4,47 @@
  */
 
 export interface paths {
+    "/capabilities": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * What this server's models can do, for tools that speak MMCP
+         * @description The Motion Model Context Protocol, version 1.4: a model for each pack, or for each body of a pack.
+         */
+        get: operations["MmcpCapabilities"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/generate": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Make motion for a tool that speaks MMCP
+         * @description The Motion Model Context Protocol, version 1.4. A batch, `{"protocol_version", "requests": […]}`, answers
+         *     `{"results": [{"gltf"} or {"error"}, …]}` as application/json.
+         */
+        post: operations["MmcpGenerate"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/healthz": {
         parameters: {
             query?: never;
@@ -1135,6 +1176,13 @@ export interface components {
              * @default false
              */
             return_six_d: boolean;
+            /**
+             * @description Watch the stream that has the session of this id: get what it says of its sessions, events and frames, with its slots,
+             *     ticks and dropped ticks. Rate and form are its own, so leave out the fields above. A stream that watches takes commands,
+             *     and attaches nothing. Empty: the stream has sessions of its own.
+             * @default
+             */
+            watch: string;
         };
         /** @description What a client says on the stream. */
         DriveRequest: {
@@ -1969,6 +2017,20 @@ export interface components {
             style: string;
             /** @default null */
             velocity: components["schemas"]["Vec3"] | null;
+        };
+        /** @description Every error of the Motion Model Context Protocol. */
+        MmcpError: {
+            /** @description What went wrong. */
+            error: components["schemas"]["MmcpErrorDetail"];
+        };
+        /** @description What went wrong, as the protocol has it. */
+        MmcpErrorDetail: {
+            /** @description One of the protocol's closed list of codes. */
+            code: string;
+            /** @description The field at fault, what is allowed, and what else there is to tell. */
+            details: Record<string, never>;
+            /** @description What went wrong, for people. */
+            message: string;
         };
         /** @description Moves objects. */
         MoveObjectsRequest: {
@@ -3413,6 +3475,213 @@ export interface components {
 }
 export type $defs = Record<string, never>;
 export interface operations {
+    MmcpCapabilities: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The models, in the protocol's form */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": Record<string, never>;
+                };
+            };
+            /** @description unknown_model, retargeting_unsupported, unsupported_constraint, unsupported_segment, unknown_joint, invalid_skeleton, frame_out_of_range, invalid_options, invalid_request, version_unsupported */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description payload_too_large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description schema_validation */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description rate_limited */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description internal_error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description resource_exhausted, model_unavailable */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description timeout */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+        };
+    };
+    MmcpGenerate: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** @description A request or a batch, in the protocol's form */
+        requestBody: {
+            content: {
+                "application/json": Record<string, never>;
+            };
+        };
+        responses: {
+            /** @description glTF 2.0 with the extension MMCP_motion: an animation a sample */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "model/gltf+json": Record<string, never>;
+                };
+            };
+            /** @description unknown_model, retargeting_unsupported, unsupported_constraint, unsupported_segment, unknown_joint, invalid_skeleton, frame_out_of_range, invalid_options, invalid_request, version_unsupported */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description payload_too_large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description schema_validation */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description rate_limited */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description internal_error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description resource_exhausted, model_unavailable */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+            /** @description timeout */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MmcpError"];
+                };
+            };
+        };
+    };
     healthz: {
         parameters: {
             query?: never;

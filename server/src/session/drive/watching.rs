@@ -1,0 +1,123 @@
+//! A stream that watches another one.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use futures_util::{Stream, StreamExt as _};
+use tokio::sync::watch;
+use troupe_character::live::CommandOutcome;
+use troupe_character::{FieldError, Path};
+use troupe_proto::v1;
+use troupe_proto::v1::drive_request::Message as Ask;
+
+use super::audience::{Ending, Ticket};
+use super::said::{Closing, Said};
+use super::{Outbox, drained};
+use crate::session::cell::Owner;
+use crate::session::{Sessions, commands};
+use crate::wire::units;
+
+/// Time between looks whether the reader takes anything.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+
+/// A stream that watches.
+pub struct Watching {
+    sessions: Arc<Sessions>,
+    ticket: Ticket,
+}
+
+impl Watching {
+    /// Joins those who watch the stream of the session that `open` names.
+    ///
+    /// # Errors
+    /// [`FieldError`] where no stream has that session, or `open` asks for a rate or form of its own.
+    pub fn join(sessions: &Arc<Sessions>, open: &v1::DriveOpen, outbox: &Outbox) -> Result<Self, FieldError> {
+        let root = Path::root();
+        let path = root.field("open");
+        let own = [
+            ("rate_hz", open.rate_hz != 0),
+            ("encoding", open.encoding != 0),
+            ("return_positions", open.return_positions),
+            ("close_sessions", open.close_sessions),
+            ("return_six_d", open.return_six_d),
+        ];
+        if let Some((name, _)) = own.iter().find(|(_, is_set)| *is_set) {
+            let wanted = "nothing: rate and form are those of the stream that is watched";
+            return Err(path.field(name).error("is set beside watch", wanted));
+        }
+        let now = sessions.time().now();
+        let cell = sessions.registry().get(&open.watch, now, &String::new).ok();
+        let cell = cell.filter(|cell| cell.owner() == Owner::Drive);
+        let ticket = cell.and_then(|cell| cell.audience()?.join(outbox));
+        match ticket {
+            Some(ticket) => Ok(Self {
+                sessions: sessions.clone(),
+                ticket,
+            }),
+            None => Err(path.field("watch").error(
+                "names no session that is on a stream",
+                "the id of a session that a stream drives now",
+            )),
+        }
+    }
+
+    /// Hears the client until the end; frames come from the stream that is watched.
+    pub async fn run<I>(
+        &mut self,
+        inbound: &mut I,
+        outbox: &Outbox,
+        draining: &mut watch::Receiver<bool>,
+    ) -> Closing
+    where
+        I: Stream<Item = Result<v1::DriveRequest, v1::Problem>> + Unpin,
+    {
+        let limit = self.sessions.limits().stall_timeout;
+        let mut looks = tokio::time::interval(LOOK_EVERY);
+        loop {
+            tokio::select! {
+                biased;
+                () = outbox.reader_gone() => return Closing::Gone,
+                () = drained(draining) => return Closing::Draining,
+                ending = self.ticket.ended() => return match ending {
+                    Ending::WatchedEnded => Closing::WatchedEnded,
+                    Ending::TooSlow => Closing::SlowReader(limit),
+                },
+                _ = looks.tick() => {
+                    if outbox.stalled(Instant::now()) >= limit {
+                        return Closing::SlowReader(limit);
+                    }
+                }
+                asked = inbound.next(), if outbox.has_room() => {
+                    let answered = match asked {
+                        None => return Closing::ClientDone,
+                        Some(Err(problem)) => return Closing::Unreadable(problem),
+                        Some(Ok(asked)) => self.hear(asked).await,
+                    };
+                    match answered {
+                        Ok(Some(answer)) => outbox.say(answer),
+                        Ok(None) => {}
+                        Err(error) => return error.into(),
+                    }
+                }
+            }
+        }
+    }
+
+    async fn hear(&mut self, asked: v1::DriveRequest) -> Result<Option<Said>, FieldError> {
+        let root = Path::root();
+        match asked.message {
+            Some(Ask::Command(request)) => {
+                let path = root.field("command");
+                let commands = &path.field("commands");
+                units::length(commands, request.commands.len(), 1, commands::MAX_COMMANDS)?;
+                let mut results = self.sessions.apply(&request.commands).await;
+                results.retain(|result| !matches!(result.outcome, Ok(CommandOutcome::Accepted)));
+                Ok((!results.is_empty()).then_some(Said::Commands(results)))
+            }
+            Some(Ask::Open(_) | Ask::Attach(_) | Ask::Detach(_)) => Err(root
+                .field("message")
+                .error("changes a stream that watches", "command")),
+            None => Err(root.field("message").error("is missing", "command")),
+        }
+    }
+}
