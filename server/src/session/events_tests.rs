@@ -142,7 +142,7 @@ async fn a_tick_takes_what_happened_or_leaves_it() {
     registry
         .insert(&cells, Instant::now(), |_| String::new())
         .unwrap();
-    let mut roster = Roster::new(registry, TimeSource::default(), 4, false);
+    let mut roster = Roster::new(registry, TimeSource::default(), 4, false, &Arc::default());
     let form = Form {
         encoding: v1::Encoding::F32,
         positions: false,
@@ -157,8 +157,8 @@ async fn a_tick_takes_what_happened_or_leaves_it() {
         .collect(|fresh| fresh.push(done(0)), &metrics());
     roster.tick(SUB_FRAMES, form, None).await;
     let mut happened = Vec::new();
-    let tick = roster.tick(SUB_FRAMES, form, Some(&mut happened)).await;
-    assert!(tick.frames.held.is_empty());
+    let (frames, _) = roster.tick(SUB_FRAMES, form, Some(&mut happened)).await;
+    assert!(frames.held.is_empty());
     let slot = attached.sessions[1].slot;
     let told: Vec<_> = happened
         .iter()

@@ -82,13 +82,20 @@ mod tests {
         let text = to_bytes(answer.into_body(), 1 << 20).await.unwrap();
         let text = std::str::from_utf8(&text).unwrap();
         if Files::get(PAGE).is_none() {
-            assert!(text.contains("make docs") && text.contains(r#"href="/docs/api/""#), "{text}");
+            assert!(
+                text.contains("make docs") && text.contains(r#"href="/docs/api/""#),
+                "{text}"
+            );
             return;
         }
         assert!(text.contains("tutorials/first-character.html"), "{text}");
         let folder = get("/docs/decisions").await;
         assert_eq!(folder.headers()[header::LOCATION], "/docs/decisions/");
-        for page in ["/docs/decisions/", "/docs/search.json", "/docs/tutorials/first-character.html"] {
+        for page in [
+            "/docs/decisions/",
+            "/docs/search.json",
+            "/docs/tutorials/first-character.html",
+        ] {
             assert_eq!(get(page).await.status(), StatusCode::OK, "{page}");
         }
     }
