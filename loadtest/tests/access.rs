@@ -89,12 +89,10 @@ async fn with_a_key_and_certificates_it_gets_in() {
     assert_eq!(output.status.code(), Some(4), "without a key");
     let (output, _) = run("", &[ca, in_full[3]]).await;
     let text = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(
-        output.status.code(),
-        Some(3),
-        "without a certificate of its own: {text}"
-    );
-    assert!(text.contains("CertificateRequired"), "{text}");
+    // The server learns of it after the client's handshake is over, so the client may have begun to ask: then it was refused.
+    let code = output.status.code();
+    let told = (code == Some(3) && text.contains("CertificateRequired")) || code == Some(4);
+    assert!(told, "without a certificate of its own: {code:?}, {text}");
     let (output, _) = run("", &in_full[1..]).await;
     assert_eq!(output.status.code(), Some(3), "without the server's authority");
 
