@@ -242,7 +242,11 @@ impl ClientError {
         });
         // Unknown: the connection broke under the call, as where a server asks for a certificate that does not come. Under
         // a stream, as where the server is killed, the status has no source; one of a server would have metadata.
+        // Cancelled: it broke before the call was on its way.
+        let timed_out = std::error::Error::source(status).is_some_and(|s| s.is::<tonic::TimeoutExpired>())
+            || (status.code() == Code::Cancelled && status.message() == "Timeout expired");
         let broken = match status.code() {
+            Code::Cancelled => source_is_transport && !timed_out,
             Code::Unavailable => source_is_transport,
             Code::Unknown => source_is_transport || status.metadata().is_empty(),
             _ => false,
@@ -253,8 +257,7 @@ impl ClientError {
                 reason: deepest(status),
             };
         }
-        let timed_out = std::error::Error::source(status).is_some_and(|s| s.is::<tonic::TimeoutExpired>());
-        if timed_out || (status.code() == Code::Cancelled && status.message() == "Timeout expired") {
+        if timed_out {
             return Self::TimedOut {
                 url: url.to_owned(),
                 after: timeout,

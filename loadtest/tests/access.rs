@@ -87,14 +87,20 @@ async fn with_a_key_and_certificates_it_gets_in() {
     }
     let (output, _) = run("", &in_full[..3]).await;
     assert_eq!(output.status.code(), Some(4), "without a key");
-    let (output, _) = run("", &[ca, in_full[3]]).await;
-    let text = String::from_utf8_lossy(&output.stderr);
-    // The server refuses when the client's handshake is over, so the client sees an alert, a closed connection or a cancelled call.
-    let code = output.status.code();
-    assert!(
-        matches!(code, Some(3 | 4)),
-        "without a certificate of its own: {code:?}, {text}"
-    );
+    // The server refuses a client that is done with its handshake. Where the connection closes under what the client writes, it does
+    // not read why, so the reason is looked for in several tries.
+    let mut reasons = String::new();
+    for _ in 0..10 {
+        let (output, _) = run("", &[ca, in_full[3]]).await;
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(
+            output.status.code(),
+            Some(3),
+            "without a certificate of its own: {text}"
+        );
+        reasons += &text;
+    }
+    assert!(reasons.contains("CertificateRequired"), "{reasons}");
     let (output, _) = run("", &in_full[1..]).await;
     assert_eq!(output.status.code(), Some(3), "without the server's authority");
 
