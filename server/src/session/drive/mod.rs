@@ -217,14 +217,7 @@ impl Driving {
                 units::length(&path.field("session_ids"), session_ids.len(), 1, most)?;
                 Ok(left(self.roster.detach(&session_ids)))
             }
-            Some(Ask::Command(request)) => {
-                let path = root.field("command");
-                let commands = &path.field("commands");
-                units::length(commands, request.commands.len(), 1, commands::MAX_COMMANDS)?;
-                let mut results = self.sessions.apply(&request.commands).await;
-                results.retain(|result| !matches!(result.outcome, Ok(CommandOutcome::Accepted)));
-                Ok((!results.is_empty()).then_some(Said::Commands(results)))
-            }
+            Some(Ask::Command(request)) => Ok(command(&self.sessions, &request).await?),
             Some(Ask::Open(_)) => Err(root
                 .field("message")
                 .error("is a second open", "attach, detach or command")
@@ -274,6 +267,17 @@ impl Drop for Driving {
     fn drop(&mut self) {
         self.audience.end();
     }
+}
+
+/// Gives a client's commands to the characters. Those that were accepted are not told of.
+async fn command(sessions: &Sessions, request: &v1::CommandRequest) -> Result<Option<Said>, FieldError> {
+    let root = Path::root();
+    let path = root.field("command");
+    let commands = &path.field("commands");
+    units::length(commands, request.commands.len(), 1, commands::MAX_COMMANDS)?;
+    let mut results = sessions.apply(&request.commands).await;
+    results.retain(|result| !matches!(result.outcome, Ok(CommandOutcome::Accepted)));
+    Ok((!results.is_empty()).then_some(Said::Commands(results)))
 }
 
 fn left(sessions: Vec<Departure>) -> Option<Said> {

@@ -143,8 +143,8 @@ impl Roster {
         left
     }
 
-    /// Advances everybody by `sub_frames` and writes the frames; answers them and how many there are of each pack. The tick's number and count of dropped ones are left to
-    /// the stream. `happened` is where to put what happened; without it, it goes on waiting.
+    /// Advances everybody by `sub_frames` and writes the frames; answers them and how many there are of each pack. The tick's number
+    /// and count of dropped ones are left to the stream. `happened` is where to put what happened; without it, it goes on waiting.
     pub async fn tick(
         &mut self,
         sub_frames: u32,

@@ -5,17 +5,15 @@ use std::time::{Duration, Instant};
 
 use futures_util::{Stream, StreamExt as _};
 use tokio::sync::watch;
-use troupe_character::live::CommandOutcome;
 use troupe_character::{FieldError, Path};
 use troupe_proto::v1;
 use troupe_proto::v1::drive_request::Message as Ask;
 
 use super::audience::{Ending, Ticket};
 use super::said::{Closing, Said};
-use super::{Outbox, drained};
+use super::{Outbox, command, drained};
+use crate::session::Sessions;
 use crate::session::cell::Owner;
-use crate::session::{Sessions, commands};
-use crate::wire::units;
 
 /// Time between looks whether the reader takes anything.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -106,14 +104,7 @@ impl Watching {
     async fn hear(&mut self, asked: v1::DriveRequest) -> Result<Option<Said>, FieldError> {
         let root = Path::root();
         match asked.message {
-            Some(Ask::Command(request)) => {
-                let path = root.field("command");
-                let commands = &path.field("commands");
-                units::length(commands, request.commands.len(), 1, commands::MAX_COMMANDS)?;
-                let mut results = self.sessions.apply(&request.commands).await;
-                results.retain(|result| !matches!(result.outcome, Ok(CommandOutcome::Accepted)));
-                Ok((!results.is_empty()).then_some(Said::Commands(results)))
-            }
+            Some(Ask::Command(request)) => command(&self.sessions, &request).await,
             Some(Ask::Open(_) | Ask::Attach(_) | Ask::Detach(_)) => Err(root
                 .field("message")
                 .error("changes a stream that watches", "command")),
