@@ -27,7 +27,9 @@ CONTENTS = {
     "walk-left": Wording(("walk to the left", "sidestep left", "walk left"), ("a walk to the left",), True),
     "walk-right": Wording(("walk to the right", "sidestep right", "walk right"), ("a walk to the right",), True),
     "walk-turn-left": Wording(
-        ("walk and turn left", "turn left while walking", "walk and turn to the left"), ("a walk with a left turn",), True
+        ("walk and turn left", "turn left while walking", "walk and turn to the left"),
+        ("a walk with a left turn",),
+        True,
     ),
     "walk-turn-right": Wording(
         ("walk and turn right", "turn right while walking", "walk and turn to the right"),
@@ -165,7 +167,9 @@ def caption(facts: Facts, seed: int, stated: float = 1.0) -> str:
     verb = rng.choice(said.verbs)
     adverb = adjective = ""
     if facts.style is not None and rng.random() < stated:
-        adverb, adjective = (rng.choice(words) for words in (manner(facts.style).adverbs, manner(facts.style).adjectives))
+        adverb, adjective = (
+            rng.choice(words) for words in (manner(facts.style).adverbs, manner(facts.style).adjectives)
+        )
     who = rng.choice(WHO)
     described = article(f"{adjective} {who}".strip())
     text = rng.choice(

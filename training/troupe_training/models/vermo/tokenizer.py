@@ -16,22 +16,36 @@ from troupe_training.models.motionbricks.quantizers import FiniteScalarQuantizer
 from troupe_training.models.vermo.config import TokenizerConfig
 from troupe_training.models.vermo.frames import Body, features
 
+RESIDUAL_GAIN = 0.3  # without normalisation, a deep stack must start near the identity
+
 
 class Block(nn.Module):
-    """``x + point(relu(conv(relu(x))))``, and the same without the convolution."""
+    """``x + point(relu(conv(relu(x))))``."""
 
     def __init__(self, width: int):
         super().__init__()
         self.conv = FrameConv(width, 3)
         self.point = nn.Linear(width, width)
-        self.up, self.down = nn.Linear(width, 2 * width), nn.Linear(2 * width, width)
-        with torch.no_grad():  # without normalisation, a deep stack must start near the identity
-            self.point.weight.mul_(0.3)
-            self.down.weight.mul_(0.3)
+        with torch.no_grad():
+            self.point.weight.mul_(RESIDUAL_GAIN)
 
     def forward(self, x: Tensor) -> Tensor:
         """``[B, T, C]`` to the same; each step sees one on either side."""
-        x = x + self.point(F.relu(self.conv(F.relu(x))))
+        return x + self.point(F.relu(self.conv(F.relu(x))))
+
+
+class WideBlock(Block):
+    """A `Block`, then ``x + down(relu(up(relu(x))))`` within each step: for low rates, where width costs little."""
+
+    def __init__(self, width: int):
+        super().__init__(width)
+        self.up, self.down = nn.Linear(width, 2 * width), nn.Linear(2 * width, width)
+        with torch.no_grad():
+            self.down.weight.mul_(RESIDUAL_GAIN)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """``[B, T, C]`` to the same."""
+        x = super().forward(x)
         return x + self.down(F.relu(self.up(F.relu(x))))
 
 
@@ -42,18 +56,18 @@ class Encoder(nn.Module):
         super().__init__()
         width = config.width
         self.enter = nn.Linear(inputs, width)
-        self.full = Block(width)
+        self.single = Block(width)
         self.down_half = nn.Linear(2 * width, width)
-        self.half = Block(width)
+        self.pairs = WideBlock(width)
         self.down_token = nn.Linear(2 * width, width)
-        self.token = nn.Sequential(*(Block(width) for _ in range(config.token_blocks)))
+        self.quads = nn.Sequential(*(WideBlock(width) for _ in range(config.token_blocks)))
         self.leave = nn.Linear(width, len(config.levels))
 
     def forward(self, x: Tensor) -> Tensor:
         """Latents, of a whole number of tokens."""
-        x = self.full(self.enter(x))
-        x = self.half(self.down_half(stack_frames(x, 2)))
-        return self.leave(self.token(self.down_token(stack_frames(x, 2))))
+        x = self.single(self.enter(x))
+        x = self.pairs(self.down_half(stack_frames(x, 2)))
+        return self.leave(self.quads(self.down_token(stack_frames(x, 2))))
 
 
 class Decoder(nn.Module):
@@ -63,18 +77,18 @@ class Decoder(nn.Module):
         super().__init__()
         width = config.width
         self.enter = nn.Linear(len(config.levels), width)
-        self.token = Block(width)
+        self.quads = WideBlock(width)
         self.up_half = nn.Linear(width, 2 * width)
-        self.half = Block(width)
+        self.pairs = WideBlock(width)
         self.up_full = nn.Linear(width, 2 * width)
-        self.full = nn.Sequential(Block(width), Block(width))
+        self.single = nn.Sequential(Block(width), Block(width))
         self.leave = nn.Linear(width, outputs)
 
     def forward(self, x: Tensor) -> Tensor:
         """Standardised states."""
-        x = self.token(self.enter(x))
-        x = self.half(unstack_frames(self.up_half(x), 2))
-        return self.leave(self.full(unstack_frames(self.up_full(x), 2)))
+        x = self.quads(self.enter(x))
+        x = self.pairs(unstack_frames(self.up_half(x), 2))
+        return self.leave(self.single(unstack_frames(self.up_full(x), 2)))
 
 
 class Tokenizer(nn.Module):
