@@ -95,8 +95,8 @@ def random_motion(body: Body, batch: int, tokens: int, seed: int) -> Inputs:
     generator = torch.Generator().manual_seed(seed)
     frames = tokens * RATE
     time = torch.arange(frames)[None, :, None] / 30.0
-    phase, rate = (torch.rand(batch, 1, body.state_width, generator=generator) * scale for scale in (6.28, 3.0))
-    sway = torch.sin(time * rate + phase) * 0.3
+    phase, rate = (torch.rand(batch, 1, body.state_width, generator=generator) * scale for scale in (6.28, 9.0))
+    sway = torch.sin(time * rate + phase) * 0.5
     upright = torch.tensor([1.0, 0, 0, 0, 1, 0]).repeat(body.joints)
     local = torch.tensor([0.0, 1.0, 0.0, 0.9])
     state = sway * torch.cat([torch.ones(6 * body.joints), torch.tensor([1.0, 2.0, 3.0, 0.1])]) + torch.cat(
@@ -138,7 +138,7 @@ def flow_inputs(networks: Networks, batch: int, tokens: int, seed: int) -> Input
 
 def write_graph(module: nn.Module, inputs: Inputs, outputs: list[str], axes: list[Axes], path: Path) -> None:
     """Writes one ONNX file with 16-bit weights."""
-    module = copy.deepcopy(module)
+    module = copy.deepcopy(module).eval()
     unroll_convolutions(module)
     graph = graph_of(module, inputs, outputs, axes, OPSET)
     store_as_half(graph)

@@ -44,12 +44,12 @@ def random_networks(preset: str, skeleton: Skeleton, text_pieces: int) -> Networ
     language = LanguageModel(sizes.language, vocabulary, sizes.tokenizer.levels)
     flow = FlowDecoder(sizes.flow, len(sizes.tokenizer.levels), body.state_width)
     with torch.no_grad():
-        tokenizer.encoder.leave.weight.mul_(LOUD)
+        tokenizer.encoder.leave.weight.mul_(3 * LOUD)
         language.own.mul_(LOUD)
         language.shared.mul_(LOUD)
-        for name, weight in language.layers.named_parameters():
+        for weight in language.layers.parameters():
             if weight.dim() == 2:
-                weight.mul_(LOUD if "query" in name or "key" in name else 3.0)
+                weight.mul_(LOUD)
         flow.leave.weight.normal_(std=0.05)
     return Networks(tokenizer.eval(), language.eval(), flow.eval())
 

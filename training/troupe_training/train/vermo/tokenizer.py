@@ -29,23 +29,20 @@ WEIGHTS = {"rotation": 1.0, "position": 8.0, "root": 0.5, "speed": 0.4, "horizon
 BEND = 0.02  # metres below which an error counts by its square
 
 
-def set_scales(model: Tokenizer, store: ClipStore) -> None:
-    """Standardisation constants, of random training segments."""
+def set_scale(scale: Standardiser, store: ClipStore, of_state: bool = False) -> None:
+    """Standardises features, or states, by random training segments."""
     generator = torch.Generator().manual_seed(1234)
     batches = (store.batch(FRAMES_PER_BATCH, generator) for _ in range(BATCHES))
     rows = torch.cat([features(b.pose, b.global_root).flatten(0, 1) for b in batches])
-    scales: list[tuple[Standardiser, Tensor]] = [(model.feature_scale, rows), (model.state_scale, state_of(rows))]
-    for scale, x in scales:
-        floor = torch.full((x.shape[-1],), POSE_FLOOR, device=x.device)
-        floor[-LOCAL_ROOT:] = torch.tensor(ROOT_FLOOR, device=x.device)
-        scale.set(x.mean(0), torch.maximum(x.std(0), floor))
+    rows = state_of(rows) if of_state else rows
+    floor = torch.full((rows.shape[-1],), POSE_FLOOR, device=rows.device)
+    floor[-LOCAL_ROOT:] = torch.tensor(ROOT_FLOOR, device=rows.device)
+    scale.set(rows.mean(0), torch.maximum(rows.std(0), floor))
 
 
 def build_tokenizer(config: TokenizerConfig, store: ClipStore) -> Tokenizer:
-    """A new tokenizer with its standardisation constants set."""
-    model = Tokenizer(config, store.skeleton).to(store.device)
-    set_scales(model, store)
-    return model
+    """A new tokenizer, whose standardisation constants are not set."""
+    return Tokenizer(config, store.skeleton).to(store.device)
 
 
 def config_of(width: int, token_blocks: int, levels: list[int]) -> TokenizerConfig:
@@ -121,5 +118,7 @@ def train_tokenizer(job: Job, preset: str) -> bool:
     store = ClipStore(job.cache, "train", job.device, job.balance, CROPS)
     config = PRESETS[preset].tokenizer
     model = build_tokenizer(config, store)
+    set_scale(model.feature_scale, store)
+    set_scale(model.state_scale, store, of_state=True)
     meta = {"model": asdict(config) | {"levels": list(config.levels)}, "preset": preset}
     return job.fit(STAGE.name, model, meta, tokenizer_loss(store, job.frames_per_step))
