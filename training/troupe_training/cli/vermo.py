@@ -8,16 +8,20 @@ from pathlib import Path
 import torch
 
 from troupe_training.cli.options import OPTIONS, STOPPED, command
+from troupe_training.evaluate.vermo.measure import PARTS, Setting, measure
 from troupe_training.export.manifest import About
 from troupe_training.export.vermo.random_pack import random_pack as export_random
 from troupe_training.export.vermo.random_pack import write_reference
 from troupe_training.export.vermo.run import export_run
 from troupe_training.models.vermo.config import PRESETS
 from troupe_training.models.vermo.pieces import Pieces, train_pieces, words_of
+from troupe_training.models.vermo.sampler import Sampling
 from troupe_training.train.trainer import Budget, Job
 from troupe_training.train.vermo.corpus import SHARES, captions_of
 from troupe_training.train.vermo.flow import STAGE as FLOW
 from troupe_training.train.vermo.flow import train_flow
+from troupe_training.train.vermo.judge import STAGE as JUDGE
+from troupe_training.train.vermo.judge import train_judge
 from troupe_training.train.vermo.language import (
     INSTRUCT,
     PIECES,
@@ -39,6 +43,7 @@ DEFAULTS = {
     PRETRAIN: (30.0, 43, 1e-3, 2048),
     INSTRUCT: (90.0, 44, 6e-4, 2048),
     SPECIALIST: (30.0, 45, 2e-4, 2048),
+    JUDGE.name: (15.0, 46, 1e-3, 4096),
 }
 CAPTIONS = "captions.json"
 OPTIONS["vermo_stage"] = {"choices": DEFAULTS, "metavar": "STAGE", "help": ", ".join(DEFAULTS)}
@@ -49,6 +54,12 @@ OPTIONS["--per-step"] = {
 OPTIONS["--task"] = {"choices": SHARES, "help": f"what a {SPECIALIST} is for"}
 OPTIONS["--each"] = {"type": int, "default": 8, "help": "captions of every clip"}
 OPTIONS["--reference"] = {"type": Path, "help": "also write what PyTorch answers to some messages here, as JSON"}
+OPTIONS["--measured"] = {"nargs": "+", "choices": PARTS, "default": list(PARTS), "help": "parts of the evaluation"}
+OPTIONS["--top-k"] = {"type": int, "default": 0, "help": "draw of the largest logits alone; 0: of all"}
+OPTIONS["--top-p"] = {"type": float, "default": 0.95, "help": "draw of the tokens that make up this share"}
+OPTIONS["--repetition"] = {"type": float, "default": 1.1, "help": "how much codes of the last tokens are held back"}
+OPTIONS["--samples"] = {"type": int, "default": 4, "help": "answers to each window, for diversity"}
+OPTIONS["--flow-steps"] = {"type": int, "default": 0, "help": "of the flow decoder; 0: the first stage's decoder"}
 OPTIONS["--vermo-preset"] = {"choices": PRESETS, "default": "default", "help": "network sizes"}
 
 
@@ -92,6 +103,8 @@ def train(args: argparse.Namespace) -> int:
         done = train_tokenizer(job, args.vermo_preset)
     elif stage == FLOW.name:
         done = train_flow(job, args.vermo_preset)
+    elif stage == JUDGE.name:
+        done = train_judge(job)
     else:
         done = train_language(job, stage, args.vermo_preset, args.task)
     if not done:
@@ -109,6 +122,41 @@ def train(args: argparse.Namespace) -> int:
 def export(args: argparse.Namespace) -> int:
     """Checkpoints -> a pack of ONNX files with text pieces and words, checked against PyTorch."""
     export_run(args.run, args.cache, args.out, About(args.name, args.version, args.licence, args.credit), args.task)
+    return 0
+
+
+@command(
+    *("--run", "--cache", "--task", "--measured", "--parts", "--max-windows", "--samples", "--flow-steps"),
+    *(
+        "--temperature",
+        "--top-k",
+        "--top-p",
+        "--repetition",
+        "--evaluator",
+        "--seed",
+        "--threads",
+        "--json",
+        "--markdown",
+    ),
+    group=GROUP,
+    run=RUN,
+    seed=1,
+    temperature=1.0,
+)
+def evaluate(args: argparse.Namespace) -> int:
+    """Reconstruction, continuations, texts, descriptions and the distance to training clips, each beside its baselines."""
+    torch.set_num_threads(args.threads)
+    sampling = Sampling(args.temperature, args.top_k, args.top_p, args.repetition)
+    setting = Setting(
+        *(args.run, args.cache, args.parts, sampling, args.max_windows, args.samples, args.flow_steps, args.seed),
+        args.evaluator,
+        args.task,
+    )
+    figures, text = measure(setting, args.measured)
+    if args.markdown:
+        args.markdown.write_text(f"    {args.command_line}\n\n{text}")
+    if args.json:
+        args.json.write_text(json.dumps({"command": args.command_line, "figures": figures}, indent=1) + "\n")
     return 0
 
 

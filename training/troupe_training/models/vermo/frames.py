@@ -128,3 +128,11 @@ def from_first(root: Tensor) -> Tensor:
     turn_cosine = root[..., 3] * cosine + root[..., 4] * sine
     turn_sine = root[..., 4] * cosine - root[..., 3] * sine
     return torch.cat([place, turn_cosine[..., None], turn_sine[..., None]], -1)
+
+
+def seen_from_first(pose: Tensor, root: Tensor) -> Tensor:
+    """World joints ``[B, F, J, 3]`` in the frame of the first root."""
+    cosine, sine = root[:, :1, 3, None], root[:, :1, 4, None]
+    own = turned(pose.unflatten(-1, (-1, 9))[..., :3], cosine, -sine)
+    ground = from_first(root)[..., :3] * torch.tensor([1.0, 0.0, 1.0], device=root.device)
+    return own + ground[:, :, None]

@@ -15,7 +15,15 @@ from troupe_training.data.precision import full_precision
 from troupe_training.data.store import ClipStore
 from troupe_training.models.layers import Standardiser
 from troupe_training.models.vermo.config import MAX_TOKENS, PRESETS, RATE, TokenizerConfig
-from troupe_training.models.vermo.frames import LOCAL_ROOT, features, from_first, state_of, turned, world_joints
+from troupe_training.models.vermo.frames import (
+    LOCAL_ROOT,
+    features,
+    from_first,
+    seen_from_first,
+    state_of,
+    turned,
+    world_joints,
+)
 from troupe_training.models.vermo.tokenizer import Tokenizer
 from troupe_training.train.checkpoints import Stage
 from troupe_training.train.statistics import BATCHES, FRAMES_PER_BATCH
@@ -73,7 +81,7 @@ def reconstruction_losses(model: Tokenizer, state: Tensor, pose: Tensor, root: T
     true_joints = truth[..., :-LOCAL_ROOT].unflatten(-1, (-1, 9))[..., :3]
     shown_pose, shown_root = model.body.frames(state)
     true_root = from_first(root)
-    world, true_world = world_joints(shown_pose, shown_root), _seen_from_first(pose, root)
+    world, true_world = world_joints(shown_pose, shown_root), seen_from_first(pose, root)
     error = (world - true_world).norm(dim=-1)
     speed = (world[:, 1:] - world[:, :-1] - true_world[:, 1:] + true_world[:, :-1]) * FPS
     spans = [h for h in HORIZONS if h < root.shape[1]]
@@ -88,14 +96,6 @@ def reconstruction_losses(model: Tokenizer, state: Tensor, pose: Tensor, root: T
         "world": F.smooth_l1_loss(world, true_world, beta=BEND),
     }
     return {name: WEIGHTS[name] * term for name, term in terms.items()} | {"_mpjpe": error.mean()}
-
-
-def _seen_from_first(pose: Tensor, root: Tensor) -> Tensor:
-    """World joints ``[B, F, J, 3]`` in the frame of the first root."""
-    cosine, sine = root[:, :1, 3, None], root[:, :1, 4, None]
-    own = turned(pose.unflatten(-1, (-1, 9))[..., :3], cosine, -sine)
-    ground = from_first(root)[..., :3] * torch.tensor([1.0, 0.0, 1.0], device=root.device)
-    return own + ground[:, :, None]
 
 
 def tokenizer_loss(store: ClipStore, frames_budget: int) -> Loss[Tokenizer]:
