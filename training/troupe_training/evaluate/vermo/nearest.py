@@ -1,6 +1,7 @@
 """How near samples are to the training clips: a model that learnt them by heart is at distance 0 everywhere.
 
-Windows of 32 frames are compared by four of them, joint by joint, in the frame of the first root. The distance is the mean over joints and frames to the nearest window of the train split.
+Windows of 32 frames are compared by four of them, joint by joint, in the frame of the first root.
+The distance is the mean over joints and frames to the nearest window of the train split.
 """
 
 import torch
