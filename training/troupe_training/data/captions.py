@@ -103,7 +103,14 @@ STYLES = {
 WHO = ("person", "character", "figure", "human")
 PRONOUNS = ("someone", "somebody", "he", "she")
 ASKING = ("make a {who}", "make the {who}", "show a {who} who will", "let the {who}", "please", "now", "")
-GERUNDS = {"run": "running", "jog": "jogging", "step": "stepping", "put": "putting", "swing": "swinging"}
+GERUNDS = {
+    "run": "running",
+    "sidestep": "sidestepping",
+    "jog": "jogging",
+    "step": "stepping",
+    "put": "putting",
+    "swing": "swinging",
+}
 NUMBERS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 PACES = ((0.6, "at a slow pace"), (1.4, "at a moderate pace"), (2.4, "at a fast pace"), (99.0, "at a very fast pace"))
 TURN_LEAST_RAD = 0.7

@@ -29,6 +29,7 @@ DROPOUT = 0.1
 POOL = 12  # batches that are drawn at once and sorted by length
 VALIDATED = 192  # messages
 PATIENCE = 6  # validations without a better one before the training stops
+VALIDATION_STEPS = 200  # updates between validations at least
 
 
 @dataclass
@@ -61,12 +62,15 @@ def token_losses(model: LanguageModel, batch: Batch) -> Tensor:
 
 
 class Watched(Trainer[LanguageModel]):
-    """A trainer that measures the averaged weights at every save, keeps the best, and stops where none gets better."""
+    """A trainer that measures the averaged weights when it saves, keeps the best, and stops where none gets better.
+
+    A stage that was cut short may not have been measured since: its last checkpoint is not lost, but the best one counts.
+    """
 
     def watch(self, batches: list[Batch]) -> None:
         """Sets what is measured on."""
         self.batches = batches
-        self.best, self.since = float("inf"), 0
+        self.best, self.since, self.measured_step = float("inf"), 0, 0
         self.validations: list[dict[str, float]] = []
 
     @property
@@ -77,12 +81,17 @@ class Watched(Trainer[LanguageModel]):
     def resume(self) -> bool:
         """Loads the checkpoint, and what was measured."""
         resumed = super().resume()
+        self.measured_step = self.step
         if resumed and self.best_path.exists():
             self.best = min(v["total"] for v in read_checkpoint(self.best_path)["meta"]["validations"])
         return resumed
 
     def save(self) -> None:
-        """Measures, then saves."""
+        """Measures where enough has changed, then saves."""
+        if self.step - self.measured_step < VALIDATION_STEPS and self.progress() < 1.0:
+            super().save()
+            return
+        self.measured_step = self.step
         measured = validation(self.average, self.batches)
         self.validations.append({"step": self.step} | measured)
         self.meta["validations"] = self.validations
