@@ -36,7 +36,7 @@ def run(cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def source(run: Path, cache: Path) -> MessageSource:
-    return MessageSource(motions_of(run, cache, "train"), Pieces.read(run / "tokenizer.json"), SHARES, agents=0.3)
+    return MessageSource(motions_of(run, cache, "train"), Pieces.read(run / "pieces.json"), SHARES, agents=0.3)
 
 
 def test_messages_fit_and_are_whole(source: MessageSource):

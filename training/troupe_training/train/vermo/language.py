@@ -24,7 +24,7 @@ from troupe_training.train.vermo.tokenizer import STAGE as TOKENIZER
 
 PRETRAIN, INSTRUCT, SPECIALIST = "pretrain", "instruct", "specialist"
 BEFORE = {INSTRUCT: PRETRAIN, SPECIALIST: INSTRUCT}  # the stage whose weights a stage begins with
-PIECES, WORDS = "tokenizer.json", "words.txt"
+PIECES, WORDS = "pieces.json", "words.txt"  # of a run; a pack calls the first tokenizer.json
 DROPOUT = 0.1
 POOL = 12  # batches that are drawn at once and sorted by length
 VALIDATED = 192  # messages
