@@ -38,10 +38,20 @@ LEAST_TOKENS = 5  # of a crop: one past, three to make, one behind
 VALIDATION = 33  # one clip in so many is kept for validation
 
 
-def kept_for_validation(clip: ClipEntry) -> bool:
-    """Clips of the train split that stop the training; a mirrored clip goes with its original."""
-    file = clip.get("file", clip["name"])
-    return int.from_bytes(hashlib.sha256(b"validation" + file.encode()).digest()[:4], "big") % VALIDATION == 0
+def validation_files(clips: list[ClipEntry]) -> set[str]:
+    """Files of the train split whose clips stop the training, at least one; a mirrored clip goes with its original."""
+    files = sorted({_file(c) for c in clips}, key=lambda name: hashlib.sha256(b"validation" + name.encode()).digest())
+    return set(files[: max(1, len(files) // VALIDATION)])
+
+
+def split_validation(clips: list[ClipEntry]) -> tuple[list[ClipEntry], list[ClipEntry]]:
+    """What is trained on, and what is kept for validation."""
+    files = validation_files(clips)
+    return [c for c in clips if _file(c) not in files], [c for c in clips if _file(c) in files]
+
+
+def _file(clip: ClipEntry) -> str:
+    return clip.get("file", clip["name"])
 
 
 @dataclass

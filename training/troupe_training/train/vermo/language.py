@@ -19,7 +19,7 @@ from troupe_training.models.vermo.messages import PAD, Message, Vocabulary
 from troupe_training.models.vermo.pieces import Pieces
 from troupe_training.train.checkpoints import read_checkpoint, write_checkpoint
 from troupe_training.train.trainer import Job, Loss, Trainer
-from troupe_training.train.vermo.corpus import SHARES, MessageSource, Motions, kept_for_validation, message_batches
+from troupe_training.train.vermo.corpus import SHARES, MessageSource, Motions, message_batches, split_validation
 from troupe_training.train.vermo.tokenizer import STAGE as TOKENIZER
 
 PRETRAIN, INSTRUCT, SPECIALIST = "pretrain", "instruct", "specialist"
@@ -178,7 +178,7 @@ def motions_of(run: Path | None, cache: Path, split: str) -> Motions:
     store = ClipStore(cache, "train" if split == "validation" else split, lengths=())
     clips = store.clips
     if split in ("train", "validation"):
-        clips = [c for c in clips if kept_for_validation(c) == (split == "validation")]
+        clips = split_validation(clips)[split == "validation"]
     return Motions(store, TOKENIZER.load(run, store) if run else None, clips)
 
 
@@ -188,7 +188,7 @@ def train_language(job: Job, stage: str, preset: str, task: str | None = None) -
     pieces = Pieces.read(job.run / PIECES)
     motions = motions_of(job.run, job.cache, "train")
     assert motions.tokenizer is not None
-    held = Motions(motions.store, motions.tokenizer, [c for c in motions.store.clips if kept_for_validation(c)])
+    held = Motions(motions.store, motions.tokenizer, split_validation(motions.store.clips)[1])
     shares = {task: 1.0} if task else SHARES
     sizes = PRESETS[preset]
     tokenizer = motions.tokenizer.config
