@@ -1,0 +1,43 @@
+"""How near samples are to the training clips: a model that learnt them by heart is at distance 0 everywhere.
+
+Windows of 32 frames are compared by four of them, joint by joint, in the frame of the first root.
+The distance is the mean over joints and frames to the nearest window of the train split.
+"""
+
+import torch
+from torch import Tensor
+
+from troupe_training.evaluate.vermo.answers import Clip
+from troupe_training.models.vermo.frames import seen_from_first
+from troupe_training.train.vermo.corpus import Motions
+
+WINDOW = 32
+PICKED = (0, 10, 21, 31)  # frames of a window that are compared
+STRIDE = 4  # frames between windows of the train split
+CHUNK = 4096
+
+
+def windows_of(clip: Clip, stride: int) -> Tensor:
+    """Joints ``[W, 4, J, 3]`` of a motion's windows, each in the frame of its first root."""
+    starts = range(0, len(clip.pose) - WINDOW + 1, stride)
+    return torch.stack([clip.part(start, start + WINDOW).joints[list(PICKED)] for start in starts])
+
+
+def training_windows(motions: Motions) -> Tensor:
+    """Windows ``[W, 4, J, 3]`` of all training clips."""
+    found = []
+    for clip in motions.clips:
+        starts = torch.arange(clip["start"], clip["start"] + clip["frames"] - WINDOW + 1, STRIDE)
+        if len(starts):
+            some = motions.store.segments(starts, WINDOW)
+            found.append(seen_from_first(some.pose, some.global_root)[:, list(PICKED)])
+    return torch.cat(found)
+
+
+def nearest(windows: Tensor, training: Tensor) -> Tensor:
+    """Mean joint distance ``[W]``, metres, of each window to the nearest of the training's."""
+    best = torch.full((len(windows),), float("inf"))
+    for chunk in training.split(CHUNK):
+        for n, window in enumerate(windows):
+            best[n] = torch.minimum(best[n], (chunk - window).norm(dim=-1).mean((1, 2)).min())
+    return best
