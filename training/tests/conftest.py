@@ -120,7 +120,7 @@ def vermo_run(cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("vermo")
     common = ["--cache", str(cache), "--run", str(folder)]
     assert main(["vermo", "captions", *common]) == 0
-    stages = [[name] for name in ("tokenizer", "flow", "pretrain", "instruct", "judge")]
+    stages = [[name] for name in ("tokenizer", "refine", "flow", "pretrain", "instruct", "judge")]
     for stage in [*stages, ["specialist", "--task", "prediction"]]:
         size = ["--vermo-preset", "tiny", "--steps", "2", "--per-step", "512"]
         assert main(["vermo", "train", *stage, *common, *size]) == 0

@@ -31,14 +31,15 @@ from troupe_training.train.vermo.language import (
     motions_of,
     train_language,
 )
+from troupe_training.train.vermo.tokenizer import REFINE, refine_tokenizer, train_tokenizer
 from troupe_training.train.vermo.tokenizer import STAGE as TOKENIZER
-from troupe_training.train.vermo.tokenizer import train_tokenizer
 
 GROUP = "vermo"
 RUN, CACHE = Path("runs/vermo"), Path("runs/cache")
 # Minutes, seed, learning rate, and frames or tokens in one update, where the command line does not say them.
 DEFAULTS = {
     TOKENIZER.name: (180.0, 41, 5e-4, 3072),
+    REFINE.name: (60.0, 47, 5e-4, 3072),
     FLOW.name: (120.0, 42, 5e-4, 3072),
     PRETRAIN: (30.0, 43, 1e-3, 2048),
     INSTRUCT: (90.0, 44, 6e-4, 2048),
@@ -101,6 +102,8 @@ def train(args: argparse.Namespace) -> int:
     job = Job(args.cache, args.run, budget, size, seed, args.device, args.balance, args.fresh_schedule)
     if stage == TOKENIZER.name:
         done = train_tokenizer(job, args.vermo_preset)
+    elif stage == REFINE.name:
+        done = refine_tokenizer(job)
     elif stage == FLOW.name:
         done = train_flow(job, args.vermo_preset)
     elif stage == JUDGE.name:

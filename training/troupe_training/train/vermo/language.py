@@ -20,7 +20,7 @@ from troupe_training.models.vermo.pieces import Pieces
 from troupe_training.train.checkpoints import read_checkpoint, write_checkpoint
 from troupe_training.train.trainer import Job, Loss, Trainer
 from troupe_training.train.vermo.corpus import SHARES, MessageSource, Motions, message_batches, split_validation
-from troupe_training.train.vermo.tokenizer import STAGE as TOKENIZER
+from troupe_training.train.vermo.tokenizer import load_tokenizer
 
 PRETRAIN, INSTRUCT, SPECIALIST = "pretrain", "instruct", "specialist"
 BEFORE = {INSTRUCT: PRETRAIN, SPECIALIST: INSTRUCT}  # the stage whose weights a stage begins with
@@ -179,7 +179,7 @@ def motions_of(run: Path | None, cache: Path, split: str) -> Motions:
     clips = store.clips
     if split in ("train", "validation"):
         clips = split_validation(clips)[split == "validation"]
-    return Motions(store, TOKENIZER.load(run, store) if run else None, clips)
+    return Motions(store, load_tokenizer(run, store) if run else None, clips)
 
 
 def train_language(job: Job, stage: str, preset: str, task: str | None = None) -> bool:
