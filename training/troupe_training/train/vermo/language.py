@@ -214,6 +214,8 @@ def train_language(job: Job, stage: str, preset: str, task: str | None = None) -
     groups = message_batches(messages, lengths, 4096)
     trainer.watch([collate([messages[i] for i in group], vocabulary, whole=False) for group in groups])
     if trainer.resume():
+        if job.fresh_schedule:
+            trainer.start_schedule()
         print(f"{trainer.stage}: going on from step {trainer.step}")
     source = MessageSource(motions, pieces.varied(), shares)
     done = trainer.fit(language_loss(source, vocabulary, job.frames_per_step, stage == PRETRAIN))
