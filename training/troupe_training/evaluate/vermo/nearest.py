@@ -28,10 +28,11 @@ def training_windows(motions: Motions) -> Tensor:
     """Windows ``[W, 4, J, 3]`` of all training clips."""
     found = []
     for clip in motions.clips:
+        if clip["frames"] < WINDOW:
+            continue
         starts = torch.arange(clip["start"], clip["start"] + clip["frames"] - WINDOW + 1, STRIDE)
-        if len(starts):
-            some = motions.store.segments(starts, WINDOW)
-            found.append(seen_from_first(some.pose, some.global_root)[:, list(PICKED)])
+        some = motions.store.segments(starts, WINDOW)
+        found.append(seen_from_first(some.pose, some.global_root)[:, list(PICKED)])
     return torch.cat(found)
 
 
