@@ -10,6 +10,7 @@ import torch
 from troupe_training.cli.options import OPTIONS, STOPPED, command
 from troupe_training.evaluate.vermo.measure import PARTS, Setting, measure
 from troupe_training.export.manifest import About
+from troupe_training.export.vermo.pack import SAMPLING
 from troupe_training.export.vermo.random_pack import random_pack as export_random
 from troupe_training.export.vermo.random_pack import write_reference
 from troupe_training.export.vermo.run import export_run
@@ -57,8 +58,12 @@ OPTIONS["--each"] = {"type": int, "default": 8, "help": "captions of every clip"
 OPTIONS["--reference"] = {"type": Path, "help": "also write what PyTorch answers to some messages here, as JSON"}
 OPTIONS["--measured"] = {"nargs": "+", "choices": PARTS, "default": list(PARTS), "help": "parts of the evaluation"}
 OPTIONS["--top-k"] = {"type": int, "default": 0, "help": "draw of the largest logits alone; 0: of all"}
-OPTIONS["--top-p"] = {"type": float, "default": 0.95, "help": "draw of the tokens that make up this share"}
-OPTIONS["--repetition"] = {"type": float, "default": 1.1, "help": "how much codes of the last tokens are held back"}
+OPTIONS["--top-p"] = {"type": float, "default": SAMPLING.top_p, "help": "draw of the tokens that make up this share"}
+OPTIONS["--repetition"] = {
+    "type": float,
+    "default": SAMPLING.repetition,
+    "help": "how much codes of the last tokens are held back",
+}
 OPTIONS["--samples"] = {"type": int, "default": 4, "help": "answers to each window, for diversity"}
 OPTIONS["--flow-steps"] = {"type": int, "default": 0, "help": "of the flow decoder; 0: the first stage's decoder"}
 OPTIONS["--vermo-preset"] = {"choices": PRESETS, "default": "default", "help": "network sizes"}
@@ -144,7 +149,7 @@ def export(args: argparse.Namespace) -> int:
     group=GROUP,
     run=RUN,
     seed=1,
-    temperature=1.0,
+    temperature=SAMPLING.temperature,
 )
 def evaluate(args: argparse.Namespace) -> int:
     """Reconstruction, continuations, texts, descriptions and the distance to training clips, each beside its baselines."""
