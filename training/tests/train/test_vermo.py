@@ -17,26 +17,10 @@ from troupe_training.train.vermo.language import collate, motions_of
 
 
 @pytest.fixture(scope="module")
-def run(cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of a few updates of every stage."""
-    folder = tmp_path_factory.mktemp("vermo")
-    common = ["--cache", str(cache), "--run", str(folder)]
-    assert main(["vermo", "captions", *common]) == 0
-    for stage, more in (
-        ("tokenizer", []),
-        ("flow", []),
-        ("pretrain", []),
-        ("instruct", []),
-        ("specialist", ["--task", "prediction"]),
-    ):
-        size = ["--vermo-preset", "tiny", "--steps", "2", "--per-step", "512"]
-        assert main(["vermo", "train", stage, *common, *size, *more]) == 0
-    return folder
-
-
-@pytest.fixture(scope="module")
-def source(run: Path, cache: Path) -> MessageSource:
-    return MessageSource(motions_of(run, cache, "train"), Pieces.read(run / "pieces.json"), SHARES, agents=0.3)
+def source(vermo_run: Path, cache: Path) -> MessageSource:
+    return MessageSource(
+        motions_of(vermo_run, cache, "train"), Pieces.read(vermo_run / "pieces.json"), SHARES, agents=0.3
+    )
 
 
 def test_messages_fit_and_are_whole(source: MessageSource):
@@ -80,23 +64,36 @@ def test_only_replies_count_after_the_first_stage(source: MessageSource):
     assert all(len(group) == 1 or len(group) * max(lengths[i] for i in group) <= 100 for group in groups)
 
 
-def test_stages_build_on_each_other_and_note_their_validation(run: Path):
-    best = read_checkpoint(run / "language-instruct-best.pt")
+def test_stages_build_on_each_other_and_note_their_validation(vermo_run: Path):
+    best = read_checkpoint(vermo_run / "language-instruct-best.pt")
     assert best["meta"]["validations"][0]["total"] > 0.0
-    assert (run / "language-specialist-prediction.pt").exists()
+    assert (vermo_run / "language-specialist-prediction.pt").exists()
 
 
-def test_validation_clips_are_not_trained_on(run: Path, cache: Path):
+def test_validation_clips_are_not_trained_on(vermo_run: Path, cache: Path):
     kept, trained = (
-        {clip["name"] for clip in motions_of(run, cache, split).clips} for split in ("validation", "train")
+        {clip["name"] for clip in motions_of(vermo_run, cache, split).clips} for split in ("validation", "train")
     )
     assert kept and trained and not kept & trained
 
 
-def test_a_run_becomes_a_pack(run: Path, cache: Path, tmp_path: Path):
+def test_a_run_becomes_a_pack(vermo_run: Path, cache: Path, tmp_path: Path):
     out = tmp_path / "pack"
     assert (
-        main(["vermo", "export", "--run", str(run), "--cache", str(cache), "--out", str(out), "--licence", "CC0 1.0"])
+        main(
+            [
+                "vermo",
+                "export",
+                "--run",
+                str(vermo_run),
+                "--cache",
+                str(cache),
+                "--out",
+                str(out),
+                "--licence",
+                "CC0 1.0",
+            ]
+        )
         == 0
     )
     manifest = tomllib.loads((out / "pack.toml").read_text())

@@ -10,6 +10,7 @@ import torch
 from troupe_training.cli.options import OPTIONS, STOPPED, command
 from troupe_training.evaluate.vermo.measure import PARTS, Setting, measure
 from troupe_training.export.manifest import About
+from troupe_training.export.vermo.pack import SAMPLING
 from troupe_training.export.vermo.random_pack import random_pack as export_random
 from troupe_training.export.vermo.random_pack import write_reference
 from troupe_training.export.vermo.run import export_run
@@ -31,14 +32,15 @@ from troupe_training.train.vermo.language import (
     motions_of,
     train_language,
 )
+from troupe_training.train.vermo.tokenizer import REFINE, refine_tokenizer, train_tokenizer
 from troupe_training.train.vermo.tokenizer import STAGE as TOKENIZER
-from troupe_training.train.vermo.tokenizer import train_tokenizer
 
 GROUP = "vermo"
 RUN, CACHE = Path("runs/vermo"), Path("runs/cache")
 # Minutes, seed, learning rate, and frames or tokens in one update, where the command line does not say them.
 DEFAULTS = {
     TOKENIZER.name: (180.0, 41, 5e-4, 3072),
+    REFINE.name: (60.0, 47, 5e-4, 3072),
     FLOW.name: (120.0, 42, 5e-4, 3072),
     PRETRAIN: (30.0, 43, 1e-3, 2048),
     INSTRUCT: (90.0, 44, 6e-4, 2048),
@@ -56,8 +58,12 @@ OPTIONS["--each"] = {"type": int, "default": 8, "help": "captions of every clip"
 OPTIONS["--reference"] = {"type": Path, "help": "also write what PyTorch answers to some messages here, as JSON"}
 OPTIONS["--measured"] = {"nargs": "+", "choices": PARTS, "default": list(PARTS), "help": "parts of the evaluation"}
 OPTIONS["--top-k"] = {"type": int, "default": 0, "help": "draw of the largest logits alone; 0: of all"}
-OPTIONS["--top-p"] = {"type": float, "default": 0.95, "help": "draw of the tokens that make up this share"}
-OPTIONS["--repetition"] = {"type": float, "default": 1.1, "help": "how much codes of the last tokens are held back"}
+OPTIONS["--top-p"] = {"type": float, "default": SAMPLING.top_p, "help": "draw of the tokens that make up this share"}
+OPTIONS["--repetition"] = {
+    "type": float,
+    "default": SAMPLING.repetition,
+    "help": "how much codes of the last tokens are held back",
+}
 OPTIONS["--samples"] = {"type": int, "default": 4, "help": "answers to each window, for diversity"}
 OPTIONS["--flow-steps"] = {"type": int, "default": 0, "help": "of the flow decoder; 0: the first stage's decoder"}
 OPTIONS["--vermo-preset"] = {"choices": PRESETS, "default": "default", "help": "network sizes"}
@@ -101,6 +107,8 @@ def train(args: argparse.Namespace) -> int:
     job = Job(args.cache, args.run, budget, size, seed, args.device, args.balance, args.fresh_schedule)
     if stage == TOKENIZER.name:
         done = train_tokenizer(job, args.vermo_preset)
+    elif stage == REFINE.name:
+        done = refine_tokenizer(job)
     elif stage == FLOW.name:
         done = train_flow(job, args.vermo_preset)
     elif stage == JUDGE.name:
@@ -141,7 +149,7 @@ def export(args: argparse.Namespace) -> int:
     group=GROUP,
     run=RUN,
     seed=1,
-    temperature=1.0,
+    temperature=SAMPLING.temperature,
 )
 def evaluate(args: argparse.Namespace) -> int:
     """Reconstruction, continuations, texts, descriptions and the distance to training clips, each beside its baselines."""

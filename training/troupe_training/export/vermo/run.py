@@ -14,6 +14,7 @@ from troupe_training.train.plots import plot_curves
 from troupe_training.train.vermo.corpus import MOST_AGENTS, SHARES
 from troupe_training.train.vermo.flow import STAGE as FLOW
 from troupe_training.train.vermo.language import PIECES, WORDS, latest_stage, load_language
+from troupe_training.train.vermo.tokenizer import REFINE, load_tokenizer
 from troupe_training.train.vermo.tokenizer import STAGE as TOKENIZER
 
 METHOD = "VerMo (Ling et al. 2025) for the method"
@@ -23,7 +24,7 @@ def load_networks(run: Path, store: ClipStore, task: str | None = None) -> tuple
     """The networks of a run, and the name of the language model's stage."""
     stage = latest_stage(run, task)
     flow = FLOW.load(run, store) if FLOW.path(run).exists() else None
-    return Networks(TOKENIZER.load(run, store), load_language(run, stage), flow), stage
+    return Networks(load_tokenizer(run, store), load_language(run, stage), flow), stage
 
 
 def export_run(run: Path, cache: Path, out: Path, about: About, task: str | None = None) -> None:
@@ -32,7 +33,7 @@ def export_run(run: Path, cache: Path, out: Path, about: About, task: str | None
     networks, stage = load_networks(run, store, task)
     seen = [c for c in store.clips if not c.get("mirrored")]
     training: dict[str, Any] = {"clips": len(seen), "frames": sum(c["frames"] for c in seen)}
-    stages = [TOKENIZER.name, stage] + ([FLOW.name] if networks.flow is not None else [])
+    stages = [name for name in (TOKENIZER.name, REFINE.name, stage, FLOW.name) if (run / f"{name}.pt").exists()]
     for name in stages:
         state = read_checkpoint(run / f"{name}.pt")
         key = name.replace("-", "_")

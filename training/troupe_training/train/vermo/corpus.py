@@ -34,6 +34,7 @@ CAPTIONED = 0.5  # of predictions, continuations and gaps
 STATED = 0.9  # of captions name the style
 AGENTS_SHARE = 0.12  # of messages have two agents, where their task can
 MOST_AGENTS = 2
+PHASE = RATE // 2  # crops begin at multiples of it
 LEAST_TOKENS = 5  # of a crop: one past, three to make, one behind
 VALIDATION = 33  # one clip in so many is kept for validation
 
@@ -74,7 +75,7 @@ class Motions:
     _codes: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.clips = [c for c in self.clips if c["frames"] >= LEAST_TOKENS * RATE]
+        self.clips = [c for c in self.clips if c["frames"] >= LEAST_TOKENS * RATE + PHASE]
         self.names = [named(c["name"], c.get("mirrored", False)) for c in self.clips]
         self.hands = hands(self.store.skeleton)
 
@@ -97,12 +98,14 @@ class Motions:
         return measured(content, style, positions, headings, self.hands)
 
     def crop(self, clip: int, rng: random.Random, most: int = MAX_TOKENS) -> Crop:
-        """The whole clip from one of its first four frames, or part of a longer one."""
+        """The whole clip from its first frame or its third, or part of a longer one.
+
+        Few places to begin at are codes that are soon all known.
+        """
         entry = self.clips[clip]
-        tokens = min(most, (entry["frames"] - rng.randrange(RATE)) // RATE)
+        tokens = min(most, (entry["frames"] - PHASE) // RATE)
         spare = entry["frames"] - tokens * RATE
-        # A clip that fits begins where it begins: at most three frames later.
-        return Crop(clip, entry["start"] + rng.randint(0, spare), tokens)
+        return Crop(clip, entry["start"] + rng.randrange(0, spare + 1, PHASE), tokens)
 
 
 class MessageSource:

@@ -14,8 +14,7 @@ from troupe_training.models.vermo.frames import features, from_first, state_of
 from troupe_training.models.vermo.tokenizer import Tokenizer
 from troupe_training.train.checkpoints import Stage
 from troupe_training.train.trainer import Job, Loss
-from troupe_training.train.vermo.tokenizer import CROPS
-from troupe_training.train.vermo.tokenizer import STAGE as TOKENIZER
+from troupe_training.train.vermo.tokenizer import CROPS, load_tokenizer
 
 PLACE_WEIGHT = 1.0  # of where the root ends up, in metres, of the motion that a velocity points to
 
@@ -63,7 +62,7 @@ def train_flow(job: Job, preset: str) -> bool:
     """Trains the flow decoder, resuming its checkpoint; true when the budget is spent."""
     torch.manual_seed(job.seed)
     store = ClipStore(job.cache, "train", job.device, job.balance, CROPS)
-    tokenizer = TOKENIZER.load(job.run, store)
+    tokenizer = load_tokenizer(job.run, store)
     config = PRESETS[preset].flow
     meta = {"model": asdict(config), "preset": preset}
     return job.fit(STAGE.name, build_flow(config, store), meta, flow_loss(store, tokenizer, job.frames_per_step))

@@ -20,13 +20,13 @@ from troupe_training.models.vermo.pieces import Pieces
 from troupe_training.train.checkpoints import read_checkpoint, write_checkpoint
 from troupe_training.train.trainer import Job, Loss, Trainer
 from troupe_training.train.vermo.corpus import SHARES, MessageSource, Motions, message_batches, split_validation
-from troupe_training.train.vermo.tokenizer import STAGE as TOKENIZER
+from troupe_training.train.vermo.tokenizer import load_tokenizer
 
 PRETRAIN, INSTRUCT, SPECIALIST = "pretrain", "instruct", "specialist"
 BEFORE = {INSTRUCT: PRETRAIN, SPECIALIST: INSTRUCT}  # the stage whose weights a stage begins with
 PIECES, WORDS = "pieces.json", "words.txt"  # of a run; a pack calls the first tokenizer.json
 DROPOUT = 0.1
-POOL = 12  # batches that are drawn at once and sorted by length
+POOL = 8  # batches that are drawn at once and sorted by length
 VALIDATED = 192  # messages
 PATIENCE = 6  # validations without a better one before the training stops
 VALIDATION_STEPS = 200  # updates between validations at least
@@ -179,7 +179,7 @@ def motions_of(run: Path | None, cache: Path, split: str) -> Motions:
     clips = store.clips
     if split in ("train", "validation"):
         clips = split_validation(clips)[split == "validation"]
-    return Motions(store, TOKENIZER.load(run, store) if run else None, clips)
+    return Motions(store, load_tokenizer(run, store) if run else None, clips)
 
 
 def train_language(job: Job, stage: str, preset: str, task: str | None = None) -> bool:
@@ -214,6 +214,8 @@ def train_language(job: Job, stage: str, preset: str, task: str | None = None) -
     groups = message_batches(messages, lengths, 4096)
     trainer.watch([collate([messages[i] for i in group], vocabulary, whole=False) for group in groups])
     if trainer.resume():
+        if job.fresh_schedule:
+            trainer.start_schedule()
         print(f"{trainer.stage}: going on from step {trainer.step}")
     source = MessageSource(motions, pieces.varied(), shares)
     done = trainer.fit(language_loss(source, vocabulary, job.frames_per_step, stage == PRETRAIN))

@@ -5,6 +5,7 @@ it has been integrated, over several horizons and over the whole crop.
 """
 
 from dataclasses import asdict
+from pathlib import Path
 
 import torch
 from torch import Generator, Tensor
@@ -59,6 +60,12 @@ def config_of(width: int, token_blocks: int, levels: list[int]) -> TokenizerConf
 
 
 STAGE = Stage("tokenizer", config_of, build_tokenizer)
+REFINE = Stage("refine", config_of, build_tokenizer)  # the tokenizer again, its decoder alone trained further
+
+
+def load_tokenizer(run: Path, store: ClipStore) -> Tokenizer:
+    """The tokenizer of a run, its decoder refined where it has been. The codes of a motion are the same."""
+    return (REFINE if REFINE.path(run).exists() else STAGE).load(run, store)
 
 
 def travelled(root: Tensor, frames: int) -> Tensor:
@@ -98,13 +105,14 @@ def reconstruction_losses(model: Tokenizer, state: Tensor, pose: Tensor, root: T
     return {name: WEIGHTS[name] * term for name, term in terms.items()} | {"_mpjpe": error.mean()}
 
 
-def tokenizer_loss(store: ClipStore, frames_budget: int) -> Loss[Tokenizer]:
-    """Encode, round to levels, decode, compare."""
+def tokenizer_loss(store: ClipStore, frames_budget: int, refine: bool = False) -> Loss[Tokenizer]:
+    """Encode, round to levels, decode, compare. ``refine``: only the decoder learns."""
 
     def loss(model: Tokenizer, generator: Generator, progress: float) -> dict[str, Tensor]:
         batch = store.batch(frames_budget, generator)
         pose, root = batch.pose, batch.global_root
-        levels, tokens, _ = model.quantizer(model.latent(pose, root))
+        with torch.set_grad_enabled(not refine):
+            levels, tokens, _ = model.quantizer(model.latent(pose, root))
         terms = reconstruction_losses(model, model.state(levels), pose, root)
         used = torch.unique(tokens).numel() / tokens.numel()
         return terms | {"_different": torch.tensor(used)}
@@ -122,3 +130,12 @@ def train_tokenizer(job: Job, preset: str) -> bool:
     set_scale(model.state_scale, store, of_state=True)
     meta = {"model": asdict(config) | {"levels": list(config.levels)}, "preset": preset}
     return job.fit(STAGE.name, model, meta, tokenizer_loss(store, job.frames_per_step))
+
+
+def refine_tokenizer(job: Job) -> bool:
+    """Trains the decoder of the run's tokenizer further, while its codes stay; true when the budget is spent."""
+    torch.manual_seed(job.seed)
+    store = ClipStore(job.cache, "train", job.device, job.balance, CROPS)
+    model = STAGE.load(job.run, store)
+    model.decoder.requires_grad_(True)
+    return job.fit(REFINE.name, model, STAGE.read(job.run)["meta"], tokenizer_loss(store, job.frames_per_step, True))
