@@ -215,3 +215,17 @@ def test_flow_from_noise_has_the_shape_of_the_draft():
     with torch.no_grad():
         state = flow_sample(flow, tokenizer, tokens, torch.randn(2, 12, 22), 4)
     assert state.shape == (2, 12, 22) and torch.isfinite(state).all()
+
+
+def test_flow_makes_what_the_draft_leaves():
+    torch.manual_seed(4)
+    tokenizer = Tokenizer(TINY.tokenizer, SKELETON).eval()
+    flow = FlowDecoder(TINY.flow, 5, tokenizer.body.state_width).eval()
+    tokens = torch.randint(4375, (2, 3))
+    draft = tokenizer.state(tokenizer.embed(tokens))
+    flow.spread.fill_(0.25)
+    noise = torch.randn(2, 12, 22)
+    with torch.no_grad():
+        untrained = flow_sample(flow, tokenizer, tokens, noise, 4)  # its velocity is zero
+    expected = draft + 0.25 * noise * tokenizer.state_scale.std
+    torch.testing.assert_close(untrained, expected, atol=1e-5, rtol=1e-5)

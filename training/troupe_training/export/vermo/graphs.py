@@ -69,11 +69,12 @@ class FlowGraph(nn.Module):
         self.tokenizer, self.flow = tokenizer, flow
 
     def forward(self, tokens: Tensor, state: Tensor, time: Tensor, delta: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """``next`` ``[B, F, D]``, pose and root."""
+        """``next`` ``[B, F, D]``, a remainder like ``state``; pose and root."""
         levels = self.tokenizer.embed(tokens)
         drafted = self.tokenizer.decoder(levels)
         later = state + delta[:, None, None] * self.flow(state, drafted, levels, time)
-        pose, root = self.tokenizer.body.frames(self.tokenizer.state_scale.invert(later))
+        shown = self.flow.finished(later, drafted)
+        pose, root = self.tokenizer.body.frames(self.tokenizer.state_scale.invert(shown))
         return later, pose, root
 
 

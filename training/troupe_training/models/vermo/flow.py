@@ -1,7 +1,9 @@
 """FlowVQ's second stage (paper, section 4.2): a transformer that carries noise to motion, given the tokens.
 
-It predicts the velocity of ``x_t = (1 - t) noise + t motion`` over standardised states. The tokens reach it twice: by
-cross-attention, and as what the first stage's decoder makes of them, so that it learns what that decoder leaves out.
+It makes what the first stage's decoder leaves out: the motion is that decoder's draft and a remainder, and the flow goes from
+noise to the remainder, in units of the remainder's own deviation. (The paper's flow makes the whole motion. With hours of
+data and of training, that has to learn again what the draft has already.) It predicts the velocity of ``x_t = (1 - t) noise + t
+remainder``. The tokens reach it twice: by cross-attention, and as the draft.
 """
 
 import torch
@@ -61,9 +63,13 @@ class FlowLayer(nn.Module):
 
 
 class FlowDecoder(nn.Module):
-    """Velocities of standardised states, given tokens."""
+    """Velocities of remainders, given tokens and the draft.
+
+    ``spread`` ``[D]`` is the deviation of what the draft leaves, in units of standardised states.
+    """
 
     time_table: Tensor
+    spread: Tensor
 
     def __init__(self, config: FlowConfig, levels: int, state: int):
         super().__init__()
@@ -79,17 +85,22 @@ class FlowDecoder(nn.Module):
         nn.init.zeros_(self.leave.bias)
         frequency = sinusoids(2, width)[1:]  # of a step of one
         self.register_buffer("time_table", torch.asin(frequency[:, 0::2]), persistent=False)
+        self.register_buffer("spread", torch.ones(state))
 
     def told_time(self, time: Tensor) -> Tensor:
         """Embedding ``[B, C]`` of times ``[B]`` from 0 to 1."""
         angle = time[:, None] * TIME_STEPS * self.time_table
         return self.time(torch.cat([torch.sin(angle), torch.cos(angle)], -1))
 
-    def forward(self, state: Tensor, drafted: Tensor, levels: Tensor, time: Tensor) -> Tensor:
-        """Velocity ``[B, F, D]`` of ``state`` at ``time`` ``[B]``; ``drafted`` is the first stage's standardised state."""
-        places = torch.arange(state.shape[1], device=state.device)
-        token_places = torch.arange(levels.shape[1], device=state.device) * RATE + (RATE - 1) / 2
-        x = self.enter(torch.cat([state, drafted], -1))
+    def finished(self, remainder: Tensor, drafted: Tensor) -> Tensor:
+        """The standardised state ``[B, F, D]`` of a draft and its remainder."""
+        return drafted + self.spread * remainder
+
+    def forward(self, remainder: Tensor, drafted: Tensor, levels: Tensor, time: Tensor) -> Tensor:
+        """Velocity ``[B, F, D]`` of ``remainder`` at ``time`` ``[B]``; ``drafted`` is the first stage's standardised state."""
+        places = torch.arange(remainder.shape[1], device=remainder.device)
+        token_places = torch.arange(levels.shape[1], device=remainder.device) * RATE + (RATE - 1) / 2
+        x = self.enter(torch.cat([remainder, drafted], -1))
         tokens, told = self.tokens(levels), self.told_time(time)
         for layer in self.layers:
             x = layer(x, tokens, told, places, token_places)
@@ -100,8 +111,8 @@ def flow_sample(flow: FlowDecoder, tokenizer: Tokenizer, tokens: Tensor, noise: 
     """States ``[B, F, D]`` in physical units of codes ``[B, T]``, from standard normal noise by Euler's method."""
     levels = tokenizer.embed(tokens)
     drafted = tokenizer.decoder(levels).float()
-    state = noise
+    remainder = noise
     for step in range(steps):
         time = torch.full((len(tokens),), step / steps, device=noise.device)
-        state = state + flow(state, drafted, levels, time).float() / steps
-    return tokenizer.state_scale.invert(state)
+        remainder = remainder + flow(remainder, drafted, levels, time).float() / steps
+    return tokenizer.state_scale.invert(flow.finished(remainder, drafted))

@@ -1,4 +1,4 @@
-"""The flow decoder's training: the velocity between noise and motion, with the tokenizer as it is."""
+"""The flow decoder's training: the velocity between noise and what the draft leaves out, with the tokenizer as it is."""
 
 from dataclasses import asdict
 
@@ -13,9 +13,11 @@ from troupe_training.models.vermo.flow import FlowDecoder
 from troupe_training.models.vermo.frames import features, from_first, state_of
 from troupe_training.models.vermo.tokenizer import Tokenizer
 from troupe_training.train.checkpoints import Stage
+from troupe_training.train.statistics import BATCHES, FRAMES_PER_BATCH
 from troupe_training.train.trainer import Job, Loss
 from troupe_training.train.vermo.tokenizer import CROPS, load_tokenizer
 
+SMALLEST_SPREAD = 0.02  # of a remainder, in units of standardised states
 PLACE_WEIGHT = 1.0  # of where the root ends up, in metres, of the motion that a velocity points to
 
 
@@ -35,23 +37,40 @@ def place_error(tokenizer: Tokenizer, state: Tensor, root: Tensor, time: Tensor)
     return (error * time).mean()
 
 
+@torch.no_grad()
+def drafts(tokenizer: Tokenizer, pose: Tensor, root: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Levels ``[B, T, L]``, draft and captured standardised state ``[B, F, D]`` of captured frames."""
+    levels = tokenizer.embed(tokenizer.encode(pose, root))
+    return levels, tokenizer.decoder(levels).float(), tokenizer.state_scale(state_of(features(pose, root)))
+
+
+def set_spread(flow: FlowDecoder, tokenizer: Tokenizer, store: ClipStore) -> None:
+    """Measures what the draft leaves of random training segments."""
+    generator = torch.Generator().manual_seed(1234)
+    left: list[Tensor] = []
+    for _ in range(BATCHES):
+        batch = store.batch(FRAMES_PER_BATCH, generator)
+        _, drafted, truth = drafts(tokenizer, batch.pose, batch.global_root)
+        left.append((truth - drafted).flatten(0, 1))
+    flow.spread.copy_(torch.cat(left).square().mean(0).sqrt().clamp_min(SMALLEST_SPREAD))
+
+
 def flow_loss(store: ClipStore, tokenizer: Tokenizer, frames_budget: int) -> Loss[FlowDecoder]:
     """Mean square of the velocity's error, and of what it makes of the place."""
 
     def loss(model: FlowDecoder, generator: Generator, progress: float) -> dict[str, Tensor]:
         batch = store.batch(frames_budget, generator)
         pose, root = batch.pose, batch.global_root
-        with torch.no_grad():
-            levels = tokenizer.embed(tokenizer.encode(pose, root))
-            drafted = tokenizer.decoder(levels).float()
-            truth = tokenizer.state_scale(state_of(features(pose, root)))
+        levels, drafted, truth = drafts(tokenizer, pose, root)
+        remainder = (truth - drafted) / model.spread
         noise = torch.randn(truth.shape, generator=generator).to(truth.device)
         time = torch.rand(len(truth), generator=generator).to(truth.device)
         share = time[:, None, None]
-        velocity = model((1.0 - share) * noise + share * truth, drafted, levels, time).float()
-        pointed = (1.0 - share) * noise + share * truth + (1.0 - share) * velocity
+        reached = (1.0 - share) * noise + share * remainder
+        velocity = model(reached, drafted, levels, time).float()
+        pointed = model.finished(reached + (1.0 - share) * velocity, drafted)
         return {
-            "velocity": F.mse_loss(velocity, truth - noise),
+            "velocity": F.mse_loss(velocity, remainder - noise),
             "place": PLACE_WEIGHT * place_error(tokenizer, pointed, root, time),
         }
 
@@ -65,4 +84,6 @@ def train_flow(job: Job, preset: str) -> bool:
     tokenizer = load_tokenizer(job.run, store)
     config = PRESETS[preset].flow
     meta = {"model": asdict(config), "preset": preset}
-    return job.fit(STAGE.name, build_flow(config, store), meta, flow_loss(store, tokenizer, job.frames_per_step))
+    model = build_flow(config, store)
+    set_spread(model, tokenizer, store)
+    return job.fit(STAGE.name, model, meta, flow_loss(store, tokenizer, job.frames_per_step))
