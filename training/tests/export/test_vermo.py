@@ -47,7 +47,7 @@ def test_the_manifest_says_what_a_server_goes_by(pack: Path):
 
 def test_a_cache_of_any_size_answers_as_pytorch_without_one(pack: Path):
     manifest = tomllib.loads((pack / "pack.toml").read_text())["vermo"]
-    model = session(pack, "language")
+    model, compared = session(pack, "language"), 0
     for told in json.loads(pack.with_suffix(".json").read_text())["messages"]:
         prompt, reply = told["prompt"], told["reply"]
         shape = (1, manifest["layers"], 2, manifest["key_heads"], manifest["positions"], manifest["head_width"])
@@ -59,7 +59,9 @@ def test_a_cache_of_any_size_answers_as_pytorch_without_one(pack: Path):
             "cache": cache[..., :1, :],
         }
         logits, columns = model.run(None, inputs)
-        assert np.abs(logits[0] - told["logits"]).max() < 1e-3
+        if "logits" in told:
+            compared += 1
+            assert np.abs(logits[0] - told["logits"]).max() < 1e-3
         cache[..., : len(prompt), :] = columns[..., : len(prompt), :]
         place = len(prompt)
         for token, following in pairwise(reply):
@@ -69,6 +71,7 @@ def test_a_cache_of_any_size_answers_as_pytorch_without_one(pack: Path):
             place += 1
             kind = logits[0, _span_of(following, manifest)]
             assert following < 18 or logits[0, following] > kind.max() - 1e-3
+    assert compared == 2
 
 
 def _span_of(token: int, told: dict[str, int]) -> slice:

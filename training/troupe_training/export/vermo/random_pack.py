@@ -30,6 +30,8 @@ LOUD = (
     10.0  # by which random tables are larger than those that training begins with: near-equal logits would be a lottery
 )
 REPLY = 6  # tokens of a reference reply at most
+WITH_LOGITS = (2, 3)  # messages of the reference that have them: two agents, and a reply in words
+DIGITS = 5  # that numbers of the reference are rounded to
 
 
 def random_networks(preset: str, skeleton: Skeleton, text_pieces: int) -> Networks:
@@ -73,7 +75,7 @@ def random_pack(out: Path, like: Path, preset: str, seed: int) -> tuple[Networks
 
 
 def reference(networks: Networks, pieces: Pieces) -> dict[str, Any]:
-    """Messages with their ids, the logits after each prompt and greedy replies, uncached; codes and frames of a motion."""
+    """Messages with their ids and greedy replies, uncached; of some the logits after the prompt; codes and frames of a motion."""
     motion = random_motion(networks.tokenizer.body, 1, 4, seed=5)
     tokens = networks.tokenizer.encode(**motion)
     pose, root = networks.tokenizer.decode(tokens)
@@ -91,11 +93,23 @@ def reference(networks: Networks, pieces: Pieces) -> dict[str, Any]:
         (Message("music_to_dance", condition=[[[1, 5, 9]]]), 1, ""),
         (Message("dance_to_music", condition=[[codes]]), 1, ""),
     ]
+    answers = [_answered(networks.language, pieces, *one) for one in asked]
+    for number, answer in enumerate(answers):
+        if number not in WITH_LOGITS:
+            del answer["logits"]
     return {
-        "messages": [_answered(networks.language, pieces, *one) for one in asked],
-        "encoder": {name: values.tolist() for name, values in motion.items()} | {"tokens": tokens.tolist()},
-        "decoder": {"tokens": tokens.tolist(), "pose": pose.tolist(), "root": root.tolist()},
+        "messages": answers,
+        "encoder": {name: _rounded(values) for name, values in motion.items()} | {"tokens": tokens.tolist()},
+        "decoder": {"tokens": tokens.tolist(), "pose": _rounded(pose), "root": _rounded(root)},
     }
+
+
+def _rounded(values: Tensor) -> list[Any]:
+    shape = values.shape
+    flat = [round(value, DIGITS) for value in values.flatten().tolist()]
+    for size in reversed(shape[1:]):
+        flat = [flat[n : n + size] for n in range(0, len(flat), size)]
+    return flat
 
 
 @torch.no_grad()
@@ -113,18 +127,23 @@ def _answered(language: LanguageModel, pieces: Pieces, message: Message, agents:
         if rules.kind != "motion" and len(ids) >= REPLY:
             break
     assert first is not None
+    length = {} if message.length is None else {"length": message.length}
     return {
         "task": message.task,
         "text": text,
-        "length": message.length,
+        **length,
         "agents": agents,
         "prompt": prompt,
-        "logits": [round(float(v), 5) for v in first],
+        "logits": _rounded(first),
         "reply": ids,
         "max_tokens": REPLY,
     }
 
 
 def write_reference(path: Path, networks: Networks, pieces: Pieces) -> None:
-    """Writes `reference` as JSON."""
-    path.write_text(json.dumps(reference(networks, pieces)) + "\n")
+    """Writes `reference` as JSON, a message a line."""
+    told = reference(networks, pieces)
+    lines = {name: json.dumps(told[name], separators=(",", ":")) for name in ("encoder", "decoder")}
+    messages = ",\n".join(json.dumps(message, separators=(",", ":")) for message in told["messages"])
+    rest = ",\n".join(f'"{name}": {text}' for name, text in lines.items())
+    path.write_text(f'{{\n"messages": [\n{messages}\n],\n{rest}\n}}\n')
