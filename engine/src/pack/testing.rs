@@ -35,6 +35,7 @@ pub fn pack_of(rig: Rig) -> Pack {
         skeleton: (*rig.skeleton).clone(),
         robot: None,
         unimogen: None,
+        vermo: None,
         training: toml::Table::new(),
         evaluation: toml::Table::new(),
     };
@@ -44,5 +45,6 @@ pub fn pack_of(rig: Rig) -> Pack {
         rig: Arc::new(rig),
         bodies: Vec::new(),
         words: Vec::new(),
+        lexicon: None,
     }
 }

@@ -12,11 +12,13 @@ mod generate;
 mod live_equals_tests;
 mod path;
 mod prepare;
+mod words;
 
 pub use finish::finish;
 pub use generate::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, PartWriter, no_temperature, prepare_generate};
 pub use path::{MAX_PATH_POINTS, PathPlan};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};
+pub use words::{check_words, most_past};
 
 /// Most bytes of a character's id.
 pub const MAX_ID_BYTES: usize = 128;

@@ -10,7 +10,7 @@ use troupe_proto::v1::generate_request::Goal;
 
 use super::{REQUEST_TARGET, Service, ServiceError};
 use crate::batch::{Batcher, Order, Parts, Piece, trace_queue, trace_step};
-use crate::inbetween::{PartWriter, PathPlan, no_temperature, prepare_generate};
+use crate::inbetween::{PartWriter, PathPlan, check_words, most_past, no_temperature, prepare_generate};
 use crate::telemetry::{RequestContext, Trace};
 
 /// An answer on its way.
@@ -21,6 +21,8 @@ pub struct Generation {
     writer: PartWriter,
     /// Of a motion along a path, what is still to be made.
     path: Option<PathWay>,
+    /// What the model was asked for that it may not do well, until there is a part.
+    notes: Vec<String>,
     /// Its trace, where it has one, and when it came to the batcher, until there is a part.
     trace: Option<Trace>,
     asked: Option<Instant>,
@@ -34,7 +36,6 @@ struct PathWay {
     frame: SegmentFrame,
     batcher: Batcher,
     timeout: Duration,
-    notes: Vec<String>,
 }
 
 impl Generation {
@@ -57,7 +58,10 @@ impl Generation {
             None => (self.writer.write(piece.output, piece.is_last)).map_err(ServiceError::from),
             Some(_) => self.written_window(piece),
         };
-        Some(written)
+        Some(written.map(|part| v1::GenerateResponse {
+            notes: std::mem::take(&mut self.notes),
+            ..part
+        }))
     }
 
     /// The message of a window, and the next window on its way.
@@ -69,8 +73,7 @@ impl Generation {
         check_finite(motion)?;
         self.writer.move_to(way.frame);
         let (fresh, is_last) = way.plan.take(motion, &way.frame);
-        let mut part = self.writer.write(Output::Motion(fresh), is_last)?;
-        part.notes = std::mem::take(&mut way.notes);
+        let part = self.writer.write(Output::Motion(fresh), is_last)?;
         if let Some((task, frame)) = way.plan.next() {
             way.frame = frame;
             let asked = Instant::now();
@@ -95,27 +98,28 @@ impl Service {
         let loaded = self.table()?.find("pack", &request.pack)?;
         let timeout = self.common.timeout;
         let mut path = None;
-        let (task, rig, frame) = match &request.goal {
+        let (task, rig, frame, notes) = match &request.goal {
             Some(Goal::Path(goal)) => {
                 loaded.require(Capability::Path, "pack")?;
                 no_temperature(request)?;
                 let mut plan = PathPlan::new(goal, &request.past, request.seed, &loaded.pack)?;
                 let (task, frame) = plan.next().ok_or(ServiceError::Starting)?;
                 let rig = plan.body.rig.clone();
+                let notes = std::mem::take(&mut plan.notes);
                 path = Some(PathWay {
-                    notes: std::mem::take(&mut plan.notes),
                     plan,
                     frame,
                     batcher: loaded.batcher.clone(),
                     timeout,
                 });
-                (task.into(), rig, frame)
+                (task.into(), rig, frame, notes)
             }
             _ => {
                 let rig = loaded.pack.rig.clone();
-                let (task, frame) = prepare_generate(request, &rig)?;
+                let (task, frame) = prepare_generate(request, &rig, most_past(&loaded.pack))?;
                 loaded.require(task.needs(), "pack")?;
-                (task, rig, frame)
+                let notes = check_words(&loaded.pack, &task)?;
+                (task, rig, frame, notes)
             }
         };
         Ok(Generation {
@@ -124,6 +128,7 @@ impl Service {
             parts: loaded.batcher.stream(task, order(arrived, timeout))?,
             writer: PartWriter::new(rig, frame),
             path,
+            notes,
         })
     }
 }
