@@ -285,7 +285,11 @@ mod tests {
         assert_eq!(outcome.accelerations.len(), frames * 5);
         assert!(outcome.jitter > 0.1);
         // A stop within a frame takes as long as the acceleration is measured over.
-        assert!((outcome.root_mps2 - 1.1 * 6.0).abs() < 0.1, "{}", outcome.root_mps2);
+        assert!(
+            (outcome.root_mps2 - 1.1 * 6.0).abs() < 0.1,
+            "{}",
+            outcome.root_mps2
+        );
         assert!(outcome.facing_error < 0.02, "{}", outcome.facing_error);
         assert!(outcome.nearest.feet_m <= 0.2 && outcome.nearest.arms_m.is_infinite());
     }

@@ -106,7 +106,11 @@ pub(super) fn turning_bars(turning: &Turning) -> Vec<Bar> {
         ratios.collect::<Vec<_>>()
     };
     vec![
-        Bar::new("shins within 5 cm in at most 6 % of turns", SHINS_SHARE, all(turning.shins)),
+        Bar::new(
+            "shins within 5 cm in at most 6 % of turns",
+            SHINS_SHARE,
+            all(turning.shins),
+        ),
         Bar::new(
             "feet within 4 cm in at most 2 % more of turns than of 1.5 times the clips",
             most(turning.feet),
@@ -133,8 +137,9 @@ pub(super) fn turning_bars(turning: &Turning) -> Vec<Bar> {
 impl fmt::Display for Turning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let share = |share: Option<Against>| {
-            let percent =
-                |part: Option<f64>| part.map_or_else(|| "n/a".to_owned(), |part| format!("{:.1} %", part * 100.0));
+            let percent = |part: Option<f64>| {
+                part.map_or_else(|| "n/a".to_owned(), |part| format!("{:.1} %", part * 100.0))
+            };
             let clips = percent(share.and_then(|share| share.clips));
             format!("{} (clips {clips})", percent(share.map(|share| share.figure)))
         };
@@ -230,12 +235,22 @@ mod tests {
         add("walk-turn-left", 0.01, 5.0);
         add("walk", 0.2, 3.0);
         let turning = Turning::new(&scenarios, &outcomes, &references);
-        assert_eq!((turning.turns, turning.clips), (4, 2), "one of 45° does not count");
+        assert_eq!(
+            (turning.turns, turning.clips),
+            (4, 2),
+            "one of 45° does not count"
+        );
         assert_eq!(turning.shins, Some(Against::new(0.25, Some(0.5))));
         assert_eq!(turning.root_clips_mps2, Some(5.0));
         let texts: Vec<String> = turning_bars(&turning).iter().map(ToString::to_string).collect();
-        assert!(texts[0].starts_with("missed") && texts[1].starts_with("holds"), "{texts:?}");
-        assert!(texts[3].contains("3 of 4") && texts[3].ends_with("not calm +180° 1.80"), "{texts:?}");
+        assert!(
+            texts[0].starts_with("missed") && texts[1].starts_with("holds"),
+            "{texts:?}"
+        );
+        assert!(
+            texts[3].contains("3 of 4") && texts[3].ends_with("not calm +180° 1.80"),
+            "{texts:?}"
+        );
         assert!(texts[4].starts_with("not measured"));
     }
 }
