@@ -119,11 +119,18 @@ fn what_it_names_must_be_there() {
     let mut old = bytes.to_vec();
     old[0] = 9;
     let error = restore(&old, &around(&rig)).unwrap_err().to_string();
-    assert_eq!(error, "it was saved in format 9; allowed: format 2");
+    assert_eq!(error, "it was saved in format 9; allowed: format 3");
 }
 
 #[test]
 fn it_goes_on_from_what_its_client_saw() {
+    for lost in [6, 8, 10, 14] {
+        goes_on_from_what_was_seen(lost);
+    }
+}
+
+/// Its client saw `lost` frames more than it remembers.
+fn goes_on_from_what_was_seen(lost: u64) {
     let mut rig = Harness::new();
     rig.walk(0.0, 1.2);
     rig.run(40);
@@ -131,7 +138,7 @@ fn it_goes_on_from_what_its_client_saw() {
     save(&rig.character, &mut bytes);
     // A command comes that is lost, and the client sees what it leads to.
     rig.walk(1.2, 0.0);
-    rig.run(8);
+    rig.run(lost as usize);
     let last = rig.frames.last().unwrap().clone();
     let seen = LastSeen {
         frame: last.frame,
@@ -139,16 +146,17 @@ fn it_goes_on_from_what_its_client_saw() {
     };
     rig.forget_plan();
     rig.character = restore(&bytes, &around(&rig)).unwrap();
-    assert_eq!(rig.character.frame() + 8, last.frame);
+    assert_eq!(rig.character.frame() + lost, last.frame);
     rig.character.rejoin(&seen).unwrap();
     assert_eq!(rig.character.frame(), last.frame);
     let from = rig.frames.len() - 4;
     rig.run(CROSSFADE_FRAMES + 2);
     assert_eq!(rig.frames[from + 4].frame, last.frame + 1);
     let (acceleration, step) = rig.roughness(from);
+    // A pose says nothing of velocities: they change at the seam by as much as the lost command had changed them.
     assert!(
-        acceleration < 60.0 && step < 0.1,
-        "{acceleration} m/s\u{b2}, {step} m"
+        acceleration < 100.0 && step < 0.1,
+        "{lost} frames: {acceleration} m/s\u{b2}, {step} m"
     );
     // Nor does it go back where the client saw less.
     let frame = rig.character.frame();

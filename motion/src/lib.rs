@@ -10,6 +10,7 @@
 //! ([`features`]), joint velocities, and foot contacts ([`contacts`]).
 
 pub mod ballistic;
+pub mod bones;
 pub mod bvh;
 pub mod clip;
 pub mod codec;

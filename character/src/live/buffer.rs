@@ -11,6 +11,8 @@ use super::SUB_FRAMES;
 
 /// Frames over which a new plan takes over from the old one.
 pub const CROSSFADE_FRAMES: usize = 8;
+/// The same where the plan is for a command: what it fades in over is waited for.
+pub(super) const COMMAND_FADE_FRAMES: usize = 5;
 
 /// What is left of each frame's velocity in the next, where a motion is drawn out beyond its end.
 const DRAWN_OUT_VELOCITY: f32 = 0.7;
@@ -167,6 +169,12 @@ impl MotionBuffer {
         &self.rotations[self.index(frame) * self.joints..][..self.joints]
     }
 
+    /// Roots and rotations of the frames behind number `frame`, to be changed.
+    pub(super) fn behind_mut(&mut self, frame: i64) -> (&[Vec3], &mut [Quat]) {
+        let start = (frame + 1 - self.first).clamp(0, self.roots.len() as i64) as usize;
+        (&self.roots[start..], &mut self.rotations[start * self.joints..])
+    }
+
     /// The frames `from..=to`, as far as they are there.
     pub(super) fn range(&self, from: i64, to: i64) -> Frames<'_> {
         if from > to || from > self.last() || to < self.first {
@@ -262,17 +270,17 @@ impl MotionBuffer {
         self.append(frames);
     }
 
-    /// Replaces what comes behind frame `at` by `plan`, which fades in over the first [`CROSSFADE_FRAMES`], joints that are far from
+    /// Replaces what comes behind frame `at` by `plan`, which fades in over the first `over` frames, joints that are far from
     /// where it has them over up to [`FAR_FADE_FRAMES`]. Where the old motion is too short for that it is drawn out.
-    pub(super) fn splice(&mut self, at: i64, plan: Frames<'_>) {
-        let fade = CROSSFADE_FRAMES.min(plan.roots.len());
-        self.draw_out(at + fade as i64);
+    pub(super) fn splice(&mut self, at: i64, plan: Frames<'_>, over: usize) {
+        let usual = CROSSFADE_FRAMES.min(plan.roots.len());
+        self.draw_out(at + usual as i64);
         let start = self.index(at) + 1;
-        let mut far = self.far_joints(start, &plan, fade);
-        let longest = far.iter().map(|far| far.frames).fold(fade, usize::max);
+        let mut far = self.far_joints(start, &plan, usual);
+        let longest = far.iter().map(|far| far.frames).fold(over.min(usual), usize::max);
         self.draw_out(at + longest as i64);
         for step in 0..longest {
-            self.fade(start + step, &plan, step, &mut far);
+            self.fade((start + step, step), &plan, over, &mut far);
         }
         self.roots.truncate(start + longest);
         self.rotations.truncate((start + longest) * self.joints);
@@ -302,11 +310,11 @@ impl MotionBuffer {
         (0..self.joints).filter_map(far).collect()
     }
 
-    /// Moves the frame at `index` towards frame `step` of the plan.
-    fn fade(&mut self, index: usize, plan: &Frames<'_>, step: usize, far: &mut [FarJoint]) {
+    /// Moves the frame at `index` towards frame `step` of the plan, which has faded in after `over` of them.
+    fn fade(&mut self, (index, step): (usize, usize), plan: &Frames<'_>, over: usize, far: &mut [FarJoint]) {
         let rotations = &mut self.rotations[index * self.joints..][..self.joints];
-        if step < CROSSFADE_FRAMES {
-            let weight = smoothstep((step + 1) as f32 / (CROSSFADE_FRAMES + 1) as f32);
+        if step < over {
+            let weight = smoothstep((step + 1) as f32 / (over + 1) as f32);
             self.roots[index] = self.roots[index].lerp(plan.roots[step], weight);
             for (old, new) in rotations.iter_mut().zip(plan.pose(step, self.joints)) {
                 *old = old.slerp(*new, weight).normalize();

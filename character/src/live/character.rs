@@ -21,9 +21,10 @@ use super::request::{self, Context};
 use super::timeline::{Stop, Ticket, Timeline};
 use super::{
     Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
-    EventKind, HeldObject, Intent, LivePlan, LiveShape, Pins, PlanFailed, PlanRecord, PlanRequest, Refusal,
-    Start, Stats, Strain, World,
+    EventKind, HeldObject, Intent, LivePlan, LiveShape, Pins, PlanCause, PlanFailed, PlanRecord, PlanRequest,
+    Refusal, Start, Stats, Strain, World,
 };
+use crate::post::part_legs;
 use crate::primitives::path::MAX_LEAD_M;
 use crate::primitives::recipe::VELOCITY_FRAMES;
 use crate::primitives::{Locomotion, LocomotionCommand, PlanContext, PlanTargets};
@@ -271,6 +272,12 @@ impl Character {
         self.lost(number, arrival);
         if !matches!(arrival, Arrival::InTime { .. } | Arrival::Late) {
             return arrival;
+        }
+        let for_object =
+            |(ticket, _): &(Ticket, _)| ticket.number == number && ticket.cause == PlanCause::Object;
+        if !self.asked.as_ref().is_some_and(for_object) {
+            let (roots, rotations) = self.timeline.last_plan_mut();
+            part_legs(&self.rig, roots, rotations);
         }
         if let Some((act, mut body)) = self.acting() {
             act.landed(number, &plan.trace.off, &mut body);

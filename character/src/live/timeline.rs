@@ -5,6 +5,9 @@
 //! for at frame f takes over at its splice frame, `look_ahead` frames on, and stays in flight until the cursor is
 //! there, however early it comes. So frames do not depend on how long plans take, as long as none is late.
 //!
+//! A command has its plan take over sooner, [`COMMAND_AHEAD_FRAMES`] on. A plan in flight that would take over no sooner than
+//! that is given up for it. If it has come, the buffer has back what was there before, so that this makes no difference either.
+//!
 //! What is in the buffer beyond the splice frame does depend on it. Locomotion never looks there, but whoever acts in a scene does: where
 //! an approach will be, how a fall begins. A clock that waits therefore waits for such a character's plans at the frame after the
 //! one at which they were asked for ([`Timeline::looks_ahead`]).
@@ -12,14 +15,18 @@
 //! While a character uses an object, or falls, what it does next is not the policy's: [`Timeline::settle_for`] asks for the
 //! plan that is wished for and no other, [`Timeline::hold`] and [`Timeline::put`] write motion that no plan made.
 
-use super::buffer::{CROSSFADE_FRAMES, Frames, MotionBuffer, Seam};
+use super::buffer::{MotionBuffer, Seam};
 use super::policy::{INTERVAL_GRACE, MARGIN_FRAMES, Policy};
-use super::{Arrival, CONTEXT_FRAMES, Clock, LivePlan, PlanCause, SUB_FRAMES, Stats};
+use super::{Clock, PlanCause, SUB_FRAMES, Stats};
 use crate::primitives::recipe::VELOCITY_FRAMES;
 use serde::{Deserialize, Serialize};
 
+#[path = "timeline_land.rs"]
+mod land;
 #[path = "timeline_wish.rs"]
 mod wish;
+
+use land::Before;
 
 pub(super) use wish::Wish;
 
@@ -31,6 +38,9 @@ const FULL_PACE: i64 = MARGIN_FRAMES * SUB;
 const FIRST_PLAN_FRAMES: i64 = 24;
 /// And that it may at most, where they are so many that those will not do.
 const MAX_FIRST_PLAN_FRAMES: i64 = 120;
+/// Frames from the cursor to where a plan for a command takes over, where it is not less anyway. With the look-ahead's four, half of the
+/// time that a character takes to start would be spent waiting; with one, a plan that is made within a tick would be late.
+const COMMAND_AHEAD_FRAMES: i64 = 2;
 /// Frames kept behind the cursor: what a plan's context and the velocity before it take.
 pub(super) const HISTORY_FRAMES: i64 = VELOCITY_FRAMES as i64 + 2;
 
@@ -64,11 +74,23 @@ pub(super) struct Ticket {
     still: bool,
 }
 
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct Flight {
     ticket: Ticket,
     /// It is in the buffer, and the cursor not yet at its splice frame.
     arrived: bool,
+    /// What it replaced in the buffer, as long as a command may have it back.
+    before: Option<Before>,
+}
+
+impl Flight {
+    fn of(ticket: Ticket) -> Self {
+        Self {
+            ticket,
+            arrived: false,
+            before: None,
+        }
+    }
 }
 
 /// The cursor, the buffer that it moves on, and the plan in flight.
@@ -96,6 +118,8 @@ pub(super) struct Timeline {
     failed: bool,
     /// The command changed since the last plan was asked for.
     command_changed: bool,
+    /// What is shown was changed, and no plan has taken over since.
+    rejoined: bool,
     flight: Option<Flight>,
     /// Decisions look at frames beyond the splice frame of a plan in flight.
     looks_ahead: bool,
@@ -129,6 +153,7 @@ impl Timeline {
             slowing: false,
             failed: false,
             command_changed: true,
+            rejoined: false,
             flight: None,
             looks_ahead: false,
             replaced: None,
@@ -180,7 +205,7 @@ impl Timeline {
 
     /// A plan was asked for and has not come.
     pub(super) fn awaits_plan(&self) -> bool {
-        self.flight.is_some_and(|flight| !flight.arrived)
+        self.flight.as_ref().is_some_and(|flight| !flight.arrived)
     }
 
     /// The current command's change waits for the next plan.
@@ -200,6 +225,15 @@ impl Timeline {
         self.lead = i64::from(usually);
     }
 
+    /// Frames from the cursor to where a plan for a command takes over at the soonest. Who used an object, or fell, is handed over
+    /// the look-ahead before the end of that; and what was changed fades for as long.
+    fn command_ahead(&self) -> i64 {
+        match self.rejoined || self.last_cause == PlanCause::Object {
+            true => self.look_ahead,
+            false => self.look_ahead.min(COMMAND_AHEAD_FRAMES),
+        }
+    }
+
     /// Frames from the cursor to where a plan takes over, where nothing holds it up.
     fn reach(&self, policy: Policy) -> i64 {
         let paced = policy.pace.map_or(0, |pace| i64::from(pace.lead_frames));
@@ -209,14 +243,21 @@ impl Timeline {
     /// The splice frame of a plan asked for now at `frame`: where it should have come, but no further than the buffer lasts,
     /// and not within the look-ahead.
     fn splice_frame(&self, frame: i64, policy: Policy) -> i64 {
-        let reach = match self.command_changed {
-            // It would only be answered later.
-            true => self.look_ahead.max(self.lead),
-            false => self.reach(policy),
+        let (least, in_time) = match self.command_changed {
+            true => (self.command_ahead(), self.command_in_time(frame)),
+            false => {
+                let reach = self.reach(policy).max(self.expected + 1);
+                (self.look_ahead, frame + reach)
+            }
         };
-        let in_time = frame + reach.max(self.expected + 1);
         let lasts = self.buffer.last() - policy.margin();
-        in_time.min(lasts).max(frame + self.look_ahead)
+        in_time.min(lasts).max(frame + least)
+    }
+
+    /// The soonest frame at which a plan for a command at `frame` takes over in time. What others' plans may be asked for ahead
+    /// does not count: it would only be answered later.
+    fn command_in_time(&self, frame: i64) -> i64 {
+        frame + self.command_ahead().max(self.lead).max(self.expected + 1)
     }
 
     /// Adds to the way that the cursor is to go.
@@ -279,14 +320,14 @@ impl Timeline {
 
     /// The plan in flight should have come.
     fn overdue(&self) -> bool {
-        self.flight
-            .is_some_and(|flight| !flight.arrived && flight.ticket.splice * SUB <= self.cursor)
+        let late = |flight: &Flight| !flight.arrived && flight.ticket.splice * SUB <= self.cursor;
+        self.flight.as_ref().is_some_and(late)
     }
 
     /// A clock that waits goes no further without the plan in flight.
     fn is_waited_for(&self) -> bool {
-        let early = |flight: Flight| !flight.arrived && (flight.ticket.asked_at + 1) * SUB <= self.cursor;
-        self.overdue() || self.looks_ahead && self.flight.is_some_and(early)
+        let early = |flight: &Flight| !flight.arrived && (flight.ticket.asked_at + 1) * SUB <= self.cursor;
+        self.overdue() || self.looks_ahead && self.flight.as_ref().is_some_and(early)
     }
 
     /// Whole frames in the buffer beyond the cursor.
@@ -298,24 +339,28 @@ impl Timeline {
     /// the next where the policy says so.
     pub(super) fn settle(&mut self, clock: Clock, policy: Policy) -> Option<Ticket> {
         let frame = self.begin_to_settle();
-        // One that was asked for further ahead than the look-ahead is no reason for a command to wait: what it brought is
-        // replaced from the new plan's splice frame on.
-        self.flight.take_if(|flight| {
-            let far = flight.ticket.splice > frame + self.look_ahead;
-            self.command_changed && flight.arrived && far
-        });
-        if let Some(flight) = self.flight {
-            let ticket = flight.ticket;
-            let replace = clock == Clock::Runs && !flight.arrived && self.command_changed;
-            if !replace || self.expected <= self.look_ahead || ticket.asked_at == frame {
+        if let Some(flight) = &self.flight {
+            let (ticket, arrived) = (flight.ticket, flight.arrived);
+            if !self.command_changed || ticket.asked_at == frame {
+                return None;
+            }
+            let sooner = self.command_in_time(frame) <= ticket.splice && ticket.cause != PlanCause::Object;
+            let given_up = sooner && (!arrived || self.undo());
+            // One that was asked for further ahead than the look-ahead is no reason for a command to wait: what it brought is
+            // replaced from the new plan's splice frame on.
+            let far = arrived && ticket.splice > frame + self.look_ahead;
+            let splice = self.splice_frame(frame, policy);
+            if given_up || far {
+                return Some(self.ask(PlanCause::Command, frame, splice, 0));
+            }
+            if clock == Clock::Waits || arrived || self.expected <= self.look_ahead {
                 return None;
             }
             // The plan in flight waits in a long queue: a newer one takes its place there, and its splice frame where that is
             // not too near.
             let at = ticket.splice.max(frame + self.look_ahead);
-            let splice = self.splice_frame(frame, policy).min(at);
             self.replaced.get_or_insert(ticket);
-            return Some(self.ask(PlanCause::Command, frame, splice, 0));
+            return Some(self.ask(PlanCause::Command, frame, splice.min(at), 0));
         }
         if self.next_number == 0 {
             // It stands or comes to rest, so that it may do so for longer.
@@ -397,98 +442,8 @@ impl Timeline {
         self.next_number += 1;
         self.last_expected = self.expected;
         self.command_changed = false;
-        self.flight = Some(Flight {
-            ticket,
-            arrived: false,
-        });
+        self.flight = Some(Flight::of(ticket));
         ticket
-    }
-
-    /// The plan of that number, where it is awaited or may still come.
-    fn awaited(&mut self, number: u64) -> Option<Ticket> {
-        let replaced = self.replaced.take_if(|ticket| ticket.number == number);
-        let flight = self.flight.filter(|flight| !flight.arrived);
-        replaced.or(flight
-            .map(|flight| flight.ticket)
-            .filter(|ticket| ticket.number == number))
-    }
-
-    /// The plan in flight is another: the one of this ticket was replaced.
-    fn goes_on_without(&self, ticket: Ticket) -> bool {
-        self.flight
-            .is_some_and(|flight| flight.ticket.number != ticket.number)
-    }
-
-    /// A plan has come.
-    pub(super) fn land(&mut self, number: u64, plan: &LivePlan) -> Arrival {
-        let Some(ticket) = self.awaited(number) else {
-            return Arrival::Stray;
-        };
-        let at = ticket.splice.max(self.next_frame());
-        let late = at > ticket.splice;
-        self.stats.late_plans += u64::from(late);
-        let missed = if ticket.still { 0 } else { at - ticket.splice };
-        let used = CONTEXT_FRAMES + missed as usize;
-        let usable = plan.roots.len().saturating_sub(used);
-        // A keyframe at the end must lie behind the frames that it fades in over.
-        if usable < CROSSFADE_FRAMES + usize::from(ticket.cause == PlanCause::Object) {
-            self.give_up(ticket);
-            return Arrival::Dropped;
-        }
-        let keep = self.frame().min(at - CONTEXT_FRAMES as i64 + 1) - HISTORY_FRAMES;
-        self.buffer.trim(keep);
-        let joints = plan.rotations.len() / plan.roots.len().max(1);
-        let frames = Frames {
-            roots: &plan.roots[used..],
-            rotations: &plan.rotations[used * joints..],
-            contacts: &plan.contacts[used..],
-        };
-        self.buffer.splice(at, frames);
-        self.took_over(ticket, at);
-        match late {
-            true => Arrival::Late,
-            false => Arrival::InTime {
-                lead_frames: (at * SUB - self.cursor) as f32 / SUB_FRAMES as f32,
-            },
-        }
-    }
-
-    fn took_over(&mut self, ticket: Ticket, at: i64) {
-        self.failed = false;
-        self.last_splice = Some(at);
-        self.last_cause = ticket.cause;
-        *match ticket.cause {
-            PlanCause::Command => &mut self.stats.plans_for_command,
-            PlanCause::LowBuffer => &mut self.stats.plans_for_low_buffer,
-            PlanCause::Interval => &mut self.stats.plans_for_interval,
-            PlanCause::Object => &mut self.stats.plans_for_object,
-        } += 1;
-        if self.goes_on_without(ticket) {
-            return;
-        }
-        if self.cursor < ticket.splice * SUB {
-            self.flight = Some(Flight {
-                ticket,
-                arrived: true,
-            });
-        } else {
-            self.flight = None;
-            // The frame at the cursor, if it is at one, is settled again, as if the plan had been in time.
-            self.settled = None;
-        }
-    }
-
-    /// A plan will not come.
-    pub(super) fn fail(&mut self, number: u64) -> Arrival {
-        let Some(ticket) = self.awaited(number) else {
-            return Arrival::Stray;
-        };
-        if self.goes_on_without(ticket) {
-            return Arrival::Stray;
-        }
-        self.stats.failed_plans += 1;
-        self.give_up(ticket);
-        Arrival::Failed
     }
 
     /// The plans that were asked for will not come: the timeline was saved without them. The next frame asks for another instead.
@@ -506,6 +461,7 @@ impl Timeline {
         let Some(Flight {
             ticket,
             arrived: false,
+            ..
         }) = self.flight
         else {
             return Ok(None);
@@ -516,6 +472,7 @@ impl Timeline {
 
     /// Moves the cursor on to `frame`, for which the buffer is drawn out, with time for a plan behind it, where it is not so long.
     pub(super) fn reach_for(&mut self, frame: i64) -> u32 {
+        self.forget_before();
         self.buffer.draw_out(frame + self.look_ahead + MARGIN_FRAMES);
         self.pace = FULL_PACE;
         (frame * SUB - self.cursor).max(0) as u32
@@ -523,18 +480,10 @@ impl Timeline {
 
     /// What is to be shown at the cursor's frame and behind it changes.
     pub(super) fn rejoin(&mut self, seam: &Seam) {
+        self.forget_before();
         self.buffer.rejoin(self.cursor / SUB, seam);
+        self.rejoined = true;
         self.command_changed = true;
-    }
-
-    /// The next frame asks for another plan instead, for the same cause.
-    fn give_up(&mut self, ticket: Ticket) {
-        if self.goes_on_without(ticket) {
-            return;
-        }
-        self.flight = None;
-        self.failed = true;
-        self.command_changed |= ticket.cause == PlanCause::Command;
     }
 }
 

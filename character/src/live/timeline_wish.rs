@@ -2,7 +2,7 @@
 //! that no plan made.
 
 use super::super::PlanCause;
-use super::super::buffer::Frames;
+use super::super::buffer::{CROSSFADE_FRAMES, Frames};
 use super::super::policy::MARGIN_FRAMES;
 use super::{Flight, HISTORY_FRAMES, Ticket, Timeline};
 
@@ -18,8 +18,8 @@ pub(in crate::live) struct Wish {
 impl Timeline {
     /// No plan is in flight, once the frame at the cursor is settled.
     pub(in crate::live) fn is_free(&self) -> bool {
-        let ends = |flight: Flight| flight.arrived && flight.ticket.splice <= self.frame();
-        self.flight.is_none_or(ends)
+        let ends = |flight: &Flight| flight.arrived && flight.ticket.splice <= self.frame();
+        self.flight.as_ref().is_none_or(ends)
     }
 
     /// Frames between the cursor and where a plan takes over.
@@ -49,22 +49,21 @@ impl Timeline {
     /// here without a plan to come goes on as it ends.
     pub(in crate::live) fn settle_for(&mut self, wish: Option<Wish>) -> Option<Ticket> {
         let frame = self.begin_to_settle();
+        self.last_cause = PlanCause::Object;
         if self.flight.is_none() && self.buffer.last() <= frame {
             self.hold(frame + MARGIN_FRAMES);
         }
         let wish = wish.filter(|_| self.flight.is_none())?;
         let mut ticket = self.ask(PlanCause::Object, frame, wish.splice, 0);
         ticket.still = wish.still;
-        self.flight = Some(Flight {
-            ticket,
-            arrived: false,
-        });
+        self.flight = Some(Flight::of(ticket));
         Some(ticket)
     }
 
     /// Has the last frame go on to frame `to`, and forgets what is behind.
     pub(in crate::live) fn hold(&mut self, to: i64) {
         if self.buffer.last() < to {
+            self.forget_before();
             self.buffer.trim(self.frame() - HISTORY_FRAMES);
             self.buffer.hold(to);
         }
@@ -72,9 +71,10 @@ impl Timeline {
 
     /// Replaces what comes behind frame `at` by frames that no plan made. They fade in, or go on from that frame at once.
     pub(in crate::live) fn put(&mut self, at: i64, frames: Frames<'_>, fades: bool) {
+        self.forget_before();
         self.buffer.trim(self.frame().min(at) - HISTORY_FRAMES);
         match fades {
-            true => self.buffer.splice(at, frames),
+            true => self.buffer.splice(at, frames, CROSSFADE_FRAMES),
             false => self.buffer.replace(at, frames),
         }
         self.last_splice = Some(at);

@@ -3,10 +3,12 @@
 mod feet;
 mod frames;
 mod hinges;
+mod legs;
 
 pub use feet::{contact_bits, hold_between, hold_live};
 pub use frames::{NonFinite, check_finite, parent_relative, roots, to_world_rotations};
 pub use hinges::{HingeColumns, onto_hinges};
+pub(crate) use legs::part_legs;
 
 /// Frames on either side of a keyframe over which what its pose still lacks fades out.
 pub const PIN_REACH_FRAMES: usize = 8;

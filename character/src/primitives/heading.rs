@@ -7,93 +7,120 @@ use serde::{Deserialize, Serialize};
 use troupe_motion::root::wrap_angle;
 use troupe_motion::spring::critically_damped;
 
-use super::recipe::{GAMMA, MAX_TURN, RESYNC_TURN};
+use super::recipe::{MAX_TURN, RESYNC_TURN, TURN_GAMMA, TURN_S};
 
 /// A heading that follows the commands, as it is at one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct HeadingSpring {
     /// The frame of the timeline at which it was so.
     frame: u64,
-    /// Radians, not wrapped: whole turns keep the way round.
-    heading: f32,
-    omega: f32,
-    /// Where it is drawn to, on the same count.
-    target: f32,
+    turn: Turn,
 }
 
 impl HeadingSpring {
     /// At rest.
     pub(crate) fn new(frame: u64, heading: f32) -> Self {
-        Self {
-            frame,
+        let turn = Turn {
             heading,
             omega: 0.0,
+            goal: heading,
             target: heading,
-        }
+            rate_rps: 0.0,
+            unfinished: false,
+        };
+        Self { frame, turn }
     }
 
     /// At a frame, on the way to where it comes to rest by itself.
     pub(crate) fn moving(frame: u64, heading: f32, omega: f32) -> Self {
-        let heading = wrap_angle(heading);
-        Self {
-            frame,
-            heading,
-            omega,
-            target: heading + omega / GAMMA,
-        }
+        let mut spring = Self::new(frame, wrap_angle(heading));
+        spring.turn.omega = omega;
+        spring.turn.rest();
+        spring
+    }
+
+    fn passed_s(&self, frame: u64, fps: f32) -> f32 {
+        frame.saturating_sub(self.frame) as f32 / fps
     }
 
     /// Heading and angular velocity at a frame.
     pub(crate) fn at(&self, frame: u64, fps: f32) -> (f32, f32) {
-        let t = frame.saturating_sub(self.frame) as f32 / fps;
-        critically_damped(self.heading, self.omega, self.target, GAMMA, t)
+        self.turn.at(self.passed_s(frame, fps))
     }
 
-    /// Draws it to `target` from `frame` on, the shorter way round. `None`: to where it comes to rest by itself.
-    pub(crate) fn turn_to(&mut self, frame: u64, fps: f32, target: Option<f32>) {
-        let (heading, omega) = self.at(frame, fps);
-        // Whole turns are dropped here, so that the count stays small.
-        self.heading = wrap_angle(heading);
-        self.omega = omega;
+    /// Draws it to `target` from `frame` on, the shorter way round, by `most_rps` at most. `None`: to where it comes to rest by
+    /// itself.
+    pub(crate) fn turn_to(&mut self, frame: u64, fps: f32, target: Option<f32>, most_rps: f32) {
+        let (passed, (heading, omega)) = (self.passed_s(frame, fps), self.at(frame, fps));
+        let goal = self.turn.goal_at(passed) - heading;
         self.frame = self.frame.max(frame);
-        self.target = match target {
-            Some(target) => self.heading + wrap_angle(target - self.heading),
-            // No force but the damping's: it never swings back.
-            None => self.heading + omega / GAMMA,
+        // Whole turns are dropped here, so that the count stays small.
+        let turn = &mut self.turn;
+        turn.heading = wrap_angle(heading);
+        turn.omega = omega;
+        let Some(target) = target else {
+            return turn.rest();
         };
+        let ahead = wrap_angle(target - turn.heading);
+        turn.target = turn.heading + ahead;
+        // What the goal is ahead of the heading counts only on the way to the new target.
+        turn.goal = turn.heading + goal.clamp(ahead.min(0.0), ahead.max(0.0));
+        turn.rate_rps = ((turn.target - turn.goal).abs() / TURN_S).min(most_rps);
     }
 
     /// Angle that is still to be turned at a frame, radians.
     pub(crate) fn remaining(&self, frame: u64, fps: f32) -> f32 {
-        self.target - self.at(frame, fps).0
+        self.turn.target - self.at(frame, fps).0
     }
 
     /// The turn from `frame` on for a character that faces `actual` there.
     pub(crate) fn turn(&mut self, frame: u64, fps: f32, actual: f32) -> Turn {
-        let (mut heading, mut omega) = self.at(frame, fps);
+        let (heading, omega) = self.at(frame, fps);
         if wrap_angle(heading - actual).abs() > RESYNC_TURN {
-            let target = self.target;
+            let (target, rate_rps) = (self.turn.target, self.turn.rate_rps);
             *self = Self::new(frame, actual);
-            self.target = actual + wrap_angle(target - actual);
-            (heading, omega) = (actual, 0.0);
+            self.turn.target = actual + wrap_angle(target - actual);
+            self.turn.rate_rps = rate_rps.max((self.turn.target - actual).abs() / TURN_S);
+        } else {
+            let goal = self.turn.goal_at(self.passed_s(frame, fps));
+            self.turn = Turn {
+                heading,
+                omega,
+                goal,
+                ..self.turn
+            };
+            self.frame = self.frame.max(frame);
         }
-        let ahead = wrap_angle(heading - actual) + (self.target - heading);
+        let turn = self.turn;
+        let ahead = wrap_angle(turn.heading - actual) + (turn.target - turn.heading);
         let too_far = ahead - ahead.clamp(-MAX_TURN, MAX_TURN);
+        let target = turn.target - too_far;
         Turn {
-            heading,
-            omega,
-            target: self.target - too_far,
+            // Not beyond the target, on whichever side of it the turn begins.
+            goal: match too_far > 0.0 {
+                true => turn.goal.min(target),
+                false if too_far < 0.0 => turn.goal.max(target),
+                false => turn.goal,
+            },
+            target,
             unfinished: too_far != 0.0,
+            ..turn
         }
     }
 }
 
-/// The headings of one plan.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// The headings of one plan: a critically damped spring that follows a goal, which goes to the target at a steady rate. The
+/// heading never turns faster than that, however far the target is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Turn {
+    /// Radians, not wrapped: whole turns keep the way round.
     heading: f32,
     omega: f32,
+    /// What the spring follows, and where that goes, on the same count.
+    goal: f32,
     target: f32,
+    /// How fast the goal goes, rad/s.
+    rate_rps: f32,
     unfinished: bool,
 }
 
@@ -103,10 +130,52 @@ impl Turn {
         self.unfinished
     }
 
+    /// No force but the damping's from here on: it never swings back.
+    fn rest(&mut self) {
+        self.target = self.heading + self.omega / TURN_GAMMA;
+        self.goal = self.target;
+        self.rate_rps = 0.0;
+    }
+
+    /// Seconds until the goal is at the target.
+    fn goal_s(&self) -> f32 {
+        let way = (self.target - self.goal).abs();
+        if way > 0.0 && self.rate_rps > 0.0 {
+            way / self.rate_rps
+        } else {
+            0.0
+        }
+    }
+
+    fn goal_at(&self, t: f32) -> f32 {
+        let (whole, way) = (self.goal_s(), self.target - self.goal);
+        if t < whole {
+            self.goal + way * (t / whole)
+        } else {
+            self.target
+        }
+    }
+
     /// Heading and angular velocity after `t` seconds. The heading is not wrapped.
     pub(crate) fn at(&self, t: f32) -> (f32, f32) {
-        critically_damped(self.heading, self.omega, self.target, GAMMA, t)
+        let whole = self.goal_s();
+        if whole == 0.0 {
+            return critically_damped(self.heading, self.omega, self.target, TURN_GAMMA, t);
+        }
+        let (heading, omega) = critically_damped(self.heading, self.omega, self.goal, TURN_GAMMA, t);
+        let rate = (self.target - self.goal) / whole;
+        let ((here, speed), (after, later)) = (follows(t), follows(t - whole));
+        (heading + rate * (here - after), omega + rate * (speed - later))
     }
+}
+
+/// Place and velocity of a critically damped spring from rest whose goal leaves it at 1 a second, after `t` seconds.
+fn follows(t: f32) -> (f32, f32) {
+    if t <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let (lag, left) = (2.0 / TURN_GAMMA, (-TURN_GAMMA * t).exp());
+    (t - lag + (t + lag) * left, 1.0 - (1.0 + TURN_GAMMA * t) * left)
 }
 
 #[cfg(test)]
@@ -116,15 +185,14 @@ mod tests {
     use std::f32::consts::PI;
 
     const FPS: f32 = 30.0;
+    /// Radians a second.
+    const MOST: f32 = 4.5;
 
     #[test]
     fn a_quarter_turn_is_done_after_a_second() {
         let mut spring = HeadingSpring::new(100, 0.0);
-        spring.turn_to(100, FPS, Some(PI / 2.0));
+        spring.turn_to(100, FPS, Some(PI / 2.0), MOST);
         let (heading, _) = spring.at(130, FPS);
-        // Equation 6: 1 - (1 + 8) e^-8 of the way.
-        let want = PI / 2.0 * (1.0 - 9.0 * (-8.0f32).exp());
-        assert!((heading - want).abs() < 1e-5);
         assert!((heading - PI / 2.0).abs().to_degrees() < 0.3);
         assert!((spring.remaining(100, FPS) - PI / 2.0).abs() < 1e-6);
     }
@@ -132,23 +200,23 @@ mod tests {
     #[test]
     fn it_goes_on_from_command_to_command() {
         let mut spring = HeadingSpring::new(0, 3.0);
-        spring.turn_to(0, FPS, Some(-3.0));
+        spring.turn_to(0, FPS, Some(-3.0), MOST);
         let (before, omega) = spring.at(5, FPS);
         assert!(before > 3.0 && omega > 0.0, "over the seam, the short way");
-        spring.turn_to(5, FPS, Some(0.0));
+        spring.turn_to(5, FPS, Some(0.0), MOST);
         let (after, same) = spring.at(5, FPS);
         assert!(wrap_angle(after - before).abs() < 1e-5 && (same - omega).abs() < 1e-5);
         // Aiming again at the same changes nothing.
         let (want, _) = spring.at(20, FPS);
-        spring.turn_to(11, FPS, Some(0.0));
+        spring.turn_to(11, FPS, Some(0.0), MOST);
         assert!(wrap_angle(spring.at(20, FPS).0 - want).abs() < 1e-4);
     }
 
     #[test]
     fn stopping_in_a_turn_never_swings_back() {
         let mut spring = HeadingSpring::new(0, 0.0);
-        spring.turn_to(0, FPS, Some(2.0));
-        spring.turn_to(6, FPS, None);
+        spring.turn_to(0, FPS, Some(2.0), MOST);
+        spring.turn_to(6, FPS, None, MOST);
         let mut before = spring.at(6, FPS).0;
         for frame in 7..60 {
             let (heading, omega) = spring.at(frame, FPS);
@@ -161,7 +229,7 @@ mod tests {
     #[test]
     fn a_plan_turns_no_farther_than_the_cap() {
         let mut spring = HeadingSpring::new(0, 0.0);
-        spring.turn_to(0, FPS, Some(3.1));
+        spring.turn_to(0, FPS, Some(3.1), MOST);
         let turn = spring.turn(4, FPS, 0.0);
         assert!((turn.at(10.0).0 - MAX_TURN).abs() < 1e-4);
         assert_eq!(turn.at(0.0), spring.at(4, FPS));
@@ -180,6 +248,20 @@ mod tests {
         assert!(spring.at(10, FPS).0 == 3.0 && spring.at(100, FPS).0.abs() < 1e-3);
     }
 
+    #[test]
+    fn no_turn_is_faster_than_it_may_be() {
+        for angle in [0.3, 1.0, 2.0, 3.1] {
+            let mut spring = HeadingSpring::new(0, 0.0);
+            spring.turn_to(0, FPS, Some(angle), MOST);
+            let rates: Vec<f32> = (0..60).map(|frame| spring.at(frame, FPS).1).collect();
+            assert!(rates.iter().all(|rate| (0.0..=MOST).contains(rate)), "{rates:?}");
+            // The heading is what the rates add up to.
+            let turned: f32 = rates.iter().sum::<f32>() / FPS;
+            assert!((turned - angle).abs() < 0.01, "{turned}");
+            assert!((spring.at(30, FPS).0 - angle).abs().to_degrees() < 10.0);
+        }
+    }
+
     proptest! {
         #[test]
         fn any_commands_keep_it_finite_and_continuous(
@@ -190,10 +272,10 @@ mod tests {
             for (wait, target) in commands {
                 frame += wait;
                 let (before, omega) = spring.at(frame, FPS);
-                spring.turn_to(frame, FPS, target);
+                spring.turn_to(frame, FPS, target, MOST);
                 let (after, same) = spring.at(frame, FPS);
                 prop_assert!(wrap_angle(after - before).abs() < 1e-3 && (same - omega).abs() < 1e-2);
-                prop_assert!(after.abs() <= PI + 1e-3 && (spring.target - after).abs() < 2.0 * PI);
+                prop_assert!(after.abs() <= PI + 1e-3 && (spring.turn.target - after).abs() < 2.0 * PI);
             }
         }
     }

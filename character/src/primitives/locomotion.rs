@@ -1,6 +1,7 @@
 //! Smart locomotion (paper section 6.1 and table 1): from a command to target keyframes.
 //!
-//! * r_g1, naive: the root that the commanded velocity and heading would have after a second.
+//! * r_g1, naive: the root that the commanded heading, and the velocity on its way to the commanded ([`super::ramp`]), would have after
+//!   a second.
 //! * r_g2, spring: the root on equation 6's way to it, which is where targets are placed. Its position starts from the
 //!   character at every plan, its heading from a spring that goes on from command to command ([`super::heading`]).
 //! * r_g3 and r_g4 are the networks'; headings of r_g3 follow the [`Guide`].
@@ -18,9 +19,11 @@ use super::heading::{HeadingSpring, Turn};
 use super::matching::Matcher;
 use super::path::PathCommand;
 use super::path::run::{Now, PathEnd, PathRun, Way};
+use super::ramp::{Ramp, VelocityRamp};
 use super::reach::{self, Feasible};
 use super::recipe::{
-    ANCHOR_AFTER_S, HORIZON_S, PATH_PLAN_FRAMES, STANDING_MPS, STEP_FRAMES, STEP_MARGIN_FRAMES, STEP_TURN,
+    ACCELERATION_MPS2, ANCHOR_AFTER_S, HORIZON_S, MOST_TURN_RPS, PATH_PLAN_FRAMES, STANDING_MPS, STEP_FRAMES,
+    STEP_MARGIN_FRAMES, STEP_TURN,
 };
 use super::{CONTEXT_FRAMES, GapPose, LocomotionCommand, PlanContext, PlanTargets};
 use crate::style::{STANDING_GAIT_MPS, Style};
@@ -34,6 +37,7 @@ pub struct Locomotion {
     command: LocomotionCommand,
     feasible: Feasible,
     heading: HeadingSpring,
+    velocity: VelocityRamp,
     /// The frame of the newest command.
     commanded_at: u64,
     /// The turn that it asked for, radians.
@@ -62,6 +66,9 @@ struct Plan<'a> {
     style: &'a Style,
     feasible: Feasible,
     turn: Turn,
+    ramp: Ramp,
+    /// The velocity changes: the root follows the ramp.
+    changes: bool,
     /// On a path: where it leads.
     way: Option<Way<'a>>,
     blend: Blend<'a>,
@@ -86,6 +93,7 @@ impl Locomotion {
                 facing: heading,
             },
             heading: HeadingSpring::new(frame, heading),
+            velocity: VelocityRamp::new(frame),
             commanded_at: frame,
             turn: 0.0,
             stand: None,
@@ -131,6 +139,7 @@ impl Locomotion {
             && let Some((heading, omega)) = run.facing(frame, self.fps)
         {
             self.heading = HeadingSpring::moving(frame, heading, omega);
+            self.velocity = VelocityRamp::new(frame);
         }
     }
 
@@ -165,8 +174,10 @@ impl Locomotion {
         let only = only_gait(&self.command);
         self.feasible = reach::nearest(style, only, *velocity, target.unwrap_or(0.0));
         // A style that cannot move at all still turns to where it should go.
-        self.heading
-            .turn_to(frame, self.fps, target.map(|_| self.feasible.facing));
+        let facing = target.map(|_| self.feasible.facing);
+        self.heading.turn_to(frame, self.fps, facing, MOST_TURN_RPS);
+        self.velocity
+            .go_to(frame, self.fps, self.feasible.velocity, ACCELERATION_MPS2);
         self.turn = self.heading.remaining(frame, self.fps);
         self.commanded_at = frame;
         self.stand = match self.stand {
@@ -186,6 +197,7 @@ impl Locomotion {
     pub fn plan(&mut self, context: &PlanContext<'_>) -> PlanTargets {
         let now = context.roots[NOW];
         let turn = self.heading.turn(context.frame, context.fps, now.heading);
+        let ramp = (self.velocity).ramp(context.frame, context.fps, context.velocity.with_y(0.0));
         let anchor = self.anchor(context);
         let style = &*self.command.style;
         let (frames, horizon_s) = length(style, context);
@@ -216,7 +228,7 @@ impl Locomotion {
         let r_g1 = match way {
             Some(way) => GlobalRoot::new(way.position(horizon_s), way.heading(horizon_s).0),
             None => GlobalRoot::new(
-                anchor.unwrap_or(now.position + feasible.velocity * horizon_s),
+                anchor.unwrap_or(now.position + ramp.way(horizon_s)),
                 self.feasible_heading(&turn),
             ),
         };
@@ -225,6 +237,8 @@ impl Locomotion {
             style,
             feasible,
             turn,
+            ramp,
+            changes: way.is_none() && anchor.is_none() && ramp.changes(),
             way,
             blend,
             frames,

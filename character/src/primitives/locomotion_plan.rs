@@ -9,8 +9,8 @@ use troupe_motion::{GlobalRoot, LocalRoot, Quat, Vec3};
 use super::super::blend::STYLE_FPS;
 use super::super::path::run::Way;
 use super::super::recipe::{
-    FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO, HORIZON_S, PATH_RATIO, SIDE_ANGLE,
-    SIDE_PARTS, STILL, STOP_POSE, SWAY_FADE_FRAMES, TARGET_KEYS,
+    CHANGE_RATIO, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO, HORIZON_S,
+    PATH_RATIO, SIDE_ANGLE, SIDE_PARTS, STILL, STOP_POSE, SWAY_FADE_FRAMES, TARGET_KEYS,
 };
 use super::super::{GapPose, Guide, PathGoal, PlanTargets, TargetKey};
 use super::{NOW, Plan};
@@ -48,7 +48,7 @@ impl Plan<'_> {
         self.blend.moment(phase, time)
     }
 
-    /// r_g2 at a frame of the segment: the closed form of equation 6 for the position.
+    /// r_g2 at a frame of the segment: the closed form of equation 6 for the position, or the ramp's while the velocity changes.
     fn r_g2(&self, frame: usize) -> GlobalRoot {
         if frame <= NOW {
             return self.context.roots[frame];
@@ -58,13 +58,21 @@ impl Plan<'_> {
         let velocity = self.context.velocity.with_y(0.0);
         let position = match &self.way {
             Some(way) => way.position(t).with_y(self.moment(frame).height_m),
+            None if self.changes => self.ramped(t).with_y(self.moment(frame).height_m),
             None => critically_damped(now, velocity, self.r_g1.position, GAMMA, t).0,
         };
         GlobalRoot::new(position, wrap_angle(self.facing(t).0))
     }
 
-    /// The guide at a frame of the segment. Its way is a smooth curve from the character's place and velocity to r_g2's end
-    /// and the commanded velocity: equation 6 itself runs ahead at first and comes to rest, which is right for where a
+    /// The ramp's way after `t` seconds, from the character's own velocity over the context.
+    fn ramped(&self, t: f32) -> Vec3 {
+        let [first, .., now] = self.context.roots.map(|root| root.position);
+        let actual = (now - first).with_y(0.0) * (self.context.fps / NOW as f32);
+        now + self.ramp.way_from(actual, t)
+    }
+
+    /// The guide at a frame of the segment. While the velocity changes, its way is the ramp's. Else it is a smooth curve from the character's place and velocity to r_g2's end
+    /// and the ramp's velocity there: equation 6 itself runs ahead at first and comes to rest, which is right for where a
     /// target lies, but not for a path. Its headings carry the sway of the steps.
     fn guide_at(&self, frame: usize, end: GlobalRoot) -> GlobalRoot {
         if frame < NOW {
@@ -74,8 +82,10 @@ impl Plan<'_> {
         let now = self.context.roots[NOW].position;
         let position = if let Some(way) = &self.way {
             way.position(t)
+        } else if self.changes {
+            self.ramped(t)
         } else if t <= self.horizon_s {
-            let (from, to) = (self.context.velocity, self.feasible.velocity);
+            let (from, to) = (self.context.velocity, self.ramp.velocity(self.horizon_s));
             hermite(now, from, end.position, to, self.horizon_s, t)
         } else {
             end.position + self.feasible.velocity * (t - self.horizon_s)
@@ -104,7 +114,8 @@ impl Plan<'_> {
         let (heading, omega) = self.facing(self.seconds(frame));
         let sway = yaw(heading) * Vec3::new(moment.left_mps, 0.0, moment.forward_mps);
         let there = |way: &Way<'_>| way.velocity(self.seconds(frame));
-        let velocity = self.way.as_ref().map_or(self.feasible.velocity, there) + sway;
+        let ramped = self.ramp.velocity(self.seconds(frame));
+        let velocity = self.way.as_ref().map_or(ramped, there) + sway;
         // The sway passes as fast as the gait runs.
         let hurry = self.blend.hurry();
         TargetKey {
@@ -223,6 +234,7 @@ impl Plan<'_> {
                 path: (0..self.frames).map(|frame| self.guide_at(frame, end)).collect(),
                 position_ratio: match self.way {
                     Some(_) => PATH_RATIO,
+                    None if self.changes => CHANGE_RATIO.max(self.style.root_ratio),
                     None => self.style.root_ratio,
                 },
                 height_ratio: HEIGHT_RATIO,

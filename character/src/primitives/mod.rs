@@ -7,6 +7,7 @@ mod locomotion;
 mod matching;
 pub mod object;
 pub mod path;
+mod ramp;
 mod reach;
 pub mod recipe;
 

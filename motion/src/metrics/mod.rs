@@ -9,6 +9,7 @@ mod accuracy;
 #[cfg(feature = "distribution")]
 mod distribution;
 mod diversity;
+mod limbs;
 mod npss;
 mod physical;
 mod precision;
@@ -19,6 +20,7 @@ pub use accuracy::{l2p_m, l2q};
 #[cfg(feature = "distribution")]
 pub use distribution::{Gaussian, Latents, MMD_SCALE, MMD_SIGMA, Mmd};
 pub use diversity::{joint_diversity_m, mean_pairwise_distance};
+pub use limbs::{LimbDistances, Limbs, ROOT_ACCELERATION_REACH, root_accelerations_mps2};
 pub use npss::{Npss, npss};
 pub use physical::{
     contact_accuracy, contact_prediction_accuracy, foot_skate_m_per_frame,

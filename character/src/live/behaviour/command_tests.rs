@@ -202,7 +202,7 @@ fn a_path_is_followed_to_its_end_which_is_told() {
 fn a_command_takes_the_place_of_a_path() {
     let mut rig = with_cup();
     rig.follow(0.0, -2.0, true).unwrap();
-    rig.run(60);
+    rig.run(40);
     assert!(walks(&rig));
     // The command to stand, though a path is told as one that stands.
     rig.walk(0.0, 0.0);

@@ -616,7 +616,7 @@ fn an_object_that_is_taken_out_ends_it_at_any_frame() {
 fn what_comes_in_the_way_ends_the_approach() {
     let mut rig = Harness::new();
     rig.interact("cup", "right").unwrap();
-    rig.run(20);
+    rig.run(6);
     let wall = block("wall", [0.0, 1.0, 1.8], [2.0, 1.0, 0.1]);
     rig.scene.update(|scene| scene.set_colliders(&[wall])).unwrap();
     let failed = |kind: &EventKind| {

@@ -7,7 +7,8 @@ use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::gait::{GaitError, feet};
 use troupe_motion::metrics::{
-    MetricError, foot_skate_m_per_frame, joint_accelerations_mps2, joint_jitter_mps2,
+    LimbDistances, Limbs, MetricError, foot_skate_m_per_frame, joint_accelerations_mps2, joint_jitter_mps2,
+    root_accelerations_mps2,
 };
 use troupe_motion::root::wrap_angle;
 
@@ -15,6 +16,8 @@ use super::scenario::{Course, START, Scenario};
 
 /// Frames after the start until a gait is steady.
 const STEADY_AFTER: usize = 45;
+/// Frames of a turn or a stop in which limbs and the root are looked at: it is done by then.
+const CHANGE_FRAMES: usize = 45;
 /// Frames on either side of the moment at which a heading is measured.
 const HEADING_REACH: usize = 4;
 
@@ -31,6 +34,12 @@ pub(super) struct Outcome {
     pub(super) jitter: f64,
     /// All joint accelerations from the start order on, m/s².
     pub(super) accelerations: Vec<f64>,
+    /// How far it faces on average from where it should while steady, radians.
+    pub(super) facing_error: f32,
+    /// How near its limbs come to each other in the 1.5 s after the second order.
+    pub(super) nearest: LimbDistances,
+    /// The largest acceleration of its root over the ground in that time, m/s².
+    pub(super) root_mps2: f64,
     pub(super) then: Then,
 }
 
@@ -99,7 +108,17 @@ pub(super) fn measure(scenario: &Scenario, clip: &Clip) -> Result<Outcome, Measu
             }
         }
     };
+    let change = next..next + CHANGE_FRAMES;
+    let facing = steady
+        .clone()
+        .map(|frame| wrap_angle(clip.root_at(frame).heading - scenario.facing))
+        .sum::<f32>()
+        / steady.len() as f32;
+    let root = root_accelerations_mps2(&motion, change.clone(), clip.fps)?;
     Ok(Outcome {
+        facing_error: facing.abs(),
+        nearest: Limbs::of(&clip.skeleton).nearest(&motion, change)?,
+        root_mps2: root.into_iter().fold(0.0, f64::max),
         speed_1s: speed(START + second, direction),
         speed_steady: way.dot(direction) * clip.fps / steady.len() as f32,
         skate_m: foot_skate_m_per_frame(&clip.skeleton, &motion, steady.clone())?,
@@ -248,6 +267,7 @@ mod tests {
             gait: "walk".to_owned(),
             period: 30,
             velocity: Vec3::Z * 1.2,
+            facing: 0.0,
             course,
             orders: Vec::new(),
             frames,
@@ -264,6 +284,14 @@ mod tests {
         let frames = at + AFTER - START - 1;
         assert_eq!(outcome.accelerations.len(), frames * 5);
         assert!(outcome.jitter > 0.1);
+        // A stop within a frame takes as long as the acceleration is measured over.
+        assert!(
+            (outcome.root_mps2 - 1.1 * 6.0).abs() < 0.1,
+            "{}",
+            outcome.root_mps2
+        );
+        assert!(outcome.facing_error < 0.02, "{}", outcome.facing_error);
+        assert!(outcome.nearest.feet_m <= 0.2 && outcome.nearest.arms_m.is_infinite());
     }
 
     #[test]

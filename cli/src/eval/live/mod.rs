@@ -5,6 +5,7 @@ mod measure;
 mod reference;
 mod report;
 mod scenario;
+mod turns;
 
 pub(crate) use args::Live;
 

@@ -6,7 +6,9 @@ use std::path::Path;
 use troupe_client::Pack;
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
-use troupe_motion::metrics::{foot_skate_m_per_frame, joint_accelerations_mps2};
+use troupe_motion::metrics::{
+    LimbDistances, Limbs, foot_skate_m_per_frame, joint_accelerations_mps2, root_accelerations_mps2,
+};
 
 use crate::eval::clips::{clip_names, read_named};
 use crate::failure::Failure;
@@ -25,6 +27,10 @@ pub(super) struct Reference {
     pub(super) skate_m: f64,
     /// All joint accelerations, m/s².
     pub(super) accelerations: Vec<f64>,
+    /// How near limbs come to each other in each clip.
+    pub(super) nearest: Vec<LimbDistances>,
+    /// The largest acceleration of the root over the ground in each clip, m/s².
+    pub(super) root_mps2: Vec<f64>,
 }
 
 /// References by style and gait.
@@ -71,6 +77,10 @@ impl Reference {
         let middle = edge..clip.frames() - edge;
         let skate = foot_skate_m_per_frame(&clip.skeleton, &motion, middle.clone())?;
         self.skate_m = (self.skate_m * self.clips as f64 + skate) / (self.clips + 1) as f64;
+        let limbs = Limbs::of(&clip.skeleton);
+        self.nearest.push(limbs.nearest(&motion, middle.clone())?);
+        let root = root_accelerations_mps2(&motion, middle.clone(), clip.fps)?;
+        self.root_mps2.push(root.into_iter().fold(0.0, f64::max));
         self.accelerations
             .extend(joint_accelerations_mps2(&motion, middle, clip.fps)?);
         self.clips += 1;

@@ -11,6 +11,7 @@ use troupe_proto::v1;
 use super::measure::{Outcome, Then};
 use super::reference::References;
 use super::scenario::Scenario;
+use super::turns::{Turning, turning_bars};
 
 /// Share of accelerations that the bar is about.
 const P999: f64 = 0.999;
@@ -25,6 +26,8 @@ pub(super) struct Report {
     content_hash: String,
     gaits: Vec<GaitRow>,
     turns: Vec<TurnRow>,
+    /// Limbs that meet in turns, and how hard roots are pushed there and in stops.
+    turning: Turning,
     /// All joint accelerations of all characters, 99.9th percentile, and of all clips.
     acceleration: Against,
     plans: u64,
@@ -36,14 +39,14 @@ pub(super) struct Report {
 
 /// A figure beside that of the clips.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-struct Against {
-    figure: f64,
-    clips: Option<f64>,
-    ratio: Option<f64>,
+pub(super) struct Against {
+    pub(super) figure: f64,
+    pub(super) clips: Option<f64>,
+    pub(super) ratio: Option<f64>,
 }
 
 impl Against {
-    fn new(figure: f64, clips: Option<f64>) -> Self {
+    pub(super) fn new(figure: f64, clips: Option<f64>) -> Self {
         Self {
             figure,
             clips,
@@ -66,6 +69,8 @@ struct GaitRow {
     foot_skate_mm: Against,
     acceleration_p999_mps2: Against,
     joint_jitter_mps2: f64,
+    /// Mean heading while steady against where it should face, degrees.
+    facing_error_deg: f32,
 }
 
 /// The characters that turned by an angle, to the left and to the right.
@@ -84,7 +89,7 @@ struct TurnRow {
 
 /// A bar and who meets it.
 #[derive(Debug, PartialEq, Serialize)]
-struct Bar {
+pub(super) struct Bar {
     bar: String,
     met: usize,
     of: usize,
@@ -95,7 +100,7 @@ struct Bar {
 
 impl Bar {
     /// The bar `figure <= limit` for each of the named figures.
-    fn new(bar: &str, limit: f64, figures: impl IntoIterator<Item = (String, f64)>) -> Self {
+    pub(super) fn new(bar: &str, limit: f64, figures: impl IntoIterator<Item = (String, f64)>) -> Self {
         let figures: Vec<(String, f64)> = figures.into_iter().collect();
         let mut missed: Vec<&(String, f64)> =
             figures.iter().filter(|(_, f)| *f > limit || f.is_nan()).collect();
@@ -146,6 +151,7 @@ impl Report {
                     ),
                     acceleration_p999_mps2: acceleration,
                     joint_jitter_mps2: outcome.jitter,
+                    facing_error_deg: outcome.facing_error.to_degrees(),
                 }),
                 Then::Turned {
                     angle,
@@ -172,13 +178,17 @@ impl Report {
             .collect();
         let acceleration = Against::new(percentile(all, P999).unwrap_or(0.0), percentile(clips, P999));
         let of = pack.description();
+        let turning = Turning::new(scenarios, outcomes, references);
+        let mut bars = bars(&gaits, &turns, acceleration);
+        bars.extend(turning_bars(&turning));
         Self {
             pack: of.name.clone(),
             pack_version: of.version.clone(),
             content_hash: of.content_hash.clone(),
-            bars: bars(&gaits, &turns, acceleration),
+            bars,
             gaits,
             turns: both_sides(turns),
+            turning,
             acceleration,
             plans: stats.plans(),
             late_plans: stats.late_plans,
@@ -197,6 +207,7 @@ impl Report {
         );
         line(&mut text, format_args!("{}", self.gait_table(width)));
         line(&mut text, format_args!("{}", self.turn_table(width)));
+        line(&mut text, format_args!("{}", self.turning));
         line(
             &mut text,
             format_args!(
@@ -237,6 +248,7 @@ impl Report {
                 "clips\nm/s²",
                 "ratio",
                 "jitter\nm/s²",
+                "facing\noff °",
             ],
         );
         let mut last = "";
@@ -259,6 +271,7 @@ impl Report {
                 (acceleration.clips, 0),
                 (acceleration.ratio, 2),
                 (Some(row.joint_jitter_mps2), 1),
+                (Some(f64::from(row.facing_error_deg)), 0),
             ];
             cells.extend(numbers.map(|(n, digits)| right(number(n, digits))));
             table.add_row(cells);
@@ -366,6 +379,11 @@ fn bars(gaits: &[GaitRow], turns: &[TurnRow], acceleration: Against) -> Vec<Bar>
             turns
                 .iter()
                 .map(|row| (turned(row), f64::from(row.heading_error_deg))),
+        ),
+        Bar::new(
+            "facing within 15° while going steadily, in all directions",
+            15.0,
+            of_gaits(|row| Some(f64::from(row.facing_error_deg))),
         ),
         Bar::new(
             "foot skate while walking at most 2 times that of the clips",

@@ -13,6 +13,7 @@ fn gait(gait: &str, off: f32, skate: Against) -> GaitRow {
         foot_skate_mm: skate,
         acceleration_p999_mps2: Against::new(40.0, Some(32.0)),
         joint_jitter_mps2: 5.25,
+        facing_error_deg: 3.0,
     }
 }
 
@@ -41,6 +42,7 @@ fn report() -> Report {
         bars: bars(&gaits, &turns, acceleration),
         gaits,
         turns: both_sides(turns),
+        turning: Turning::default(),
         acceleration,
         plans: 70,
         late_plans: 0,
@@ -63,7 +65,7 @@ fn both_sides_of_a_turn_give_the_worse() {
 
 #[test]
 fn only_walks_are_held_to_the_bar_of_skating() {
-    let bar = &report().bars[4];
+    let bar = &report().bars[5];
     assert_eq!(
         (bar.met, bar.of, &bar.missed[..]),
         (0, 1, &["calm walk 3.00".to_owned()][..])

@@ -19,8 +19,8 @@ const TURNING_RPS: f32 = 0.3;
 const STANDING_MPS: f32 = 0.1;
 /// A gait farther off its heading than this (radians) is told to face ahead of it.
 const ASIDE: f32 = 0.2;
-/// Turns that are asked of every style, degrees.
-pub(super) const TURNS: [u16; 3] = [45, 90, 180];
+/// Turns that are asked of every style, degrees. The last came later: the others begin at the moments that they always did.
+pub(super) const TURNS: [u16; 4] = [45, 90, 180, 120];
 
 /// One character's orders.
 #[derive(Debug, Clone)]
@@ -32,6 +32,8 @@ pub(super) struct Scenario {
     pub(super) period: usize,
     /// Velocity of the first order in the world, m/s; the character faces +Z.
     pub(super) velocity: Vec3,
+    /// Where it should face until the second order, radians.
+    pub(super) facing: f32,
     pub(super) course: Course,
     /// What it is told, and when.
     pub(super) orders: Vec<(usize, Locomotion)>,
@@ -91,10 +93,12 @@ fn order(velocity: Vec3) -> Locomotion {
 fn straight(style: &v1::Style, gait: &v1::Gait) -> Scenario {
     let velocity = Vec3::new(gait.left, 0.0, gait.forward);
     let at = START + STRAIGHT;
+    let order = order(velocity);
     Scenario {
         velocity,
+        facing: order.facing.unwrap_or(velocity.x.atan2(velocity.z)),
         course: Course::Stop { at },
-        orders: vec![(START, order(velocity)), (at, order(velocity).stopped())],
+        orders: vec![(START, order.clone()), (at, order.stopped())],
         frames: at + AFTER,
         ..of(style, gait)
     }
@@ -123,6 +127,7 @@ fn of(style: &v1::Style, gait: &v1::Gait) -> Scenario {
         gait: gait.name.clone(),
         period: (gait.period_frames.round() as usize).max(8),
         velocity: Vec3::ZERO,
+        facing: 0.0,
         course: Course::Stop { at: 0 },
         orders: Vec::new(),
         frames: 0,
@@ -179,7 +184,7 @@ mod tests {
             Course::Turn { angle, .. } => Some((s.gait.as_str(), angle.to_degrees().round() as i32)),
             Course::Stop { .. } => None,
         });
-        let wanted = [45, -45, 90, -90, 180, -180].map(|angle| ("walk", angle));
+        let wanted = [45, -45, 90, -90, 180, -180, 120, -120].map(|angle| ("walk", angle));
         assert_eq!(turned.collect::<Vec<_>>(), wanted);
     }
 

@@ -1,0 +1,166 @@
+//! From a command to go until a quarter of its speed, and the same start in the clips.
+
+use troupe_motion::Vec3;
+use troupe_motion::clip::Clip;
+
+use crate::clips::Clips;
+use crate::percentile;
+use crate::stage::{Role, Stage, slowest_ahead};
+
+/// Share of the speed at which one is seen to move, as the load tester has it.
+const MOVES_FROM: f32 = 0.25;
+/// Share of the speed up to which one is seen to stand.
+const RESTS_BELOW: f32 = 0.05;
+/// Share of a new frame in the smoothed velocity, as the load tester has it.
+const SMOOTHING: f32 = 0.5;
+/// Frames that everybody stands at first.
+const STAND_FRAMES: usize = 75;
+/// Commands come at as many moments after that.
+const MOMENTS: usize = 9;
+/// Frames after the command.
+const AFTER_FRAMES: usize = 60;
+/// A clip that becomes no faster than this does not go anywhere, m/s.
+const GOES_MPS: f32 = 0.5;
+/// Frames for which it must have rested.
+const REST_FRAMES: usize = 3;
+/// Frames that a start takes at most.
+const START_FRAMES: usize = 45;
+
+pub fn run(stage: &mut Stage, clips: Option<&Clips>, each: bool) -> anyhow::Result<()> {
+    println!("milliseconds until a quarter of the speed     count    p10    p50    p90    p99");
+    if let Some(clips) = clips {
+        of_clips(clips, each)?;
+    }
+    let styles = stage.styles.clone();
+    let mut roles = Vec::new();
+    for style in &styles {
+        let speed = slowest_ahead(style).map_or(0.0, |gait| gait.speed_mps());
+        roles.extend((0..MOMENTS).map(|moment| Role {
+            style: style.clone(),
+            orders: vec![(STAND_FRAMES + moment, Vec3::Z * speed)],
+            frames: STAND_FRAMES + moment + AFTER_FRAMES,
+        }));
+    }
+    let takes = stage.play(&roles)?;
+    let per_frame = 1e3 / f64::from(stage.fps());
+    let [mut live, mut leaves, mut ahead, mut plans] = [const { Vec::new() }; 4];
+    for (role, take) in roles.iter().zip(&takes) {
+        let (at, velocity) = role.orders[0];
+        let until = |share| frames_until((&take.clip.root_positions, at), velocity * share, take.clip.fps);
+        let (left, reached) = (until(RESTS_BELOW), until(MOVES_FROM));
+        let Some(plan) = take.plans.iter().find(|(splice, _)| *splice >= at) else {
+            continue;
+        };
+        // The plan's last context frame is its third.
+        let own = frames_until((&plan.1.roots, 3), velocity * MOVES_FROM, take.clip.fps);
+        if each {
+            println!(
+                "{} {at}: {reached:?}, splice {}, plan {own:?}",
+                role.style.name,
+                plan.0 - at
+            );
+        }
+        leaves.push(left.unwrap_or(f64::INFINITY) * per_frame);
+        live.push(reached.unwrap_or(f64::INFINITY) * per_frame);
+        plans.push(own.unwrap_or(f64::INFINITY) * per_frame);
+        ahead.push((plan.0 - at) as f64 * per_frame);
+    }
+    row("commands", &live);
+    row("  until rest is left (5 %)", &leaves);
+    row("  until the plan takes over", &ahead);
+    row("  the plan from there, without the fade", &plans);
+    Ok(())
+}
+
+fn row(name: &str, values: &[f64]) {
+    let [p10, p50, p90, p99] = [0.1, 0.5, 0.9, 0.99].map(|share| percentile(values, share));
+    println!(
+        "{name:44} {:6} {p10:6.0} {p50:6.0} {p90:6.0} {p99:6.0}",
+        values.len()
+    );
+}
+
+/// Frames after `at` until the smoothed velocity has come to `velocity`, between frames by the line.
+fn frames_until((roots, at): (&[Vec3], usize), velocity: Vec3, fps: f32) -> Option<f64> {
+    let speeds = smoothed(roots, at, fps);
+    let along: Vec<f32> = speeds.iter().map(|v| v.dot(velocity.normalize())).collect();
+    crossing(&along, velocity.length())
+}
+
+/// The smoothed velocity over the ground at `at` and the frames behind it.
+fn smoothed(roots: &[Vec3], at: usize, fps: f32) -> Vec<Vec3> {
+    let mut now = Vec3::ZERO;
+    let mut all = vec![now];
+    for pair in roots[at..].windows(2) {
+        let step = (pair[1] - pair[0]).with_y(0.0) * fps;
+        now += (step - now) * SMOOTHING;
+        all.push(now);
+    }
+    all
+}
+
+/// The frame at which `values` first come to `wanted`, with a fraction.
+fn crossing(values: &[f32], wanted: f32) -> Option<f64> {
+    let after = values.iter().position(|&value| value >= wanted)?;
+    let Some(before) = after.checked_sub(1) else {
+        return Some(0.0);
+    };
+    let share = (wanted - values[before]) / (values[after] - values[before]);
+    Some(before as f64 + f64::from(share))
+}
+
+/// The starts of the clips: of walks and runs, and of steps in clips of other kinds.
+fn of_clips(clips: &Clips, each: bool) -> anyhow::Result<()> {
+    let (mut walks, mut steps) = (Vec::new(), Vec::new());
+    for clip in clips.read(|_| true) {
+        let (name, clip) = clip?;
+        let walks_on = ["walk", "run", "dash"].iter().any(|kind| name.contains(kind));
+        for (frame, ms) in starts_of(&clip, walks_on) {
+            if each {
+                println!("{name} frame {frame}: {ms:.0} ms");
+            }
+            match walks_on {
+                true => walks.push(ms),
+                false => steps.push(ms),
+            }
+        }
+    }
+    row("clips: walks and runs", &walks);
+    row("clips: steps out of a stand", &steps);
+    Ok(())
+}
+
+/// Starts from rest: the frame at which a clip last rested, and milliseconds from there to a quarter of its speed: the clip's
+/// median where it walks on, else the most that it comes to.
+fn starts_of(clip: &Clip, walks_on: bool) -> Vec<(usize, f64)> {
+    let speeds: Vec<f32> = smoothed(&clip.root_positions, 0, clip.fps)
+        .iter()
+        .map(|v| v.length())
+        .collect();
+    let median = percentile(&speeds.iter().map(|&v| f64::from(v)).collect::<Vec<_>>(), 0.5) as f32;
+    let mut starts = Vec::new();
+    let mut frame = REST_FRAMES;
+    while frame + 1 < speeds.len() {
+        let end = speeds.len().min(frame + START_FRAMES);
+        let most = speeds[frame..end].iter().copied().fold(0.0, f32::max);
+        let speed = if walks_on { median } else { most };
+        let rest = RESTS_BELOW * speed;
+        let rested = speeds[frame - REST_FRAMES..=frame].iter().all(|&v| v <= rest);
+        let leaves = speeds[frame + 1] > rest;
+        if speed < GOES_MPS || !rested || !leaves {
+            frame += 1;
+            continue;
+        }
+        let start = &speeds[frame..end];
+        // One that comes to rest again on the way was a sway.
+        if let Some(reached) = crossing(start, MOVES_FROM * speed)
+            && start[1..=reached.ceil() as usize].iter().all(|&v| v > rest)
+        {
+            // From where it leaves rest, between frames by the line.
+            let left = (rest - start[0]) / (start[1] - start[0]);
+            starts.push((frame, (reached - f64::from(left)) * 1e3 / f64::from(clip.fps)));
+        }
+        frame += REST_FRAMES;
+    }
+    starts
+}
