@@ -18,7 +18,7 @@ use super::heading::{HeadingSpring, Turn};
 use super::matching::Matcher;
 use super::path::PathCommand;
 use super::path::run::{Now, PathEnd, PathRun, Way};
-use super::reach::{self, Feasible};
+use super::reach::{self, Feasible, Instead};
 use super::recipe::{
     ANCHOR_AFTER_S, HORIZON_S, PATH_PLAN_FRAMES, STANDING_MPS, STEP_FRAMES, STEP_MARGIN_FRAMES, STEP_TURN,
 };
@@ -118,6 +118,16 @@ impl Locomotion {
         self.stand = None;
         self.turn = 0.0;
         self.path = Some(PathRun::new(frame, path));
+    }
+
+    /// What is done instead of the command, where its style cannot do that.
+    pub fn instead(&self) -> Option<Instead> {
+        match self.path {
+            Some(_) => None,
+            None => self
+                .feasible
+                .instead_of(self.command.velocity, self.command.facing),
+        }
     }
 
     /// The path that it follows.
