@@ -146,7 +146,7 @@ pictures: runtime web
 	cargo build --release --package troupe-server
 	scripts/web.sh pictures $(ARGS)
 
-# What a crowd of 200 costs a browser, and what 1, 10 and 100 viewers cost the server (docs/live.md)
+# What a crowd of 200 costs a browser, and what 1, 10 and 100 viewers cost the server (docs/viewer.md)
 viewer-figures: runtime
 	cargo build --release --package troupe-server
 	scripts/web.sh measure

@@ -241,6 +241,29 @@ check_dashboard() {
     prove "dashboard" "all $count metrics that it asks for are exported"
 }
 
+# The page at / has all that it names, and a character walks a second at the pace that it is told.
+check_viewer() {
+    local asset count=0 metres
+    curl --silent --fail --output "$work/viewer.html" http://127.0.0.1:8080/
+    while read -r asset; do
+        curl --silent --fail --output /dev/null "http://127.0.0.1:8080$asset" || fail "the viewer lacks $asset"
+        count=$((count + 1))
+    done < <(grep -oE '/assets/[^"]+' "$work/viewer.html")
+    [ "$count" -gt 1 ] || fail "/ does not show the viewer"
+    ask() {
+        curl --silent --show-error --fail "http://127.0.0.1:8080$1" -H 'content-type: application/json' \
+            -H "authorization: Bearer $key" --data "$2"
+    }
+    ask /v1/sessions '{"sessions": [{"id": "walker"}]}' >/dev/null
+    metres=$(ask /v1/step '{"session_ids": ["walker"], "frames": 60, "commands": [{"session_id": "walker", "sequence": 1,
+        "intent": {"locomote": {"velocity": {"x": 0, "y": 0, "z": 1.2}}}}]}' | python3 -c '
+import json, sys
+roots = json.load(sys.stdin)["blocks"][0]["root_positions"]
+print(f"{roots[-1] - roots[-91]:.2f}")')
+    awk "BEGIN { exit !($metres > 0.8 && $metres < 1.6) }" || fail "a walk of a second takes a character $metres m, not about 1.2"
+    prove "viewer" "/ and its $count files; a character walks $metres m in a second"
+}
+
 # The image has the site of the documentation.
 check_docs() {
     curl --silent --fail --output "$work/docs.html" http://127.0.0.1:8080/docs/
@@ -273,6 +296,7 @@ check() {
     frames=$(in_between)
     prove "in-between" "$frames frames"
     check_dashboard
+    check_viewer
     check_docs
     stop "$work/server.log"
     prove "SIGTERM" "exit code 0 after $stop_s s (at most $most_stop_s)"

@@ -13,6 +13,7 @@ mod motionbricks;
 pub mod onnx;
 pub mod pack;
 mod pipeline;
+mod random;
 mod raw;
 mod sampling;
 mod select;
@@ -22,6 +23,7 @@ mod tensors;
 #[cfg(any(test, feature = "testing"))]
 pub mod toy;
 pub mod unimogen;
+pub mod vermo;
 
 use crate::pack::Stage;
 
@@ -34,6 +36,7 @@ pub use select::{Check, Decision, Selector};
 pub use sizes::BatchSizes;
 pub use tensors::{DecoderOutput, PoseOutput, RootInput, RootOutput, Rows, TokenInput};
 pub use unimogen::UniMoGen;
+pub use vermo::VerMo;
 
 /// Runs the networks of one pack.
 ///

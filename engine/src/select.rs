@@ -9,12 +9,14 @@ use super::checks::{self, CheckCache};
 use super::generator::Generator;
 use super::machine::Machine;
 use super::onnx::{
-    Batching, Growth, NetworkPool, OnnxDenoiser, OnnxStages, Runtime, SessionOptions, no_fixed_shapes,
+    Batching, Growth, NetworkPool, OnnxDenoiser, OnnxStages, OnnxVerMo, Runtime, SessionOptions,
+    no_fixed_shapes,
 };
 use super::{
-    AccuracyCheck, EngineChoice, EngineError, EngineKind, MotionBricks, Pipeline, Stages, UniMoGen, Workers,
+    AccuracyCheck, EngineChoice, EngineError, EngineKind, MotionBricks, Pipeline, Stages, UniMoGen, VerMo,
+    Workers,
 };
-use crate::pack::{Pack, UNIMOGEN};
+use crate::pack::{Pack, UNIMOGEN, VERMO};
 
 /// What serves a pack, and why.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -78,6 +80,7 @@ impl Selector {
         let missing = |engine| self.missing(engine);
         let check = |engine| self.kept_check(pack, engine);
         let (engine, mut why, check) = match self.choice.named() {
+            _ if family(pack) == VERMO => (EngineKind::Cpu, F32_ALONE.to_owned(), None),
             Some(engine) => named(engine, self.accuracy_check, missing, check)?,
             None => best(self.accuracy_check, missing, check),
         };
@@ -85,7 +88,7 @@ impl Selector {
             self.pool.forget(pack);
         }
         let no_fixed_shapes = match engine {
-            EngineKind::OpenvinoBf16 if !is_unimogen(pack) => self.no_fixed_shapes(pack),
+            EngineKind::OpenvinoBf16 if family(pack) != UNIMOGEN => self.no_fixed_shapes(pack),
             _ => None,
         };
         if let (EngineKind::OpenvinoBf16, Some(reason)) = (engine, &no_fixed_shapes) {
@@ -94,9 +97,10 @@ impl Selector {
         let decision = Decision {
             engine,
             workers: self.workers,
-            batching: match is_unimogen(pack) {
-                true => Batching::of_unimogen(engine),
-                false => Batching::of(engine, no_fixed_shapes.is_none()),
+            batching: match family(pack) {
+                UNIMOGEN => Batching::of_unimogen(engine),
+                VERMO => Batching::of_vermo(),
+                _ => Batching::of(engine, no_fixed_shapes.is_none()),
             },
             why,
             check,
@@ -150,15 +154,37 @@ impl Selector {
         engine: EngineKind,
         max_batch: usize,
     ) -> Result<Box<dyn Generator>, EngineError> {
-        if is_unimogen(pack) {
-            let mut generator = UniMoGen::new(pack, Box::new(self.load_denoiser(pack, engine)?), max_batch)?;
-            generator.warm_up(pack)?;
-            return Ok(Box::new(generator));
+        match family(pack) {
+            UNIMOGEN => {
+                let denoiser = Box::new(self.load_denoiser(pack, engine)?);
+                let mut generator = UniMoGen::new(pack, denoiser, max_batch)?;
+                generator.warm_up(pack)?;
+                Ok(Box::new(generator))
+            }
+            VERMO => {
+                let networks = Box::new(self.load_vermo(pack, engine)?);
+                let mut generator = VerMo::new(pack, networks, max_batch)?;
+                generator.warm_up()?;
+                Ok(Box::new(generator))
+            }
+            _ => {
+                let stages = self.load(pack, engine)?;
+                let mut pipeline = Pipeline::new(pack.rig.dims, Box::new(stages), max_batch);
+                pipeline.warm_up()?;
+                Ok(Box::new(MotionBricks::new(pipeline, max_batch)))
+            }
         }
-        let stages = self.load(pack, engine)?;
-        let mut pipeline = Pipeline::new(pack.rig.dims, Box::new(stages), max_batch);
-        pipeline.warm_up()?;
-        Ok(Box::new(MotionBricks::new(pipeline, max_batch)))
+    }
+
+    /// How a worker's networks run that take every shape.
+    fn any_shape(&self, engine: EngineKind) -> SessionOptions {
+        SessionOptions {
+            engine,
+            threads: self.workers.threads,
+            spin: self.spin,
+            fixed_shapes: false,
+            growth: Growth::None,
+        }
     }
 
     /// The network of one worker, of a UniMoGen pack.
@@ -166,14 +192,15 @@ impl Selector {
     /// # Errors
     /// [`EngineError`] where it does not load.
     pub fn load_denoiser(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxDenoiser, EngineError> {
-        let options = SessionOptions {
-            engine,
-            threads: self.workers.threads,
-            spin: self.spin,
-            fixed_shapes: false,
-            growth: Growth::None,
-        };
-        OnnxDenoiser::load(&self.runtime, pack, options)
+        OnnxDenoiser::load(&self.runtime, pack, self.any_shape(engine))
+    }
+
+    /// The networks of one worker, of a VerMo pack.
+    ///
+    /// # Errors
+    /// [`EngineError`] where they do not load.
+    pub fn load_vermo(&self, pack: &Pack, engine: EngineKind) -> Result<OnnxVerMo, EngineError> {
+        OnnxVerMo::load(&self.runtime, pack, self.any_shape(engine))
     }
 
     /// The stages of one worker, of a MotionBricks pack.
@@ -254,13 +281,17 @@ impl Selector {
             fixed_shapes: false,
             growth: Growth::None,
         };
-        let accuracy = match is_unimogen(pack) {
-            true => {
+        let accuracy = match family(pack) {
+            VERMO => {
+                let reason = F32_ALONE.to_owned();
+                return Err(EngineError::Unusable { engine, reason });
+            }
+            UNIMOGEN => {
                 let reference = OnnxDenoiser::load(&self.runtime, pack, reference)?;
                 let candidate = self.load_denoiser(pack, engine)?;
                 compare_paths(pack, Box::new(reference), Box::new(candidate))?
             }
-            false => self.compare_stages(pack, reference, engine)?,
+            _ => self.compare_stages(pack, reference, engine)?,
         };
         Ok(Check {
             engine,
@@ -286,8 +317,11 @@ impl Selector {
     }
 }
 
-fn is_unimogen(pack: &Pack) -> bool {
-    pack.manifest.family == UNIMOGEN
+/// Why a VerMo pack has one engine.
+const F32_ALONE: &str = "networks of VerMo packs run in f32 alone";
+
+fn family(pack: &Pack) -> &str {
+    &pack.manifest.family
 }
 
 /// An engine, why it serves, and its check.

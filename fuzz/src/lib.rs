@@ -283,7 +283,8 @@ pub fn generate(bytes: &[u8]) {
         return;
     };
     survives(&request);
-    match prepare_generate(&request, &home().pack.rig) {
+    let rig = &home().pack.rig;
+    match prepare_generate(&request, rig, rig.dims.context_frames) {
         Ok(_) => planted(|| {
             let Some(v1::generate_request::Goal::Prompt(prompt)) = &request.goal else {
                 return [false; 2];

@@ -291,7 +291,7 @@ fn described(table: &PackTable, loaded: &LoadedPack) -> v1::Pack {
 fn finish_all(served: &Served, plans: &[Plan], rig: &Rig) -> Result<Vec<v1::CharacterResult>, ServiceError> {
     let motions = served.outputs.iter().filter_map(|output| match output {
         Output::Motion(motion) => Some(motion),
-        Output::Text(_) => None,
+        Output::Motions(_) | Output::Text(_) | Output::Audio(_) => None,
     });
     let mut judge = Judge::new(rig);
     let pairs = motions.zip(plans).enumerate();

@@ -137,7 +137,9 @@ def test_values_beyond_what_the_schema_says(ours, walker):
     assert code(root_path({0: (1e9, 0)})) == "schema_validation"
     joint = walker["canonical_skeleton"]["joints"][0]["name"]
     assert code({"type": "pose_keyframe", "frame": 3, "joint_rotations": {joint: [0, 0, 0, 0]}}) == "schema_validation"
-    assert code(options={"guidance": {"type": "regular", "weight": [2.0]}}) == "invalid_options"
+    guided = {"guidance": {"type": "regular", "weight": [9.0]}}
+    horse = ours.model("unimogen/horse")
+    assert ours.error(request(horse, [free(30)], options=guided))[0] == "invalid_options"
     assert code(timing={"fps": 1e4}) == "schema_validation"
     body = request(walker, [free(30)])
     body["skeleton"] = copy.deepcopy(body["skeleton"])

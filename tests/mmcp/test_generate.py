@@ -271,6 +271,14 @@ def test_styles(ours):
     assert "diffusion_steps" in ours.make(request(horse, [free(60)], options=options)).notes()
 
 
+@pytest.mark.parametrize("name", ["human", "g1", "unimogen/horse"])
+def test_what_the_client_of_blender_asks_of_every_model(ours, name):
+    separated = {"type": "separated", "weight": [2.0, 2.0]}
+    options = seeded(diffusion_steps=50, num_samples=1, post_processing=True, transition_frames=5, guidance=separated)
+    body = request(ours.model(name), [free(120)], constraints=[root_path(STRAIGHT)], options=options)
+    assert "guidance" in ours.make(body | {"protocol_version": "1.0"}).notes()
+
+
 def test_a_batch_is_what_its_requests_are(ours):
     bodies = [
         request(ours.model("human"), [free(60)], options=seeded(num_samples=2)),

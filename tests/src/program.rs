@@ -257,6 +257,31 @@ impl Server {
         let numbers = rest.split_whitespace().skip(11).take(2);
         Ok(numbers.filter_map(|n| n.parse::<f64>().ok()).sum::<f64>() / CLOCK_TICKS)
     }
+
+    /// Processor time of its threads so far that run no network, in seconds: of those whose names do not begin with `worker-`.
+    ///
+    /// # Errors
+    /// Where the process is gone, or the kernel keeps no such times (`CONFIG_SCHED_INFO`).
+    pub fn cpu_seconds_beside_networks(&self) -> io::Result<f64> {
+        let mut nanoseconds = 0.0;
+        for thread in std::fs::read_dir(format!("/proc/{}/task", self.child.id()))? {
+            let thread = thread?.path();
+            // One that has ended meanwhile counts no more.
+            let Ok(name) = std::fs::read_to_string(thread.join("comm")) else {
+                continue;
+            };
+            if name.starts_with("worker-") {
+                continue;
+            }
+            let times = std::fs::read_to_string(thread.join("schedstat"))?;
+            let first = times
+                .split_whitespace()
+                .next()
+                .and_then(|n| n.parse::<f64>().ok());
+            nanoseconds += first.unwrap_or_default();
+        }
+        Ok(nanoseconds / 1e9)
+    }
 }
 
 impl Drop for Server {

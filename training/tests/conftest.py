@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from troupe_training.cli.main import main
 from troupe_training.cli.options import OPTIONS
 from troupe_training.data.prepare import prepare
 from unimogen_support import make_cache
@@ -111,3 +112,16 @@ def cache(bvh_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def corpus_cache(bvh_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A corpus of two bodies."""
     return make_cache(tmp_path_factory.mktemp("corpus"), bvh_folder)
+
+
+@pytest.fixture(scope="session")
+def vermo_run(cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of VerMo with a few updates of every stage, of tiny networks."""
+    folder = tmp_path_factory.mktemp("vermo")
+    common = ["--cache", str(cache), "--run", str(folder)]
+    assert main(["vermo", "captions", *common]) == 0
+    stages = [[name] for name in ("tokenizer", "refine", "flow", "pretrain", "instruct", "judge")]
+    for stage in [*stages, ["specialist", "--task", "prediction"]]:
+        size = ["--vermo-preset", "tiny", "--steps", "2", "--per-step", "512"]
+        assert main(["vermo", "train", *stage, *common, *size]) == 0
+    return folder

@@ -3,10 +3,11 @@
 use std::borrow::Cow;
 
 use ort::session::{Session, SessionInputValue};
-use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
+use ort::value::{Outlet, TensorElementType, TensorRef};
 use troupe_motion::model::{DESCRIPTION, SLOTS};
 
-use super::{Runtime, SessionOptions, exit, one_line, session};
+use super::outlets::OPEN;
+use super::{Runtime, SessionOptions, exit, one_line, outlets, session};
 use crate::pack::{DENOISER_FILE, Pack};
 use crate::unimogen::{Call, Denoiser, PATH_FEATURES, ROW_CHANNELS};
 use crate::{EngineError, EngineKind};
@@ -16,8 +17,6 @@ use crate::{EngineError, EngineKind};
 const KERNELS: usize = 500;
 /// The output.
 const CLEAN: &str = "clean";
-/// An axis that any call may have another length of.
-const OPEN: i64 = -1;
 
 /// A session of one worker.
 pub struct OnnxDenoiser {
@@ -99,36 +98,6 @@ fn check(words: usize, inputs: &[Outlet], outputs: &[Outlet]) -> Result<(), Stri
         ("rows", Int64, &[OPEN, slots]),
         ("reads", Float32, &[OPEN, slots]),
     ];
-    for (name, element, axes) in wanted {
-        check_outlet("input", name, element, axes, inputs)?;
-    }
-    if let Some(extra) = inputs
-        .iter()
-        .find(|input| wanted.iter().all(|(name, ..)| name != &input.name()))
-    {
-        return Err(format!("unknown input {}", extra.name()));
-    }
-    check_outlet("output", CLEAN, Float32, &[OPEN, OPEN, channels], outputs)
-}
-
-fn check_outlet(
-    kind: &str,
-    name: &str,
-    element: TensorElementType,
-    axes: &[i64],
-    outlets: &[Outlet],
-) -> Result<(), String> {
-    let outlet = outlets.iter().find(|outlet| outlet.name() == name);
-    let outlet = outlet.ok_or_else(|| format!("the {kind} {name} is missing"))?;
-    let ValueType::Tensor { ty, shape, .. } = outlet.dtype() else {
-        return Err(format!("the {kind} {name} is no tensor"));
-    };
-    // An exporter may leave an output's axes open; every run checks its length.
-    let fits = |(&found, &wanted): (&i64, &i64)| found == wanted || (found == OPEN && kind == "output");
-    if *ty != element || shape.len() != axes.len() || !shape.iter().zip(axes).all(fits) {
-        return Err(format!(
-            "the {kind} {name} is {ty:?} {shape:?}, expected {element:?} {axes:?} with open axes of -1"
-        ));
-    }
-    Ok(())
+    let clean = (CLEAN, Float32, &[OPEN, OPEN, channels][..]);
+    outlets::check((&wanted, &[clean]), inputs, outputs)
 }

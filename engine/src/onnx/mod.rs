@@ -5,10 +5,12 @@ mod denoiser;
 mod exit;
 mod network;
 mod openvino;
+mod outlets;
 mod pool;
 mod runtime;
 mod session;
 mod signature;
+mod vermo;
 mod weights;
 
 use std::ops::Range;
@@ -20,6 +22,7 @@ use super::{
     DecoderOutput, EngineError, EngineKind, PoseOutput, RootInput, RootOutput, Rows, Stages, TokenInput,
 };
 use crate::pack::{Pack, Stage};
+use crate::vermo::SLOTS;
 
 use calls::CALL_ROWS;
 pub use denoiser::OnnxDenoiser;
@@ -29,6 +32,7 @@ use pool::PackWorker;
 pub use runtime::{LIBRARY_VARIABLE, Runtime};
 pub use session::{Growth, SessionOptions};
 use signature::{check_signature, takes_any_length};
+pub use vermo::OnnxVerMo;
 
 /// How an engine takes batches of a pack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -63,6 +67,15 @@ impl Batching {
                 call_rows: CALL_ROWS[CALL_ROWS.len() - 1],
             },
             EngineKind::OpenvinoBf16 | EngineKind::Cuda | EngineKind::Tensorrt => Self::UNKNOWN,
+        }
+    }
+
+    /// Of a VerMo pack: jobs join and leave between tokens.
+    pub fn of_vermo() -> Self {
+        Self {
+            any_size: true,
+            usual_most: SLOTS,
+            call_rows: 0,
         }
     }
 

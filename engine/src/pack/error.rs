@@ -82,6 +82,9 @@ pub enum PackProblem {
         /// What is wrong with it.
         problem: Box<BodyError>,
     },
+    /// Text pieces that the library does not read.
+    #[error("tokenizer.json: {0}")]
+    Tokenizer(String),
     /// The ONNX files are not those that the manifest speaks of.
     #[error("the ONNX files do not match the manifest: content_hash is {expected}, the files have {found}")]
     ContentHash {

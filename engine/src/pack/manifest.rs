@@ -8,6 +8,7 @@ use troupe_motion::robot::RobotDoc;
 
 use super::PackProblem;
 use super::unimogen::{UNIMOGEN, UniMoGenDoc};
+use super::vermo::{VERMO, VerMoDoc};
 
 /// The newest manifest format; format 1 loads as well.
 const FORMAT: u32 = 2;
@@ -52,7 +53,8 @@ pub struct Manifest {
     pub codes: usize,
     /// Context keyframes of a request.
     pub context_frames: usize,
-    /// Most target keyframes of a request.
+    /// Most target keyframes of a request; 0 for a family that has none.
+    #[serde(default)]
     pub max_targets: usize,
     /// Weights of all stages.
     pub parameters: u64,
@@ -69,6 +71,9 @@ pub struct Manifest {
     /// What a pack of the family UniMoGen says beside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unimogen: Option<UniMoGenDoc>,
+    /// What a pack of the family VerMo says beside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vermo: Option<VerMoDoc>,
     /// How it was trained; free.
     #[serde(default)]
     pub training: toml::Table,
@@ -127,12 +132,13 @@ impl Manifest {
             let why = "30: timelines of sessions and the rates at which frames are taken count in 30 frames a second";
             return Err(field("fps", self.fps, why));
         }
+        let least_targets = if self.family == VERMO { 0 } else { 1 };
         let ranges = [
             ("frames_per_token", self.frames_per_token, 1, 64),
             ("min_tokens", self.min_tokens, 1, 1024),
             ("max_tokens", self.max_tokens, self.min_tokens, 1024),
             ("context_frames", self.context_frames, 1, 64),
-            ("max_targets", self.max_targets, 1, 64),
+            ("max_targets", self.max_targets, least_targets, 64),
         ];
         for (name, value, low, high) in ranges {
             if !(low..=high).contains(&value) {
@@ -182,15 +188,39 @@ impl Manifest {
             let allowed = format!("at least {keyframes} frames, for the context and target keyframes");
             return Err(field("max_tokens x frames_per_token", dims.max_frames(), allowed));
         }
-        match (&self.unimogen, self.family == UNIMOGEN) {
-            (Some(table), true) => table.check(&dims)?,
-            (None, true) => return Err(field("unimogen", "missing", "the table [unimogen]")),
-            (Some(_), false) => {
-                return Err(field("unimogen", "there", "none, for the family is another"));
-            }
-            (None, false) => {}
-        }
+        self.check_family(&dims)?;
         Ok(dims)
+    }
+
+    /// Checks the table of the family, and that there is no other's.
+    fn check_family(&self, dims: &Dims) -> Result<(), PackProblem> {
+        for (name, allowed, has, needs) in [
+            (
+                "unimogen",
+                "the table [unimogen]",
+                self.unimogen.is_some(),
+                self.family == UNIMOGEN,
+            ),
+            (
+                "vermo",
+                "the table [vermo]",
+                self.vermo.is_some(),
+                self.family == VERMO,
+            ),
+        ] {
+            match (has, needs) {
+                (false, true) => return Err(field(name, "missing", allowed)),
+                (true, false) => return Err(field(name, "there", "none, for the family is another")),
+                (true, true) | (false, false) => {}
+            }
+        }
+        if let Some(table) = &self.unimogen {
+            table.check(dims)?;
+        }
+        if let Some(table) = &self.vermo {
+            table.check(dims, self.capabilities)?;
+        }
+        Ok(())
     }
 
     /// The free tables as JSON text: `{"training": {..}, "evaluation": {..}}`.

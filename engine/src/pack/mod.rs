@@ -2,10 +2,12 @@
 //! hash and (in [`crate::onnx`]) every tensor of every stage, so that a wrong pack fails at start and says why.
 
 mod error;
+mod lexicon;
 mod manifest;
 #[cfg(feature = "testing")]
 pub mod testing;
 mod unimogen;
+mod vermo;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,8 +17,14 @@ use troupe_motion::feasibility::Limits;
 use troupe_motion::model::{Body, Rig};
 
 pub use error::{PackError, PackProblem};
+pub use lexicon::Lexicon;
 pub use manifest::{MOTIONBRICKS, Manifest};
 pub use unimogen::{DENOISER_FILE, RATE, UNIMOGEN, UniMoGenDoc};
+pub(crate) use vermo::FRAMES_PER_TOKEN;
+pub use vermo::{
+    DECODER_FILE, ENCODER_FILE, FLOW_FILE, LANGUAGE_FILE, MAX_FLOW_STEPS, MAX_REPETITION, MAX_TEMPERATURE,
+    MessageTask, VERMO, VerMoDoc,
+};
 
 /// Name of the manifest inside a pack folder.
 pub const MANIFEST_FILE: &str = "pack.toml";
@@ -66,6 +74,8 @@ pub struct Pack {
     pub bodies: Vec<Arc<Body>>,
     /// The words that the network knows, in the order of its inputs; empty for a family without.
     pub words: Vec<String>,
+    /// The text that it understands, where it takes any.
+    pub lexicon: Option<Arc<Lexicon>>,
     /// The folder, where the ONNX files are.
     pub folder: PathBuf,
 }
@@ -97,10 +107,13 @@ impl Pack {
             let bodies = table.read_bodies(folder, pack.manifest.fps, &pack.rig.dims)?;
             pack.bodies = bodies.into_iter().map(Arc::new).collect();
         }
+        if let Some(table) = &pack.manifest.vermo {
+            pack.lexicon = Some(Arc::new(Lexicon::load(folder, table)?));
+        }
         Ok(pack)
     }
 
-    /// A pack from an already parsed manifest, without looking at its files: it has no bodies.
+    /// A pack from an already parsed manifest, without looking at its files: it has neither bodies nor a lexicon.
     ///
     /// # Errors
     /// [`PackProblem`] where the manifest contradicts itself.
@@ -117,6 +130,7 @@ impl Pack {
         }
         Ok(Self {
             bodies: Vec::new(),
+            lexicon: None,
             words: (manifest.unimogen.as_ref()).map_or_else(Vec::new, |table| table.words.clone()),
             manifest,
             rig: Arc::new(rig),
@@ -126,6 +140,9 @@ impl Pack {
 
     /// The files of its networks, in the order in which the content hash reads them. A family that names none has none.
     pub fn files(&self) -> &'static [&'static str] {
+        if let Some(table) = &self.manifest.vermo {
+            return table.files();
+        }
         match self.manifest.family.as_str() {
             MOTIONBRICKS => &["root.onnx", "pose.onnx", "decoder.onnx"],
             UNIMOGEN => &[DENOISER_FILE],
@@ -244,3 +261,5 @@ fn read_text(path: &Path) -> Result<String, PackProblem> {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod vermo_tests;

@@ -36,6 +36,7 @@ pub fn pack_of(rig: Rig) -> Pack {
         robot: None,
         limits: None,
         unimogen: None,
+        vermo: None,
         training: toml::Table::new(),
         evaluation: toml::Table::new(),
     };
@@ -45,5 +46,6 @@ pub fn pack_of(rig: Rig) -> Pack {
         rig: Arc::new(rig),
         bodies: Vec::new(),
         words: Vec::new(),
+        lexicon: None,
     }
 }

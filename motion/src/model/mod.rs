@@ -17,4 +17,7 @@ pub use capability::{Capabilities, Capability};
 pub use dims::{Dims, GLOBAL_ROOT, LOCAL_ROOT, POSE_FEATURES, SIX_D};
 pub use motion::{Motion, Output, Trace, all_finite};
 pub use rig::{ByPath, Rig};
-pub use task::{DescribeTask, GapPose, KeyTensors, KeyframeTask, PathTask, PromptTask, RootGuide, Task};
+pub use task::{
+    AgentTask, Audio, DescribeTask, GapPose, KeyTensors, KeyframeTask, PathTask, PromptTask, RootGuide,
+    SamplingTask, Sound, Task, Telling,
+};

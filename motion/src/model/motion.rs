@@ -57,16 +57,35 @@ pub struct Trace {
 pub enum Output {
     /// Frames.
     Motion(Motion),
+    /// Frames of each of several characters.
+    Motions(Vec<Motion>),
     /// Words.
     Text(String),
+    /// Codes of audio.
+    Audio(Vec<u32>),
 }
 
 impl Output {
-    /// The frames, where it is these.
+    /// The frames, where it is these of one character.
     pub fn into_motion(self) -> Option<Motion> {
         match self {
             Self::Motion(motion) => Some(motion),
-            Self::Text(_) => None,
+            Self::Motions(_) | Self::Text(_) | Self::Audio(_) => None,
+        }
+    }
+
+    /// Adds the part that follows, which is of the same kind; one of another takes its place.
+    pub fn append(&mut self, more: Self) {
+        match (self, more) {
+            (Self::Motion(motion), Self::Motion(more)) => motion.append(more),
+            (Self::Motions(motions), Self::Motions(more)) if motions.len() == more.len() => {
+                for (motion, more) in motions.iter_mut().zip(more) {
+                    motion.append(more);
+                }
+            }
+            (Self::Text(text), Self::Text(more)) => text.push_str(&more),
+            (Self::Audio(codes), Self::Audio(mut more)) => codes.append(&mut more),
+            (whole, more) => *whole = more,
         }
     }
 }

@@ -128,19 +128,89 @@ pub struct PathTask {
     pub seed: u64,
 }
 
+/// How tokens are chosen. What is left out is as the pack says.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct SamplingTask {
+    /// 0 for the most likely choice, above 0 to sample.
+    pub temperature: Option<f32>,
+    /// How many of the likeliest tokens may be chosen; 0 for all of them.
+    pub top_k: Option<u32>,
+    /// The likeliest tokens that may be chosen are together at least so likely; 1 for all of them.
+    pub top_p: Option<f32>,
+    /// What logits of the last tokens are weakened by; 1 for nothing.
+    pub repetition: Option<f32>,
+}
+
+impl SamplingTask {
+    /// At that temperature, and as the pack says otherwise.
+    pub fn at(temperature: f32) -> Self {
+        Self {
+            temperature: Some(temperature),
+            ..Self::default()
+        }
+    }
+}
+
+/// What sounds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sound {
+    /// Music, for dances.
+    Music,
+    /// Speech, for gestures.
+    Speech,
+}
+
+/// Audio as the codes of a pack.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Audio {
+    /// What sounds.
+    pub sound: Sound,
+    /// Its codes.
+    pub codes: Vec<u32>,
+}
+
+/// A second character of a task, and more.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct AgentTask {
+    /// What it is to do, in words.
+    pub text: String,
+    /// Frames that go before, as many as those of the first.
+    pub context: Vec<KeyTensors>,
+}
+
 /// Words to act out.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PromptTask {
-    /// What to do, in words.
+    /// What to do, in words. Beside a context, targets or audio it may be empty.
     pub text: String,
     /// Frames that go before, oldest first, in the segment frame; none to begin anywhere.
     pub context: Vec<KeyTensors>,
+    /// Frames that come after, oldest first, in the segment frame; none to end anywhere. Then `frames` is those between.
+    pub targets: Vec<KeyTensors>,
+    /// What is to be danced or spoken to.
+    pub audio: Option<Audio>,
+    /// Other characters of the same motion.
+    pub others: Vec<AgentTask>,
     /// Frames to make, where the caller fixes them.
     pub frames: Option<usize>,
     /// Seed of all random choices.
     pub seed: u64,
-    /// 0 for the most likely choice, above 0 to sample.
-    pub temperature: f32,
+    /// How tokens are chosen.
+    pub sampling: SamplingTask,
+    /// Whether frames are to leave while later ones are made. Else all leave together, for less work.
+    pub in_parts: bool,
+    /// Steps of the pack's flow decoder: its frames are finer, and leave together. 0 for the plain decoder.
+    pub flow_steps: u32,
+}
+
+/// What a motion is to be put into.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Telling {
+    /// Words.
+    #[default]
+    Words,
+    /// Codes of audio that goes with it.
+    Audio(Sound),
 }
 
 /// A motion to put into words.
@@ -148,10 +218,14 @@ pub struct PromptTask {
 pub struct DescribeTask {
     /// The motion's frames, in the frame of its first root.
     pub frames: Vec<KeyTensors>,
+    /// Frames of other characters, as many as those of the first.
+    pub others: Vec<Vec<KeyTensors>>,
+    /// What to put it into.
+    pub into: Telling,
     /// Seed of all random choices.
     pub seed: u64,
-    /// 0 for the most likely choice, above 0 to sample.
-    pub temperature: f32,
+    /// How tokens are chosen.
+    pub sampling: SamplingTask,
 }
 
 /// What one job asks of a generator.
@@ -188,5 +262,17 @@ impl From<KeyframeTask> for Task {
 impl From<PathTask> for Task {
     fn from(task: PathTask) -> Self {
         Self::Path(task)
+    }
+}
+
+impl From<PromptTask> for Task {
+    fn from(task: PromptTask) -> Self {
+        Self::Prompt(task)
+    }
+}
+
+impl From<DescribeTask> for Task {
+    fn from(task: DescribeTask) -> Self {
+        Self::Describe(task)
     }
 }

@@ -434,10 +434,9 @@ fn done(id: &JobId) -> Finished {
 
 /// Adds the next part of a character's answer.
 fn append(slot: &mut Option<Output>, output: Output) {
-    match (slot, output) {
-        (Some(Output::Motion(motion)), Output::Motion(more)) => motion.append(more),
-        (Some(Output::Text(text)), Output::Text(more)) => text.push_str(&more),
-        (slot, output) => *slot = Some(output),
+    match slot {
+        Some(whole) => whole.append(output),
+        None => *slot = Some(output),
     }
 }
 

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use troupe_engine::pack::{Pack, UNIMOGEN};
+use troupe_engine::pack::{Pack, UNIMOGEN, VERMO};
 use troupe_engine::unimogen::probe_task;
-use troupe_engine::{EngineError, EngineKind, Pipeline, RawLoop, Selector, UniMoGen, Workers};
+use troupe_engine::{EngineError, EngineKind, Pipeline, RawLoop, Selector, UniMoGen, VerMo, Workers};
 use troupe_motion::model::PathTask;
 
 /// Time for one measurement.
@@ -26,7 +26,7 @@ pub struct Trial {
     pub warm_up_s: f64,
     /// Frames of the plans that were made.
     pub frames: usize,
-    /// The networks alone, by workers and batch size; of a UniMoGen pack, all steps of the sampler.
+    /// The networks alone, by workers and batch size; of a UniMoGen pack, all steps of the sampler; of a VerMo pack, whole answers.
     pub speeds: Vec<Speed>,
 }
 
@@ -128,6 +128,7 @@ impl Trial {
 enum Loaded {
     Stages(Box<Pipeline>),
     Paths(Box<UniMoGen>),
+    Words(Box<VerMo>),
 }
 
 impl Loaded {
@@ -137,19 +138,28 @@ impl Loaded {
         engine: EngineKind,
         max_batch: usize,
     ) -> Result<Self, EngineError> {
-        if pack.manifest.family == UNIMOGEN {
-            let denoiser = Box::new(selector.load_denoiser(pack, engine)?);
-            return Ok(Self::Paths(Box::new(UniMoGen::new(pack, denoiser, max_batch)?)));
+        match pack.manifest.family.as_str() {
+            UNIMOGEN => {
+                let denoiser = Box::new(selector.load_denoiser(pack, engine)?);
+                Ok(Self::Paths(Box::new(UniMoGen::new(pack, denoiser, max_batch)?)))
+            }
+            VERMO => {
+                let networks = Box::new(selector.load_vermo(pack, engine)?);
+                Ok(Self::Words(Box::new(VerMo::new(pack, networks, max_batch)?)))
+            }
+            _ => {
+                let stages = Box::new(selector.load(pack, engine)?);
+                let pipeline = Pipeline::new(pack.rig.dims, stages, max_batch);
+                Ok(Self::Stages(Box::new(pipeline)))
+            }
         }
-        let stages = Box::new(selector.load(pack, engine)?);
-        let pipeline = Pipeline::new(pack.rig.dims, stages, max_batch);
-        Ok(Self::Stages(Box::new(pipeline)))
     }
 
     fn warm_up(mut self, pack: &Pack) -> Result<Self, EngineError> {
         match &mut self {
             Self::Stages(pipeline) => pipeline.warm_up()?,
             Self::Paths(generator) => generator.warm_up(pack)?,
+            Self::Words(generator) => generator.warm_up()?,
         }
         Ok(self)
     }
@@ -162,6 +172,7 @@ impl Loaded {
                 Loop::Stages(Box::new(raw))
             }
             Self::Paths(generator) => Loop::Paths(generator, Vec::new()),
+            Self::Words(generator) => Loop::Words(generator, 0, frames),
         }
     }
 }
@@ -170,6 +181,8 @@ impl Loaded {
 enum Loop {
     Stages(Box<RawLoop>),
     Paths(Box<UniMoGen>, Vec<PathTask>),
+    /// With the jobs of a batch, and the frames of each.
+    Words(Box<VerMo>, usize, usize),
 }
 
 impl Loop {
@@ -182,6 +195,7 @@ impl Loop {
                     .filter_map(|index| probe_task(pack, index, frames))
                     .collect();
             }
+            Self::Words(_, jobs, _) => *jobs = batch,
         }
     }
 
@@ -189,6 +203,7 @@ impl Loop {
         match self {
             Self::Stages(stages) => stages.run().map(|_| ()),
             Self::Paths(generator, tasks) => generator.run(tasks).map(|_| ()),
+            Self::Words(generator, jobs, frames) => generator.run_trial(*jobs, *frames).map(|_| ()),
         }
     }
 }

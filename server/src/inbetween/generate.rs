@@ -9,7 +9,7 @@ use troupe_character::post::{
 };
 use troupe_character::{FieldError, Path};
 use troupe_motion::feasibility::Judge;
-use troupe_motion::model::{DescribeTask, Motion, Output, PromptTask, Rig, Task};
+use troupe_motion::model::{DescribeTask, Motion, Output, PromptTask, Rig, SamplingTask, Task};
 use troupe_motion::rotation::{align_sign, to_wxyz};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 use troupe_proto::v1;
@@ -24,13 +24,15 @@ pub const MAX_PROMPT_CHARS: usize = 1000;
 /// Most frames that a prompt asks for, and that a motion to describe has.
 pub const MAX_GENERATED_FRAMES: usize = 1024;
 
-/// Checks a request and brings it into the form of a task. Gives the segment frame with it.
+/// Checks a request and brings it into the form of a task. Gives the segment frame with it. More frames may go before than the pack's
+/// context, up to `most_past`.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
 pub fn prepare_generate(
     request: &v1::GenerateRequest,
     rig: &Rig,
+    most_past: usize,
 ) -> Result<(Task, SegmentFrame), FieldError> {
     let root = Path::root();
     check_temperature(&root, request.temperature)?;
@@ -46,13 +48,7 @@ pub fn prepare_generate(
             let path = root.field("prompt");
             let text = check_text(&path, &prompt.text)?;
             let frames = check_frame_count(&path, prompt.frame_count)?;
-            let wanted = rig.dims.context_frames;
-            if !request.past.is_empty() && request.past.len() != wanted {
-                let message = format!("has {} keyframes", request.past.len());
-                return Err(root
-                    .field("past")
-                    .error(message, format!("none, or exactly {wanted}")));
-            }
+            check_past(&root, request.past.len(), (rig.dims.context_frames, most_past))?;
             let past = check_keyframes(&root, "past", &request.past, Role::Context, rig)?;
             let origin = GlobalRoot::new(Vec3::ZERO, 0.0);
             let frame = SegmentFrame::from_root(past.last().and_then(|key| key.root).unwrap_or(origin));
@@ -61,7 +57,9 @@ pub fn prepare_generate(
                 context: writer.write(&frame, &past),
                 frames,
                 seed,
-                temperature,
+                sampling: SamplingTask::at(temperature),
+                in_parts: true,
+                ..PromptTask::default()
             };
             Ok((Task::Prompt(task), frame))
         }
@@ -83,11 +81,25 @@ pub fn prepare_generate(
             let task = DescribeTask {
                 frames: writer.write(&frame, &keys),
                 seed,
-                temperature,
+                sampling: SamplingTask::at(temperature),
+                ..DescribeTask::default()
             };
             Ok((Task::Describe(task), frame))
         }
     }
+}
+
+fn check_past(root: &Path<'_>, count: usize, (least, most): (usize, usize)) -> Result<(), FieldError> {
+    if count == 0 || (least..=most).contains(&count) {
+        return Ok(());
+    }
+    let allowed = match least < most {
+        true => format!("none, or {least} to {most}"),
+        false => format!("none, or exactly {least}"),
+    };
+    Err(root
+        .field("past")
+        .error(format!("has {count} keyframes"), allowed))
 }
 
 /// A path has no temperature: its motion follows from the seed.
@@ -168,6 +180,12 @@ impl PartWriter {
         let part = match output {
             Output::Text(text) => Part::Text(text),
             Output::Motion(motion) => Part::Frames(self.frames(&motion)?),
+            // A request has one character, and asks for no audio.
+            Output::Motions(motions) => Part::Frames(match motions.first() {
+                Some(motion) => self.frames(motion)?,
+                None => v1::Frames::default(),
+            }),
+            Output::Audio(codes) => Part::Text(format!("{codes:?}")),
         };
         let found = self.judge.as_mut().map(Judge::part);
         Ok(v1::GenerateResponse {

@@ -13,12 +13,14 @@ mod generate;
 mod live_equals_tests;
 mod path;
 mod prepare;
+mod words;
 
 pub use feasible::{NotFeasible, refuse, refuse_frames, refuse_keyframes};
 pub use finish::{finish, finish_judged};
 pub use generate::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, PartWriter, no_temperature, prepare_generate};
 pub use path::{MAX_PATH_POINTS, PathPlan};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};
+pub use words::{check_words, most_past};
 
 /// Most bytes of a character's id.
 pub const MAX_ID_BYTES: usize = 128;

@@ -341,11 +341,8 @@ fn check_guidance(guidance: &Guidance, model: &Model) -> Result<(), Fault> {
             format!("exactly {weights}"),
         ));
     }
-    let supported = model.guidance();
-    if !supported.contains(&guidance.kind.as_str()) {
-        let found = format!("is {:?}", guidance.kind);
-        let fault = Fault::option("options.guidance.type", found, supported.join(", "));
-        return Err(fault.with("supported_guidance_types", supported));
+    if !takes(guidance, model) {
+        return Ok(());
     }
     let [low, high] = GUIDANCE;
     match guidance
@@ -360,6 +357,12 @@ fn check_guidance(guidance: &Guidance, model: &Model) -> Result<(), Fault> {
         )),
         None => Ok(()),
     }
+}
+
+/// Whether the model takes this type of guidance. What it does not take is left out with a note: the protocol's own client for Blender
+/// sends guidance by text to every model.
+fn takes(guidance: &Guidance, model: &Model) -> bool {
+    model.guidance().contains(&guidance.kind.as_str())
 }
 
 /// How to move: the style, and what a sampler takes.
@@ -385,6 +388,7 @@ fn look(options: &Options, model: &Model, notes: &mut Vec<Note>) -> Result<Look,
     if let Some(value) = own.get("temperature") {
         look.temperature = temperature(value)?;
     }
+    look.guidance = guidance(options, model, notes);
     let style = own
         .get("style")
         .map(|value| style_name(value, &names))
@@ -430,7 +434,7 @@ fn temperature(value: &Value) -> Result<f32, Fault> {
         })
 }
 
-/// Steps and guidance of a sampler.
+/// Steps of a sampler.
 fn steps(options: &Options, model: &Model, look: &mut Look, notes: &mut Vec<Note>) {
     let table = model.loaded.pack.manifest.unimogen.as_ref();
     let most = table.map_or(1, |table| table.diffusion_steps as i64);
@@ -441,8 +445,18 @@ fn steps(options: &Options, model: &Model, look: &mut Look, notes: &mut Vec<Note
         }
         steps.min(most) as u32
     });
-    let guidance = options.guidance.as_ref();
-    look.guidance = guidance.and_then(|guidance| guidance.weight.first().map(|weight| *weight as f32));
+}
+
+/// The weight of the style.
+fn guidance(options: &Options, model: &Model, notes: &mut Vec<Note>) -> Option<f32> {
+    let guidance = options.guidance.as_ref()?;
+    if takes(guidance, model) {
+        return guidance.weight.first().map(|weight| *weight as f32);
+    }
+    let supported = model.guidance().join(", ");
+    let message = format!("{:?} is left out: the model takes {supported}", guidance.kind);
+    notes.push(Note::info("guidance", message));
+    None
 }
 
 /// The seed of a request. One that is not given is drawn, and told.

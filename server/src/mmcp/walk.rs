@@ -16,7 +16,7 @@ use troupe_character::primitives::{
 };
 use troupe_character::style::Style;
 use troupe_motion::interpolate::smoothstep;
-use troupe_motion::model::{Motion, PromptTask, Rig, Task};
+use troupe_motion::model::{Motion, PromptTask, Rig, SamplingTask, Task};
 use troupe_motion::root::wrap_angle;
 use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
 
@@ -227,13 +227,14 @@ impl Walk {
             context: KeyWriter::new(&self.rig.skeleton, self.rig.fps).write(&frame, &keys),
             frames: Some(frames),
             seed,
-            temperature: self.temperature,
+            sampling: SamplingTask::at(self.temperature),
+            ..PromptTask::default()
         })
     }
 
     /// The last frames as keyframes: as many as a context has, or none.
     fn last_keys(&self) -> Vec<Checked> {
-        let Some(from) = self.track.len().checked_sub(CONTEXT_FRAMES) else {
+        let Some(from) = self.track.len().checked_sub(self.rig.dims.context_frames) else {
             return Vec::new();
         };
         let key = |frame: usize| {

@@ -10,7 +10,9 @@ use troupe_proto::v1::generate_request::Goal;
 
 use super::{REQUEST_TARGET, Service, ServiceError};
 use crate::batch::{Batcher, Order, Parts, Piece, trace_queue, trace_step};
-use crate::inbetween::{PartWriter, PathPlan, no_temperature, prepare_generate, refuse_frames};
+use crate::inbetween::{
+    PartWriter, PathPlan, check_words, most_past, no_temperature, prepare_generate, refuse_frames,
+};
 use crate::telemetry::{RequestContext, Trace};
 
 /// An answer on its way.
@@ -21,6 +23,8 @@ pub struct Generation {
     writer: PartWriter,
     /// Of a motion along a path, what is still to be made.
     path: Option<PathWay>,
+    /// What the model was asked for that it may not do well, until there is a part.
+    notes: Vec<String>,
     /// Its trace, where it has one, and when it came to the batcher, until there is a part.
     trace: Option<Trace>,
     asked: Option<Instant>,
@@ -34,7 +38,6 @@ struct PathWay {
     frame: SegmentFrame,
     batcher: Batcher,
     timeout: Duration,
-    notes: Vec<String>,
     /// Whether frames that are not feasible end the answer.
     strict: bool,
 }
@@ -59,7 +62,10 @@ impl Generation {
             None => (self.writer.write(piece.output, piece.is_last)).map_err(ServiceError::from),
             Some(_) => self.written_window(piece),
         };
-        Some(written)
+        Some(written.map(|part| v1::GenerateResponse {
+            notes: std::mem::take(&mut self.notes),
+            ..part
+        }))
     }
 
     /// The message of a window, and the next window on its way.
@@ -71,8 +77,7 @@ impl Generation {
         check_finite(motion)?;
         self.writer.move_to(way.frame);
         let (fresh, is_last) = way.plan.take(motion, &way.frame);
-        let mut part = self.writer.write(Output::Motion(fresh), is_last)?;
-        part.notes = std::mem::take(&mut way.notes);
+        let part = self.writer.write(Output::Motion(fresh), is_last)?;
         if let Some(found) = part.feasibility.as_ref().filter(|_| way.strict) {
             refuse_frames(found)?;
         }
@@ -100,7 +105,7 @@ impl Service {
         let loaded = self.table()?.find("pack", &request.pack)?;
         let timeout = self.common.timeout;
         let (mut path, mut judge) = (None, None);
-        let (task, rig, frame) = match &request.goal {
+        let (task, rig, frame, notes) = match &request.goal {
             Some(Goal::Path(goal)) => {
                 loaded.require(Capability::Path, "pack")?;
                 no_temperature(request)?;
@@ -111,21 +116,22 @@ impl Service {
                 judge = plan.judge();
                 let (task, frame) = plan.next().ok_or(ServiceError::Starting)?;
                 let rig = plan.body.rig.clone();
+                let notes = std::mem::take(&mut plan.notes);
                 path = Some(PathWay {
-                    notes: std::mem::take(&mut plan.notes),
                     plan,
                     frame,
                     batcher: loaded.batcher.clone(),
                     timeout,
                     strict: goal.strict,
                 });
-                (task.into(), rig, frame)
+                (task.into(), rig, frame, notes)
             }
             _ => {
                 let rig = loaded.pack.rig.clone();
-                let (task, frame) = prepare_generate(request, &rig)?;
+                let (task, frame) = prepare_generate(request, &rig, most_past(&loaded.pack))?;
                 loaded.require(task.needs(), "pack")?;
-                (task, rig, frame)
+                let notes = check_words(&loaded.pack, &task)?;
+                (task, rig, frame, notes)
             }
         };
         Ok(Generation {
@@ -134,6 +140,7 @@ impl Service {
             parts: loaded.batcher.stream(task, order(arrived, timeout))?,
             writer: PartWriter::new(rig, frame).judged_by(judge),
             path,
+            notes,
         })
     }
 }

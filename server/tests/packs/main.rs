@@ -14,6 +14,7 @@ mod objects;
 mod onnx;
 mod program;
 mod sessions;
+mod words;
 
 use std::path::{Path, PathBuf};
 

@@ -55,6 +55,8 @@ struct Turn {
     saturated_per_s: f64,
     /// Processor time of the server for a second of a live character, ms.
     live_cpu_ms: f64,
+    /// What of that no network took.
+    beside_cpu_ms: f64,
     /// Median latency of one client that waits for its answers, ms.
     lone_ms: f64,
 }
@@ -125,16 +127,18 @@ fn measure(home: &Home, given: &Given, arguments: &Arguments) -> anyhow::Result<
         report: home.folder().join("loadtest.json"),
     };
     let saturated = tester.run(&["--clients", "32"])?;
-    let (live_cpu_s, live_s) = tester.live(&server)?;
+    let (live_cpu_s, beside_cpu_s, live_s) = tester.live(&server)?;
     let lone = tester.run(&["--clients", "1"])?;
     server.stop()?;
     let figure = |report: &Value, path: &str| {
         let found = report.pointer(path).and_then(Value::as_f64);
         found.with_context(|| format!("{path} is not in the load tester's report"))
     };
+    let of_a_character = |seconds: f64| 1e3 * seconds / (live_s * f64::from(arguments.characters));
     Ok(Turn {
         saturated_per_s: figure(&saturated, "/median/throughput/requests_per_s")?,
-        live_cpu_ms: 1e3 * live_cpu_s / (live_s * f64::from(arguments.characters)),
+        live_cpu_ms: of_a_character(live_cpu_s),
+        beside_cpu_ms: of_a_character(beside_cpu_s),
         lone_ms: figure(&lone, "/median/latency_ms/p50")?,
     })
 }
@@ -176,15 +180,21 @@ impl Tester<'_> {
         Ok(serde_json::from_slice(&std::fs::read(&self.report)?)?)
     }
 
-    /// Has characters live, and gives processor time of the server over some time of that, both in seconds.
-    fn live(&self, server: &Server) -> anyhow::Result<(f64, f64)> {
+    /// Has characters live, and gives processor time of the server over some time of that, what of it no network took, and that time,
+    /// all in seconds.
+    fn live(&self, server: &Server) -> anyhow::Result<(f64, f64, f64)> {
         let characters = self.arguments.characters.to_string();
         let load = ["--workload", "drive", "--characters", &characters];
         let mut child = self.command(&load).spawn().context("troupe-loadtest")?;
         sleep(Duration::from_secs(WARM_UP_S) + MARGIN);
-        let (before, begun) = (server.cpu_seconds()?, Instant::now());
+        let (before, beside) = (server.cpu_seconds()?, server.cpu_seconds_beside_networks()?);
+        let begun = Instant::now();
         sleep(Duration::from_secs(self.arguments.seconds) - 2 * MARGIN);
-        let taken = (server.cpu_seconds()? - before, begun.elapsed().as_secs_f64());
+        let taken = (
+            server.cpu_seconds()? - before,
+            server.cpu_seconds_beside_networks()? - beside,
+            begun.elapsed().as_secs_f64(),
+        );
         let status = child.wait()?;
         ensure!(status.success(), "troupe-loadtest {load:?}: {status}");
         Ok(taken)
@@ -203,6 +213,11 @@ fn compare(name: &str, turns: &[(Turn, Turn)]) -> Vec<Vec<String>> {
     };
     let (saturated, saturated_cost) = ratio(|turn| turn.saturated_per_s, false);
     let (live, live_cost) = ratio(|turn| turn.live_cpu_ms, true);
+    let (beside, beside_cost) = spread(
+        turns,
+        |turn| turn.beside_cpu_ms,
+        |without_ms, with_ms| 100.0 * (with_ms - without_ms) / live.0,
+    );
     let (lone, lone_cost) = spread(turns, |turn| turn.lone_ms, |without, with| with - without);
     let row =
         |figure: &str, (without, with): (f64, f64), [cost, least, most]: [f64; 3], unit: &str, bar: &str| {
@@ -227,6 +242,13 @@ fn compare(name: &str, turns: &[(Turn, Turn)]) -> Vec<Vec<String>> {
             "server CPU for a second of a character (ms)",
             live,
             live_cost,
+            "%",
+            "≤ 5 %",
+        ),
+        row(
+            "what of that no network takes (ms); cost as a share of all",
+            beside,
+            beside_cost,
             "%",
             "≤ 5 %",
         ),

@@ -6,6 +6,7 @@ frame and heading 0 there; training then turns each segment by a random heading 
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NotRequired, Protocol, TypedDict
@@ -94,10 +95,18 @@ class ClipStore:
     """The cache of `prepare`, in memory, with random access to segments.
 
     Random segments are balanced over kinds of motion (`kind_of`) with the power ``balance``, so that a style of two takes is
-    seen more often than its share of the frames; 1 draws every segment with equal chance.
+    seen more often than its share of the frames; 1 draws every segment with equal chance. ``lengths`` are those of segments,
+    in frames.
     """
 
-    def __init__(self, cache: Path, split: str, device: str = "cpu", balance: float = BALANCE):
+    def __init__(
+        self,
+        cache: Path,
+        split: str,
+        device: str = "cpu",
+        balance: float = BALANCE,
+        lengths: Sequence[int] = range(MIN_FRAMES, MAX_FRAMES + 1, LENGTH_STEP),
+    ):
         self.skeleton = Skeleton.load(cache / "skeleton.json")
         index: list[ClipEntry] = json.loads((cache / "clips.json").read_text())["clips"]
         self.clips = [c for c in index if in_split(c, split)]
@@ -107,7 +116,6 @@ class ClipStore:
             for name in ("positions", "six_d", "headings", "contacts")
         )
         self.balance = balance
-        lengths = range(MIN_FRAMES, MAX_FRAMES + 1, LENGTH_STEP)
         self._tables = {frames: self._start_table(frames) for frames in lengths}
 
     def _start_table(self, frames: int) -> tuple[Tensor, Tensor]:

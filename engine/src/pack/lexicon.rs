@@ -1,0 +1,102 @@
+//! The text that a pack understands: its pieces, and the words that its training used.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use tokenizers::{NormalizedString, Normalizer as _, Tokenizer};
+
+use super::manifest::field;
+use super::vermo::{TOKENIZER_FILE, VerMoDoc, WORDS_FILE};
+use super::{PackProblem, read_text};
+
+/// Text pieces and known words of a pack.
+#[derive(Debug, Clone)]
+pub struct Lexicon {
+    tokenizer: Tokenizer,
+    words: BTreeSet<String>,
+}
+
+impl Lexicon {
+    /// Reads the files of the pack in `folder`.
+    ///
+    /// # Errors
+    /// [`PackProblem::Read`], [`PackProblem::Tokenizer`], or [`PackProblem::Field`] where the pieces are not those of the manifest.
+    pub(super) fn load(folder: &Path, table: &VerMoDoc) -> Result<Self, PackProblem> {
+        let [pieces, words] = [TOKENIZER_FILE, WORDS_FILE].map(|file| read_text(&folder.join(file)));
+        Self::parse(&pieces?, &words?, table.text_pieces)
+    }
+
+    /// Of a `tokenizer.json` with so many pieces, and words one a line.
+    pub(crate) fn parse(text: &str, words: &str, pieces: usize) -> Result<Self, PackProblem> {
+        let mut tokenizer =
+            Tokenizer::from_bytes(text).map_err(|cause| PackProblem::Tokenizer(cause.to_string()))?;
+        tokenizer.with_padding(None);
+        tokenizer
+            .with_truncation(None)
+            .map_err(|cause| PackProblem::Tokenizer(cause.to_string()))?;
+        let ids: BTreeSet<u32> = tokenizer.get_vocab(true).into_values().collect();
+        let last = ids.last().map_or(0, |&id| id as usize + 1);
+        if ids.len() != pieces || last != pieces {
+            let allowed = format!("{}, as many ids from 0 on as {TOKENIZER_FILE} has", ids.len());
+            return Err(field("vermo.text_pieces", pieces, allowed));
+        }
+        let mut lexicon = Self {
+            tokenizer,
+            words: BTreeSet::new(),
+        };
+        lexicon.words = words.lines().map(|word| lexicon.normal(word)).collect();
+        Ok(lexicon)
+    }
+
+    /// A text as the pieces' own normalizer writes it; nothing where it cannot.
+    fn normal(&self, text: &str) -> String {
+        let mut normal = NormalizedString::from(text);
+        match self
+            .tokenizer
+            .get_normalizer()
+            .map(|normalizer| normalizer.normalize(&mut normal))
+        {
+            None | Some(Ok(())) => normal.get().to_owned(),
+            Some(Err(_)) => String::new(),
+        }
+    }
+
+    /// The pieces of a text.
+    ///
+    /// # Errors
+    /// What the library says of a text that it cannot take.
+    pub fn pieces(&self, text: &str) -> Result<Vec<u32>, String> {
+        let encoding = self.tokenizer.encode_fast(text, false);
+        Ok(encoding.map_err(|cause| cause.to_string())?.get_ids().to_vec())
+    }
+
+    /// The text of pieces.
+    ///
+    /// # Errors
+    /// What the library says of pieces that it cannot take.
+    pub fn text(&self, pieces: &[u32]) -> Result<String, String> {
+        self.tokenizer
+            .decode(pieces, true)
+            .map_err(|cause| cause.to_string())
+    }
+
+    /// The words that captions of the training used, in alphabetical order.
+    pub fn words(&self) -> impl Iterator<Item = &str> {
+        self.words.iter().map(String::as_str)
+    }
+
+    /// Words of a text that no caption of the training used, each once, in the order of the text. A word is what stands between
+    /// spaces and punctuation; an apostrophe inside it belongs to it.
+    pub fn unknown_words(&self, text: &str) -> Vec<String> {
+        let words = text.split(|c: char| !c.is_alphanumeric() && !matches!(c, '\'' | '’'));
+        let words = words.map(|word| word.trim_matches(['\'', '’']));
+        let mut unknown: Vec<String> = Vec::new();
+        for word in words.filter(|word| !word.is_empty()) {
+            let word = word.to_lowercase();
+            if !self.words.contains(&self.normal(&word)) && !unknown.contains(&word) {
+                unknown.push(word);
+            }
+        }
+        unknown
+    }
+}

@@ -1,0 +1,272 @@
+//! What a VerMo pack has beside the common manifest: the table `[vermo]`, and its files (docs/vermo-pack.md).
+
+use std::collections::HashSet;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+use troupe_motion::model::{Capabilities, Capability, Dims};
+
+use super::PackProblem;
+use super::manifest::field;
+
+/// The family of packs whose language model speaks text, motion and audio.
+pub const VERMO: &str = "vermo";
+/// The language model's file.
+pub const LANGUAGE_FILE: &str = "language.onnx";
+/// The file of the network that makes motion tokens of frames.
+pub const ENCODER_FILE: &str = "encoder.onnx";
+/// The file of the network that makes frames of motion tokens.
+pub const DECODER_FILE: &str = "decoder.onnx";
+/// The file of the flow decoder, which a pack may do without.
+pub const FLOW_FILE: &str = "flow.onnx";
+/// The text pieces' file.
+pub const TOKENIZER_FILE: &str = "tokenizer.json";
+/// The file of the words that captions of the training used.
+pub const WORDS_FILE: &str = "words.txt";
+
+/// Frames of a motion token.
+pub(crate) const FRAMES_PER_TOKEN: usize = 4;
+/// Tokens of a message beside its text and its reply: `<BOS>`, task, `<INSTRUCTION>`, `<LEN_n>`, `<REPLY>`, `<EOS>`.
+const MARKS: usize = 6;
+/// Most of any size of the networks.
+const MAX_SIZE: usize = 65_536;
+/// Most tokens of a message.
+const MAX_POSITIONS: usize = 16_384;
+/// Most characters of one message.
+const MAX_AGENTS: usize = 16;
+/// Most steps of the flow decoder.
+pub const MAX_FLOW_STEPS: usize = 256;
+/// Highest temperature.
+pub const MAX_TEMPERATURE: f32 = 2.0;
+/// Strongest penalty on repetition.
+pub const MAX_REPETITION: f32 = 10.0;
+
+/// What a message asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MessageTask {
+    /// Motion of a caption.
+    TextToMotion,
+    /// A caption of motion.
+    MotionToText,
+    /// How a motion goes on, of which the first two fifths are given.
+    Prediction,
+    /// The motion of a gap between two others.
+    Inbetween,
+    /// How a motion goes on.
+    Continuation,
+    /// Any motion.
+    Unconditional,
+    /// A dance to music.
+    MusicToDance,
+    /// Music to a dance.
+    DanceToMusic,
+    /// Gestures to speech.
+    SpeechToGesture,
+    /// Speech to gestures.
+    GestureToSpeech,
+}
+
+impl MessageTask {
+    /// All of them, in the order of their tokens.
+    pub const ALL: [Self; 10] = [
+        Self::TextToMotion,
+        Self::MotionToText,
+        Self::Prediction,
+        Self::Inbetween,
+        Self::Continuation,
+        Self::Unconditional,
+        Self::MusicToDance,
+        Self::DanceToMusic,
+        Self::SpeechToGesture,
+        Self::GestureToSpeech,
+    ];
+
+    /// Its name in a manifest and in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::TextToMotion => "text_to_motion",
+            Self::MotionToText => "motion_to_text",
+            Self::Prediction => "prediction",
+            Self::Inbetween => "inbetween",
+            Self::Continuation => "continuation",
+            Self::Unconditional => "unconditional",
+            Self::MusicToDance => "music_to_dance",
+            Self::DanceToMusic => "dance_to_music",
+            Self::SpeechToGesture => "speech_to_gesture",
+            Self::GestureToSpeech => "gesture_to_speech",
+        }
+    }
+
+    /// Whether the message or its reply has audio tokens.
+    pub fn has_audio(self) -> bool {
+        matches!(
+            self,
+            Self::MusicToDance | Self::DanceToMusic | Self::SpeechToGesture | Self::GestureToSpeech
+        )
+    }
+}
+
+impl fmt::Display for MessageTask {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// The table `[vermo]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VerMoDoc {
+    /// Layers of the language model.
+    pub layers: usize,
+    /// Heads of a layer's keys and values.
+    pub key_heads: usize,
+    /// Numbers of a head.
+    pub head_width: usize,
+    /// The longest message, in tokens.
+    pub positions: usize,
+    /// Text pieces of the vocabulary.
+    pub text_pieces: usize,
+    /// Motion tokens of the vocabulary.
+    pub motion_codes: usize,
+    /// Audio tokens of the vocabulary; 0 for none.
+    pub audio_codes: usize,
+    /// What the model was trained to do.
+    pub tasks: Vec<MessageTask>,
+    /// Most text pieces of a prompt, those of all its captions together.
+    pub max_prompt_pieces: usize,
+    /// Most characters of a message.
+    pub max_agents: usize,
+    /// Steps of the flow decoder where none are named; 0 for a pack without.
+    pub flow_steps: usize,
+    /// Temperature where none is named: 0 for the most likely choice.
+    pub temperature: f32,
+    /// How many of the likeliest tokens may be chosen; 0 for all of them.
+    pub top_k: usize,
+    /// The likeliest tokens that may be chosen are together at least so likely; 1 for all of them.
+    pub top_p: f32,
+    /// What logits of the last tokens are weakened by; 1 for nothing.
+    pub repetition: f32,
+}
+
+impl VerMoDoc {
+    /// Checks all values.
+    ///
+    /// # Errors
+    /// [`PackProblem::Field`] for the first value out of its range.
+    pub(super) fn check(&self, dims: &Dims, capabilities: Capabilities) -> Result<(), PackProblem> {
+        let unit = FRAMES_PER_TOKEN;
+        let least = self.max_prompt_pieces.min(MAX_POSITIONS) + dims.max_tokens + MARKS;
+        let ranges = [
+            ("frames_per_token", dims.frames_per_token, unit, unit),
+            ("context_frames", dims.context_frames, unit, dims.max_frames()),
+            ("vermo.layers", self.layers, 1, MAX_SIZE),
+            ("vermo.key_heads", self.key_heads, 1, MAX_SIZE),
+            ("vermo.head_width", self.head_width, 1, MAX_SIZE),
+            ("vermo.text_pieces", self.text_pieces, 1, MAX_SIZE),
+            ("vermo.motion_codes", self.motion_codes, 1, MAX_SIZE),
+            ("vermo.audio_codes", self.audio_codes, 0, MAX_SIZE),
+            ("vermo.tasks", self.tasks.len(), 1, MessageTask::ALL.len()),
+            (
+                "vermo.max_prompt_pieces",
+                self.max_prompt_pieces,
+                1,
+                MAX_POSITIONS,
+            ),
+            ("vermo.positions", self.positions, least, MAX_POSITIONS),
+            ("vermo.max_agents", self.max_agents, 1, MAX_AGENTS),
+            ("vermo.flow_steps", self.flow_steps, 0, MAX_FLOW_STEPS),
+            ("vermo.top_k", self.top_k, 0, MAX_SIZE),
+        ];
+        for (name, value, low, high) in ranges {
+            if !(low..=high).contains(&value) {
+                return Err(field(name, value, format!("{low} to {high}")));
+            }
+        }
+        if !dims.context_frames.is_multiple_of(unit) {
+            return Err(field(
+                "context_frames",
+                dims.context_frames,
+                format!("a multiple of {unit}"),
+            ));
+        }
+        let shares = [
+            ("vermo.temperature", self.temperature, 0.0, MAX_TEMPERATURE),
+            ("vermo.top_p", self.top_p, f32::MIN_POSITIVE, 1.0),
+            ("vermo.repetition", self.repetition, 1.0, MAX_REPETITION),
+        ];
+        for (name, value, low, high) in shares {
+            if !(low..=high).contains(&value) {
+                let low = if low == f32::MIN_POSITIVE {
+                    "more than 0".to_owned()
+                } else {
+                    low.to_string()
+                };
+                return Err(field(name, value, format!("{low} to {high}")));
+            }
+        }
+        self.check_tasks(capabilities)
+    }
+
+    /// Compares tasks with the capabilities and with the tokens that they need.
+    fn check_tasks(&self, capabilities: Capabilities) -> Result<(), PackProblem> {
+        let mut seen = HashSet::new();
+        if let Some(twice) = self.tasks.iter().find(|task| !seen.insert(**task)) {
+            return Err(field("vermo.tasks", twice, "each task once"));
+        }
+        if let Some(task) = self
+            .tasks
+            .iter()
+            .find(|task| task.has_audio() && self.audio_codes == 0)
+        {
+            return Err(field(
+                "vermo.tasks",
+                task,
+                "tasks without audio, for audio_codes is 0",
+            ));
+        }
+        let has = |task| self.tasks.contains(&task);
+        let agents = self.max_agents > 1;
+        for (capability, can, allowed) in [
+            (
+                Capability::Text,
+                has(MessageTask::TextToMotion),
+                "there with the task text_to_motion alone",
+            ),
+            (
+                Capability::Describe,
+                has(MessageTask::MotionToText),
+                "there with the task motion_to_text alone",
+            ),
+            (
+                Capability::Agents,
+                agents,
+                "there with vermo.max_agents of more than 1 alone",
+            ),
+            (Capability::Inbetween, false, "none of this family"),
+            (Capability::Live, false, "none of this family"),
+            (Capability::Path, false, "none of this family"),
+        ] {
+            let says = capabilities.has(capability);
+            if says != can {
+                let says = if says { "there" } else { "missing" };
+                return Err(field("capabilities", format!("{capability} {says}"), allowed));
+            }
+        }
+        Ok(())
+    }
+
+    /// The files of the networks and of the text pieces, in the order in which the content hash reads them.
+    pub(super) fn files(&self) -> &'static [&'static str] {
+        match self.flow_steps {
+            0 => &[LANGUAGE_FILE, ENCODER_FILE, DECODER_FILE, TOKENIZER_FILE],
+            _ => &[
+                LANGUAGE_FILE,
+                ENCODER_FILE,
+                DECODER_FILE,
+                FLOW_FILE,
+                TOKENIZER_FILE,
+            ],
+        }
+    }
+}

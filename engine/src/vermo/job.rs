@@ -1,0 +1,398 @@
+//! One job on its way: what it says, and what became of its tokens.
+
+use std::sync::Arc;
+
+use troupe_motion::Vec3;
+use troupe_motion::model::{DescribeTask, Motion, Output, PromptTask, Rig};
+
+use super::flow::Flow;
+use super::motion::{Body, Frames, Stitcher, first_body};
+use super::network::Networks;
+use super::plan::{Planner, Share, Speech};
+use super::sequences::Prompt;
+use super::vocabulary::{AGENT_SEP, Kind};
+use crate::EngineError;
+use crate::generator::JobId;
+use crate::pack::{FRAMES_PER_TOKEN, LANGUAGE_FILE};
+use crate::random::step64;
+
+/// Tokens on either side of a token that its frames depend on: so many are held back while more may come.
+const HELD_BACK: usize = 2;
+/// Tokens before a window's first that are decoded with it.
+const LEAD: usize = 4;
+/// Tokens of the first part of a motion.
+const FIRST_PART: usize = 4;
+/// Tokens of its later parts. Each part decodes tokens of the one before again, so long ones are cheaper.
+const LATER_PART: usize = 8;
+/// What lies between characters that begin without a past, metres.
+const SIDE_BY_SIDE_M: f32 = 1.0;
+
+/// What is to become of a job next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stage {
+    /// Its motion is to be encoded, and its message to be written.
+    Prompt,
+    /// Its reply is being written.
+    Reply,
+    /// Its reply is whole.
+    Whole,
+}
+
+/// A job.
+#[derive(Debug)]
+pub(super) struct Job {
+    pub(super) id: JobId,
+    pub(super) stage: Stage,
+    speech: Speech,
+    seed: u64,
+    /// Tokens that were drawn in earlier replies.
+    drawn: u64,
+    reply: Answer,
+}
+
+/// What a reply becomes.
+#[derive(Debug)]
+enum Answer {
+    Motion(Box<Agents>),
+    Text {
+        pieces: Vec<u32>,
+        /// Bytes of the text that have left.
+        sent: usize,
+    },
+    Audio {
+        codes: Vec<u32>,
+        sent: usize,
+    },
+}
+
+/// A motion that is being made.
+#[derive(Debug)]
+struct Agents {
+    agents: Vec<Agent>,
+    /// The one whose tokens are being written.
+    current: usize,
+    in_parts: bool,
+    flow_steps: u32,
+    seed: u64,
+    /// What is behind the gap: its codes, and its first frame.
+    behind: Option<(Vec<u32>, Body)>,
+}
+
+/// A character of a motion.
+#[derive(Debug)]
+struct Agent {
+    stitcher: Stitcher,
+    /// Codes of the motion that was told, and of the reply.
+    codes: Vec<u32>,
+    /// How many of them were told.
+    told: usize,
+    /// How many of the reply's have left as frames.
+    sent: usize,
+    /// Frames that are still to be made, where that is fixed.
+    left: Option<usize>,
+    flow: Option<Flow>,
+}
+
+impl Job {
+    /// A job that makes motion.
+    pub(super) fn prompt(
+        id: JobId,
+        task: &PromptTask,
+        planner: &Planner,
+        rig: &Arc<Rig>,
+    ) -> Result<Self, EngineError> {
+        let speech = planner.prompt(task)?;
+        let keep = planner.dims.context_frames;
+        let agents = (0..speech.agents).map(|index| {
+            let past = speech.given.get(index);
+            let start = Vec3::new(SIDE_BY_SIDE_M * index as f32, 0.0, 0.0);
+            Agent {
+                stitcher: Stitcher::new(rig, past.unwrap_or(&Frames::default()), start, keep),
+                codes: Vec::new(),
+                told: 0,
+                sent: 0,
+                left: task.frames,
+                flow: None,
+            }
+        });
+        let target = speech
+            .behind
+            .as_ref()
+            .and_then(|frames| first_body(frames, rig.dims.joints));
+        let motion = Agents {
+            agents: agents.collect(),
+            current: 0,
+            in_parts: task.in_parts && task.flow_steps == 0 && target.is_none(),
+            flow_steps: task.flow_steps,
+            seed: task.seed,
+            behind: target.map(|body| (Vec::new(), body)),
+        };
+        Ok(Self {
+            id,
+            stage: Stage::Prompt,
+            speech,
+            seed: task.seed,
+            drawn: 0,
+            reply: Answer::Motion(Box::new(motion)),
+        })
+    }
+
+    /// A job that tells of a motion.
+    pub(super) fn describe(id: JobId, task: &DescribeTask, planner: &Planner) -> Result<Self, EngineError> {
+        let speech = planner.describe(task)?;
+        let reply = match planner.share(&speech, None)?.rules.kind {
+            Kind::Audio => Answer::Audio {
+                codes: Vec::new(),
+                sent: 0,
+            },
+            Kind::Text | Kind::Motion => Answer::Text {
+                pieces: Vec::new(),
+                sent: 0,
+            },
+        };
+        Ok(Self {
+            id,
+            stage: Stage::Prompt,
+            speech,
+            seed: task.seed,
+            drawn: 0,
+            reply,
+        })
+    }
+
+    /// Encodes what its message tells, and writes the message.
+    pub(super) fn write_prompt(
+        &mut self,
+        planner: &Planner,
+        networks: &mut dyn Networks,
+    ) -> Result<Prompt, EngineError> {
+        let frames = match &self.reply {
+            Answer::Motion(motion) => motion.agents.first().and_then(|agent| agent.left),
+            Answer::Text { .. } | Answer::Audio { .. } => None,
+        };
+        let Share { length, given, rules } = planner.share(&self.speech, frames)?;
+        let latest = |codes: Vec<u32>| codes[codes.len().saturating_sub(given)..].to_vec();
+        let told: Vec<Vec<u32>> = (self.speech.given.iter())
+            .map(|frames| networks.encode(frames).map(latest))
+            .collect::<Result<_, _>>()?;
+        let behind = self
+            .speech
+            .behind
+            .as_ref()
+            .map(|frames| networks.encode(frames))
+            .transpose()?;
+        let message = planner.message(&self.speech, &told, behind.as_ref(), length);
+        if let Answer::Motion(motion) = &mut self.reply {
+            motion.begin(&told, behind);
+        }
+        self.stage = Stage::Reply;
+        Ok(Prompt {
+            tokens: message.tokens(&planner.vocabulary),
+            rules,
+            sampling: self.speech.sampling,
+            seed: self.seed,
+            drawn: self.drawn,
+        })
+    }
+
+    /// Whether its next step is one of the flow decoder.
+    pub(super) fn flows(&self) -> bool {
+        match &self.reply {
+            Answer::Motion(motion) => self.stage == Stage::Whole && motion.flow_steps > 0,
+            Answer::Text { .. } | Answer::Audio { .. } => false,
+        }
+    }
+
+    /// Takes a token of the reply.
+    pub(super) fn hear(&mut self, planner: &Planner, token: u32) {
+        self.drawn += 1;
+        let code = |kind| planner.vocabulary.code(kind, token);
+        match &mut self.reply {
+            Answer::Motion(motion) if token == AGENT_SEP => motion.current += 1,
+            Answer::Motion(motion) => {
+                let current = motion.current;
+                if let (Some(agent), Some(code)) = (motion.agents.get_mut(current), code(Kind::Motion)) {
+                    agent.codes.push(code);
+                }
+            }
+            Answer::Text { pieces, .. } => pieces.extend(code(Kind::Text)),
+            Answer::Audio { codes, .. } => codes.extend(code(Kind::Audio)),
+        }
+    }
+
+    /// What it has to give now; `Whole` says whether that is the last. A motion that is to go on writes another message after it.
+    pub(super) fn take(
+        &mut self,
+        planner: &Planner,
+        networks: &mut dyn Networks,
+    ) -> Result<Taken, EngineError> {
+        let is_whole = self.stage == Stage::Whole;
+        match &mut self.reply {
+            Answer::Text { pieces, sent } => {
+                let problem = |problem| EngineError::Network {
+                    file: LANGUAGE_FILE,
+                    problem,
+                };
+                let text = planner.lexicon.text(pieces).map_err(problem)?;
+                // A piece may end inside a character.
+                let ready = if is_whole {
+                    text.len()
+                } else {
+                    text.trim_end_matches('\u{fffd}').len()
+                };
+                let fresh = text.get(*sent..ready).unwrap_or_default();
+                *sent = ready.max(*sent);
+                let is_empty = fresh.is_empty();
+                Ok(Taken::of(Output::Text(fresh.to_owned()), is_empty, is_whole))
+            }
+            Answer::Audio { codes, sent } => {
+                let fresh = codes[*sent..].to_vec();
+                *sent = codes.len();
+                let is_empty = fresh.is_empty();
+                Ok(Taken::of(Output::Audio(fresh), is_empty, is_whole))
+            }
+            Answer::Motion(motion) => {
+                if !motion.is_ready(is_whole, networks)? {
+                    return Ok(Taken::Nothing);
+                }
+                let motions = motion.take(is_whole, networks)?;
+                let goes_on = is_whole
+                    && motion
+                        .agents
+                        .iter()
+                        .any(|agent| agent.left.is_some_and(|left| left > 0));
+                if goes_on {
+                    let given = motion.agents.iter().map(|agent| agent.stitcher.past()).collect();
+                    self.speech = planner.next(&self.speech, given)?;
+                    // The end was drawn too.
+                    self.drawn += 1;
+                    self.stage = Stage::Prompt;
+                }
+                let is_empty = motions.iter().all(|motion| motion.frames() == 0);
+                Ok(Taken::of(output(motions), is_empty, is_whole && !goes_on))
+            }
+        }
+    }
+}
+
+/// What a job gives.
+#[derive(Debug)]
+pub(super) enum Taken {
+    /// Nothing yet.
+    Nothing,
+    /// More will come.
+    Part(Output),
+    /// It is over.
+    Last(Output),
+}
+
+impl Taken {
+    fn of(output: Output, is_empty: bool, is_last: bool) -> Self {
+        match (is_last, is_empty) {
+            (true, _) => Self::Last(output),
+            (false, true) => Self::Nothing,
+            (false, false) => Self::Part(output),
+        }
+    }
+}
+
+/// One character's motion as it is, those of several together.
+fn output(mut motions: Vec<Motion>) -> Output {
+    match motions.len() {
+        0 | 1 => Output::Motion(motions.pop().unwrap_or_default()),
+        _ => Output::Motions(motions),
+    }
+}
+
+impl Agents {
+    /// A new reply begins, behind motion of these codes.
+    fn begin(&mut self, told: &[Vec<u32>], behind: Option<Vec<u32>>) {
+        self.current = 0;
+        for (index, agent) in self.agents.iter_mut().enumerate() {
+            agent.codes = told.get(index).cloned().unwrap_or_default();
+            agent.told = agent.codes.len();
+            agent.sent = 0;
+            agent.flow = None;
+        }
+        if let (Some((codes, _)), Some(behind)) = (&mut self.behind, behind) {
+            *codes = behind;
+        }
+    }
+
+    /// Whether there are frames to give, after a step of the flow decoder where that makes them.
+    fn is_ready(&mut self, is_whole: bool, networks: &mut dyn Networks) -> Result<bool, EngineError> {
+        if !is_whole || self.flow_steps == 0 {
+            return Ok(is_whole || self.in_parts);
+        }
+        let (seed, steps) = (self.seed, self.flow_steps);
+        let behind = self.behind.as_ref().map_or(&[][..], |(codes, _)| codes);
+        for (index, agent) in self.agents.iter_mut().enumerate() {
+            let codes = &agent.codes;
+            let new = || Flow::new([codes, behind].concat(), step64(seed, index as u64), steps);
+            let flow = agent.flow.get_or_insert_with(new);
+            if !flow.is_done() {
+                flow.step(networks)?;
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Frames of each agent that are ready.
+    fn take(&mut self, is_whole: bool, networks: &mut dyn Networks) -> Result<Vec<Motion>, EngineError> {
+        let mut motions = Vec::with_capacity(self.agents.len());
+        for (index, agent) in self.agents.iter_mut().enumerate() {
+            let ends = is_whole || index < self.current;
+            motions.push(agent.take(ends, self.behind.as_ref(), networks)?);
+        }
+        Ok(motions)
+    }
+}
+
+impl Agent {
+    /// Frames of the tokens that are ready: all but those held back, or all where no more will come.
+    fn take(
+        &mut self,
+        ends: bool,
+        behind: Option<&(Vec<u32>, Body)>,
+        networks: &mut dyn Networks,
+    ) -> Result<Motion, EngineError> {
+        let written = self.codes.len() - self.told;
+        let ready = if ends {
+            written
+        } else {
+            written.saturating_sub(HELD_BACK)
+        };
+        let least = match (ends, self.sent) {
+            (true, _) => 1,
+            (false, 0) => FIRST_PART,
+            (false, _) => LATER_PART,
+        };
+        if ready < self.sent + least {
+            return Ok(Motion::default());
+        }
+        let from = self.told + self.sent;
+        // The flow decoder has made all frames at once.
+        let lead = if self.flow.is_some() {
+            0
+        } else {
+            from.saturating_sub(LEAD)
+        };
+        let window = match &self.flow {
+            Some(flow) => flow.frames().clone(),
+            None => match behind {
+                Some((codes, _)) => networks.decode(&[&self.codes[lead..], codes].concat())?,
+                None => networks.decode(&self.codes[lead..])?,
+            },
+        };
+        let first = (from - lead) * FRAMES_PER_TOKEN;
+        let made = (ready - self.sent) * FRAMES_PER_TOKEN;
+        let wanted = self.left.map_or(made, |left| left.min(made));
+        self.sent = ready;
+        if let Some(left) = &mut self.left {
+            *left -= wanted;
+        }
+        let target = behind.map(|(_, body)| body);
+        Ok(self.stitcher.join(&window, first, first + wanted, target))
+    }
+}

@@ -1,0 +1,250 @@
+use std::collections::BTreeMap;
+
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use super::toy::{Calls, Toy, pack, toy};
+use super::*;
+use crate::generator::JobId;
+use crate::pack::MessageTask;
+
+const GREEDY: Sampling = Sampling {
+    temperature: 0.0,
+    top_k: 0,
+    top_p: 1.0,
+    repetition: 1.0,
+};
+
+fn id(request: u64) -> JobId {
+    JobId {
+        request,
+        character: 0,
+    }
+}
+
+fn sequences(slots: usize) -> (Sequences, Toy, Calls) {
+    let toy = toy(&pack());
+    let calls = toy.calls.clone();
+    (Sequences::new(toy.shape, toy.vocabulary, slots), toy, calls)
+}
+
+/// A prompt of so many text pieces, whose reply has `least` to `most` tokens.
+fn prompt(seed: u64, pieces: usize, (least, most): (usize, usize), sampling: Sampling) -> Prompt {
+    let vocabulary = toy(&pack()).vocabulary;
+    let message = Message {
+        task: MessageTask::TextToMotion,
+        captions: vec![(0..pieces as u32).map(|n| (n + seed as u32) % 37).collect()],
+        condition: Condition::None,
+        length: None,
+    };
+    let rules = Rules {
+        kind: Kind::Motion,
+        agents: 1,
+        least,
+        most,
+    };
+    Prompt {
+        tokens: message.tokens(&vocabulary),
+        rules,
+        sampling,
+        seed,
+        drawn: 0,
+    }
+}
+
+fn any_prompt(seed: u64) -> Prompt {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let sampling = Sampling {
+        temperature: if rng.random_bool(0.5) { 0.0 } else { 1.5 },
+        top_k: rng.random_range(0..6),
+        top_p: if rng.random_bool(0.5) { 0.9 } else { 1.0 },
+        repetition: if rng.random_bool(0.5) { 1.3 } else { 1.0 },
+    };
+    prompt(
+        seed,
+        rng.random_range(1..30),
+        (1, rng.random_range(1..17)),
+        sampling,
+    )
+}
+
+/// Steps until nothing is left; `between` may admit and cancel before each step.
+fn run(
+    sequences: &mut Sequences,
+    toy: &mut Toy,
+    mut between: impl FnMut(&mut Sequences, usize) -> bool,
+) -> BTreeMap<u64, Vec<Said>> {
+    let mut said: BTreeMap<u64, Vec<Said>> = BTreeMap::new();
+    for step in 0.. {
+        if !between(sequences, step) && sequences.is_empty() {
+            break;
+        }
+        sequences
+            .step(toy, &mut |id, more| {
+                said.entry(id.request).or_default().push(more)
+            })
+            .unwrap();
+    }
+    said
+}
+
+fn alone(prompt: &Prompt) -> Vec<Said> {
+    let (mut sequences, mut toy, _) = sequences(1);
+    sequences.admit(id(0), prompt.clone());
+    run(&mut sequences, &mut toy, |_, _| false).remove(&0).unwrap()
+}
+
+#[test]
+fn a_reply_from_the_cache_is_that_of_reading_all_of_it_again() {
+    for seed in 0..8 {
+        let whole = prompt(seed, 5 + seed as usize, (6, 9), GREEDY);
+        let cached = alone(&whole);
+        // Without the cache: the message and its reply so far, read as one prompt, for one token.
+        let mut again = Vec::new();
+        let mut longer = whole.clone();
+        for length in 0.. {
+            longer.rules.least = whole.rules.least.saturating_sub(length);
+            longer.rules.most = whole.rules.most - length;
+            let next = match longer.rules.most {
+                0 => Said::End,
+                _ => alone(&longer).remove(0),
+            };
+            again.push(next.clone());
+            match next {
+                Said::Token(token) => longer.tokens.push(token),
+                Said::End => break,
+                Said::Failed => panic!("failed"),
+            }
+        }
+        assert_eq!(cached, again);
+    }
+}
+
+#[test]
+fn the_longest_reply_ends_without_asking() {
+    let (mut sequences, mut toy, calls) = sequences(1);
+    toy.end = -100.0;
+    sequences.admit(id(0), prompt(1, 3, (2, 6), GREEDY));
+    let said = run(&mut sequences, &mut toy, |_, _| false).remove(&0).unwrap();
+    assert_eq!(said.len(), 7);
+    assert_eq!(said[6], Said::End);
+    assert!(!said[..6].contains(&Said::End));
+    // One prefill, whose step decodes as well, then four steps.
+    assert_eq!(calls.lock().unwrap().len(), 6);
+    assert_eq!(
+        calls.lock().unwrap()[0],
+        (2, 16, 0),
+        "a prefill of one row has another beside it"
+    );
+    assert_eq!(sequences.room(70), 9);
+    assert_eq!(sequences.room(90), 0);
+}
+
+#[test]
+fn sequences_join_and_leave_and_say_what_they_say_alone() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    for mix in 0..15 {
+        let (mut sequences, mut toy, calls) = sequences(rng.random_range(1..8));
+        let joining: BTreeMap<u64, usize> = (0..rng.random_range(2..14))
+            .map(|_| (rng.random_range(0..60), rng.random_range(0..9)))
+            .collect();
+        let said = run(&mut sequences, &mut toy, |sequences, step| {
+            for (&seed, _) in joining.iter().filter(|(_, joins)| **joins == step) {
+                sequences.admit(id(seed), any_prompt(seed));
+            }
+            step < 9
+        });
+        assert_eq!(said.len(), joining.len());
+        for (seed, said) in said {
+            assert_eq!(said, alone(&any_prompt(seed)), "mix {mix}, sequence {seed}");
+        }
+        assert!(
+            calls
+                .lock()
+                .unwrap()
+                .iter()
+                .all(|(rows, ..)| (2..=8).contains(rows))
+        );
+    }
+}
+
+#[test]
+fn what_has_no_slot_waits_until_another_ends() {
+    let (mut sequences, mut toy, calls) = sequences(2);
+    toy.end = -100.0;
+    for (seed, most) in [(1, 3), (2, 9), (3, 3), (4, 3)] {
+        sequences.admit(id(seed), prompt(seed, 4, (1, most), GREEDY));
+    }
+    let mut order = Vec::new();
+    while !sequences.is_empty() {
+        sequences
+            .step(&mut toy, &mut |id, said| {
+                if said == Said::End {
+                    order.push(id.request);
+                }
+            })
+            .unwrap();
+    }
+    assert_eq!(order, [1, 3, 4, 2]);
+    assert!(calls.lock().unwrap().iter().all(|(rows, ..)| *rows == 2));
+}
+
+#[test]
+fn what_is_cancelled_leaves_its_slot_and_changes_no_other() {
+    let (mut sequences, mut toy, _) = sequences(3);
+    for seed in 1..=4 {
+        sequences.admit(id(seed), prompt(seed, 4, (8, 12), GREEDY));
+    }
+    let said = run(&mut sequences, &mut toy, |sequences, step| {
+        if step == 2 {
+            assert_eq!(sequences.len(), 4);
+            sequences.cancel(id(1));
+            sequences.cancel(id(9));
+            assert_eq!(sequences.len(), 3);
+        }
+        false
+    });
+    for seed in 2..=4 {
+        assert_eq!(said[&seed], alone(&prompt(seed, 4, (8, 12), GREEDY)));
+    }
+    assert_eq!(said[&1].len(), 3, "the first of two steps gives two tokens");
+}
+
+#[test]
+fn logits_that_are_not_finite_end_one_sequence_alone() {
+    let good = prompt(5, 4, (8, 8), GREEDY);
+    let good_said = alone(&good);
+    // One that says what the other does not.
+    let (bad, bad_said, own) = (6..100)
+        .find_map(|seed| {
+            let bad = prompt(seed, 4, (8, 8), GREEDY);
+            let said = alone(&bad);
+            let own = said.iter().position(|said| !good_said.contains(said))?;
+            Some((bad, said, own))
+        })
+        .unwrap();
+    let Said::Token(token) = bad_said[own] else {
+        panic!("{bad_said:?}");
+    };
+    let (mut sequences, mut toy, _) = sequences(2);
+    toy.broken = Some(token);
+    sequences.admit(id(5), good.clone());
+    sequences.admit(id(6), bad);
+    let said = run(&mut sequences, &mut toy, |_, _| false);
+    assert_eq!(said[&6][..=own], bad_said[..=own]);
+    assert_eq!(said[&6][own + 1..], [Said::Failed]);
+    assert_eq!(said[&5], good_said);
+}
+
+#[test]
+fn agents_take_turns_in_one_reply() {
+    let mut prompt = prompt(7, 4, (2, 3), GREEDY);
+    prompt.rules.agents = 3;
+    let said = alone(&prompt);
+    let parts = said
+        .iter()
+        .filter(|said| **said == Said::Token(vocabulary::AGENT_SEP));
+    assert_eq!(parts.count(), 2);
+    let codes = said.len() - 3;
+    assert!((6..=9).contains(&codes), "{said:?}");
+}

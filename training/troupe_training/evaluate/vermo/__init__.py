@@ -1,0 +1,1 @@
+"""VerMo without a server: reconstruction, texts, continuations, and what they are compared with."""

@@ -1,0 +1,100 @@
+"""A run's networks at work: messages to motions and texts, and motions to what figures are made of."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from troupe_training.data.store import ClipStore
+from troupe_training.export.vermo.graphs import Networks
+from troupe_training.export.vermo.run import load_networks
+from troupe_training.models.vermo.config import RATE
+from troupe_training.models.vermo.flow import flow_sample
+from troupe_training.models.vermo.frames import seen_from_first, world_joints
+from troupe_training.models.vermo.messages import AGENT_SEP, Message
+from troupe_training.models.vermo.pieces import Pieces
+from troupe_training.models.vermo.sampler import Asked, Sampling, replies
+from troupe_training.train.vermo.corpus import Crop, Motions
+from troupe_training.train.vermo.language import PIECES
+
+BATCH = 32
+
+
+@dataclass
+class Clip:
+    """Frames of one motion: pose features ``[F, 9 J]`` and roots ``[F, 5]``."""
+
+    pose: Tensor
+    root: Tensor
+
+    @property
+    def joints(self) -> Tensor:
+        """Joint positions ``[F, J, 3]`` in the frame of the first root."""
+        return seen_from_first(self.pose[None], self.root[None])[0]
+
+    def part(self, start: int, end: int) -> "Clip":
+        """Frames ``start..end``."""
+        return Clip(self.pose[start:end], self.root[start:end])
+
+
+class Model:
+    """Networks of a run with their pieces, and how they are sampled."""
+
+    def __init__(self, run: Path, store: ClipStore, sampling: Sampling, task: str | None = None):
+        self.networks, self.stage = load_networks(run, store, task)
+        self.pieces = Pieces.read(run / PIECES)
+        self.sampling = sampling
+
+    def replies(self, messages: list[Message], seed: int, greedy: bool = False) -> list[list[int]]:
+        """Codes or pieces of replies, counted from 0; agents one after the other."""
+        made: list[list[int]] = []
+        sampling = Sampling(0.0) if greedy else self.sampling
+        vocabulary = self.networks.language.vocabulary
+        for first in range(0, len(messages), BATCH):
+            some = messages[first : first + BATCH]
+            asked = [Asked(message, seed * 100_003 + first + n) for n, message in enumerate(some)]
+            for message, ids in zip(some, replies(self.networks.language, asked, sampling), strict=True):
+                start = vocabulary.first_text if message.task == "motion_to_text" else vocabulary.first_motion
+                made.append([token - start for token in ids if token != AGENT_SEP])
+        return made
+
+    def texts(self, messages: list[Message]) -> list[str]:
+        """Replies of `motion_to_text`, by the largest logit."""
+        return [self.pieces.text(pieces) for pieces in self.replies(messages, 0, greedy=True)]
+
+
+@torch.no_grad()
+def decoded(networks: Networks, codes: list[list[int]], flow_steps: int = 0, seed: int = 1) -> list[Clip]:
+    """Motions of codes, by the flow decoder where it has steps."""
+    clips = []
+    for row, one in enumerate(codes):
+        tokens = torch.tensor([one])
+        if flow_steps:
+            if networks.flow is None:
+                raise SystemExit("the run has no flow decoder: train the stage 'flow' first")
+            shape = (1, len(one) * RATE, networks.tokenizer.body.state_width)
+            noise = torch.randn(shape, generator=torch.Generator().manual_seed(seed + row))
+            state = flow_sample(networks.flow, networks.tokenizer, tokens, noise, flow_steps)
+        else:
+            state = networks.tokenizer.state(networks.tokenizer.embed(tokens))
+        pose, root = networks.tokenizer.body.frames(state)
+        clips.append(Clip(pose[0], root[0]))
+    return clips
+
+
+def captured(motions: Motions, crop: Crop) -> Clip:
+    """What was captured."""
+    one = motions.store.segments(torch.tensor([crop.start]), crop.tokens * RATE)
+    return Clip(one.pose[0], one.global_root[0])
+
+
+def world(clip: Clip) -> Tensor:
+    """World joints ``[F, J, 3]``, where the clip has them."""
+    return world_joints(clip.pose[None], clip.root[None])[0]
+
+
+def markdown(header: list[str], rows: list[list[str]]) -> str:
+    """A table; the first column is text."""
+    lines = ["| " + " | ".join(header) + " |", "|---|" + "---:|" * (len(header) - 1)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"

@@ -1,0 +1,179 @@
+"""``vermo evaluate``: the parts of the evaluation, each a table beside its baselines."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from troupe_training.evaluate.bench import Latents
+from troupe_training.evaluate.vermo.answers import Model, captured
+from troupe_training.evaluate.vermo.continuation import (
+    SPLITS,
+    Method,
+    answered,
+    continuation_table,
+    figures_of,
+    interpolated,
+    joined,
+    last_velocity,
+    windows_of,
+)
+from troupe_training.evaluate.vermo.nearest import nearest, training_windows
+from troupe_training.evaluate.vermo.nearest import windows_of as motion_windows
+from troupe_training.evaluate.vermo.reconstruction import reconstruction, reconstruction_table, whole_crops
+from troupe_training.evaluate.vermo.text import (
+    asked_of,
+    description_figures,
+    description_table,
+    generated,
+    judged,
+    multimodality,
+    retrieved,
+    text_figures,
+    text_table,
+)
+from troupe_training.models.vermo.config import RATE
+from troupe_training.models.vermo.judge import Judge
+from troupe_training.models.vermo.sampler import Sampling
+from troupe_training.train.vermo.corpus import Motions, captions_of
+from troupe_training.train.vermo.judge import STAGE as JUDGE
+from troupe_training.train.vermo.language import motions_of
+
+PARTS = ("reconstruction", "continuation", "text", "description", "nearest")
+NEAREST_WINDOWS = 8  # frames between a sample's windows
+MULTIMODAL = (20, 5)  # captions, and motions for each
+
+
+@dataclass
+class Setting:
+    """What is measured, and how."""
+
+    run: Path
+    cache: Path
+    splits: list[str]
+    sampling: Sampling
+    most: int | None = None  # clips or windows of a split
+    samples: int = 4  # of each window, for diversity
+    flow_steps: int = 0  # of the flow decoder in all but the reconstruction; 0: the first stage's decoder
+    seed: int = 1
+    evaluator: Path | None = None  # evaluator.onnx, for the FID of continuations
+    task: str | None = None  # the specialist to measure
+
+
+class Measured:
+    """Networks and data of a setting, and its parts."""
+
+    def __init__(self, setting: Setting):
+        self.setting = setting
+        train = motions_of(setting.run, setting.cache, "train")
+        self.model = Model(setting.run, train.store, setting.sampling, setting.task)
+        self.train = Motions(train.store, self.model.networks.tokenizer, train.clips)
+        self.splits = {
+            name: Motions(train.store, self.model.networks.tokenizer, motions_of(None, setting.cache, name).clips)
+            for name in setting.splits
+        }
+
+    def judge(self) -> Judge:
+        """The run's judge."""
+        return JUDGE.load(self.setting.run, self.train.store)
+
+    def reconstruction(self) -> tuple[dict[str, Any], str]:
+        """Captured motion to tokens and back, by both decoders."""
+        figures = {}
+        networks, steps = self.model.networks, [0] + ([4, 28] if self.model.networks.flow is not None else [])
+        for split, motions in self.splits.items():
+            crops = whole_crops(motions, self.setting.most)
+            for count in steps:
+                name = f"{split}, flow of {count} steps" if count else f"{split}, first stage"
+                figures[name] = reconstruction(networks, motions, crops, count)
+        return figures, reconstruction_table(figures)
+
+    def continuation(self) -> tuple[dict[str, Any], str]:
+        """Prediction and in-between beside simple baselines."""
+        setting, body = self.setting, self.model.networks.tokenizer.body
+        encode = Latents(setting.evaluator, 1).of if setting.evaluator else None
+        figures = {}
+        for split, motions in self.splits.items():
+            for task in SPLITS:
+                windows = windows_of(motions, task, setting.most or len(motions.clips))
+                if len(windows) < 2:
+                    continue
+                simple: dict[str, Method] = {"last velocity": last_velocity(body)}
+                if task == "inbetween":
+                    simple = {"interpolated": interpolated(body)}
+                for name, method in simple.items():
+                    figures[f"{task}, {split}: {name}"] = figures_of(windows, [[method(w, 0) for w in windows]], encode)
+                seeds = range(setting.seed, setting.seed + setting.samples)
+                samples = [answered(self.model, motions, task, windows, seed, setting.flow_steps) for seed in seeds]
+                figures[f"{task}, {split}: vermo"] = figures_of(windows, samples, encode)
+                if task == "inbetween":
+                    closed = [[joined(c, w) for c, w in zip(clips, windows, strict=True)] for clips in samples]
+                    figures[f"{task}, {split}: vermo, joined"] = figures_of(windows, closed, encode)
+        return figures, continuation_table(figures)
+
+    def text(self) -> tuple[dict[str, Any], str]:
+        """Text to motion beside captured motion, and beside the nearest training caption's clip."""
+        setting, judge, pieces = self.setting, self.judge(), self.model.pieces
+        seen = [pieces.ids(rows[0]) for rows in captions_of(self.train, 1, setting.seed + 1)]
+        figures = {}
+        for split, motions in self.splits.items():
+            asked = asked_of(motions, whole_crops(motions, setting.most), setting.seed)
+            ids = [pieces.ids(one.text) for one in asked]
+            real = judged(judge, [captured(motions, one.crop) for one in asked])
+            made = judged(judge, generated(self.model, asked, setting.seed, setting.flow_steps))
+            found = judged(judge, retrieved(judge, ids, self.train, seen))
+            for name, hidden in (("captured", real), ("vermo", made), ("nearest seen caption", found)):
+                figures[f"{split}: {name}"] = text_figures(judge, hidden, real, asked, ids)
+            captions, each = MULTIMODAL
+            some = asked[:: max(1, len(asked) // captions)][:captions]
+            figures[f"{split}: vermo"]["multimodality"] = multimodality(
+                judge, self.model, some, each, setting.flow_steps
+            )
+        return figures, text_table(figures)
+
+    def description(self) -> tuple[dict[str, Any], str]:
+        """Motion to text."""
+        figures = {}
+        names = sorted({*self.train.names, *(n for m in self.splits.values() for n in m.names)}, key=str)
+        for split, motions in self.splits.items():
+            crops = whole_crops(motions, self.setting.most)
+            figures[split], _ = description_figures(self.model, motions, crops, names)
+        return figures, description_table(figures)
+
+    def nearest(self) -> tuple[dict[str, Any], str]:
+        """How near samples and captures of the splits are to training clips."""
+        setting, training = self.setting, training_windows(self.train)
+        figures = {}
+        for split, motions in self.splits.items():
+            asked = asked_of(motions, whole_crops(motions, setting.most), setting.seed)
+            asked = [one for one in asked if one.crop.tokens >= max(8, 32 // RATE)]
+            for name, clips in (
+                ("captured", [captured(motions, one.crop) for one in asked]),
+                ("vermo", generated(self.model, asked, setting.seed, setting.flow_steps)),
+            ):
+                distance = nearest(torch.cat([motion_windows(clip, NEAREST_WINDOWS) for clip in clips]), training)
+                figures[f"{split}: {name}"] = {
+                    "median": float(distance.median()),
+                    "tenth": float(distance.quantile(0.1)),
+                    "mean": float(distance.mean()),
+                }
+        rows = [
+            f"| {n} | {1e3 * f['mean']:.0f} | {1e3 * f['median']:.0f} | {1e3 * f['tenth']:.0f} |"
+            for n, f in figures.items()
+        ]
+        head = (
+            "| distance to the nearest training window (mm) | mean | median | nearest tenth |\n|---|---:|---:|---:|\n"
+        )
+        return figures, head + "\n".join(rows) + "\n"
+
+
+def measure(setting: Setting, parts: list[str]) -> tuple[dict[str, Any], str]:
+    """Figures and tables of the parts."""
+    measured = Measured(setting)
+    figures, tables = {}, []
+    for part in parts:
+        figures[part], table = getattr(measured, part)()
+        print(table, flush=True)
+        tables.append(f"{part}\n\n{table}")
+    return figures, "\n".join(tables)
