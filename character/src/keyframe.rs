@@ -1,5 +1,6 @@
 //! Keyframes whose values were checked, and their tensors in the segment frame.
 
+use troupe_motion::feasibility::Key;
 use troupe_motion::features::pose_features_from_world;
 use troupe_motion::fk::world_transforms;
 use troupe_motion::model::{KeyTensors, POSE_FEATURES};
@@ -42,6 +43,16 @@ impl Checked {
         }
     }
 
+    /// As what is judged.
+    pub fn key(&self) -> Key<'_> {
+        Key {
+            root: self.root,
+            height: self.height,
+            velocity: self.velocity,
+            rotations: self.pose.as_ref().map(|pose| &*pose.rotations),
+        }
+    }
+
     /// What the keyframe fixes, in the segment frame.
     pub fn given(&self, frame: &SegmentFrame) -> Given {
         let rotations = self.pose.as_ref().map(|pose| {
@@ -55,6 +66,9 @@ impl Checked {
         Given {
             root,
             height: self.height,
+            velocity: self
+                .velocity
+                .map(|velocity| frame.to_segment_local_root(velocity)),
             rotations,
         }
     }
@@ -76,8 +90,22 @@ pub struct Given {
     pub root: Option<GlobalRoot>,
     /// How high the root is, metres; given without a root too.
     pub height: Option<f32>,
+    /// How it is asked to move.
+    pub velocity: Option<LocalRoot>,
     /// One rotation for each joint: joint 0 in the segment, others parent-relative.
     pub rotations: Option<Vec<Quat>>,
+}
+
+impl Given {
+    /// As what is judged.
+    pub fn key(&self) -> Key<'_> {
+        Key {
+            root: self.root,
+            height: self.height,
+            velocity: self.velocity,
+            rotations: self.rotations.as_deref(),
+        }
+    }
 }
 
 /// Makes keyframe tensors in a segment frame; keeps its scratch memory between keyframes.

@@ -33,6 +33,10 @@ pub(crate) struct Gap {
     #[arg(long, default_value_t = 1, value_name = "1-4", value_parser = clap::value_parser!(u8).range(1..=4))]
     pub(crate) target_frames: u8,
 
+    /// Refuse a gap that cannot be filled with motion as the pack's data shows, and say what would be possible.
+    #[arg(long)]
+    pub(crate) strict: bool,
+
     #[command(flatten)]
     pub(crate) sampling: Sampling,
 
@@ -92,7 +96,8 @@ pub(super) async fn fill(
         .seed(gap.sampling.seed)
         .temperature(gap.sampling.temperature)
         .pose_steps(gap.sampling.pose_steps)
-        .hold_feet(!gap.sampling.free_feet);
+        .hold_feet(!gap.sampling.free_feet)
+        .strict(gap.strict);
     let task = match length {
         Some(length) => task.length(length),
         None => {

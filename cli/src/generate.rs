@@ -11,6 +11,7 @@ use troupe_motion::clip::Clip;
 
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::feasibility::verdict;
 use crate::files::{Format, Scale};
 use crate::film::draw_motion;
 use crate::output::print;
@@ -72,6 +73,10 @@ pub(crate) struct Generate {
     /// The same seed, path and pack give the same motion.
     #[arg(long, help_heading = SAMPLING, default_value_t = 0)]
     pub(crate) seed: u64,
+
+    /// Refuse a path that the body cannot follow as its data shows.
+    #[arg(long)]
+    pub(crate) strict: bool,
 
     /// Also draw the motion: its path, and poses along it (PNG).
     #[arg(long, value_name = "FILE")]
@@ -140,6 +145,7 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
                 "pack_version": pack.description().version,
                 "skeleton": pack.body(),
                 "notes": made.notes,
+                "feasibility": made.feasibility,
                 "took_ms": took_ms,
             })
         ));
@@ -153,6 +159,9 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
         pack.name(),
         pack.description().version
     ));
+    if let Some(found) = &made.feasibility {
+        context.term.note(format_args!("{}", verdict(found)));
+    }
     Ok(())
 }
 
@@ -217,6 +226,7 @@ fn request(path: &Path, command: &Generate) -> FollowPath {
     }
     let mut asked = FollowPath::through(points)
         .guidance(command.guidance)
+        .strict(command.strict)
         .seed(command.seed);
     for Word { word, weight } in &command.style {
         asked = asked.style(word, *weight);

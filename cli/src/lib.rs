@@ -7,6 +7,7 @@ mod draw;
 mod drive;
 mod eval;
 mod failure;
+mod feasibility;
 mod files;
 mod fill;
 mod film;

@@ -50,6 +50,11 @@ fn help_of_eval_live() {
 }
 
 #[test]
+fn help_of_eval_feasibility() {
+    insta::assert_snapshot!(help(&["eval", "feasibility"]));
+}
+
+#[test]
 fn help_of_eval_wander() {
     insta::assert_snapshot!(help(&["eval", "wander"]));
 }

@@ -103,6 +103,14 @@ impl FollowPath {
         self
     }
 
+    /// Whether the server is to refuse a path that the body cannot follow as its data shows, and to end with an error where frames are
+    /// not feasible.
+    #[must_use]
+    pub fn strict(mut self, yes: bool) -> Self {
+        self.goal.strict = yes;
+        self
+    }
+
     /// The same seed and path give the same motion.
     #[must_use]
     pub fn seed(mut self, seed: u64) -> Self {
@@ -151,6 +159,8 @@ pub struct Generating {
     ended: bool,
     /// What the model was asked for that it may not do well. They are there with the first part.
     pub notes: Vec<String>,
+    /// Of the parts that came the one that is farthest from feasible; none where the body has no limits.
+    pub feasibility: Option<v1::Feasibility>,
 }
 
 /// A motion along a path.
@@ -160,6 +170,8 @@ pub struct Generated {
     pub clip: Clip,
     /// What the model was asked for that it may not do well.
     pub notes: Vec<String>,
+    /// Of its parts the one that is farthest from feasible; none where the body has no limits.
+    pub feasibility: Option<v1::Feasibility>,
 }
 
 impl Client {
@@ -175,6 +187,7 @@ impl Client {
             parts: answer.map_err(|status| self.sort(&status))?.into_inner(),
             ended: false,
             notes: Vec::new(),
+            feasibility: None,
         })
     }
 }
@@ -195,6 +208,17 @@ impl Generating {
         };
         self.ended = part.is_last;
         self.notes.extend(part.notes);
+        if let Some(found) = part.feasibility {
+            let worse = self
+                .feasibility
+                .as_ref()
+                .is_none_or(|known| known.ratio < found.ratio);
+            self.feasibility = if worse {
+                Some(found)
+            } else {
+                self.feasibility.take()
+            };
+        }
         match part.part {
             Some(v1::generate_response::Part::Frames(frames)) => Ok(Some(clip(&frames, &self.pack)?)),
             _ => Err(AnswerError::Missing("frames").into()),
@@ -216,6 +240,7 @@ impl Generating {
         Ok(Generated {
             clip,
             notes: self.notes,
+            feasibility: self.feasibility,
         })
     }
 }

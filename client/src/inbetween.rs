@@ -256,6 +256,13 @@ impl InBetween {
         self
     }
 
+    /// Whether the server is to refuse the task where its answer would not be feasible, and to say what would be.
+    #[must_use]
+    pub fn strict(mut self, yes: bool) -> Self {
+        self.character.strict = yes;
+        self
+    }
+
     /// The task on the wire.
     ///
     /// # Errors
@@ -299,6 +306,8 @@ pub struct InBetweenAnswer {
     pub clamped_hinges: Vec<u32>,
     /// What each stage produced; none unless asked for.
     pub intermediates: Option<v1::Intermediates>,
+    /// Whether the motion stays within what the pack's data does; none where the pack has no limits.
+    pub feasibility: Option<v1::Feasibility>,
 }
 
 impl InBetweenAnswer {
@@ -339,6 +348,7 @@ impl InBetweenAnswer {
             hinge_residuals: frames.hinge_residuals,
             clamped_hinges: frames.clamped_hinges,
             intermediates: result.intermediates,
+            feasibility: result.feasibility,
         })
     }
 }
@@ -499,6 +509,7 @@ mod tests {
                 id: "a".to_owned(),
                 frames,
                 intermediates: None,
+                feasibility: None,
             };
             InBetweenAnswer::from_message(result, &pack())
         };

@@ -17,6 +17,7 @@ pub mod codec;
 pub mod contacts;
 pub mod conventions;
 pub mod convert;
+pub mod feasibility;
 pub mod features;
 #[cfg(feature = "files")]
 pub mod files;

@@ -7,7 +7,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::Value;
+use troupe_motion::feasibility::{Figure, Judge, Key, Limits, LimitsDoc};
 use troupe_motion::metrics::{Task, evaluate};
+use troupe_motion::model::{Dims, Rig};
 use troupe_motion::pin::{PosePin, pin_poses};
 use troupe_motion::root::heading_of;
 use troupe_motion::segment::{RootPin, pin_targets};
@@ -92,6 +94,65 @@ fn figures_are_those_of_python() {
     assert_eq!(differences(&motion, &truth, &data["figures"]), [""; 0]);
     let pinned = clip(&data["pinned"]);
     assert_eq!(differences(&pinned, &truth, &data["pinned_figures"]), [""; 0]);
+}
+
+/// Rust's names of Python's figures.
+const FEASIBILITY: [(&str, Figure); Figure::COUNT] = [
+    ("root_speed_mps", Figure::RootSpeed),
+    ("root_acceleration_mps2", Figure::RootAcceleration),
+    ("turning_rad_per_s", Figure::Turning),
+    ("joint_speed_mps", Figure::JointSpeed),
+    ("joint_acceleration_mps2", Figure::JointAcceleration),
+    ("below_ground_m", Figure::BelowGround),
+    ("off_ground_m", Figure::OffGround),
+    ("tilt_rad", Figure::Tilt),
+    ("bend_rad", Figure::Bend),
+    ("root_reach_m", Figure::RootReach),
+    ("turn_reach_rad", Figure::TurnReach),
+    ("pose_reach_m", Figure::PoseReach),
+];
+
+#[test]
+fn feasibility_is_that_of_python() {
+    let data = shared();
+    let motion = clip(&data["motion"]);
+    let doc: LimitsDoc = serde_json::from_value(data["feasibility"]["limits"].clone()).unwrap();
+    let dims = Dims {
+        joints: JOINTS,
+        contacts: 4,
+        heads: 1,
+        codes: 2,
+        min_tokens: 3,
+        max_tokens: 16,
+        frames_per_token: 4,
+        context_frames: 4,
+        max_targets: 4,
+    };
+    let skeleton = skeleton();
+    let rig = Rig {
+        limits: Some(Arc::new(Limits::new(&doc, &skeleton).unwrap())),
+        ..Rig::new("shared", 30.0, dims, (*skeleton).clone())
+    };
+    let mut judge = Judge::new(&rig).unwrap();
+    let key = |frame: usize| Key {
+        root: Some(motion.root_at(frame)),
+        rotations: Some(motion.rotations_at(frame)),
+        ..Key::default()
+    };
+    let given = judge.keys(&[0, 1, 2, 3].map(key), &[key(FRAMES - 1)], FRAMES);
+    let found = judge
+        .motion(&motion.root_positions, &motion.rotations)
+        .worse_of(&given);
+    for (name, figure) in FEASIBILITY {
+        let wanted = data["feasibility"]["figures"][name].as_f64().unwrap() as f32;
+        let value = found.get(figure).value;
+        // What is on the right side of the ground is not told.
+        let near = (value - wanted).abs() <= 2e-3 * wanted.abs() + 2e-4;
+        assert!(
+            near || (wanted < 0.0 && value == 0.0),
+            "{name}: {value} here, {wanted} in Python"
+        );
+    }
 }
 
 /// As the server's answers are pinned.

@@ -17,7 +17,7 @@ use troupe_proto::v1;
 
 use crate::batch::{Order, Served, SubmitError, trace_served};
 use crate::clients::Tenant;
-use crate::inbetween::{Plan, RequestLimits, finish, prepare};
+use crate::inbetween::{Plan, RequestLimits, finish_judged, prepare, refuse, refuse_keyframes};
 use crate::offload::{WorkerStopped, offload};
 use crate::packs::{LoadedPack, PackTable};
 use crate::records::{Records, RecordsError};
@@ -27,6 +27,7 @@ use crate::world::Store;
 use describe::describe;
 use metrics::ServiceMetrics;
 use troupe_engine::EngineError;
+use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Capability, Output, Rig};
 
 pub use error::ServiceError;
@@ -232,7 +233,9 @@ impl Service {
         let order = self.order(arrived);
         let (rig, limits) = (loaded.pack.rig.clone(), self.common.limits);
         let (items, plans) = offload(characters, INLINE_CHARACTERS, move || {
-            prepare(&request, &rig, limits)
+            let (items, plans) = prepare(&request, &rig, limits)?;
+            refuse_keyframes(&plans, &rig)?;
+            Ok::<_, ServiceError>((items, plans))
         })
         .await??;
 
@@ -290,9 +293,20 @@ fn finish_all(served: &Served, plans: &[Plan], rig: &Rig) -> Result<Vec<v1::Char
         Output::Motion(motion) => Some(motion),
         Output::Motions(_) | Output::Text(_) | Output::Audio(_) => None,
     });
-    let pairs = motions.zip(plans);
+    let mut judge = Judge::new(rig);
+    let pairs = motions.zip(plans).enumerate();
     pairs
-        .map(|(motion, plan)| finish(motion, plan, rig).map_err(ServiceError::from))
+        .map(|(index, (motion, plan))| {
+            let (result, found) = finish_judged(motion, plan, rig, judge.as_mut())?;
+            if let Some(found) = found {
+                let frames = result
+                    .frames
+                    .as_ref()
+                    .map_or(0, |frames| frames.frame_count as usize);
+                refuse(index, plan, rig, &found, frames)?;
+            }
+            Ok::<_, ServiceError>(result)
+        })
         .collect()
 }
 

@@ -57,6 +57,9 @@ pub struct Character {
     locomotion: Locomotion,
     /// Sequence number of the current command, and the frame from which it held.
     current: (u64, u64),
+    /// The frame at which it was told what is done instead of a command; none since a command that can be followed.
+    #[serde(skip)]
+    told: Option<u64>,
     /// A plan to ask for.
     #[serde(skip)]
     outbox: Option<PlanRequest>,
@@ -114,6 +117,7 @@ impl Character {
             inbox: Inbox::default(),
             locomotion: Locomotion::new(0, facing, rig.fps, command),
             current: (0, 0),
+            told: None,
             outbox: None,
             asked: None,
             newest: None,
@@ -324,6 +328,7 @@ impl Character {
         while let Some(due) = self.inbox.take_due(frame as u64) {
             if self.take_up(due.intent, frame) {
                 self.current = (due.sequence, frame as u64);
+                self.tell_instead(frame);
             }
         }
         let next = match self.acting() {
@@ -364,6 +369,26 @@ impl Character {
         self.locomotion.set_command(frame as u64, command);
         self.timeline.command_changed();
         true
+    }
+
+    /// Tells what is done instead of a command that the style cannot follow, at most once a second while commands change.
+    fn tell_instead(&mut self, frame: i64) {
+        let Some(instead) = self.locomotion.instead() else {
+            self.told = None;
+            return;
+        };
+        let second = self.rig.fps as u64;
+        if self.told.is_none_or(|told| told + second <= frame as u64) {
+            self.told = Some(frame as u64);
+            self.events.push(CharacterEvent {
+                frame: frame as u64,
+                kind: EventKind::Bounded {
+                    wanted_mps: instead.wanted_mps,
+                    speed_mps: instead.speed_mps,
+                    facing: instead.facing,
+                },
+            });
+        }
     }
 
     /// Has one stand who has come to the end of a path.

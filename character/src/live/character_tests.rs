@@ -184,6 +184,38 @@ fn commands_hold_once_and_in_order() {
 }
 
 #[test]
+fn what_is_done_instead_of_a_command_is_told_once_a_second() {
+    let calm = style("calm");
+    let mut character = standing_character(&calm);
+    let mut told = Vec::new();
+    // Within what the style does, then far beyond it, a little otherwise every frame, and within again.
+    for frame in 0..90 {
+        let z = match frame {
+            0..10 => 1.2,
+            10..80 => 6.0 + 0.01 * frame as f32,
+            _ => 1.0,
+        };
+        character.command(1 + frame, None, going(&calm, 0.0, z));
+        character.advance(SUB_FRAMES, Clock::Waits);
+        serve(&mut character);
+        character.take_events(&mut told);
+    }
+    let frames: Vec<u64> = told.iter().map(|event| event.frame).collect();
+    assert_eq!(frames.len(), 3, "{told:?}");
+    assert_eq!((frames[1] - frames[0], frames[2] - frames[1]), (30, 30));
+    let EventKind::Bounded {
+        wanted_mps,
+        speed_mps,
+        facing,
+    } = told[0].kind
+    else {
+        panic!("{told:?}")
+    };
+    assert!((6.0..6.3).contains(&wanted_mps) && (1.2..1.4).contains(&speed_mps));
+    assert_eq!(facing, None, "nobody said where to face");
+}
+
+#[test]
 fn the_newest_command_gets_the_plan() {
     let calm = style("calm");
     let mut character = standing_character(&calm);

@@ -143,6 +143,15 @@ pub enum EventKind {
         /// How far from its last point, metres.
         off_m: f32,
     },
+    /// A command asks for more than the style can do.
+    Bounded {
+        /// Speed over the ground that was asked for, m/s.
+        wanted_mps: f32,
+        /// Speed that it has instead, m/s.
+        speed_mps: f32,
+        /// Where it faces instead, radians; none where it faces as it was told, or was told nothing.
+        facing: Option<f32>,
+    },
 }
 
 /// Why an interaction could not go on.

@@ -20,7 +20,7 @@ use super::matching::Matcher;
 use super::path::PathCommand;
 use super::path::run::{Now, PathEnd, PathRun, Way};
 use super::ramp::{Ramp, VelocityRamp};
-use super::reach::{self, Feasible};
+use super::reach::{self, Feasible, Instead};
 use super::recipe::{
     ACCELERATION_MPS2, ANCHOR_AFTER_S, HORIZON_S, MOST_TURN_RPS, PATH_PLAN_FRAMES, STANDING_MPS, STEP_FRAMES,
     STEP_MARGIN_FRAMES, STEP_TURN,
@@ -126,6 +126,16 @@ impl Locomotion {
         self.stand = None;
         self.turn = 0.0;
         self.path = Some(PathRun::new(frame, path));
+    }
+
+    /// What is done instead of the command, where its style cannot do that.
+    pub fn instead(&self) -> Option<Instead> {
+        match self.path {
+            Some(_) => None,
+            None => self
+                .feasible
+                .instead_of(self.command.velocity, self.command.facing),
+        }
     }
 
     /// The path that it follows.

@@ -19,6 +19,7 @@ use crate::style::Style;
 
 pub use locomotion::Locomotion;
 pub use path::PathCommand;
+pub use reach::Instead;
 
 /// Context frames of a plan.
 const CONTEXT_FRAMES: usize = 4;

@@ -15,6 +15,10 @@ const WALKING_ARC: [(f32, f32); 3] = [(0.35, 1.0), (1.57, 0.7), (3.15, 0.5)];
 /// A side gait is one that is farther off than this, radians; the slowest of a style's gaits that move is at least so fast,
 /// m/s.
 const LEAST_PACE_MPS: f32 = 0.2;
+/// What is done instead of a command is told where it is slower by more than this share, or faces elsewhere by more than this angle,
+/// radians.
+const TOLD_SHARE: f32 = 0.05;
+const TOLD_TURN: f32 = 0.087;
 
 /// A feasible motion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -23,6 +27,33 @@ pub(crate) struct Feasible {
     pub(crate) velocity: Vec3,
     /// Where to face, radians.
     pub(crate) facing: f32,
+}
+
+/// What is done where a style cannot do as it is told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Instead {
+    /// Speed over the ground that was asked for, m/s.
+    pub wanted_mps: f32,
+    /// Speed over the ground, m/s.
+    pub speed_mps: f32,
+    /// Where it faces, radians; none where it faces as it was told, or was told nothing.
+    pub facing: Option<f32>,
+}
+
+impl Feasible {
+    /// What it is instead of a command, where the two differ by more than nobody would see.
+    pub(crate) fn instead_of(&self, velocity: Vec3, facing: Option<f32>) -> Option<Instead> {
+        let (wanted_mps, speed_mps) = (velocity.with_y(0.0).length(), self.velocity.length());
+        let slower = wanted_mps >= STANDING_MPS && wanted_mps - speed_mps > TOLD_SHARE * wanted_mps;
+        let facing = facing
+            .filter(|facing| wrap_angle(facing - self.facing).abs() > TOLD_TURN)
+            .map(|_| self.facing);
+        (slower || facing.is_some()).then_some(Instead {
+            wanted_mps,
+            speed_mps,
+            facing,
+        })
+    }
 }
 
 /// The motion nearest to `velocity` (world, m/s) while facing `facing` that `style` has gaits for, or `only` one of them:

@@ -27,6 +27,25 @@ fn what_a_gait_does_is_left_alone() {
 }
 
 #[test]
+fn what_is_done_instead_is_told_where_it_differs() {
+    let style = of(&["idle", "walk", "run", "walk-back"]);
+    let told = |velocity: Vec3, facing: Option<f32>| {
+        let near = nearest(&style, None, velocity, facing.unwrap_or(0.0));
+        near.instead_of(velocity, facing)
+    };
+    assert_eq!(told(Vec3::ZERO, Some(1.0)), None);
+    assert_eq!(told(Vec3::Z, Some(0.0)), None);
+    let fast = told(Vec3::Z * 9.0, Some(0.0)).unwrap();
+    assert!(fast.wanted_mps == 9.0 && fast.speed_mps < 5.0, "{fast:?}");
+    assert_eq!(fast.facing, None);
+    let aside = told(Vec3::X * 0.5, Some(0.0)).unwrap();
+    assert!(
+        (aside.facing.unwrap() - (FRAC_PI_2 - FORWARD_ARC)).abs() < 1e-4,
+        "{aside:?}"
+    );
+}
+
+#[test]
 fn eight_metres_a_second_sideways_is_a_brisk_walk_that_faces_more_that_way() {
     let style = of(&["idle", "walk", "run", "walk-back"]);
     for side in [1.0, -1.0] {

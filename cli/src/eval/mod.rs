@@ -2,6 +2,7 @@
 
 mod clips;
 mod evaluator;
+mod feasibility;
 mod gaps;
 mod live;
 mod resampling;
@@ -10,6 +11,7 @@ mod wander;
 
 use clap::{Args, Subcommand};
 
+use self::feasibility::FeasibilityEval;
 use self::gaps::GapEval;
 use self::live::Live;
 use self::wander::Wander;
@@ -41,12 +43,14 @@ pub(crate) struct Eval {
 /// What else can be measured.
 #[derive(Debug, Subcommand)]
 pub(crate) enum EvalWhat {
+    Feasibility(FeasibilityEval),
     Live(Live),
     Wander(Wander),
 }
 
 pub(crate) async fn run(context: &Context, command: &Eval) -> Result<(), Failure> {
     match &command.what {
+        Some(EvalWhat::Feasibility(command)) => feasibility::run(context, command).await,
         Some(EvalWhat::Live(command)) => live::run(context, command).await,
         Some(EvalWhat::Wander(command)) => wander::run(context, command).await,
         None => gaps::run(context, &command.gaps).await,

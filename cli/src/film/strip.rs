@@ -158,6 +158,8 @@ fn phase(event: &Event) -> Option<&str> {
         Kind::Entered(of) => Some(&of.set),
         Kind::Fell(_) => Some("fall"),
         Kind::Done(_) | Kind::Failed(_) | Kind::Interrupted(_) | Kind::Landed(_) => Some(""),
-        Kind::Reached(_) | Kind::Attached(_) | Kind::Released(_) | Kind::Arrived(_) => None,
+        Kind::Reached(_) | Kind::Attached(_) | Kind::Released(_) | Kind::Arrived(_) | Kind::Bounded(_) => {
+            None
+        }
     }
 }

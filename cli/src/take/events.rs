@@ -182,6 +182,13 @@ impl fmt::Display for Told<'_> {
                 None => out.write_str("fell"),
             },
             Kind::Arrived(of) => write!(out, "arrived {:.1} s late, {:.2} m off", of.late, of.off),
+            Kind::Bounded(of) => {
+                write!(out, "goes at {:.2} m/s, not {:.2}", of.speed, of.wanted_speed)?;
+                match of.facing {
+                    Some(facing) => write!(out, ", and faces {:.0}° instead", facing.to_degrees()),
+                    None => Ok(()),
+                }
+            }
             Kind::Landed(of) => write!(out, "landed after {:.2} m at {:.1} m/s", of.height, of.speed),
         }
     }

@@ -18,7 +18,7 @@ class Event:
     frame: int
     """Frame of the session's timeline."""
     kind: str
-    """started, entered, reached, attached, released, done, failed, interrupted, fell, landed or arrived."""
+    """started, entered, reached, attached, released, done, failed, interrupted, fell, landed, arrived or bounded."""
     detail: Any
     """The message of that kind in `event.proto`."""
 

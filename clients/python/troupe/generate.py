@@ -46,6 +46,8 @@ class FollowPath:
     """How much the words count; 1 as they were trained."""
     skeleton: Skeleton | None = None
     """A body of the caller's own, upright in its rest pose. Nothing promises that a model moves it well."""
+    strict: bool = False
+    """Whether the server is to refuse a path that the body cannot follow as its data shows."""
 
     def to_message(self, pack: Pack) -> motion_pb2.PathGoal:
         """The goal on the wire."""
@@ -59,6 +61,7 @@ class FollowPath:
             steps=self.steps,
             guidance=self.guidance,
             targets=keyframes(self.targets, "goal.path.targets", None),
+            strict=self.strict,
         )
 
 
@@ -83,6 +86,8 @@ class Generated:
     clip: Clip
     notes: tuple[str, ...]
     """What the model was asked for that it may not do well."""
+    feasibility: motion_pb2.Feasibility | None = None
+    """Of the parts of a path the one that is farthest from feasible. None: the body has no limits."""
 
     def _repr_html_(self) -> str:
         return self.clip._repr_html_()
@@ -125,11 +130,15 @@ class Parts:
         own = path.skeleton if isinstance(path, FollowPath) else None
         self._pack = pack if own is None else replace(pack, skeleton=own)
         self.notes: list[str] = []
+        self.feasibility: motion_pb2.Feasibility | None = None
         self.ended = False
 
     def take(self, part: motion_pb2.GenerateResponse) -> Clip | str:
         """Reads a part."""
         self.notes.extend(part.notes)
+        found = part.feasibility if part.HasField("feasibility") else None
+        if found and (self.feasibility is None or self.feasibility.ratio < found.ratio):
+            self.feasibility = found
         self.ended = part.is_last
         if part.WhichOneof("part") == "text":
             return part.text
@@ -140,7 +149,8 @@ class Parts:
     def whole(self, came: Sequence[Clip | str]) -> Generated:
         """All of a motion."""
         self.check_end()
-        return Generated(clips.joined([part for part in came if isinstance(part, Clip)]), tuple(self.notes))
+        made = clips.joined([part for part in came if isinstance(part, Clip)])
+        return Generated(made, tuple(self.notes), self.feasibility)
 
     def words(self, came: Sequence[Clip | str]) -> str:
         """All of the words."""

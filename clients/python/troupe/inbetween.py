@@ -39,6 +39,8 @@ class InBetween:
     """Comes back with the answer."""
     intermediates: bool = False
     """Whether to return what each stage produced as well."""
+    strict: bool = False
+    """Whether the server is to refuse the gap where its answer would not be feasible, and to say what would be."""
 
     @staticmethod
     def from_clip(clip: Clip, after: int, until: int, **options: object) -> InBetween:
@@ -70,6 +72,7 @@ class InBetween:
             return_intermediates=self.intermediates,
             return_qpos=pack.robot is not None,
             hold_feet=self.hold_feet,
+            strict=self.strict,
         )
 
 
@@ -101,6 +104,8 @@ class InBetweenAnswer:
     """(frames) a robot's hinges that were asked for more than their limits; empty where the pack has no robot."""
     intermediates: motion_pb2.Intermediates | None = field(repr=False)
     """What each stage produced, where that was asked for."""
+    feasibility: motion_pb2.Feasibility | None = field(repr=False)
+    """Whether the motion stays within what the pack's data does. None: the pack has no limits."""
     timing: motion_pb2.Timing = field(repr=False)
     """Where the server's time went, for the whole request."""
     pack_version: str
@@ -128,6 +133,7 @@ def _answer(result: motion_pb2.CharacterResult, response: motion_pb2.InBetweenRe
         hinge_residuals=np.asarray(frames.hinge_residuals, np.float32),
         clamped_hinges=np.asarray(frames.clamped_hinges, np.int64),
         intermediates=result.intermediates if result.HasField("intermediates") else None,
+        feasibility=result.feasibility if result.HasField("feasibility") else None,
         timing=response.timing,
         pack_version=response.pack_version,
     )

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use troupe_motion::feasibility::LimitsError;
 use troupe_motion::model::BodyError;
 use troupe_motion::robot::RobotError;
 
@@ -54,6 +55,17 @@ pub enum PackProblem {
     /// Hinges that do not make a robot of the skeleton.
     #[error("pack.toml: {0}")]
     Robot(#[from] RobotError),
+    /// Limits out of their range, or of other joints.
+    #[error("pack.toml: {0}")]
+    Limits(#[from] LimitsError),
+    /// Limits of a body.
+    #[error("bodies/{body}.toml: {problem}")]
+    BodyLimits {
+        /// The body.
+        body: String,
+        /// What is wrong with them.
+        problem: LimitsError,
+    },
     /// A body's file that is not valid TOML, or lacks or misspells a field. The text shows the line.
     #[error("bodies/{body}.toml: {cause}")]
     BodyFile {

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Skeleton;
+use troupe_motion::feasibility::LimitsDoc;
 use troupe_motion::model::{Capabilities, Capability, Dims};
 use troupe_motion::robot::RobotDoc;
 
@@ -64,6 +65,9 @@ pub struct Manifest {
     /// The skeleton's hinges, where it is a robot's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot: Option<RobotDoc>,
+    /// What the motion that it was trained on does at most.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<LimitsDoc>,
     /// What a pack of the family UniMoGen says beside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unimogen: Option<UniMoGenDoc>,

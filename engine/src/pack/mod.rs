@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sha2::{Digest as _, Sha256};
+use troupe_motion::feasibility::Limits;
 use troupe_motion::model::{Body, Rig};
 
 pub use error::{PackError, PackProblem};
@@ -123,7 +124,10 @@ impl Pack {
             Some(robot) => skeleton.with_robot(robot)?,
             None => skeleton,
         };
-        let rig = Rig::new(&manifest.name, manifest.fps, dims, skeleton);
+        let mut rig = Rig::new(&manifest.name, manifest.fps, dims, skeleton);
+        if let Some(limits) = &manifest.limits {
+            rig.limits = Some(Arc::new(Limits::new(limits, &rig.skeleton)?));
+        }
         Ok(Self {
             bodies: Vec::new(),
             lexicon: None,

@@ -34,6 +34,7 @@ pub fn pack_of(rig: Rig) -> Pack {
         content_hash: format!("sha256:{}", "0".repeat(64)),
         skeleton: (*rig.skeleton).clone(),
         robot: None,
+        limits: None,
         unimogen: None,
         vermo: None,
         training: toml::Table::new(),

@@ -2,9 +2,11 @@
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Skeleton;
+use troupe_motion::feasibility::{Limits, LimitsDoc};
 use troupe_motion::model::{Body, BodyParts, DESCRIPTION, Dims, SLOTS};
 use troupe_motion::robot::RobotDoc;
 use troupe_motion::rotation::from_wxyz;
@@ -158,7 +160,7 @@ impl UniMoGenDoc {
     /// Reads the bodies' files.
     ///
     /// # Errors
-    /// [`PackProblem::Read`], [`PackProblem::BodyFile`] or [`PackProblem::Body`].
+    /// [`PackProblem::Read`], [`PackProblem::BodyFile`], [`PackProblem::Body`] or [`PackProblem::BodyLimits`].
     pub(super) fn read_bodies(&self, folder: &Path, fps: f32, dims: &Dims) -> Result<Vec<Body>, PackProblem> {
         let read = |name: &String| {
             let text = read_text(&body_file(folder, name))?;
@@ -184,7 +186,17 @@ impl UniMoGenDoc {
                     format!("words of the pack, in bodies/{name}.toml"),
                 ));
             }
-            Body::new(doc.parts()?, fps, dims).map_err(failed)
+            let limits = doc.limits.clone();
+            let mut body = Body::new(doc.parts()?, fps, dims).map_err(failed)?;
+            if let Some(doc) = limits {
+                let limits = Limits::new(&doc, &body.rig.skeleton);
+                let limits = limits.map_err(|problem| PackProblem::BodyLimits {
+                    body: name.clone(),
+                    problem,
+                })?;
+                Arc::make_mut(&mut body.rig).limits = Some(Arc::new(limits));
+            }
+            Ok(body)
         };
         self.bodies.iter().map(read).collect()
     }
@@ -211,6 +223,7 @@ struct BodyDoc {
     neutral: NeutralDoc,
     skeleton: Skeleton,
     robot: Option<RobotDoc>,
+    limits: Option<LimitsDoc>,
 }
 
 #[derive(Debug, Deserialize)]

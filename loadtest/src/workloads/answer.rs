@@ -192,6 +192,7 @@ mod tests {
                     ..v1::Frames::default()
                 }),
                 intermediates: None,
+                feasibility: None,
             }],
             timing: Some(v1::Timing {
                 queue_us: 40,

@@ -6,6 +6,7 @@ use glam::Quat;
 
 use super::Dims;
 use crate::Skeleton;
+use crate::feasibility::Limits;
 use crate::ik::{Leg, legs};
 use crate::stance::low_hips_m;
 
@@ -26,6 +27,8 @@ pub struct Rig {
     pub low_hips_m: f32,
     /// How its plans are asked for, where that is by paths; by keyframes otherwise.
     pub by_path: Option<ByPath>,
+    /// What the data of its pack does at most; none where the pack does not say.
+    pub limits: Option<Arc<Limits>>,
 }
 
 /// What planning needs of a body that moves along paths, with no keyframes to go to.
@@ -54,6 +57,7 @@ impl Rig {
             legs: legs(&skeleton).into(),
             skeleton: Arc::new(skeleton),
             by_path: None,
+            limits: None,
         }
     }
 

@@ -241,6 +241,10 @@ impl Tabled for ServiceError {
                 .allowed(format!("at most {most} at a time (max_tenants)")),
             Self::Tenant => INTERNAL.because("TENANT_NOT_READ"),
             Self::Field(error) => error.row(),
+            Self::NotFeasible(error) => Row {
+                reason: "NOT_FEASIBLE",
+                ..error.0.row()
+            },
             Self::UnknownPack(error) => error.row(),
             Self::CannotDo(error) => error.row(),
             Self::World(error) => error.row(),

@@ -5,6 +5,7 @@ use troupe_character::post::{
     HingeColumns, NonFinite, PIN_REACH_FRAMES, check_finite, contact_bits, hold_between, onto_hinges,
     parent_relative, roots, to_world_rotations,
 };
+use troupe_motion::feasibility::{Feasibility, Judge, Key};
 use troupe_motion::fk::world_transforms;
 use troupe_motion::model::{Dims, GLOBAL_ROOT, Motion, Rig, SIX_D};
 use troupe_motion::pin::{PosePin, pin_poses};
@@ -14,6 +15,7 @@ use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
 use troupe_proto::v1;
 
+use super::feasible::{keys, message};
 use super::{Parts, Plan};
 
 /// Turns what the stages made of one character into its answer, in the world.
@@ -21,6 +23,19 @@ use super::{Parts, Plan};
 /// # Errors
 /// [`NonFinite`] where the frames, or what the stages before them gave, are not usable.
 pub fn finish(raw: &Motion, plan: &Plan, rig: &Rig) -> Result<v1::CharacterResult, NonFinite> {
+    finish_judged(raw, plan, rig, None).map(|(result, _)| result)
+}
+
+/// [`finish`], with what a judge of the rig finds of the frames and the keyframes.
+///
+/// # Errors
+/// As [`finish`].
+pub fn finish_judged(
+    raw: &Motion,
+    plan: &Plan,
+    rig: &Rig,
+    judge: Option<&mut Judge>,
+) -> Result<(v1::CharacterResult, Option<Feasibility>), NonFinite> {
     let dims = &rig.dims;
     let frames = plan.frames.unwrap_or(raw.frames());
     check_finite(raw)?;
@@ -48,8 +63,9 @@ pub fn finish(raw: &Motion, plan: &Plan, rig: &Rig) -> Result<v1::CharacterResul
         hinges.qpos = on_hinges(rig, &root_positions, &mut rotations, plan.parts.qpos).qpos;
     }
     // From here on all that is said of a robot's frames is said of the same poses.
+    let found = judge.map(|judge| judged(judge, plan, &root_positions, &rotations));
     let (positions, six_d) = world_columns(&rig.skeleton, &root_positions, &rotations, plan.parts);
-    Ok(v1::CharacterResult {
+    let result = v1::CharacterResult {
         id: plan.id.clone(),
         frames: Some(v1::Frames {
             frame_count: frames as u32,
@@ -69,7 +85,26 @@ pub fn finish(raw: &Motion, plan: &Plan, rig: &Rig) -> Result<v1::CharacterResul
             .parts
             .intermediates
             .then(|| intermediates(raw, &plan.frame, dims)),
-    })
+        feasibility: found.as_ref().map(message),
+    };
+    Ok((result, found))
+}
+
+/// What is found of frames in the world, and of the keyframes that they were made for.
+fn judged(judge: &mut Judge, plan: &Plan, roots: &[Vec3], rotations: &[Quat]) -> Feasibility {
+    let [context, targets] = keys(plan);
+    let moved = judge.motion(roots, rotations);
+    let given = judge.keys(&context, &targets, roots.len());
+    let last: Vec<Key<'_>> = targets
+        .iter()
+        .map(|key| Key {
+            velocity: key
+                .velocity
+                .map(|velocity| plan.frame.to_world_local_root(velocity)),
+            ..*key
+        })
+        .collect();
+    moved.worse_of(&given).worse_of(&judge.arrivals(&last, roots))
 }
 
 /// A robot's poses brought onto its hinges; others stay as they are.

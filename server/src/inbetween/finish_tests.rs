@@ -38,6 +38,8 @@ fn plan(frames: Option<usize>, target_roots: Vec<Option<GlobalRoot>>) -> Plan {
             heading: FRAC_PI_2,
         },
         frames,
+        most_frames: 64,
+        strict: false,
         context: Vec::new(),
         targets: target_roots
             .into_iter()

@@ -8,6 +8,7 @@ use troupe_character::post::{
     NonFinite, check_finite, onto_hinges, parent_relative, roots, to_world_rotations,
 };
 use troupe_character::{FieldError, Path};
+use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{DescribeTask, Motion, Output, PromptTask, Rig, SamplingTask, Task};
 use troupe_motion::rotation::{align_sign, to_wxyz};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
@@ -15,6 +16,7 @@ use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 use troupe_proto::v1::generate_response::Part;
 
+use super::feasible::message;
 use super::prepare::{check_keyframes, check_temperature};
 
 /// Most characters of a prompt.
@@ -146,6 +148,10 @@ pub struct PartWriter {
     frame: SegmentFrame,
     /// The pose before the next part.
     last: Vec<Quat>,
+    /// Of frames along a path, who judges them where the body has limits.
+    judge: Option<Judge>,
+    /// Frames that were written.
+    written: usize,
 }
 
 impl PartWriter {
@@ -155,7 +161,15 @@ impl PartWriter {
             rig,
             frame,
             last: Vec::new(),
+            judge: None,
+            written: 0,
         }
+    }
+
+    /// The same, with a judge of its frames.
+    #[must_use]
+    pub fn judged_by(self, judge: Option<Judge>) -> Self {
+        Self { judge, ..self }
     }
 
     /// The message of the next part.
@@ -173,10 +187,12 @@ impl PartWriter {
             }),
             Output::Audio(codes) => Part::Text(format!("{codes:?}")),
         };
+        let found = self.judge.as_mut().map(Judge::part);
         Ok(v1::GenerateResponse {
             part: Some(part),
             is_last,
             notes: Vec::new(),
+            feasibility: found.as_ref().map(message),
         })
     }
 
@@ -207,6 +223,12 @@ impl PartWriter {
         let hinges = rig.skeleton.robot.as_ref();
         let hinges = hinges.map(|robot| onto_hinges(robot, &positions, &mut rotations, true));
         let hinges = hinges.unwrap_or_default();
+        if let Some(judge) = &mut self.judge {
+            for (root, pose) in positions.iter().zip(rotations.chunks_exact(joints)) {
+                judge.push(self.written, Some(*root), Some((root.y, pose)));
+                self.written += 1;
+            }
+        }
         self.last = rotations[rotations.len().saturating_sub(joints)..].to_vec();
         Ok(v1::Frames {
             frame_count: count as u32,

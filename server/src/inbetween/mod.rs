@@ -6,6 +6,7 @@
 //! that stand held still, a robot's poses brought onto its hinges.
 
 mod body;
+mod feasible;
 mod finish;
 mod generate;
 #[cfg(test)]
@@ -14,7 +15,8 @@ mod path;
 mod prepare;
 mod words;
 
-pub use finish::finish;
+pub use feasible::{NotFeasible, refuse, refuse_frames, refuse_keyframes};
+pub use finish::{finish, finish_judged};
 pub use generate::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, PartWriter, no_temperature, prepare_generate};
 pub use path::{MAX_PATH_POINTS, PathPlan};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};

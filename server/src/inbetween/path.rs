@@ -1,5 +1,7 @@
 //! Paths to follow: from a request to the windows of a motion of any length, one after another.
 
+mod strict;
+
 use std::sync::Arc;
 
 use troupe_character::keyframe::{Checked, KeyWriter};
@@ -85,6 +87,7 @@ impl PathPlan {
         let path = root.field("path");
         let dims = pack.rig.dims;
         let body = body(&path, goal, pack)?;
+        strict::check(&path, goal, &body)?;
         let context = dims.context_frames;
         if !past.is_empty() && past.len() != context {
             let message = format!("has {} keyframes", past.len());

@@ -26,6 +26,10 @@ pub struct Plan {
     pub frame: SegmentFrame,
     /// Frames of the segment, where the request fixes them.
     pub frames: Option<usize>,
+    /// The most frames that it may have where the model chooses.
+    pub most_frames: usize,
+    /// Whether an answer that is not feasible is refused.
+    pub strict: bool,
     /// The context keyframes.
     pub context: Vec<Given>,
     /// The target keyframes; the last is the segment's last frame.
@@ -90,6 +94,7 @@ fn prepare_character(
 ) -> Result<(KeyframeTask, Plan), FieldError> {
     check_options(path, character, &rig.dims)?;
     check_qpos_wanted(path, character, rig)?;
+    check_strict(path, character, rig)?;
     let frames = check_frame_count(path, character, &rig.dims)?;
     let allowed_counts = check_counts(path, character, &rig.dims, frames)?;
     let context = check_keyframes(path, "context", &character.context, Role::Context, rig)?;
@@ -106,6 +111,7 @@ fn prepare_character(
     }
 
     let frame = SegmentFrame::from_root(anchor);
+    let most_tokens = rig.dims.min_tokens + allowed_counts.iter().rposition(|&may| may).unwrap_or_default();
     let item = KeyframeTask {
         context: writer.write(&frame, &context),
         targets: writer.write(&frame, &targets),
@@ -121,6 +127,8 @@ fn prepare_character(
         id: character.id.clone(),
         frame,
         frames,
+        most_frames: most_tokens * rig.dims.frames_per_token,
+        strict: character.strict,
         context: context.iter().map(|key| key.given(&frame)).collect(),
         targets: targets.iter().map(|key| key.given(&frame)).collect(),
         hold_feet: character.hold_feet.unwrap_or(true),
@@ -185,6 +193,16 @@ fn check_qpos_wanted(path: &Path<'_>, character: &v1::Character, rig: &Rig) -> R
         true => Err(path.field("return_qpos").error(
             format!("is true, but pack {} has no robot", rig.name()),
             "false; true for packs with a robot",
+        )),
+        false => Ok(()),
+    }
+}
+
+fn check_strict(path: &Path<'_>, character: &v1::Character, rig: &Rig) -> Result<(), FieldError> {
+    match character.strict && rig.limits.is_none() {
+        true => Err(path.field("strict").error(
+            format!("is true, but pack {} has no limits", rig.name()),
+            "false; true for packs with limits",
         )),
         false => Ok(()),
     }

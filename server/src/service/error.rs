@@ -1,6 +1,7 @@
 //! Every error of the calls below the edge.
 
 use crate::batch::SubmitError;
+use crate::inbetween::NotFeasible;
 use crate::offload::WorkerStopped;
 use crate::packs::{CannotDo, UnknownPack};
 use crate::session::{SessionError, SpaceError};
@@ -27,6 +28,9 @@ pub enum ServiceError {
     /// A value that is not accepted.
     #[error(transparent)]
     Field(#[from] FieldError),
+    /// A strict request whose answer would not be feasible.
+    #[error(transparent)]
+    NotFeasible(#[from] NotFeasible),
     /// A pack that is not loaded.
     #[error(transparent)]
     UnknownPack(#[from] UnknownPack),

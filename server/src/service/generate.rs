@@ -10,7 +10,9 @@ use troupe_proto::v1::generate_request::Goal;
 
 use super::{REQUEST_TARGET, Service, ServiceError};
 use crate::batch::{Batcher, Order, Parts, Piece, trace_queue, trace_step};
-use crate::inbetween::{PartWriter, PathPlan, check_words, most_past, no_temperature, prepare_generate};
+use crate::inbetween::{
+    PartWriter, PathPlan, check_words, most_past, no_temperature, prepare_generate, refuse_frames,
+};
 use crate::telemetry::{RequestContext, Trace};
 
 /// An answer on its way.
@@ -36,6 +38,8 @@ struct PathWay {
     frame: SegmentFrame,
     batcher: Batcher,
     timeout: Duration,
+    /// Whether frames that are not feasible end the answer.
+    strict: bool,
 }
 
 impl Generation {
@@ -74,6 +78,9 @@ impl Generation {
         self.writer.move_to(way.frame);
         let (fresh, is_last) = way.plan.take(motion, &way.frame);
         let part = self.writer.write(Output::Motion(fresh), is_last)?;
+        if let Some(found) = part.feasibility.as_ref().filter(|_| way.strict) {
+            refuse_frames(found)?;
+        }
         if let Some((task, frame)) = way.plan.next() {
             way.frame = frame;
             let asked = Instant::now();
@@ -97,12 +104,16 @@ impl Service {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
         let timeout = self.common.timeout;
-        let mut path = None;
+        let (mut path, mut judge) = (None, None);
         let (task, rig, frame, notes) = match &request.goal {
             Some(Goal::Path(goal)) => {
                 loaded.require(Capability::Path, "pack")?;
                 no_temperature(request)?;
                 let mut plan = PathPlan::new(goal, &request.past, request.seed, &loaded.pack)?;
+                if goal.strict {
+                    plan.refuse()?;
+                }
+                judge = plan.judge();
                 let (task, frame) = plan.next().ok_or(ServiceError::Starting)?;
                 let rig = plan.body.rig.clone();
                 let notes = std::mem::take(&mut plan.notes);
@@ -111,6 +122,7 @@ impl Service {
                     frame,
                     batcher: loaded.batcher.clone(),
                     timeout,
+                    strict: goal.strict,
                 });
                 (task.into(), rig, frame, notes)
             }
@@ -126,7 +138,7 @@ impl Service {
             asked: Some(Instant::now()),
             trace: RequestContext::current_trace(),
             parts: loaded.batcher.stream(task, order(arrived, timeout))?,
-            writer: PartWriter::new(rig, frame),
+            writer: PartWriter::new(rig, frame).judged_by(judge),
             path,
             notes,
         })

@@ -162,6 +162,15 @@ fn kind(kind: EventKind, convention: Convention) -> Kind {
             late: late_s,
             off: off_m * unit,
         }),
+        EventKind::Bounded {
+            wanted_mps,
+            speed_mps,
+            facing,
+        } => Kind::Bounded(v1::CommandBounded {
+            wanted_speed: wanted_mps,
+            speed: speed_mps,
+            facing: facing.map(|facing| convention.heading_from_native(facing)),
+        }),
         EventKind::Landed { height_m, speed_mps } => Kind::Landed(v1::CharacterLanded {
             height: height_m * unit,
             speed: speed_mps,

@@ -206,7 +206,8 @@ impl SessionMetrics {
             | EventKind::Attached { .. }
             | EventKind::Released { .. }
             | EventKind::Landed { .. }
-            | EventKind::Arrived { .. } => {}
+            | EventKind::Arrived { .. }
+            | EventKind::Bounded { .. } => {}
         }
     }
 

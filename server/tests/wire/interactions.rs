@@ -60,6 +60,7 @@ fn kinds(events: &[v1::SessionEvent]) -> Vec<&'static str> {
         Kind::Fell(_) => "fell",
         Kind::Landed(_) => "landed",
         Kind::Arrived(_) => "arrived",
+        Kind::Bounded(_) => "bounded",
     };
     events.iter().map(kind).collect()
 }

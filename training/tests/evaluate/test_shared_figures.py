@@ -5,13 +5,16 @@
 
 import json
 import os
+from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
 from troupe_training.data.conventions import CONTEXT_FRAMES
 from troupe_training.data.kinematics import Kinematics
+from troupe_training.data.limits import FIGURES, Frames, frame_figures, limits_of, reach
 from troupe_training.data.motion import Motion, local_rotations, world_rotations
 from troupe_training.data.rotations import matrix_to_quat, quat_to_matrix
 from troupe_training.data.skeleton import Skeleton
@@ -20,6 +23,7 @@ from troupe_training.evaluate.pinning import pin
 
 SHARED = Path(__file__).parents[3] / "motion" / "tests" / "shared_figures.json"
 FRAMES = 20
+REACHES = ("root_reach_m", "turn_reach_rad", "pose_reach_m")
 SKELETON = Skeleton(
     names=["Hips", "Spine", "Leg_L", "Foot_L", "Toes_L", "Leg_R", "Foot_R", "Toes_R"],
     parents=[-1, 0, 0, 2, 3, 0, 5, 6],
@@ -90,7 +94,24 @@ def compute(data: dict) -> dict:
     """All that the file says of its two motions."""
     motion, truth = read(data["motion"]), read(data["truth"])
     met = pinned(motion, truth)
-    return {"figures": figures(motion, truth), "pinned": written(met), "pinned_figures": figures(met, truth)}
+    return {
+        "figures": figures(motion, truth),
+        "pinned": written(met),
+        "pinned_figures": figures(met, truth),
+        "feasibility": feasibility(motion, truth),
+    }
+
+
+def feasibility(motion: Motion, truth: Motion) -> dict:
+    """The limits of one motion, and the peaks of the other's figures; its reach is from the context to the last frame."""
+    seen, judged = (
+        Frames.of(m.world(Kinematics(SKELETON))[0].numpy(), m.rotations[0].numpy(), SKELETON) for m in (truth, motion)
+    )
+    limits = limits_of(SKELETON, [seen])
+    peaks = frame_figures(judged, np.array(limits.upright), limits.bends).max(0)
+    found = dict(zip(FIGURES, peaks.tolist(), strict=True))
+    last = reach([judged], FRAMES - CONTEXT_FRAMES)
+    return {"limits": asdict(limits), "figures": found | dict(zip(REACHES, last, strict=True))}
 
 
 @pytest.fixture
@@ -106,6 +127,7 @@ def test_figures_are_the_shared_ones(shared: dict):
     for name in ("figures", "pinned_figures"):
         assert found[name] == pytest.approx(shared[name], rel=1e-3, abs=2e-5)
     assert all(value > 0 for name, value in shared["figures"].items() if name != "reached")
+    assert found["feasibility"]["figures"] == pytest.approx(shared["feasibility"]["figures"], rel=1e-3, abs=1e-4)
     root = found["pinned"]["root_positions"]
     assert root == pytest.approx(shared["pinned"]["root_positions"], abs=1e-4)
 

@@ -11,11 +11,12 @@ from troupe_training.cli.options import OPTIONS, STOPPED, command
 from troupe_training.data.bvh_source import BvhSource
 from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
+from troupe_training.data.limits import measure as measure_limits
 from troupe_training.data.prepare import Choice
 from troupe_training.data.prepare import prepare as prepare_cache
 from troupe_training.data.store import ClipStore
 from troupe_training.export.evaluator import export_evaluator
-from troupe_training.export.manifest import About
+from troupe_training.export.manifest import About, write_limits
 from troupe_training.export.motionbricks.adopt import adopt as adopt_pack
 from troupe_training.export.motionbricks.pack import export_run
 from troupe_training.export.motionbricks.random_pack import random_pack as export_random
@@ -35,6 +36,10 @@ DEFAULTS = {
     DELTA.name: (120.0, 14, 5e-4),  # as long as a pack's modules together
 }
 OPTIONS["stage"] = {"choices": DEFAULTS}
+OPTIONS["--into-body"] = {
+    "metavar": "NAME",
+    "help": "write into the file of this body of the pack, not into its manifest",
+}
 FILES = ("source", "--contact-joints", "--scale", "--urdf", "--end-effector", "--fps", "--include", "--test-name")
 DATA = (*FILES, "--split-list", "--cells", "--mirror", "--workers", "--cache")
 COMPUTING = ("--minutes", "--steps", "--frames-per-step", "--seed", "--device", "--threads")
@@ -140,6 +145,19 @@ def evaluator(args: argparse.Namespace) -> int:
 def export(args: argparse.Namespace) -> int:
     """Checkpoints -> a pack of ONNX files, checked against PyTorch."""
     export_run(args.run, args.cache, args.out, About(args.name, args.version, args.licence, args.credit))
+    return 0
+
+
+@command("--pack", "--into-body", "--cache")
+def limits(args: argparse.Namespace) -> int:
+    """A cache -> the limits in a pack's manifest, or in the file of one of its bodies: what its training clips do at most."""
+    manifest = args.pack / "bodies" / f"{args.into_body}.toml" if args.into_body else args.pack / "pack.toml"
+    measured = measure_limits(args.cache)
+    try:
+        write_limits(manifest, measured)
+    except (OSError, KeyError, ValueError) as error:
+        raise SystemExit(f"{manifest}: {error}") from error
+    print(f"{manifest}: limits of {measured.windows} windows")
     return 0
 
 

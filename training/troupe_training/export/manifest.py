@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from troupe_training.data.conventions import FPS
+from troupe_training.data.limits import Limits
 from troupe_training.data.skeleton import RobotTable, Skeleton
 
+LIMITS_COMMENT = "# Written by `troupe-train limits`: what the training data does at most."
 FORMAT = 2  # of the manifest; servers read 1 as well, which names no family
 
 
@@ -70,6 +72,35 @@ def write_manifest(
         *(f"{stage} = {difference:.2e}" for stage, difference in checks.items()),
     ]
     (pack / "pack.toml").write_text("\n".join(lines) + "\n")
+
+
+def write_limits(manifest: Path, limits: Limits) -> None:
+    """Puts the table ``[limits]`` into a manifest, or into the file of a body, in the place of one that is there.
+
+    All other lines stay as they are, the hash of the networks among them. Raises `ValueError` where the joints are others.
+    """
+    text = manifest.read_text(encoding="utf-8")
+    joints = [joint["name"] for joint in tomllib.loads(text)["skeleton"]["joints"]]
+    measured = [bend.joint for bend in limits.bends]
+    if measured != joints[1:]:
+        raise ValueError(f"the skeleton of {manifest} is not that of the cache")
+    kept, inside = [], False
+    for line in text.splitlines():
+        if line.startswith("["):
+            inside = line.strip("[]").split(".")[0] == "limits"
+        if not inside and line != LIMITS_COMMENT:
+            kept.append(line)
+    before = next((i for i, line in enumerate(kept) if line == "[training]"), len(kept))
+    table = [LIMITS_COMMENT, *limits.lines(), ""]
+    lines = [*_stripped(kept[:before]), "", *table, *kept[before:]]
+    manifest.write_text("\n".join(_stripped(lines)) + "\n", encoding="utf-8")
+
+
+def _stripped(lines: list[str]) -> list[str]:
+    """Without empty lines at the end."""
+    while lines and not lines[-1]:
+        lines = lines[:-1]
+    return lines
 
 
 def skeleton_lines(skeleton: Skeleton) -> list[str]:

@@ -5,7 +5,7 @@ mod bench;
 mod claims;
 mod figures;
 mod report;
-mod windows;
+pub(in crate::eval) mod windows;
 
 use troupe_client::Pack;
 
@@ -59,7 +59,7 @@ pub(super) async fn run(context: &Context, command: &GapEval) -> Result<(), Fail
     print(&report.to_text(comfy_table::Table::new().width()))
 }
 
-fn check_gaps(gaps: &[usize], pack: &Pack) -> Result<(), Failure> {
+pub(super) fn check_gaps(gaps: &[usize], pack: &Pack) -> Result<(), Failure> {
     let given = task(0).frames();
     let (min, max) = pack.segment_frames().into_inner();
     match gaps.iter().find(|&&gap| !(min..=max).contains(&(gap + given))) {

@@ -12,15 +12,15 @@ const PIECE_FRAMES: usize = 300;
 
 /// One task: frames of one clip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Window {
+pub(in crate::eval) struct Window {
     /// Index of the clip.
-    pub(super) clip: usize,
+    pub(in crate::eval) clip: usize,
     /// First context frame.
-    pub(super) start: usize,
+    pub(in crate::eval) start: usize,
 }
 
 /// The task of a gap: four context frames, the gap, one target keyframe.
-pub(super) fn task(gap_frames: usize) -> Task {
+pub(in crate::eval) fn task(gap_frames: usize) -> Task {
     Task {
         context_frames: CONTEXT_FRAMES,
         gap_frames,
@@ -29,7 +29,12 @@ pub(super) fn task(gap_frames: usize) -> Task {
 }
 
 /// Every window of `task` that starts at a multiple of `stride`, of at most `most` windows spread evenly over all.
-pub(super) fn windows(clips: &[NamedClip], task: Task, stride: usize, most: Option<usize>) -> Vec<Window> {
+pub(in crate::eval) fn windows(
+    clips: &[NamedClip],
+    task: Task,
+    stride: usize,
+    most: Option<usize>,
+) -> Vec<Window> {
     let mut all = Vec::new();
     for (clip, named) in clips.iter().enumerate() {
         let starts = (0..(named.clip.frames() + 1).saturating_sub(task.frames())).step_by(stride);
@@ -55,7 +60,7 @@ pub(super) fn pieces_of(windows: &[Window]) -> Vec<usize> {
 }
 
 /// A number that names the same seed for the same window in every run.
-pub(super) fn window_seed(seed: u64, name: &str, start: usize) -> u64 {
+pub(in crate::eval) fn window_seed(seed: u64, name: &str, start: usize) -> u64 {
     // FNV-1a over name and start.
     let bytes = name.bytes().chain(start.to_le_bytes()).chain(seed.to_le_bytes());
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
@@ -64,7 +69,7 @@ pub(super) fn window_seed(seed: u64, name: &str, start: usize) -> u64 {
 }
 
 /// The clip's frames of a window.
-pub(super) fn cut(clips: &[NamedClip], window: Window, task: Task) -> Result<Clip, Failure> {
+pub(in crate::eval) fn cut(clips: &[NamedClip], window: Window, task: Task) -> Result<Clip, Failure> {
     let frames = window.start..window.start + task.frames();
     clips[window.clip]
         .clip

@@ -153,8 +153,18 @@ class PathArrived(_message.Message):
     off: float
     def __init__(self, late: _Optional[float] = ..., off: _Optional[float] = ...) -> None: ...
 
+class CommandBounded(_message.Message):
+    __slots__ = ("wanted_speed", "speed", "facing")
+    WANTED_SPEED_FIELD_NUMBER: _ClassVar[int]
+    SPEED_FIELD_NUMBER: _ClassVar[int]
+    FACING_FIELD_NUMBER: _ClassVar[int]
+    wanted_speed: float
+    speed: float
+    facing: float
+    def __init__(self, wanted_speed: _Optional[float] = ..., speed: _Optional[float] = ..., facing: _Optional[float] = ...) -> None: ...
+
 class SessionEvent(_message.Message):
-    __slots__ = ("frame", "started", "entered", "reached", "attached", "released", "done", "failed", "interrupted", "fell", "landed", "arrived")
+    __slots__ = ("frame", "started", "entered", "reached", "attached", "released", "done", "failed", "interrupted", "fell", "landed", "arrived", "bounded")
     FRAME_FIELD_NUMBER: _ClassVar[int]
     STARTED_FIELD_NUMBER: _ClassVar[int]
     ENTERED_FIELD_NUMBER: _ClassVar[int]
@@ -167,6 +177,7 @@ class SessionEvent(_message.Message):
     FELL_FIELD_NUMBER: _ClassVar[int]
     LANDED_FIELD_NUMBER: _ClassVar[int]
     ARRIVED_FIELD_NUMBER: _ClassVar[int]
+    BOUNDED_FIELD_NUMBER: _ClassVar[int]
     frame: int
     started: InteractionStarted
     entered: SetEntered
@@ -179,7 +190,8 @@ class SessionEvent(_message.Message):
     fell: CharacterFell
     landed: CharacterLanded
     arrived: PathArrived
-    def __init__(self, frame: _Optional[int] = ..., started: _Optional[_Union[InteractionStarted, _Mapping]] = ..., entered: _Optional[_Union[SetEntered, _Mapping]] = ..., reached: _Optional[_Union[KeyframeReached, _Mapping]] = ..., attached: _Optional[_Union[ObjectAttached, _Mapping]] = ..., released: _Optional[_Union[ObjectReleased, _Mapping]] = ..., done: _Optional[_Union[InteractionDone, _Mapping]] = ..., failed: _Optional[_Union[InteractionFailed, _Mapping]] = ..., interrupted: _Optional[_Union[InteractionInterrupted, _Mapping]] = ..., fell: _Optional[_Union[CharacterFell, _Mapping]] = ..., landed: _Optional[_Union[CharacterLanded, _Mapping]] = ..., arrived: _Optional[_Union[PathArrived, _Mapping]] = ...) -> None: ...
+    bounded: CommandBounded
+    def __init__(self, frame: _Optional[int] = ..., started: _Optional[_Union[InteractionStarted, _Mapping]] = ..., entered: _Optional[_Union[SetEntered, _Mapping]] = ..., reached: _Optional[_Union[KeyframeReached, _Mapping]] = ..., attached: _Optional[_Union[ObjectAttached, _Mapping]] = ..., released: _Optional[_Union[ObjectReleased, _Mapping]] = ..., done: _Optional[_Union[InteractionDone, _Mapping]] = ..., failed: _Optional[_Union[InteractionFailed, _Mapping]] = ..., interrupted: _Optional[_Union[InteractionInterrupted, _Mapping]] = ..., fell: _Optional[_Union[CharacterFell, _Mapping]] = ..., landed: _Optional[_Union[CharacterLanded, _Mapping]] = ..., arrived: _Optional[_Union[PathArrived, _Mapping]] = ..., bounded: _Optional[_Union[CommandBounded, _Mapping]] = ...) -> None: ...
 
 class SessionEvents(_message.Message):
     __slots__ = ("slot", "session_id", "events", "events_dropped")

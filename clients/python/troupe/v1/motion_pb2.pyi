@@ -69,7 +69,7 @@ class Keyframe(_message.Message):
     def __init__(self, root: _Optional[_Union[Root, _Mapping]] = ..., velocity: _Optional[_Union[RootVelocity, _Mapping]] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., qpos: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Character(_message.Message):
-    __slots__ = ("id", "context", "targets", "frame_count", "allowed_token_counts", "seed", "temperature", "pose_steps", "return_intermediates", "return_positions", "return_six_d", "return_qpos", "hold_feet")
+    __slots__ = ("id", "context", "targets", "frame_count", "allowed_token_counts", "seed", "temperature", "pose_steps", "return_intermediates", "return_positions", "return_six_d", "return_qpos", "hold_feet", "strict")
     ID_FIELD_NUMBER: _ClassVar[int]
     CONTEXT_FIELD_NUMBER: _ClassVar[int]
     TARGETS_FIELD_NUMBER: _ClassVar[int]
@@ -83,6 +83,7 @@ class Character(_message.Message):
     RETURN_SIX_D_FIELD_NUMBER: _ClassVar[int]
     RETURN_QPOS_FIELD_NUMBER: _ClassVar[int]
     HOLD_FEET_FIELD_NUMBER: _ClassVar[int]
+    STRICT_FIELD_NUMBER: _ClassVar[int]
     id: str
     context: _containers.RepeatedCompositeFieldContainer[Keyframe]
     targets: _containers.RepeatedCompositeFieldContainer[Keyframe]
@@ -96,7 +97,8 @@ class Character(_message.Message):
     return_six_d: bool
     return_qpos: bool
     hold_feet: bool
-    def __init__(self, id: _Optional[str] = ..., context: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., frame_count: _Optional[int] = ..., allowed_token_counts: _Optional[_Iterable[int]] = ..., seed: _Optional[int] = ..., temperature: _Optional[float] = ..., pose_steps: _Optional[int] = ..., return_intermediates: _Optional[bool] = ..., return_positions: _Optional[bool] = ..., return_six_d: _Optional[bool] = ..., return_qpos: _Optional[bool] = ..., hold_feet: _Optional[bool] = ...) -> None: ...
+    strict: bool
+    def __init__(self, id: _Optional[str] = ..., context: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., frame_count: _Optional[int] = ..., allowed_token_counts: _Optional[_Iterable[int]] = ..., seed: _Optional[int] = ..., temperature: _Optional[float] = ..., pose_steps: _Optional[int] = ..., return_intermediates: _Optional[bool] = ..., return_positions: _Optional[bool] = ..., return_six_d: _Optional[bool] = ..., return_qpos: _Optional[bool] = ..., hold_feet: _Optional[bool] = ..., strict: _Optional[bool] = ...) -> None: ...
 
 class InBetweenRequest(_message.Message):
     __slots__ = ("pack", "characters")
@@ -142,15 +144,63 @@ class Intermediates(_message.Message):
     root_r_g4: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, predicted_frame_count: _Optional[int] = ..., token_count_probabilities: _Optional[_Iterable[float]] = ..., root_r_g3: _Optional[_Iterable[float]] = ..., tokens: _Optional[_Iterable[int]] = ..., root_r_g4: _Optional[_Iterable[float]] = ...) -> None: ...
 
+class FeasibilityFigure(_message.Message):
+    __slots__ = ("value", "limit", "frame", "joint")
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    LIMIT_FIELD_NUMBER: _ClassVar[int]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    JOINT_FIELD_NUMBER: _ClassVar[int]
+    value: float
+    limit: float
+    frame: int
+    joint: int
+    def __init__(self, value: _Optional[float] = ..., limit: _Optional[float] = ..., frame: _Optional[int] = ..., joint: _Optional[int] = ...) -> None: ...
+
+class Feasibility(_message.Message):
+    __slots__ = ("feasible", "worst", "ratio", "root_speed", "root_acceleration", "turning", "joint_speed", "joint_acceleration", "below_ground", "off_ground", "tilt", "bend", "root_reach", "turn_reach", "pose_reach")
+    FEASIBLE_FIELD_NUMBER: _ClassVar[int]
+    WORST_FIELD_NUMBER: _ClassVar[int]
+    RATIO_FIELD_NUMBER: _ClassVar[int]
+    ROOT_SPEED_FIELD_NUMBER: _ClassVar[int]
+    ROOT_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    TURNING_FIELD_NUMBER: _ClassVar[int]
+    JOINT_SPEED_FIELD_NUMBER: _ClassVar[int]
+    JOINT_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    BELOW_GROUND_FIELD_NUMBER: _ClassVar[int]
+    OFF_GROUND_FIELD_NUMBER: _ClassVar[int]
+    TILT_FIELD_NUMBER: _ClassVar[int]
+    BEND_FIELD_NUMBER: _ClassVar[int]
+    ROOT_REACH_FIELD_NUMBER: _ClassVar[int]
+    TURN_REACH_FIELD_NUMBER: _ClassVar[int]
+    POSE_REACH_FIELD_NUMBER: _ClassVar[int]
+    feasible: bool
+    worst: str
+    ratio: float
+    root_speed: FeasibilityFigure
+    root_acceleration: FeasibilityFigure
+    turning: FeasibilityFigure
+    joint_speed: FeasibilityFigure
+    joint_acceleration: FeasibilityFigure
+    below_ground: FeasibilityFigure
+    off_ground: FeasibilityFigure
+    tilt: FeasibilityFigure
+    bend: FeasibilityFigure
+    root_reach: FeasibilityFigure
+    turn_reach: FeasibilityFigure
+    pose_reach: FeasibilityFigure
+    def __init__(self, feasible: _Optional[bool] = ..., worst: _Optional[str] = ..., ratio: _Optional[float] = ..., root_speed: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., root_acceleration: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., turning: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., joint_speed: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., joint_acceleration: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., below_ground: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., off_ground: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., tilt: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., bend: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., root_reach: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., turn_reach: _Optional[_Union[FeasibilityFigure, _Mapping]] = ..., pose_reach: _Optional[_Union[FeasibilityFigure, _Mapping]] = ...) -> None: ...
+
 class CharacterResult(_message.Message):
-    __slots__ = ("id", "frames", "intermediates")
+    __slots__ = ("id", "frames", "intermediates", "feasibility")
     ID_FIELD_NUMBER: _ClassVar[int]
     FRAMES_FIELD_NUMBER: _ClassVar[int]
     INTERMEDIATES_FIELD_NUMBER: _ClassVar[int]
+    FEASIBILITY_FIELD_NUMBER: _ClassVar[int]
     id: str
     frames: Frames
     intermediates: Intermediates
-    def __init__(self, id: _Optional[str] = ..., frames: _Optional[_Union[Frames, _Mapping]] = ..., intermediates: _Optional[_Union[Intermediates, _Mapping]] = ...) -> None: ...
+    feasibility: Feasibility
+    def __init__(self, id: _Optional[str] = ..., frames: _Optional[_Union[Frames, _Mapping]] = ..., intermediates: _Optional[_Union[Intermediates, _Mapping]] = ..., feasibility: _Optional[_Union[Feasibility, _Mapping]] = ...) -> None: ...
 
 class GenerateRequest(_message.Message):
     __slots__ = ("pack", "prompt", "describe", "path", "past", "seed", "temperature")
@@ -179,7 +229,7 @@ class Prompt(_message.Message):
     def __init__(self, text: _Optional[str] = ..., frame_count: _Optional[int] = ...) -> None: ...
 
 class PathGoal(_message.Message):
-    __slots__ = ("body", "skeleton", "points", "seconds", "speed", "style", "steps", "guidance", "targets")
+    __slots__ = ("body", "skeleton", "points", "seconds", "speed", "style", "steps", "guidance", "targets", "strict")
     BODY_FIELD_NUMBER: _ClassVar[int]
     SKELETON_FIELD_NUMBER: _ClassVar[int]
     POINTS_FIELD_NUMBER: _ClassVar[int]
@@ -189,6 +239,7 @@ class PathGoal(_message.Message):
     STEPS_FIELD_NUMBER: _ClassVar[int]
     GUIDANCE_FIELD_NUMBER: _ClassVar[int]
     TARGETS_FIELD_NUMBER: _ClassVar[int]
+    STRICT_FIELD_NUMBER: _ClassVar[int]
     body: str
     skeleton: BodySkeleton
     points: _containers.RepeatedCompositeFieldContainer[PathPoint]
@@ -198,7 +249,8 @@ class PathGoal(_message.Message):
     steps: int
     guidance: float
     targets: _containers.RepeatedCompositeFieldContainer[Keyframe]
-    def __init__(self, body: _Optional[str] = ..., skeleton: _Optional[_Union[BodySkeleton, _Mapping]] = ..., points: _Optional[_Iterable[_Union[PathPoint, _Mapping]]] = ..., seconds: _Optional[float] = ..., speed: _Optional[float] = ..., style: _Optional[_Iterable[_Union[StyleWord, _Mapping]]] = ..., steps: _Optional[int] = ..., guidance: _Optional[float] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ...) -> None: ...
+    strict: bool
+    def __init__(self, body: _Optional[str] = ..., skeleton: _Optional[_Union[BodySkeleton, _Mapping]] = ..., points: _Optional[_Iterable[_Union[PathPoint, _Mapping]]] = ..., seconds: _Optional[float] = ..., speed: _Optional[float] = ..., style: _Optional[_Iterable[_Union[StyleWord, _Mapping]]] = ..., steps: _Optional[int] = ..., guidance: _Optional[float] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., strict: _Optional[bool] = ...) -> None: ...
 
 class StyleWord(_message.Message):
     __slots__ = ("word", "weight")
@@ -247,16 +299,18 @@ class Describe(_message.Message):
     def __init__(self, frames: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ...) -> None: ...
 
 class GenerateResponse(_message.Message):
-    __slots__ = ("frames", "text", "is_last", "notes")
+    __slots__ = ("frames", "text", "is_last", "notes", "feasibility")
     FRAMES_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
     IS_LAST_FIELD_NUMBER: _ClassVar[int]
     NOTES_FIELD_NUMBER: _ClassVar[int]
+    FEASIBILITY_FIELD_NUMBER: _ClassVar[int]
     frames: Frames
     text: str
     is_last: bool
     notes: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, frames: _Optional[_Union[Frames, _Mapping]] = ..., text: _Optional[str] = ..., is_last: _Optional[bool] = ..., notes: _Optional[_Iterable[str]] = ...) -> None: ...
+    feasibility: Feasibility
+    def __init__(self, frames: _Optional[_Union[Frames, _Mapping]] = ..., text: _Optional[str] = ..., is_last: _Optional[bool] = ..., notes: _Optional[_Iterable[str]] = ..., feasibility: _Optional[_Union[Feasibility, _Mapping]] = ...) -> None: ...
 
 class Timing(_message.Message):
     __slots__ = ("queue_us", "assemble_us", "inference_us", "scatter_us", "total_us", "batch_size")

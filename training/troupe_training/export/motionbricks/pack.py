@@ -18,8 +18,9 @@ import torch
 from torch import Tensor, nn
 
 from troupe_training.data.conventions import CONTEXT_FRAMES, MAX_TARGETS
+from troupe_training.data.limits import measure
 from troupe_training.data.store import ClipStore, SegmentSource
-from troupe_training.export.manifest import About, Family, write_manifest
+from troupe_training.export.manifest import About, Family, write_limits, write_manifest
 from troupe_training.export.motionbricks.examples import Inputs, example_inputs
 from troupe_training.export.onnx import Axes, Session, graph_of, round_to_half, store_as_half
 from troupe_training.models.layers import unroll_convolutions
@@ -44,6 +45,7 @@ def export_run(run: Path, cache: Path, out: Path, about: About) -> None:
     store = ClipStore(cache, "train")
     networks = load_networks(run, store)
     export_pack(out, replace(about, training=_training(run, store)), store, networks)
+    write_limits(out / "pack.toml", measure(cache))
     plot_curves(run, STAGES, out / "curves.png")  # none after a handful of updates, or where all stages are adopted
 
 

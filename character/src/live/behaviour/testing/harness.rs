@@ -265,6 +265,7 @@ impl Harness {
             EventKind::Fell { .. } => "fell",
             EventKind::Landed { .. } => "landed",
             EventKind::Arrived { .. } => "arrived",
+            EventKind::Bounded { .. } => "bounded",
         };
         self.events
             .iter()

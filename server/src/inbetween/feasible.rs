@@ -1,0 +1,295 @@
+//! Whether answers stay within what a pack's data does: the figures as messages, and refusals of strict requests.
+
+use troupe_character::{FieldError, Path};
+use troupe_motion::Skeleton;
+use troupe_motion::feasibility::{Feasibility, Figure, Judge, Key, Limits, Reading, farthest};
+use troupe_motion::model::Rig;
+use troupe_proto::v1;
+
+use super::Plan;
+
+/// A strict request whose answer would not be feasible, with the field at fault and what would be possible.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(transparent)]
+pub struct NotFeasible(#[from] pub FieldError);
+
+/// Figures as a message.
+pub fn message(found: &Feasibility) -> v1::Feasibility {
+    let (worst, reading) = found.worst();
+    let figure = |figure: Figure| {
+        let reading = found.get(figure);
+        Some(v1::FeasibilityFigure {
+            value: reading.value,
+            limit: reading.limit,
+            frame: reading.frame as u32,
+            joint: reading.joint.map(|joint| joint as u32),
+        })
+    };
+    v1::Feasibility {
+        feasible: found.is_feasible(),
+        worst: worst.name().to_owned(),
+        ratio: reading.ratio(),
+        root_speed: figure(Figure::RootSpeed),
+        root_acceleration: figure(Figure::RootAcceleration),
+        turning: figure(Figure::Turning),
+        joint_speed: figure(Figure::JointSpeed),
+        joint_acceleration: figure(Figure::JointAcceleration),
+        below_ground: figure(Figure::BelowGround),
+        off_ground: figure(Figure::OffGround),
+        tilt: figure(Figure::Tilt),
+        bend: figure(Figure::Bend),
+        root_reach: figure(Figure::RootReach),
+        turn_reach: figure(Figure::TurnReach),
+        pose_reach: figure(Figure::PoseReach),
+    }
+}
+
+/// Refuses the strict ones among a request's characters whose keyframes alone show that no answer is feasible.
+///
+/// # Errors
+/// [`NotFeasible`] for the first of them.
+pub fn refuse_keyframes(plans: &[Plan], rig: &Rig) -> Result<(), NotFeasible> {
+    if !plans.iter().any(|plan| plan.strict) {
+        return Ok(());
+    }
+    let Some(mut judge) = Judge::new(rig) else {
+        return Ok(());
+    };
+    for (index, plan) in plans.iter().enumerate().filter(|(_, plan)| plan.strict) {
+        let frames = plan.frames.unwrap_or(plan.most_frames);
+        let found = judge_keys(&mut judge, plan, frames);
+        refuse(index, plan, rig, &found, frames)?;
+    }
+    Ok(())
+}
+
+/// What the keyframes of a plan show, of a segment of so many frames.
+fn judge_keys(judge: &mut Judge, plan: &Plan, frames: usize) -> Feasibility {
+    let [context, targets] = keys(plan);
+    judge.keys(&context, &targets, frames)
+}
+
+/// The plan's keyframes.
+pub(super) fn keys(plan: &Plan) -> [Vec<Key<'_>>; 2] {
+    [&plan.context, &plan.targets].map(|keys| keys.iter().map(|key| key.key()).collect())
+}
+
+/// Refuses the character of a strict plan for what was found of it in so many frames.
+///
+/// # Errors
+/// [`NotFeasible`] where it is beyond a limit.
+pub fn refuse(
+    index: usize,
+    plan: &Plan,
+    rig: &Rig,
+    found: &Feasibility,
+    frames: usize,
+) -> Result<(), NotFeasible> {
+    if !plan.strict || found.is_feasible() {
+        return Ok(());
+    }
+    let root = Path::root();
+    let path = root.element("characters", index);
+    let refusal = Refusal {
+        path: &path,
+        plan,
+        rig,
+        frames,
+    };
+    Err(NotFeasible(refusal.error(found)))
+}
+
+/// Refuses frames along a path that are not feasible.
+///
+/// # Errors
+/// [`NotFeasible`] where they are not.
+pub fn refuse_frames(found: &v1::Feasibility) -> Result<(), NotFeasible> {
+    if found.feasible {
+        return Ok(());
+    }
+    let path = Path::root();
+    let path = path.field("path");
+    let message = format!(
+        "leads to frames whose {} is {:.2} times what the body's data shows",
+        found.worst, found.ratio
+    );
+    let allowed = "a path that is slower or turns less; without strict, whatever comes of it";
+    Err(path.field("points").error(message, allowed).into())
+}
+
+/// Puts a refusal into words.
+struct Refusal<'a> {
+    path: &'a Path<'a>,
+    plan: &'a Plan,
+    rig: &'a Rig,
+    frames: usize,
+}
+
+impl Refusal<'_> {
+    fn error(&self, found: &Feasibility) -> FieldError {
+        let (figure, reading) = found.worst();
+        let first_target = self.frames.saturating_sub(self.plan.targets.len());
+        let target = reading.frame.checked_sub(first_target);
+        match (figure, target) {
+            (Figure::RootReach | Figure::TurnReach | Figure::PoseReach, target) => {
+                self.out_of_reach(figure, reading, target.unwrap_or(0))
+            }
+            (_, Some(target)) => self.keyframe("targets", target, figure, reading),
+            (_, None) if reading.frame < self.plan.context.len() => {
+                self.keyframe("context", reading.frame, figure, reading)
+            }
+            _ => self.on_the_way(figure, reading),
+        }
+    }
+
+    /// A keyframe by itself, or beside those next to it.
+    fn keyframe(&self, list: &'static str, index: usize, figure: Figure, reading: Reading) -> FieldError {
+        let key = self.path.element(list, index);
+        let message = format!(
+            "{}{}",
+            told(figure, reading),
+            of_joint(reading, &self.rig.skeleton)
+        );
+        let allowed = self.allowed(figure, reading);
+        match figure {
+            Figure::RootSpeed | Figure::RootAcceleration => key.field("root").error(message, allowed),
+            _ => key.field("pose").error(message, allowed),
+        }
+    }
+
+    /// What the motion between the keyframes comes to.
+    fn on_the_way(&self, figure: Figure, reading: Reading) -> FieldError {
+        let what = told(figure, reading);
+        let joint = of_joint(reading, &self.rig.skeleton);
+        let message = format!("take a motion that {what} in frame {}{joint}", reading.frame);
+        self.path
+            .field("targets")
+            .error(message, self.allowed(figure, reading))
+    }
+
+    /// The limit of a figure, and the frames in which it would be kept where more of them help.
+    fn allowed(&self, figure: Figure, reading: Reading) -> String {
+        let limit = format!("at most {}", value(figure, reading.limit));
+        let gap = self
+            .frames
+            .saturating_sub(self.plan.context.len() + self.plan.targets.len())
+            + 1;
+        let longer = match figure.power_of_time() {
+            1 => reading.ratio(),
+            2 => reading.ratio().sqrt(),
+            _ => return limit,
+        };
+        // Consecutive keyframes stay consecutive in however many frames.
+        let inside = reading.frame >= self.plan.context.len()
+            && reading.frame + self.plan.targets.len() <= self.frames;
+        if !inside {
+            return limit;
+        }
+        let needed = self.frames as f32 + (longer - 1.0) * gap as f32;
+        let most = self.rig.dims.max_frames();
+        match needed.ceil() {
+            needed if needed <= most as f32 => format!("{limit}, which about {needed} frames leave time for"),
+            _ => format!("{limit}, which no segment of at most {most} frames leaves time for"),
+        }
+    }
+
+    /// A target that is too far away for its frames.
+    fn out_of_reach(&self, figure: Figure, reading: Reading, index: usize) -> FieldError {
+        let [context, targets] = keys(self.plan);
+        let (Some(limits), Some(target)) = (self.rig.limits.as_deref(), targets.get(index)) else {
+            return self.on_the_way(figure, reading);
+        };
+        // From the last context frame to the target.
+        let steps = (reading.frame + 1).saturating_sub(context.len()).max(1);
+        let key = self.path.element("targets", index);
+        let (root, pose) = (key.field("root"), key.field("pose"));
+        let frames = self.frames_needed(&context, target, steps);
+        match figure {
+            Figure::RootReach => {
+                let message = format!(
+                    "is {:.2} m over the ground from where the context leads in {steps} frames, and characters get {:.2} m from \
+                     there",
+                    reading.value, reading.limit
+                );
+                let distance = self.distance(limits, &context, target, steps);
+                root.field("position")
+                    .error(message, format!("{distance}{frames}"))
+            }
+            Figure::TurnReach => {
+                let (turn, most) = (reading.value.to_degrees(), reading.limit.to_degrees());
+                let message = format!("turns the pelvis by {turn:.0}° in {steps} frames");
+                let allowed = format!("at most {most:.0}° in as many{frames}");
+                let field = if target.rotations.is_some() { pose } else { root };
+                field.error(message, allowed)
+            }
+            _ => {
+                let message = format!(
+                    "moves the joints by {:.2} m in the mean in {steps} frames",
+                    reading.value
+                );
+                pose.error(
+                    message,
+                    format!("at most {:.2} m in as many{frames}", reading.limit),
+                )
+            }
+        }
+    }
+
+    /// How far a target may be in its direction.
+    fn distance(&self, limits: &Limits, context: &[Key<'_>], target: &Key<'_>, steps: usize) -> String {
+        match farthest(limits, context, target, steps) {
+            Some(most) => {
+                format!("at most {most:.2} m from the last context frame in this direction in {steps} frames")
+            }
+            None => format!("a place nearer to where the context leads in {steps} frames"),
+        }
+    }
+
+    /// The fewest frames of a segment in which the target is within reach.
+    fn frames_needed(&self, context: &[Key<'_>], target: &Key<'_>, steps: usize) -> String {
+        let most = self.rig.dims.max_frames();
+        let spare = most.saturating_sub(self.frames);
+        let mut judge = Judge::new(self.rig);
+        let enough = judge
+            .as_mut()
+            .and_then(|judge| (1..=spare).find(|more| judge.is_within_reach(context, target, steps + more)));
+        match enough {
+            Some(more) => format!("; or frame_count {} or more", self.frames + more),
+            None => format!("; no segment of at most {most} frames reaches it"),
+        }
+    }
+}
+
+/// A figure in words, as what a keyframe or a motion has.
+pub(super) fn told(figure: Figure, reading: Reading) -> String {
+    let found = value(figure, reading.value);
+    match figure {
+        Figure::RootSpeed => format!("moves the root at {found}"),
+        Figure::RootAcceleration => format!("accelerates the root by {found}"),
+        Figure::Turning => format!("turns the pelvis at {found}"),
+        Figure::JointSpeed => format!("moves a joint at {found}"),
+        Figure::JointAcceleration => format!("accelerates a joint by {found}"),
+        Figure::BelowGround => format!("has a joint {found} below the ground"),
+        Figure::OffGround => format!("has no joint nearer to the ground than {found}"),
+        Figure::Tilt => format!("tilts the pelvis by {found}"),
+        Figure::Bend => format!("bends a joint {found} beyond its range"),
+        Figure::RootReach | Figure::TurnReach | Figure::PoseReach => format!("is {found} away"),
+    }
+}
+
+/// A value with its unit.
+pub(super) fn value(figure: Figure, value: f32) -> String {
+    match figure.unit() {
+        "rad" => format!("{:.0}°", value.to_degrees()),
+        unit => format!("{value:.2} {unit}"),
+    }
+}
+
+fn of_joint(reading: Reading, skeleton: &Skeleton) -> String {
+    let joint = reading.joint.and_then(|joint| skeleton.joints.get(joint));
+    joint.map_or_else(String::new, |joint| format!(" ({})", joint.name))
+}
+
+#[cfg(test)]
+#[path = "feasible_tests.rs"]
+mod tests;

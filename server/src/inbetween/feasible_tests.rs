@@ -1,0 +1,212 @@
+use std::sync::Arc;
+
+use troupe_character::testing::toy_rig;
+use troupe_motion::Quat;
+use troupe_motion::feasibility::LimitsDoc;
+use troupe_motion::interpolate::smoothstep;
+use troupe_motion::model::{GLOBAL_ROOT, Motion};
+use troupe_motion::rotation::six_d;
+
+use super::*;
+use crate::inbetween::{RequestLimits, finish_judged, prepare};
+
+const LIMITS: &str = r#"
+beyond = 0.001
+windows = 100
+root_speed_mps = 5.0
+root_acceleration_mps2 = 20.0
+turning_rad_per_s = 6.0
+joint_speed_mps = 4.0
+joint_acceleration_mps2 = 40.0
+below_ground_m = 0.1
+off_ground_m = 0.4
+upright = [0.0, 1.0, 0.0]
+tilt_rad = 0.5
+bend_rad = 0.1
+reach_frames = [1, 61]
+root_reach_m = [0.05, 3.05]
+turn_reach_rad = [0.1, 3.1]
+pose_reach_m = [0.1, 0.7]
+bends = [{ joint = "Foot", usual = [1.0, 0.0, 0.0, 0.0], low = [-0.5, -0.1, -0.1], high = [0.5, 0.1, 0.1] }]
+"#;
+
+fn rig() -> Rig {
+    let mut rig = toy_rig();
+    let doc: LimitsDoc = toml::from_str(LIMITS).unwrap();
+    rig.limits = Some(Arc::new(Limits::new(&doc, &rig.skeleton).unwrap()));
+    rig
+}
+
+fn key(x: f32, z: f32, pelvis: Quat) -> v1::Keyframe {
+    let y = 0.9;
+    v1::Keyframe {
+        root: Some(v1::Root {
+            position: Some(v1::Vec3 { x, y, z }),
+            heading: None,
+        }),
+        pose: Some(v1::Pose {
+            rotations: vec![pelvis.w, pelvis.x, pelvis.y, pelvis.z, 1.0, 0.0, 0.0, 0.0],
+            root_height: None,
+        }),
+        ..v1::Keyframe::default()
+    }
+}
+
+/// Stands, and is asked for targets, strictly.
+fn standing(targets: Vec<v1::Keyframe>, frame_count: Option<u32>) -> v1::Character {
+    v1::Character {
+        context: vec![key(2.0, 1.0, Quat::IDENTITY); 4],
+        targets,
+        frame_count,
+        strict: true,
+        ..v1::Character::default()
+    }
+}
+
+fn plan(character: v1::Character, rig: &Rig) -> Result<Plan, FieldError> {
+    let request = v1::InBetweenRequest {
+        pack: String::new(),
+        characters: vec![character],
+    };
+    let limits = RequestLimits { max_characters: 1 };
+    prepare(&request, rig, limits).map(|(_, mut plans)| plans.remove(0))
+}
+
+/// What a strict request is refused for before anything is made.
+fn refused(character: v1::Character) -> Option<FieldError> {
+    let rig = rig();
+    let plan = plan(character, &rig).unwrap();
+    refuse_keyframes(&[plan], &rig).err().map(|error| error.0)
+}
+
+/// The networks' answer of so many frames, whose root is at `z` of each.
+fn raw(frames: usize, z: impl Fn(usize) -> f32) -> Motion {
+    let pose = [six_d(Quat::IDENTITY), six_d(Quat::IDENTITY)].concat();
+    Motion {
+        root: (0..frames)
+            .flat_map(|frame| [0.0, 0.9, z(frame), 1.0, 0.0])
+            .collect(),
+        rotations: pose.repeat(frames),
+        contacts: vec![0.0; frames],
+        trace: None,
+    }
+}
+
+#[test]
+fn a_target_in_reach_passes() {
+    // 30 frames from the last context frame: 1.5 m.
+    assert_eq!(
+        refused(standing(vec![key(2.0, 2.4, Quat::IDENTITY)], Some(34))),
+        None
+    );
+    let far = v1::Character {
+        strict: false,
+        ..standing(vec![key(2.0, 9.0, Quat::IDENTITY)], Some(34))
+    };
+    assert_eq!(refused(far), None, "nobody asked");
+}
+
+#[test]
+fn a_target_too_far_away_is_refused_with_the_distance_and_the_frames_that_would_do() {
+    let error = refused(standing(vec![key(2.0, 2.98, Quat::IDENTITY)], Some(34))).unwrap();
+    assert_eq!(error.field, "characters[0].targets[0].root.position");
+    assert!(
+        error.message.contains("1.98 m") && error.message.contains("30 frames"),
+        "{error}"
+    );
+    assert_eq!(
+        error.allowed,
+        "at most 1.50 m from the last context frame in this direction in 30 frames; or frame_count 44 or more"
+    );
+    let error = refused(standing(vec![key(2.0, 11.0, Quat::IDENTITY)], Some(34))).unwrap();
+    assert!(
+        error
+            .allowed
+            .ends_with("no segment of at most 64 frames reaches it"),
+        "{error}"
+    );
+}
+
+#[test]
+fn where_the_model_chooses_the_length_the_longest_counts() {
+    let near = |z| standing(vec![key(2.0, 1.0 + z, Quat::IDENTITY)], None);
+    assert_eq!(refused(near(2.9)), None);
+    assert!(refused(near(3.2)).is_some());
+    let mut short = near(2.88);
+    short.allowed_token_counts = vec![3, 4];
+    let error = refused(short).unwrap();
+    assert!(error.allowed.contains("or frame_count 62 or more"), "{error}");
+}
+
+#[test]
+fn turns_heads_and_contradictions_are_refused_by_their_field() {
+    let about = Quat::from_rotation_y(2.97);
+    let error = refused(standing(vec![key(2.0, 1.0, about)], Some(14))).unwrap();
+    assert_eq!(error.field, "characters[0].targets[0].pose");
+    assert!(
+        error.message.contains("turns the pelvis by 170° in 10 frames"),
+        "{error}"
+    );
+    assert!(error.allowed.contains("or frame_count 63 or more"), "{error}");
+
+    let head = Quat::from_rotation_z(3.0);
+    let error = refused(standing(vec![key(2.0, 1.0, head)], Some(64))).unwrap();
+    assert_eq!(error.field, "characters[0].targets[0].pose");
+    assert_eq!(
+        (error.message.as_str(), error.allowed.as_str()),
+        ("tilts the pelvis by 172°", "at most 29°")
+    );
+
+    let apart = vec![key(2.0, 1.0, Quat::IDENTITY), key(2.0, 1.5, Quat::IDENTITY)];
+    let error = refused(standing(apart, Some(64))).unwrap();
+    assert_eq!(error.field, "characters[0].targets[1].root");
+    assert_eq!(error.allowed, "at most 5.00 m/s");
+}
+
+#[test]
+fn frames_that_are_not_feasible_are_refused_with_the_frames_that_would_do() {
+    let rig = rig();
+    let plan = plan(standing(vec![key(2.0, 2.4, Quat::IDENTITY)], Some(34)), &rig).unwrap();
+    // Half a metre in one frame in the middle.
+    let motion = raw(36, |frame| if frame < 18 { 0.0 } else { 0.5 });
+    let mut judge = Judge::new(&rig);
+    let (result, found) = finish_judged(&motion, &plan, &rig, judge.as_mut()).unwrap();
+    let message = result.feasibility.unwrap();
+    let found = found.unwrap();
+    assert!(!message.feasible && !found.is_feasible());
+    assert_eq!(message.worst, "root_acceleration");
+    let acceleration = message.root_acceleration.unwrap();
+    assert!((acceleration.value / acceleration.limit - message.ratio).abs() < 1e-3);
+    let error = refuse(0, &plan, &rig, &found, 34).unwrap_err().0;
+    assert_eq!(error.field, "characters[0].targets");
+    assert!(error.message.contains("accelerates the root by 4"), "{error}");
+    assert!(
+        error
+            .allowed
+            .contains("no segment of at most 64 frames leaves time for"),
+        "{error}"
+    );
+
+    let smooth = |frame: usize| smoothstep(((frame as f32 - 3.0) / 30.0).clamp(0.0, 1.0));
+    let still = raw(36, |frame| 1.4 * smooth(frame));
+    let (result, found) = finish_judged(&still, &plan, &rig, judge.as_mut()).unwrap();
+    assert!(result.feasibility.unwrap().feasible, "{found:?}");
+    assert_eq!(refuse(0, &plan, &rig, &found.unwrap(), 34), Ok(()));
+    assert_eq!(still.root.len(), 36 * GLOBAL_ROOT);
+}
+
+#[test]
+fn without_limits_nothing_is_said_and_nothing_can_be_asked_for() {
+    let bare = toy_rig();
+    let asked = standing(vec![key(2.0, 2.0, Quat::IDENTITY)], Some(34));
+    let error = plan(asked.clone(), &bare).unwrap_err();
+    assert_eq!(error.field, "characters[0].strict");
+    let asked = v1::Character {
+        strict: false,
+        ..asked
+    };
+    let plan = plan(asked, &bare).unwrap();
+    let mut judge = Judge::new(&bare);
+    let (result, found) = finish_judged(&raw(36, |_| 0.0), &plan, &bare, judge.as_mut()).unwrap();
+    assert_eq!((result.feasibility, found), (None, None));
+}
