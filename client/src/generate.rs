@@ -137,7 +137,7 @@ impl FollowPath {
             })),
             past: self.past.clone(),
             seed: self.seed,
-            temperature: 0.0,
+            sampling: None,
         }
     }
 }
@@ -153,11 +153,22 @@ pub struct Generating {
     pub notes: Vec<String>,
 }
 
-/// A motion along a path.
+/// Frames of one character of a motion that is being made.
+#[derive(Debug, Clone)]
+pub struct GeneratedPart {
+    /// Whose they are: 0 for the first character, 1 and more for the others of a [`Prompt`](crate::Prompt).
+    pub character: usize,
+    /// Its next frames.
+    pub clip: Clip,
+}
+
+/// A motion.
 #[derive(Debug, Clone)]
 pub struct Generated {
-    /// Its frames.
+    /// Its frames: those of the first character where there are several.
     pub clip: Clip,
+    /// Those of the other characters, in the order of the request.
+    pub others: Vec<Clip>,
     /// What the model was asked for that it may not do well.
     pub notes: Vec<String>,
 }
@@ -168,7 +179,15 @@ impl Client {
     /// # Errors
     /// See [`ClientError`].
     pub async fn follow(&self, pack: &Pack, path: &FollowPath) -> Result<Generating, ClientError> {
-        let answer = self.rpc.clone().generate(path.to_message(pack)).await;
+        self.generate(pack, path.to_message(pack)).await
+    }
+
+    pub(crate) async fn generate(
+        &self,
+        pack: &Pack,
+        request: v1::GenerateRequest,
+    ) -> Result<Generating, ClientError> {
+        let answer = self.rpc.clone().generate(request).await;
         Ok(Generating {
             client: self.clone(),
             pack: pack.clone(),
@@ -184,21 +203,25 @@ impl Generating {
     ///
     /// # Errors
     /// See [`ClientError`]; nothing comes after one.
-    pub async fn next(&mut self) -> Result<Option<Clip>, ClientError> {
-        if self.ended {
-            return Ok(None);
+    pub async fn next(&mut self) -> Result<Option<GeneratedPart>, ClientError> {
+        while !self.ended {
+            let part = self.parts.message().await;
+            let part = part.map_err(|status| self.client.sort(&status))?;
+            let part = part.ok_or(AnswerError::Missing("is_last"))?;
+            self.ended = part.is_last;
+            self.notes.extend(part.notes);
+            let Some(v1::generate_response::Part::Frames(frames)) = part.part else {
+                return Err(AnswerError::Missing("frames").into());
+            };
+            // An end may come alone.
+            if frames.frame_count > 0 {
+                return Ok(Some(GeneratedPart {
+                    character: part.character as usize,
+                    clip: clip(&frames, &self.pack)?,
+                }));
+            }
         }
-        let part = self.parts.message().await;
-        let part = part.map_err(|status| self.client.sort(&status))?;
-        let Some(part) = part else {
-            return Err(AnswerError::Missing("is_last").into());
-        };
-        self.ended = part.is_last;
-        self.notes.extend(part.notes);
-        match part.part {
-            Some(v1::generate_response::Part::Frames(frames)) => Ok(Some(clip(&frames, &self.pack)?)),
-            _ => Err(AnswerError::Missing("frames").into()),
-        }
+        Ok(None)
     }
 
     /// All of it.
@@ -206,15 +229,21 @@ impl Generating {
     /// # Errors
     /// See [`ClientError`].
     pub async fn whole(mut self) -> Result<Generated, ClientError> {
-        let Some(mut clip) = self.next().await? else {
-            return Err(AnswerError::Missing("frames").into());
-        };
-        while let Some(more) = self.next().await? {
-            clip.root_positions.extend(more.root_positions);
-            clip.rotations.extend(more.rotations);
+        let mut clips: Vec<Clip> = Vec::new();
+        while let Some(GeneratedPart { character, clip }) = self.next().await? {
+            match clips.get_mut(character) {
+                Some(whole) => {
+                    whole.root_positions.extend(clip.root_positions);
+                    whole.rotations.extend(clip.rotations);
+                }
+                None if character == clips.len() => clips.push(clip),
+                None => return Err(AnswerError::Missing("frames of an earlier character").into()),
+            }
         }
+        let mut clips = clips.into_iter();
         Ok(Generated {
-            clip,
+            clip: clips.next().ok_or(AnswerError::Missing("frames"))?,
+            others: clips.collect(),
             notes: self.notes,
         })
     }

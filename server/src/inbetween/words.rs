@@ -127,6 +127,10 @@ impl Refusal {
                 format!("needs one of the tasks {found}"),
                 format!("those of the pack: {allowed}"),
             ),
+            "message" if asked.audio.is_some() => {
+                let audio = prompt.field("audio");
+                audio.field("codes").error(format!("is {found}"), allowed)
+            }
             "message" => prompt.field("text").error(format!("is {found}"), allowed),
             "text" => {
                 let other = unread(pack, asked).and_then(|index| index.checked_sub(1));
