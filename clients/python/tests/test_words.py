@@ -105,7 +105,7 @@ def test_motion_becomes_words_in_parts(words: troupe.Client) -> None:
         words.describe(still(words, 300))
     assert caught.value.field == "frames"
     with pytest.raises(troupe.InvalidArgumentError, match="resample it first"):
-        words.describe(walk.resampled(60))
+        words.describe(troupe.Clip(walk.skeleton, 60.0, walk.root, walk.rotations))
 
 
 def test_what_is_wrong_with_words_is_said(words: troupe.Client) -> None:
