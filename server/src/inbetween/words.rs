@@ -4,8 +4,10 @@ use troupe_character::{FieldError, Path};
 use troupe_engine::EngineError;
 use troupe_engine::pack::Pack;
 use troupe_engine::vermo;
-use troupe_motion::model::Task;
+use troupe_motion::model::{PromptTask, Task};
 use troupe_proto::v1;
+
+use super::MAX_PROMPT_CHARS;
 
 /// Most words that a note names.
 const MAX_NAMED: usize = 8;
@@ -40,11 +42,49 @@ pub(super) fn check_prompt(pack: &Pack, asked: &v1::Prompt, task: &Task) -> Resu
     Ok(unknown_note(&unknown).into_iter().collect())
 }
 
+/// Checks words alone. Gives notes on what the model may not do well.
+///
+/// # Errors
+/// [`FieldError`] where the pack cannot read them.
+pub fn check_words(pack: &Pack, text: &str) -> Result<Vec<String>, FieldError> {
+    let asked = v1::Prompt {
+        text: text.to_owned(),
+        ..v1::Prompt::default()
+    };
+    let task = Task::Prompt(PromptTask {
+        text: text.to_owned(),
+        ..PromptTask::default()
+    });
+    check_prompt(pack, &asked, &task)
+}
+
+/// The first words of a text, as many as a prompt of the pack may have.
+pub fn fitting(pack: &Pack, text: &str) -> String {
+    let table = pack.manifest.vermo.as_ref();
+    let fits = |text: &str| {
+        let pieces = match (&pack.lexicon, table) {
+            (Some(lexicon), Some(table)) => {
+                lexicon.pieces(text).unwrap_or_default().len() <= table.max_prompt_pieces
+            }
+            _ => true,
+        };
+        pieces && text.chars().count() <= MAX_PROMPT_CHARS
+    };
+    let mut text = text.trim();
+    while !fits(text) {
+        // A word, or a letter of the last one.
+        let cut = text.rfind(char::is_whitespace);
+        let cut = cut.or_else(|| text.char_indices().next_back().map(|(at, _)| at));
+        text = text[..cut.unwrap_or(0)].trim_end();
+    }
+    text.to_owned()
+}
+
 /// Checks a description's task against what the pack can read and write.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
-pub(super) fn check_description(pack: &Pack, task: &Task) -> Result<(), FieldError> {
+pub fn check_description(pack: &Pack, task: &Task) -> Result<(), FieldError> {
     match Refusal::of(pack, task) {
         None => Ok(()),
         Some(refusal) => Err(refusal.of_description()),

@@ -1,6 +1,7 @@
 //! A server with a pack of words: a tiny VerMo pack of random weights. Words become motion; [`describe`] has the other way.
 
 mod describe;
+mod mmcp;
 
 use std::collections::BTreeMap;
 use std::path::Path;
