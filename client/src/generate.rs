@@ -231,14 +231,14 @@ impl Generating {
     pub async fn whole(mut self) -> Result<Generated, ClientError> {
         let mut clips: Vec<Clip> = Vec::new();
         while let Some(GeneratedPart { character, clip }) = self.next().await? {
-            match clips.get_mut(character) {
-                Some(whole) => {
-                    whole.root_positions.extend(clip.root_positions);
-                    whole.rotations.extend(clip.rotations);
-                }
-                None if character == clips.len() => clips.push(clip),
-                None => return Err(AnswerError::Missing("frames of an earlier character").into()),
+            if character == clips.len() {
+                clips.push(clip);
+                continue;
             }
+            let earlier = clips.get_mut(character);
+            let whole = earlier.ok_or(AnswerError::Missing("frames of an earlier character"))?;
+            whole.root_positions.extend(clip.root_positions);
+            whole.rotations.extend(clip.rotations);
         }
         let mut clips = clips.into_iter();
         Ok(Generated {

@@ -271,27 +271,9 @@ impl InBetween {
     /// [`RequestError::FrameRate`] and [`RequestError::Joints`] where the clip it was taken from does not fit the pack.
     pub fn to_message(&self, pack: &Pack) -> Result<v1::Character, RequestError> {
         if let Some((fps, joints)) = self.source {
-            check_clip(fps, joints, pack)?;
+            pack.check_clip(fps, joints)?;
         }
         Ok(self.character.clone())
-    }
-}
-
-/// Checks that a clip of that rate and of so many joints fits a pack.
-pub(crate) fn check_clip(fps: f32, joints: usize, pack: &Pack) -> Result<(), RequestError> {
-    if (fps - pack.fps()).abs() > 1e-2 {
-        return Err(RequestError::FrameRate {
-            clip: fps,
-            pack: pack.fps(),
-        });
-    }
-    let expected = pack.skeleton().joint_count();
-    match joints == expected {
-        true => Ok(()),
-        false => Err(RequestError::Joints {
-            clip: joints,
-            pack: expected,
-        }),
     }
 }
 

@@ -7,7 +7,7 @@ use troupe_proto::v1;
 use crate::connection::Client;
 use crate::error::{AnswerError, ClientError, RequestError};
 use crate::generate::Generating;
-use crate::inbetween::{Key, check_clip};
+use crate::inbetween::Key;
 use crate::pack::Pack;
 
 /// How a language model chooses tokens. What is not said is as the pack says.
@@ -231,7 +231,7 @@ impl Describe {
 
     fn to_message(&self, pack: &Pack) -> Result<v1::DescribeRequest, RequestError> {
         let frames = |clip: &Clip| {
-            check_clip(clip.fps, clip.skeleton.joint_count(), pack)?;
+            pack.check_clip(clip.fps, clip.skeleton.joint_count())?;
             Ok(messages(&Key::all(clip)))
         };
         let others = self.others.iter().map(|clip| {
