@@ -16,7 +16,7 @@ use protox::prost_reflect::{
 const PACKAGE: &str = "troupe.v1";
 
 /// Lists that were added when the JSON form was in use. Empty ones are left out of the JSON, all others are written.
-const LEFT_OUT_WHEN_EMPTY: [&str; 14] = [
+const LEFT_OUT_WHEN_EMPTY: [&str; 16] = [
     "Keyframe.qpos",
     "Frames.six_d",
     "Frames.qpos",
@@ -30,6 +30,8 @@ const LEFT_OUT_WHEN_EMPTY: [&str; 14] = [
     "GenerateResponse.notes",
     "Pack.bodies",
     "Pack.words",
+    "Prompt.targets",
+    "Prompt.others",
     "PackBody.joints",
 ];
 

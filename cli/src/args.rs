@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 
 use crate::animate::Animate;
+use crate::describe::Describe;
 use crate::draw::Draw;
 use crate::drive::Drive;
 use crate::eval::Eval;
@@ -13,6 +14,7 @@ use crate::generate::Generate;
 use crate::inbetween::Inbetween;
 use crate::object::Object;
 use crate::packs::Packs;
+use crate::say::Say;
 use crate::scene::Scene;
 use crate::sessions::Sessions;
 use crate::shell::{Completions, Man};
@@ -98,6 +100,8 @@ Examples:
   troupe eval --data clips/ --split test.txt --json eval.json
   troupe draw --clip walk.bvh --from 60 --to 106 --out picture.png
   troupe generate --skeleton g1 --path examples/paths/square.toml --out walk.csv
+  troupe say \"an elderly man waves\" --out wave.glb
+  troupe describe walk.bvh
   troupe drive
   troupe drive --path examples/paths/square.toml --out square.bvh
   troupe film --path examples/paths/square.toml --out square.png
@@ -109,6 +113,8 @@ Examples:
 pub(crate) enum Command {
     Inbetween(Inbetween),
     Generate(Box<Generate>),
+    Say(Box<Say>),
+    Describe(Describe),
     Packs(Packs),
     Eval(Box<Eval>),
     Draw(Draw),

@@ -23,4 +23,29 @@ impl Context {
         let pack = client.pack(name).await?;
         Ok((client, pack))
     }
+
+    /// Connects and fetches a pack; an empty name stands for the first that has a capability.
+    pub(crate) async fn connect_to_able(
+        &self,
+        capability: &str,
+        name: &str,
+    ) -> Result<(Client, Pack), Failure> {
+        if !name.is_empty() {
+            return self.connect_to_pack(name).await;
+        }
+        let client = self.connect().await?;
+        let able = |pack: &&Pack| {
+            let mut all = pack.description().capabilities.iter();
+            all.any(|able| able == capability)
+        };
+        let packs = client.packs().await?;
+        let Some(pack) = packs.iter().find(able) else {
+            return Err(Failure::Other(format!(
+                "the server has no pack with the capability `{capability}`"
+            )));
+        };
+        // The list leaves some of a pack out.
+        let pack = client.pack(pack.name()).await?;
+        Ok((client, pack))
+    }
 }

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use clap::Args;
 use glam::{Vec2, Vec3};
 use serde_json::json;
-use troupe_client::{Client, FollowPath, Pack};
+use troupe_client::{FollowPath, Pack};
 use troupe_motion::clip::Clip;
 
 use crate::context::Context;
@@ -121,8 +121,8 @@ impl FromStr for Word {
 pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Failure> {
     let format = Format::of(&command.out)?;
     let path = Path::read(&command.path)?;
-    let client = context.connect().await?;
-    let pack = pack(&client, &command.pack).await?.of_body(&command.skeleton)?;
+    let (client, pack) = context.connect_to_able("path", &command.pack).await?;
+    let pack = pack.of_body(&command.skeleton)?;
     format.fits(&pack, &command.out)?;
     let asked = std::time::Instant::now();
     let making = client.follow(&pack, &request(&path, command)).await?;
@@ -163,21 +163,6 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
         context.term.note(format_args!("{}", verdict(found)));
     }
     Ok(())
-}
-
-/// The pack of that name; the first that follows paths where it is empty.
-async fn pack(client: &Client, name: &str) -> Result<Pack, Failure> {
-    if !name.is_empty() {
-        return Ok(client.pack(name).await?);
-    }
-    let able = |pack: &&Pack| pack.description().capabilities.iter().any(|able| able == "path");
-    let packs = client.packs().await?;
-    match packs.iter().find(able) {
-        Some(pack) => Ok(client.pack(pack.name()).await?),
-        None => Err(Failure::Other(
-            "the server has no pack that follows paths".to_owned(),
-        )),
-    }
 }
 
 fn draw(path: &Path, pack: &Pack, clip: &Clip, command: &Generate) -> Result<Vec<u8>, String> {

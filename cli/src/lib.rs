@@ -3,6 +3,7 @@
 mod animate;
 mod args;
 mod context;
+mod describe;
 mod draw;
 mod drive;
 mod eval;
@@ -19,6 +20,7 @@ mod output;
 mod pack_folder;
 mod packs;
 mod path;
+mod say;
 mod scene;
 mod sessions;
 mod shell;
@@ -27,6 +29,7 @@ mod stage;
 mod style;
 mod take;
 mod term;
+mod tokens;
 mod top;
 mod values;
 
@@ -76,6 +79,8 @@ async fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.command {
         Command::Inbetween(command) => inbetween::run(&context, &command).await,
         Command::Generate(command) => generate::run(&context, &command).await,
+        Command::Say(command) => say::run(&context, &command).await,
+        Command::Describe(command) => describe::run(&context, &command).await,
         Command::Packs(command) => packs::run(&context, &command).await,
         Command::Eval(command) => eval::run(&context, &command).await,
         Command::Draw(command) => draw::run(&context, &command).await,

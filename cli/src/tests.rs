@@ -35,6 +35,16 @@ fn help_of_animate() {
 }
 
 #[test]
+fn help_of_say() {
+    insta::assert_snapshot!(help(&["say"]));
+}
+
+#[test]
+fn help_of_describe() {
+    insta::assert_snapshot!(help(&["describe"]));
+}
+
+#[test]
 fn help_of_packs() {
     insta::assert_snapshot!(help(&["packs"]));
 }

@@ -145,7 +145,7 @@ impl FollowPath {
             })),
             past: self.past.clone(),
             seed: self.seed,
-            temperature: 0.0,
+            sampling: None,
         }
     }
 }
@@ -163,11 +163,22 @@ pub struct Generating {
     pub feasibility: Option<v1::Feasibility>,
 }
 
-/// A motion along a path.
+/// Frames of one character of a motion that is being made.
+#[derive(Debug, Clone)]
+pub struct GeneratedPart {
+    /// Whose they are: 0 for the first character, 1 and more for the others of a [`Prompt`](crate::Prompt).
+    pub character: usize,
+    /// Its next frames.
+    pub clip: Clip,
+}
+
+/// A motion.
 #[derive(Debug, Clone)]
 pub struct Generated {
-    /// Its frames.
+    /// Its frames: those of the first character where there are several.
     pub clip: Clip,
+    /// Those of the other characters, in the order of the request.
+    pub others: Vec<Clip>,
     /// What the model was asked for that it may not do well.
     pub notes: Vec<String>,
     /// Of its parts the one that is farthest from feasible; none where the body has no limits.
@@ -180,7 +191,15 @@ impl Client {
     /// # Errors
     /// See [`ClientError`].
     pub async fn follow(&self, pack: &Pack, path: &FollowPath) -> Result<Generating, ClientError> {
-        let answer = self.rpc.clone().generate(path.to_message(pack)).await;
+        self.generate(pack, path.to_message(pack)).await
+    }
+
+    pub(crate) async fn generate(
+        &self,
+        pack: &Pack,
+        request: v1::GenerateRequest,
+    ) -> Result<Generating, ClientError> {
+        let answer = self.rpc.clone().generate(request).await;
         Ok(Generating {
             client: self.clone(),
             pack: pack.clone(),
@@ -197,31 +216,33 @@ impl Generating {
     ///
     /// # Errors
     /// See [`ClientError`]; nothing comes after one.
-    pub async fn next(&mut self) -> Result<Option<Clip>, ClientError> {
-        if self.ended {
-            return Ok(None);
-        }
-        let part = self.parts.message().await;
-        let part = part.map_err(|status| self.client.sort(&status))?;
-        let Some(part) = part else {
-            return Err(AnswerError::Missing("is_last").into());
-        };
-        self.ended = part.is_last;
-        self.notes.extend(part.notes);
-        if let Some(found) = part.feasibility {
-            let worse = self
-                .feasibility
-                .as_ref()
-                .is_none_or(|known| known.ratio < found.ratio);
-            self.feasibility = if worse {
-                Some(found)
-            } else {
-                self.feasibility.take()
+    pub async fn next(&mut self) -> Result<Option<GeneratedPart>, ClientError> {
+        while !self.ended {
+            let part = self.parts.message().await;
+            let part = part.map_err(|status| self.client.sort(&status))?;
+            let part = part.ok_or(AnswerError::Missing("is_last"))?;
+            self.ended = part.is_last;
+            self.notes.extend(part.notes);
+            self.keep_worse(part.feasibility);
+            let Some(v1::generate_response::Part::Frames(frames)) = part.part else {
+                return Err(AnswerError::Missing("frames").into());
             };
+            // An end may come alone.
+            if frames.frame_count > 0 {
+                return Ok(Some(GeneratedPart {
+                    character: part.character as usize,
+                    clip: clip(&frames, &self.pack)?,
+                }));
+            }
         }
-        match part.part {
-            Some(v1::generate_response::Part::Frames(frames)) => Ok(Some(clip(&frames, &self.pack)?)),
-            _ => Err(AnswerError::Missing("frames").into()),
+        Ok(None)
+    }
+
+    /// Keeps the verdict that is farther from feasible.
+    fn keep_worse(&mut self, found: Option<v1::Feasibility>) {
+        let ratio = |verdict: &Option<v1::Feasibility>| verdict.as_ref().map(|verdict| verdict.ratio);
+        if ratio(&found) > ratio(&self.feasibility) {
+            self.feasibility = found;
         }
     }
 
@@ -230,15 +251,21 @@ impl Generating {
     /// # Errors
     /// See [`ClientError`].
     pub async fn whole(mut self) -> Result<Generated, ClientError> {
-        let Some(mut clip) = self.next().await? else {
-            return Err(AnswerError::Missing("frames").into());
-        };
-        while let Some(more) = self.next().await? {
-            clip.root_positions.extend(more.root_positions);
-            clip.rotations.extend(more.rotations);
+        let mut clips: Vec<Clip> = Vec::new();
+        while let Some(GeneratedPart { character, clip }) = self.next().await? {
+            if character == clips.len() {
+                clips.push(clip);
+                continue;
+            }
+            let earlier = clips.get_mut(character);
+            let whole = earlier.ok_or(AnswerError::Missing("frames of an earlier character"))?;
+            whole.root_positions.extend(clip.root_positions);
+            whole.rotations.extend(clip.rotations);
         }
+        let mut clips = clips.into_iter();
         Ok(Generated {
-            clip,
+            clip: clips.next().ok_or(AnswerError::Missing("frames"))?,
+            others: clips.collect(),
             notes: self.notes,
             feasibility: self.feasibility,
         })

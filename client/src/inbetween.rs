@@ -40,8 +40,17 @@ impl Key {
     /// [`RequestError::FrameOutside`].
     pub fn from_clip(clip: &Clip, frame: usize) -> Result<Self, RequestError> {
         check_frame(clip, "frame", frame)?;
+        Ok(Self::at(clip, frame))
+    }
+
+    fn at(clip: &Clip, frame: usize) -> Self {
         let key = Self::default().root(clip.root_positions[frame], None);
-        Ok(key.pose(clip.rotations_at(frame)))
+        key.pose(clip.rotations_at(frame))
+    }
+
+    /// Those of every frame of a clip, as [`Self::from_clip`].
+    pub fn all(clip: &Clip) -> Vec<Self> {
+        (0..clip.frames()).map(|frame| Self::at(clip, frame)).collect()
     }
 
     /// Fixes where the root joint is (world, metres) and which way it faces (radians about +Y). Without a heading the
@@ -269,19 +278,7 @@ impl InBetween {
     /// [`RequestError::FrameRate`] and [`RequestError::Joints`] where the clip it was taken from does not fit the pack.
     pub fn to_message(&self, pack: &Pack) -> Result<v1::Character, RequestError> {
         if let Some((fps, joints)) = self.source {
-            if (fps - pack.fps()).abs() > 1e-2 {
-                return Err(RequestError::FrameRate {
-                    clip: fps,
-                    pack: pack.fps(),
-                });
-            }
-            let expected = pack.skeleton().joint_count();
-            if joints != expected {
-                return Err(RequestError::Joints {
-                    clip: joints,
-                    pack: expected,
-                });
-            }
+            pack.check_clip(fps, joints)?;
         }
         Ok(self.character.clone())
     }

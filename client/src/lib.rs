@@ -47,10 +47,11 @@ mod problem;
 mod scenes;
 mod styles;
 mod tls;
+mod words;
 
 pub use connection::{ApiKey, Bearer, Client, ConnectOptions, InBetweenAnswers, KeyedChannel, channel};
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
-pub use generate::{FollowPath, Generated, Generating};
+pub use generate::{FollowPath, Generated, GeneratedPart, Generating};
 pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
 pub use live::{
     Act, Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, Frame, FrameOptions, Frames,
@@ -59,3 +60,4 @@ pub use live::{
 pub use pack::Pack;
 pub use problem::{Problem, ProblemKind, SessionError};
 pub use tls::{ClientCertificate, TlsOptions};
+pub use words::{Describe, Describing, Description, Prompt, TokenSampling, Told};

@@ -113,6 +113,24 @@ impl Pack {
         }
         Ok(())
     }
+
+    /// Checks that a clip of that rate and of so many joints is on the pack's skeleton and at its rate.
+    pub(crate) fn check_clip(&self, fps: f32, joints: usize) -> Result<(), RequestError> {
+        if (fps - self.fps()).abs() > 1e-2 {
+            return Err(RequestError::FrameRate {
+                clip: fps,
+                pack: self.fps(),
+            });
+        }
+        let expected = self.skeleton().joint_count();
+        match joints == expected {
+            true => Ok(()),
+            false => Err(RequestError::Joints {
+                clip: joints,
+                pack: expected,
+            }),
+        }
+    }
 }
 
 impl TryFrom<v1::Pack> for Pack {

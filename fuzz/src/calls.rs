@@ -38,7 +38,7 @@ const SCENES: Option<&str> = Some("Scenes");
 
 #[rustfmt::skip]
 /// Every call. The first byte of the input is one's place here, with [`HTTP`] for the call over HTTP.
-pub const CALLS: [Call; 29] = [
+pub const CALLS: [Call; 30] = [
     Call { rpc: "InBetween", service: MOTION, method: Method::POST, path: "/v1/inbetween", changes: Changes::Nothing },
     Call { rpc: "Generate", service: MOTION, method: Method::POST, path: "/v1/generate", changes: Changes::Nothing },
     Call { rpc: "ListPacks", service: MOTION, method: Method::GET, path: "/v1/packs", changes: Changes::Nothing },
@@ -68,6 +68,7 @@ pub const CALLS: [Call; 29] = [
     Call { rpc: "DeleteObjectDefinition", service: SCENES, method: Method::DELETE, path: "/v1/objects/", changes: Changes::World },
     Call { rpc: "Detect", service: SCENES, method: Method::POST, path: "/v1/detect", changes: Changes::Nothing },
     Call { rpc: "CreateTicket", service: None, method: Method::POST, path: "/v1/tickets", changes: Changes::Nothing },
+    Call { rpc: "Describe", service: MOTION, method: Method::POST, path: "/v1/describe", changes: Changes::Nothing },
 ];
 
 /// The bit of the first byte that asks for HTTP.

@@ -28,7 +28,7 @@ use troupe_motion::{Joint, Skeleton, Vec3};
 use troupe_proto::v1;
 use troupe_server::api::testing::Reader;
 use troupe_server::config::Config;
-use troupe_server::inbetween::{RequestLimits, prepare, prepare_generate};
+use troupe_server::inbetween::{RequestLimits, prepare, prepare_describe, prepare_prompt};
 
 pub use calls::{CALLS, Call, calls};
 pub use home::{Local, STOOL, YARD, options};
@@ -40,11 +40,12 @@ pub use websocket::{SEPARATOR, websocket};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target, by its name.
-pub const TARGETS: [Target; 14] = [
+pub const TARGETS: [Target; 15] = [
     ("bvh", bvh),
     ("calls", calls),
     ("codec", codec),
     ("csv", csv),
+    ("describe", describe),
     ("drive", drive),
     ("generate", generate),
     ("glb", glb),
@@ -108,6 +109,8 @@ fn mark<const STEP: u8>() {
 struct Home {
     pack: Pack,
     robot: Pack,
+    /// With a language model of random weights.
+    words: Pack,
     definitions: Definitions,
     reader: Reader,
     /// Hips and a foot.
@@ -131,6 +134,7 @@ fn home() -> &'static Home {
             reader: Reader::new(&config.api_limits()),
             pack,
             robot,
+            words: Pack::load(&top.join("engine/tests/vermo")).expect("a pack"),
             small: Arc::new(two_joints()),
         }
     })
@@ -277,23 +281,35 @@ fn planted_command(command: &v1::Command) -> [bool; 2] {
     [height > 10.0, priority > 1.0]
 }
 
-/// The body of a request to generate, and its checks.
+/// The body of a request to generate, and its checks. The pack has a language model.
 pub fn generate(bytes: &[u8]) {
     let Ok(request) = home().reader.json::<v1::GenerateRequest>(bytes) else {
         return;
     };
     survives(&request);
-    let rig = &home().pack.rig;
-    match prepare_generate(&request, rig, rig.dims.context_frames) {
+    let Some(v1::generate_request::Goal::Prompt(prompt)) = &request.goal else {
+        return;
+    };
+    match prepare_prompt(&request, prompt, &home().words) {
         Ok(_) => planted(|| {
-            let Some(v1::generate_request::Goal::Prompt(prompt)) = &request.goal else {
-                return [false; 2];
-            };
+            let sampling = request.sampling.unwrap_or_default();
             [
                 prompt.frame_count.is_some_and(|count| count > 99),
-                request.temperature > 1.0,
+                sampling.temperature.is_some_and(|temperature| temperature > 1.0),
             ]
         }),
+        Err(error) => assert!(!error.field.is_empty() && !error.to_string().is_empty()),
+    }
+}
+
+/// The body of a request to describe a motion, and its checks.
+pub fn describe(bytes: &[u8]) {
+    let Ok(request) = home().reader.json::<v1::DescribeRequest>(bytes) else {
+        return;
+    };
+    survives(&request);
+    match prepare_describe(&request, &home().words) {
+        Ok(_) => planted(|| [request.frames.len() > 7, !request.others.is_empty()]),
         Err(error) => assert!(!error.field.is_empty() && !error.to_string().is_empty()),
     }
 }

@@ -108,4 +108,4 @@ macro_rules! targets {
     };
 }
 
-targets!(bvh calls codec csv drive generate glb inbetween manifest npz object scene snapshot websocket);
+targets!(bvh calls codec csv describe drive generate glb inbetween manifest npz object scene snapshot websocket);

@@ -4,8 +4,10 @@ mod describe;
 mod error;
 mod generate;
 mod metrics;
+mod pack;
 mod scenes;
 mod sessions;
+mod streamed;
 #[cfg(feature = "testing")]
 mod testing;
 
@@ -24,14 +26,16 @@ use crate::records::{Records, RecordsError};
 use crate::session::{Keeper, LivePacks, SessionError, Sessions, Space, Spaces, TenantOptions};
 use crate::telemetry::{RequestContext, Telemetry};
 use crate::world::Store;
-use describe::describe;
 use metrics::ServiceMetrics;
+use pack::describe;
 use troupe_engine::EngineError;
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Capability, Output, Rig};
 
+pub use describe::Description;
 pub use error::ServiceError;
 pub use generate::Generation;
+pub use streamed::Streamed;
 
 /// Requests of up to this many characters are checked and finished on the task that received them; larger ones go to the
 /// pool for blocking work, so that they do not hold up other connections.

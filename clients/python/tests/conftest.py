@@ -39,6 +39,23 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     server.stop()
 
 
+@pytest.fixture(scope="session")
+def words_address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """HOST:PORT of a server of the tests' own, whose one pack knows words: its weights are random."""
+    binary = _binary()
+    if binary is None:
+        pytest.skip("no server's binary: set TROUPE_SERVER to its path, or build it into target/release")
+    server = Server(binary, tmp_path_factory.mktemp("words"), "--packs", "engine/tests/vermo")
+    yield server.start()
+    server.stop()
+
+
+@pytest.fixture
+def words(words_address: str) -> Iterator[troupe.Client]:
+    with troupe.Client(words_address) as client:
+        yield client
+
+
 class Server:
     """A server of the tests' own, which may be started again on the same port with what it kept."""
 

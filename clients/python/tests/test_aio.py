@@ -44,7 +44,7 @@ def test_gaps_paths_and_refusals(address: str) -> None:
             assert np.array_equal(other.in_between(gap).clip.rotations, first.clip.rotations)
         made = await client.generate([[0, 0, 0], [0, 0, 1]], pack="unimogen", body="fox")
         parts = [part async for part in client.generate_parts([[0, 0, 0], [0, 0, 1]], pack="unimogen", body="fox")]
-        assert sum(map(len, parts)) == len(made.clip)
+        assert sum(len(part.clip) for part in parts) == len(made.clip)
         with pytest.raises(troupe.NotFoundError):
             await client.pack("nobody")
 

@@ -135,7 +135,7 @@ def test_a_horse_follows_a_path(client: troupe.Client) -> None:
     points = np.array([[0, 0, 0], [0, 0, 1.5], [0.4, 0, 3]])
     path = troupe.FollowPath(points, words={"trot": 1.0}, steps=2)
     parts = list(client.generate_parts(path, pack="unimogen", body="horse", seed=3))
-    made = troupe.join_clips([part for part in parts if isinstance(part, troupe.Clip)])
+    made = troupe.join_clips([part.clip for part in parts])
     assert np.linalg.norm(made.root[-1, [0, 2]] - points[-1, [0, 2]]) < 0.3
     assert made.skeleton == client.pack("unimogen").of_body("horse").skeleton
     further = made.root[-1] * (1, 0, 1) + [[0, 0, 0], [0, 0, 1]]
@@ -152,11 +152,11 @@ def test_a_body_of_ones_own_follows_a_path(client: troupe.Client) -> None:
 
 
 def test_words_are_for_packs_that_know_them(client: troupe.Client, walk: troupe.Clip) -> None:
-    for call in (lambda: client.generate(text="wave"), lambda: client.describe(walk[:30])):
+    for call in (lambda: client.generate(prompt="wave"), lambda: client.describe(walk[:30])):
         with pytest.raises(troupe.TroupeError) as caught:
             call()
         assert caught.value.reason == "PACK_CANNOT", caught.value
-    with pytest.raises(troupe.InvalidArgumentError, match="one of path and text"):
+    with pytest.raises(troupe.InvalidArgumentError, match="one of path and prompt"):
         client.generate()
 
 

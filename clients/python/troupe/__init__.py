@@ -38,7 +38,7 @@ from troupe.errors import (
 )
 from troupe.events import Attached, Event, Fault, Left, NotAttached, Refused, Resumed, StreamEvent
 from troupe.frames import Frames
-from troupe.generate import FollowPath, Generated
+from troupe.generate import FollowPath, Generated, GeneratedPart
 from troupe.inbetween import InBetween, InBetweenAnswer
 from troupe.intent import Act, Locomotion, cancel, drop, end_interaction, follow_path, interact
 from troupe.keyframe import Keyframe
@@ -47,15 +47,18 @@ from troupe.mjcf import robot_mjcf
 from troupe.options import Encoding, FrameOptions, SessionOptions
 from troupe.pack import Body, Pack
 from troupe.skeleton import Hinge, Robot, Skeleton
+from troupe.words import Agent, Audio, Prompt, Sampling, Sound
 
 join_clips = _clip.joined
 join_frames = _frames.joined
 
 __all__ = [
     "Act",
+    "Agent",
     "AlreadyExistsError",
     "AnswerError",
     "Attached",
+    "Audio",
     "Body",
     "CancelledError",
     "Client",
@@ -74,6 +77,7 @@ __all__ = [
     "FrameOptions",
     "Frames",
     "Generated",
+    "GeneratedPart",
     "Hinge",
     "InBetween",
     "InBetweenAnswer",
@@ -86,14 +90,17 @@ __all__ = [
     "NotFoundError",
     "Pack",
     "PermissionDeniedError",
+    "Prompt",
     "Refused",
     "ResourceExhaustedError",
     "Resumed",
     "Robot",
+    "Sampling",
     "Session",
     "SessionError",
     "SessionOptions",
     "Skeleton",
+    "Sound",
     "StreamEndedError",
     "StreamEvent",
     "Tick",

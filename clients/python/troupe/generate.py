@@ -1,10 +1,9 @@
-"""Motion along a path or of words, and words of a motion."""
+"""Motion along a path, or of words."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
 
 import numpy.typing as npt
 
@@ -17,9 +16,7 @@ from troupe.keyframe import Keyframe
 from troupe.pack import Pack
 from troupe.skeleton import Skeleton
 from troupe.v1 import motion_pb2
-
-Request: TypeAlias = motion_pb2.GenerateRequest
-Response: TypeAlias = motion_pb2.GenerateResponse
+from troupe.words import Prompt, Sampling
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +77,24 @@ def _body(skeleton: Skeleton) -> motion_pb2.BodySkeleton:
 
 
 @dataclass(frozen=True, eq=False)
+class GeneratedPart:
+    """Frames of one character of a motion that is being made."""
+
+    character: int
+    """Whose they are: 0 for the first character, 1 and more for the others of a `Prompt`."""
+    clip: Clip
+
+
+@dataclass(frozen=True, eq=False)
 class Generated:
     """A motion that was made."""
 
     clip: Clip
+    """Its frames: those of the first character where there are several."""
     notes: tuple[str, ...]
     """What the model was asked for that it may not do well."""
+    others: tuple[Clip, ...] = ()
+    """Those of the other characters, in the order of the prompt."""
     feasibility: motion_pb2.Feasibility | None = None
     """Of the parts of a path the one that is farthest from feasible. None: the body has no limits."""
 
@@ -96,35 +105,31 @@ class Generated:
 def request(
     pack: Pack,
     path: FollowPath | npt.ArrayLike | None,
-    text: str | None,
-    frames: int | None,
+    prompt: Prompt | str | None,
     past: Clip | Sequence[Keyframe],
     seed: int,
-    temperature: float,
+    sampling: Sampling | None,
 ) -> motion_pb2.GenerateRequest:
     """The request for a motion along a path, or of words."""
     message = motion_pb2.GenerateRequest(
-        pack=pack.name, past=keyframes(past, "past", None), seed=seed, temperature=temperature
+        pack=pack.name,
+        past=keyframes(past, "past", None),
+        seed=seed,
+        sampling=None if sampling is None else sampling.to_message(),
     )
-    if (path is None) == (text is None):
-        raise InvalidArgumentError("goal: one of path and text", field="goal", allowed="path or text")
-    if text is not None:
-        message.prompt.CopyFrom(motion_pb2.Prompt(text=text, frame_count=frames))
+    if (path is None) == (prompt is None):
+        raise InvalidArgumentError("goal: one of path and prompt", field="goal", allowed="path or prompt")
+    if prompt is not None:
+        words = prompt if isinstance(prompt, Prompt) else Prompt(prompt)
+        message.prompt.CopyFrom(words.to_message())
     elif path is not None:
         of = path if isinstance(path, FollowPath) else FollowPath(path)
         message.path.CopyFrom(of.to_message(pack))
     return message
 
 
-def describe_request(pack: Pack, motion: Clip) -> motion_pb2.GenerateRequest:
-    """The request for words of a motion."""
-    message = motion_pb2.GenerateRequest(pack=pack.name)
-    message.describe.frames.extend(keyframes(motion, "goal.describe.frames", pack))
-    return message
-
-
 class Parts:
-    """Parts of an answer as they come, up to the last."""
+    """Parts of a motion as they come, up to the last."""
 
     def __init__(self, pack: Pack, path: FollowPath | npt.ArrayLike | None = None) -> None:
         own = path.skeleton if isinstance(path, FollowPath) else None
@@ -133,29 +138,25 @@ class Parts:
         self.feasibility: motion_pb2.Feasibility | None = None
         self.ended = False
 
-    def take(self, part: motion_pb2.GenerateResponse) -> Clip | str:
+    def take(self, part: motion_pb2.GenerateResponse) -> GeneratedPart:
         """Reads a part."""
         self.notes.extend(part.notes)
         found = part.feasibility if part.HasField("feasibility") else None
         if found and (self.feasibility is None or self.feasibility.ratio < found.ratio):
             self.feasibility = found
         self.ended = part.is_last
-        if part.WhichOneof("part") == "text":
-            return part.text
         if part.WhichOneof("part") != "frames":
-            raise AnswerError("a part has neither frames nor text", field="part")
-        return clip(part.frames, self._pack)
+            raise AnswerError("a part has no frames", field="part")
+        return GeneratedPart(part.character, clip(part.frames, self._pack))
 
-    def whole(self, came: Sequence[Clip | str]) -> Generated:
+    def whole(self, came: Sequence[GeneratedPart]) -> Generated:
         """All of a motion."""
         self.check_end()
-        made = clips.joined([part for part in came if isinstance(part, Clip)])
-        return Generated(made, tuple(self.notes), self.feasibility)
-
-    def words(self, came: Sequence[Clip | str]) -> str:
-        """All of the words."""
-        self.check_end()
-        return "".join(part for part in came if isinstance(part, str))
+        characters = max(part.character for part in came) + 1
+        first, *others = [
+            clips.joined([part.clip for part in came if part.character == character]) for character in range(characters)
+        ]
+        return Generated(first, tuple(self.notes), tuple(others), self.feasibility)
 
     def check_end(self) -> None:
         """Refuses an answer that ended before its last part."""

@@ -104,6 +104,7 @@ def ask_all(calls: Sequence[Call[A]]) -> Steps[list[A | TroupeError]]:
 
 IN_BETWEEN = Method("/troupe.v1.Motion/InBetween", motion_pb2.InBetweenResponse)
 GENERATE = Method("/troupe.v1.Motion/Generate", motion_pb2.GenerateResponse)
+DESCRIBE = Method("/troupe.v1.Motion/Describe", motion_pb2.DescribeResponse)
 LIST_PACKS = Method("/troupe.v1.Motion/ListPacks", motion_pb2.ListPacksResponse)
 GET_PACK = Method("/troupe.v1.Motion/GetPack", motion_pb2.Pack)
 

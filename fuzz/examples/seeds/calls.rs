@@ -30,16 +30,7 @@ fn motion() -> Result<(), Problem> {
             characters: vec![character],
         },
     )?;
-    let prompt = v1::Prompt {
-        text: "walk on".to_owned(),
-        frame_count: Some(9),
-    };
-    let request = v1::GenerateRequest {
-        goal: Some(v1::generate_request::Goal::Prompt(prompt)),
-        temperature: 0.5,
-        ..v1::GenerateRequest::default()
-    };
-    both("Generate", &request)?;
+    words()?;
     text("ListPacks", "txt", b"")?;
     text("GetPack", "txt", b"toy")?;
     grpc(
@@ -49,6 +40,33 @@ fn motion() -> Result<(), Problem> {
         }
         .encode_to_vec(),
     )
+}
+
+/// To act words out, and to put a motion into words.
+fn words() -> Result<(), Problem> {
+    let sampling = v1::Sampling {
+        temperature: Some(0.5),
+        top_k: Some(40),
+        top_p: Some(0.9),
+        repetition: Some(1.1),
+    };
+    let prompt = v1::Prompt {
+        text: "walk on".to_owned(),
+        seconds: Some(0.3),
+        ..v1::Prompt::default()
+    };
+    let request = v1::GenerateRequest {
+        goal: Some(v1::generate_request::Goal::Prompt(prompt)),
+        sampling: Some(sampling),
+        ..v1::GenerateRequest::default()
+    };
+    both("Generate", &request)?;
+    let request = v1::DescribeRequest {
+        frames: (0..4u8).map(|frame| keyframe(f32::from(frame) * 0.1)).collect(),
+        sampling: Some(sampling),
+        ..v1::DescribeRequest::default()
+    };
+    both("Describe", &request)
 }
 
 fn sessions() -> Result<(), Problem> {

@@ -96,7 +96,7 @@ fn the_descriptor_set_describes_the_service() {
     };
     assert_eq!(
         methods("Motion"),
-        ["InBetween", "Generate", "ListPacks", "GetPack"]
+        ["InBetween", "Generate", "Describe", "ListPacks", "GetPack"]
     );
     assert_eq!(
         methods("Sessions"),

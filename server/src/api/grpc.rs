@@ -26,7 +26,7 @@ use self::sessions::SessionsApi;
 use super::ours::ours;
 use super::track::{self, Tracker};
 use super::{ApiError, ApiLimits, MAX_STREAM_MESSAGE_BYTES};
-use crate::service::Service;
+use crate::service::{Service, ServiceError, Streamed};
 
 /// Tells health checks whether the services, and the server as a whole, serve.
 pub async fn set_serving(health: &HealthReporter, serving: bool) {
@@ -53,8 +53,18 @@ fn answer<T>(result: Result<T, impl Into<ApiError>>) -> Result<Response<T>, Stat
     }
 }
 
-/// The parts of a generated answer.
-type GenerateStream = Pin<Box<dyn Stream<Item = Result<v1::GenerateResponse, Status>> + Send>>;
+/// An answer that comes part by part.
+type PartStream<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+
+/// An answer that comes part by part, as gRPC gives it.
+fn parts<A: Streamed>(answer: Result<A, ServiceError>) -> Result<Response<PartStream<A::Part>>, Status> {
+    let answer = answer.map_err(|error| ApiError::from(error).status())?;
+    let parts = futures_util::stream::unfold(answer, |mut answer| async {
+        let part = answer.next().await?;
+        Some((part.map_err(|error| ApiError::from(error).status()), answer))
+    });
+    Ok(Response::new(Box::pin(parts)))
+}
 
 /// The Motion service over gRPC.
 struct MotionApi(Arc<Service>);
@@ -73,19 +83,22 @@ impl Motion for MotionApi {
         )
     }
 
-    type GenerateStream = GenerateStream;
+    type GenerateStream = PartStream<v1::GenerateResponse>;
 
     async fn generate(
         &self,
         request: Request<v1::GenerateRequest>,
     ) -> Result<Response<Self::GenerateStream>, Status> {
-        let generation = ours(&self.0, &request).await?.generate(request.get_ref());
-        let generation = generation.map_err(|error| ApiError::from(error).status())?;
-        let parts = futures_util::stream::unfold(generation, |mut generation| async {
-            let part = generation.next().await?;
-            Some((part.map_err(|error| ApiError::from(error).status()), generation))
-        });
-        Ok(Response::new(Box::pin(parts)))
+        parts(ours(&self.0, &request).await?.generate(request.get_ref()))
+    }
+
+    type DescribeStream = PartStream<v1::DescribeResponse>;
+
+    async fn describe(
+        &self,
+        request: Request<v1::DescribeRequest>,
+    ) -> Result<Response<Self::DescribeStream>, Status> {
+        parts(ours(&self.0, &request).await?.describe(request.get_ref()))
     }
 
     async fn list_packs(

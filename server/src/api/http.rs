@@ -1,9 +1,9 @@
 //! HTTP: the same messages as JSON, and what operators need.
 
 mod files;
-pub(super) mod generate;
 pub(super) mod json;
 pub(super) mod mmcp;
+pub(super) mod parts;
 pub(super) mod scenes;
 pub(super) mod sessions;
 mod site;
@@ -39,7 +39,8 @@ use troupe_character::FieldError;
 fn rpcs() -> OpenApiRouter<Arc<Service>> {
     OpenApiRouter::with_openapi(openapi::frame())
         .routes(routes!(in_between))
-        .routes(routes!(generate::generate))
+        .routes(routes!(parts::generate))
+        .routes(routes!(parts::describe))
         .routes(routes!(list_packs))
         .routes(routes!(get_pack))
         .routes(routes!(sessions::list_styles))

@@ -37,7 +37,11 @@ impl Limit {
             ("Character", _) => limit("characters", limits.characters, 1024),
             ("SessionOptions", _) => limit("sessions", limits.sessions, 1024),
             ("SessionResume", _) => limit("sessions", limits.sessions, 16),
-            (_, "Describe.frames") => limit("keyframes", 2048, 16),
+            (_, "DescribeRequest.frames" | "OtherMotion.frames") => limit("keyframes", 2048, 16),
+            // With what goes before, and signs in its text.
+            ("Agent", _) => limit("characters", 16, 4096),
+            // With all its frames.
+            ("OtherMotion", _) => limit("characters", 16, 16_384),
             ("Keyframe", _) => limit("keyframes", 256, 64),
             ("Command", _) => limit("commands", MAX_COMMANDS, 64),
             ("Gait", _) => limit("gaits", 256, 256),

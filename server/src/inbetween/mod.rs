@@ -6,21 +6,27 @@
 //! that stand held still, a robot's poses brought onto its hinges.
 
 mod body;
+mod describe;
 mod feasible;
 mod finish;
-mod generate;
 #[cfg(test)]
 mod live_equals_tests;
+mod parts;
 mod path;
 mod prepare;
+mod prompt;
+mod sampling;
 mod words;
 
+pub use describe::prepare_describe;
 pub use feasible::{NotFeasible, refuse, refuse_frames, refuse_keyframes};
 pub use finish::{finish, finish_judged};
-pub use generate::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, PartWriter, no_temperature, prepare_generate};
+pub use parts::{PartWriter, write_description};
 pub use path::{MAX_PATH_POINTS, PathPlan};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};
-pub use words::{check_words, most_past};
+pub use prompt::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, Prepared, prepare_prompt};
+pub use sampling::no_sampling;
+pub use words::{check_description, check_words, fitting, most_past};
 
 /// Most bytes of a character's id.
 pub const MAX_ID_BYTES: usize = 128;

@@ -7,8 +7,8 @@ use troupe_motion::model::{Dims, KeyframeTask, Rig};
 use troupe_proto::v1;
 
 use super::{MAX_ID_BYTES, MAX_POSE_STEPS};
-use crate::wire::MAX_TEMPERATURE;
 use crate::wire::keyframe::{self, Role};
+use crate::wire::{MAX_TEMPERATURE, units};
 
 /// Limits of a request that the server sets, beside those of the pack.
 #[derive(Debug, Clone, Copy)]
@@ -168,23 +168,18 @@ fn check_options(path: &Path<'_>, character: &v1::Character, dims: &Dims) -> Res
             return Err(path.field(name).error(format!("has {count} keyframes"), allowed));
         }
     }
-    check_temperature(path, character.temperature)?;
+    units::within(
+        &path.field("temperature"),
+        character.temperature,
+        0.0,
+        MAX_TEMPERATURE,
+    )?;
     match character.pose_steps {
         Some(steps) if !(1..=MAX_POSE_STEPS).contains(&steps) => {
             let allowed = format!("1 to {MAX_POSE_STEPS}");
             Err(path.field("pose_steps").error(format!("is {steps}"), allowed))
         }
         _ => Ok(()),
-    }
-}
-
-/// Checks the sampling temperature of a message at `path`.
-pub(super) fn check_temperature(path: &Path<'_>, temperature: f32) -> Result<(), FieldError> {
-    match (0.0..=MAX_TEMPERATURE).contains(&temperature) {
-        true => Ok(()),
-        false => Err(path
-            .field("temperature")
-            .error(format!("is {temperature}"), format!("0 to {MAX_TEMPERATURE}"))),
     }
 }
 

@@ -4,7 +4,10 @@ use troupe_character::{FieldError, Path};
 use troupe_engine::EngineError;
 use troupe_engine::pack::Pack;
 use troupe_engine::vermo;
-use troupe_motion::model::Task;
+use troupe_motion::model::{PromptTask, Task};
+use troupe_proto::v1;
+
+use super::MAX_PROMPT_CHARS;
 
 /// Most words that a note names.
 const MAX_NAMED: usize = 8;
@@ -19,26 +22,84 @@ pub fn most_past(pack: &Pack) -> usize {
     }
 }
 
-/// Checks a task against the lengths that the pack can read and write. Gives notes on what the model may not do well.
+/// Checks a prompt's task against what the pack can read and write. Gives notes on what the model may not do well.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
-pub fn check_words(pack: &Pack, task: &Task) -> Result<Vec<String>, FieldError> {
-    if pack.manifest.vermo.is_some()
-        && let Err(EngineError::Task {
-            field,
-            found,
-            allowed,
-        }) = vermo::check(pack, task)
-    {
-        return Err(field_error(task, field, &found, allowed));
+pub(super) fn check_prompt(pack: &Pack, asked: &v1::Prompt, task: &Task) -> Result<Vec<String>, FieldError> {
+    if let Some(refusal) = Refusal::of(pack, task) {
+        return Err(refusal.of_prompt(pack, asked));
     }
-    let (Task::Prompt(prompt), Some(lexicon)) = (task, &pack.lexicon) else {
+    let Some(lexicon) = &pack.lexicon else {
         return Ok(Vec::new());
     };
-    let unknown = lexicon.unknown_words(&prompt.text);
+    let mut unknown: Vec<String> = Vec::new();
+    for word in texts(asked).flat_map(|text| lexicon.unknown_words(text)) {
+        if !unknown.contains(&word) {
+            unknown.push(word);
+        }
+    }
+    Ok(unknown_note(&unknown).into_iter().collect())
+}
+
+/// Checks words alone. Gives notes on what the model may not do well.
+///
+/// # Errors
+/// [`FieldError`] where the pack cannot read them.
+pub fn check_words(pack: &Pack, text: &str) -> Result<Vec<String>, FieldError> {
+    let asked = v1::Prompt {
+        text: text.to_owned(),
+        ..v1::Prompt::default()
+    };
+    let task = Task::Prompt(PromptTask {
+        text: text.to_owned(),
+        ..PromptTask::default()
+    });
+    check_prompt(pack, &asked, &task)
+}
+
+/// The first words of a text, as many as a prompt of the pack may have.
+pub fn fitting(pack: &Pack, text: &str) -> String {
+    let table = pack.manifest.vermo.as_ref();
+    let fits = |text: &str| {
+        let pieces = match (&pack.lexicon, table) {
+            (Some(lexicon), Some(table)) => {
+                lexicon.pieces(text).unwrap_or_default().len() <= table.max_prompt_pieces
+            }
+            _ => true,
+        };
+        pieces && text.chars().count() <= MAX_PROMPT_CHARS
+    };
+    let mut text = text.trim();
+    while !fits(text) {
+        // A word, or a letter of the last one.
+        let cut = text.rfind(char::is_whitespace);
+        let cut = cut.or_else(|| text.char_indices().next_back().map(|(at, _)| at));
+        text = text[..cut.unwrap_or(0)].trim_end();
+    }
+    text.to_owned()
+}
+
+/// Checks a description's task against what the pack can read and write.
+///
+/// # Errors
+/// [`FieldError`] for the first value that is not accepted.
+pub fn check_description(pack: &Pack, task: &Task) -> Result<(), FieldError> {
+    match Refusal::of(pack, task) {
+        None => Ok(()),
+        Some(refusal) => Err(refusal.of_description()),
+    }
+}
+
+/// The texts of all characters.
+fn texts(asked: &v1::Prompt) -> impl Iterator<Item = &str> {
+    let others = asked.others.iter().map(|other| &*other.text);
+    std::iter::once(&*asked.text).chain(others)
+}
+
+fn unknown_note(unknown: &[String]) -> Option<String> {
     if unknown.is_empty() {
-        return Ok(Vec::new());
+        return None;
     }
     let named = unknown.iter().take(MAX_NAMED);
     let named: Vec<String> = named
@@ -49,96 +110,126 @@ pub fn check_words(pack: &Pack, task: &Task) -> Result<Vec<String>, FieldError> 
     } else {
         ""
     };
-    Ok(vec![format!(
+    Some(format!(
         "captions of the pack's training have not used: {}{more}",
         named.join(", ")
-    )])
+    ))
 }
 
-/// An error of the request's field that a task's field comes from.
-fn field_error(task: &Task, field: &'static str, found: &str, allowed: String) -> FieldError {
-    let root = Path::root();
-    let goal = match task {
-        Task::Describe(_) => root.field("describe"),
-        _ => root.field("prompt"),
+/// Why a pack does not take a task.
+struct Refusal {
+    /// The task's field.
+    field: &'static str,
+    found: String,
+    allowed: String,
+}
+
+impl Refusal {
+    fn of(pack: &Pack, task: &Task) -> Option<Self> {
+        pack.manifest.vermo.as_ref()?;
+        match vermo::check(pack, task) {
+            Err(EngineError::Task {
+                field,
+                found,
+                allowed,
+            }) => Some(Self {
+                field,
+                found,
+                allowed,
+            }),
+            _ => None,
+        }
+    }
+
+    /// The error of the prompt's field that the task's field comes from.
+    fn of_prompt(self, pack: &Pack, asked: &v1::Prompt) -> FieldError {
+        let root = Path::root();
+        let prompt = root.field("prompt");
+        let Self {
+            field,
+            found,
+            allowed,
+        } = self;
+        match field {
+            "temperature" | "top_p" | "repetition" => sampling_error(&root, field, &found, allowed),
+            "context" => root.field("past").error(format!("is {found}"), allowed),
+            "frames" if asked.seconds.is_some() => {
+                let found = format!("is {found} frames");
+                prompt.field("seconds").error(found, allowed + " frames")
+            }
+            "frames" => prompt.field("frame_count").error(format!("is {found}"), allowed),
+            "audio" if found == "given" => prompt.field("audio").error("is given", allowed),
+            "audio" => {
+                let audio = prompt.field("audio");
+                audio.field("codes").error(format!("has {found}"), allowed)
+            }
+            "kind" => wanting(asked, &root, &prompt).error(
+                format!("needs one of the tasks {found}"),
+                format!("those of the pack: {allowed}"),
+            ),
+            "message" if asked.audio.is_some() => {
+                let audio = prompt.field("audio");
+                audio.field("codes").error(format!("is {found}"), allowed)
+            }
+            "message" => prompt.field("text").error(format!("is {found}"), allowed),
+            "text" => {
+                let other = unread(pack, asked).and_then(|index| index.checked_sub(1));
+                let at = other.map(|index| prompt.element("others", index));
+                let at = at.as_ref().unwrap_or(&prompt);
+                at.field("text").error(format!("is {found}"), allowed)
+            }
+            field => prompt.field(field).error(format!("is {found}"), allowed),
+        }
+    }
+
+    /// The error of the description's field that the task's field comes from.
+    fn of_description(self) -> FieldError {
+        let root = Path::root();
+        let Self {
+            field,
+            found,
+            allowed,
+        } = self;
+        match field {
+            "temperature" | "top_p" | "repetition" => sampling_error(&root, field, &found, allowed),
+            "kind" => root.field("into").error(
+                format!("needs the task {found}"),
+                format!("those of the pack: {allowed}"),
+            ),
+            "message" => root.field("frames").error(format!("is {found}"), allowed),
+            field => root.field(field).error(format!("is {found}"), allowed),
+        }
+    }
+}
+
+fn sampling_error(root: &Path<'_>, field: &'static str, found: &str, allowed: String) -> FieldError {
+    let sampling = root.field("sampling");
+    sampling.field(field).error(format!("is {found}"), allowed)
+}
+
+/// The field that makes a prompt one of the tasks that it is.
+fn wanting<'a>(asked: &v1::Prompt, root: &'a Path<'a>, prompt: &'a Path<'a>) -> Path<'a> {
+    if asked.audio.is_some() {
+        prompt.field("audio")
+    } else if !asked.targets.is_empty() {
+        prompt.field("targets")
+    } else if asked.text.trim().is_empty() {
+        root.field("past")
+    } else {
+        prompt.field("text")
+    }
+}
+
+/// The first character whose text has letters of which the pack can read none.
+fn unread(pack: &Pack, asked: &v1::Prompt) -> Option<usize> {
+    let lexicon = pack.lexicon.as_ref()?;
+    let is_unread = |text: &str| {
+        let pieces = lexicon.pieces(text).unwrap_or_default();
+        !text.trim().is_empty() && pieces.is_empty()
     };
-    let path = match (field, task) {
-        ("temperature", _) => root.field("temperature"),
-        ("context", _) => root.field("past"),
-        ("frames", Task::Describe(_)) => goal.field("frames"),
-        ("frames", _) => goal.field("frame_count"),
-        (field, _) => goal.field(field),
-    };
-    path.error(format!("is {found}"), allowed)
+    texts(asked).position(is_unread)
 }
 
 #[cfg(test)]
-mod tests {
-    use std::path::Path as FilePath;
-
-    use troupe_motion::model::{DescribeTask, KeyTensors, PromptTask, SamplingTask};
-
-    use super::*;
-
-    fn pack() -> Pack {
-        let folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../engine/tests/vermo");
-        Pack::load(&folder).unwrap()
-    }
-
-    fn prompt(text: &str) -> PromptTask {
-        PromptTask {
-            text: text.to_owned(),
-            ..PromptTask::default()
-        }
-    }
-
-    #[test]
-    fn words_that_training_did_not_use_are_noted() {
-        let notes = |text: &str| check_words(&pack(), &Task::Prompt(prompt(text))).unwrap();
-        assert_eq!(notes("An old person walks."), [] as [&str; 0]);
-        assert_eq!(
-            notes("A robot walks like a robot, whirring"),
-            ["captions of the pack's training have not used: robot, whirring"]
-        );
-        let many = notes("b c d e f g h i j k");
-        assert_eq!(
-            many,
-            ["captions of the pack's training have not used: b, c, d, e, f, g, h, i, and others"]
-        );
-    }
-
-    #[test]
-    fn what_the_pack_cannot_take_names_the_requests_field() {
-        let describe = |frames: usize| {
-            Task::Describe(DescribeTask {
-                frames: vec![KeyTensors::default(); frames],
-                ..DescribeTask::default()
-            })
-        };
-        let warm = PromptTask {
-            sampling: SamplingTask::at(9.0),
-            ..prompt("walk")
-        };
-        let past = PromptTask {
-            context: vec![KeyTensors::default(); 4],
-            ..prompt("walk")
-        };
-        for (task, said) in [
-            (
-                Task::Prompt(prompt(&"zz ".repeat(50))),
-                "prompt.text: is 150 pieces long; allowed: at most 40 pieces",
-            ),
-            (
-                Task::Prompt(prompt("?!")),
-                "prompt.text: is \"?!\"; allowed: letters that the pack can read",
-            ),
-            (Task::Prompt(warm), "temperature: is 9; allowed: 0 to 2"),
-            (Task::Prompt(past), "past: is 4; allowed: 16 or more"),
-            (describe(3), "describe.frames: is 3; allowed: 4 to 259"),
-            (describe(300), "describe.frames: is 300; allowed: 4 to 259"),
-        ] {
-            let error = check_words(&pack(), &task).unwrap_err();
-            assert_eq!(error.to_string(), said);
-        }
-    }
-}
+#[path = "words_tests.rs"]
+mod tests;

@@ -12,11 +12,11 @@ use super::limits::{
 };
 use super::model::Model;
 use super::schema::{
-    ENGLISH, Guidance, Options, Request, Text, Unconditioned, check_version, read, take_type,
+    ENGLISH, Guidance, MotionReference, Options, Request, Text, Unconditioned, check_version, read, take_type,
 };
-use super::skeleton;
-use super::take::{Clock, Look, Note, Part, Take};
-use crate::inbetween::MAX_PROMPT_CHARS;
+use super::take::{Clock, Look, Note, Part, Prompt, Take};
+use super::{reference, skeleton};
+use crate::inbetween::{MAX_PROMPT_CHARS, check_words};
 use crate::wire::cut;
 
 /// The types of segments that the protocol knows.
@@ -36,6 +36,7 @@ const TRANSITION_FRAMES: i64 = 5;
 enum Segment {
     Text(Text),
     Unconditioned(Unconditioned),
+    Motion(MotionReference),
 }
 
 /// Checks a request, which is one of `models`.
@@ -75,10 +76,11 @@ pub fn check(value: Value, models: &[Model]) -> Result<Take, Fault> {
     }
     let look = look(&options, model, &mut notes)?;
     let native = |frame: usize| clock.native(frame).round() as usize;
+    let parts = parts(&segments, &lengths, (&clock, model), &mut notes)?;
     Ok(Take {
         model: model.clone(),
         joints: Arc::new(joints),
-        parts: parts(&segments, &lengths, &clock)?,
+        parts,
         wanted,
         samples: options.num_samples.unwrap_or(1) as usize,
         seed: seed(options.seed, &mut notes),
@@ -147,6 +149,7 @@ fn read_segments(values: Vec<Value>) -> Result<Vec<Segment>, Fault> {
         let segment = match kind.as_str() {
             "text" => Segment::Text(read(value, &place)?),
             "unconditioned" => Segment::Unconditioned(read(value, &place)?),
+            "motion_reference" => Segment::Motion(read(value, &place)?),
             other => {
                 let found = format!("is {:?}", cut(other, 64));
                 let allowed = SEGMENTS.join(", ");
@@ -163,6 +166,7 @@ impl Segment {
         match self {
             Self::Text(text) => text.duration_frames,
             Self::Unconditioned(free) => free.duration_frames,
+            Self::Motion(like) => like.duration_frames,
         }
     }
 
@@ -170,6 +174,7 @@ impl Segment {
         let seed = match self {
             Self::Text(text) => text.seed,
             Self::Unconditioned(free) => free.seed,
+            Self::Motion(like) => like.seed,
         };
         seed.map(|seed| seed as u64)
     }
@@ -240,15 +245,24 @@ fn clock(request: &Request, model: &Model, lengths: &[usize]) -> Result<Clock, F
     })
 }
 
-fn parts(segments: &[Segment], lengths: &[usize], clock: &Clock) -> Result<Vec<Part>, Fault> {
+fn parts(
+    segments: &[Segment],
+    lengths: &[usize],
+    (clock, model): (&Clock, &Model),
+    notes: &mut Vec<Note>,
+) -> Result<Vec<Part>, Fault> {
     let whole = clock.native_frames();
     let mut parts = Vec::with_capacity(lengths.len());
     let mut end = 0;
     for (index, &frames) in lengths.iter().enumerate() {
         end += frames;
-        let text = match segments.get(index) {
-            Some(Segment::Text(text)) => Some(prompt(index, text)?),
-            _ => None,
+        let prompt = match segments.get(index) {
+            Some(Segment::Text(text)) => Prompt::Words(words(index, text, model, notes)?),
+            Some(Segment::Motion(like)) => {
+                let place = format!("segments[{index}]");
+                Prompt::Like(reference::check(&place, like, model)?)
+            }
+            Some(Segment::Unconditioned(_)) | None => Prompt::Free,
         };
         parts.push(Part {
             end: match index + 1 == lengths.len() {
@@ -256,13 +270,13 @@ fn parts(segments: &[Segment], lengths: &[usize], clock: &Clock) -> Result<Vec<P
                 false => (clock.native(end).round() as usize).min(whole),
             },
             seed: segments.get(index).and_then(Segment::seed),
-            text,
+            prompt,
         });
     }
     Ok(parts)
 }
 
-fn prompt(index: usize, text: &Text) -> Result<String, Fault> {
+fn words(index: usize, text: &Text, model: &Model, notes: &mut Vec<Note>) -> Result<String, Fault> {
     let field = format!("segments[{index}].prompt");
     let count = text.prompt.chars().count();
     if text.prompt.trim().is_empty() {
@@ -273,13 +287,18 @@ fn prompt(index: usize, text: &Text) -> Result<String, Fault> {
         let allowed = format!("at most {MAX_PROMPT_CHARS}");
         return Err(Fault::option(field, format!("has {count} characters"), allowed));
     }
-    match text.language.as_deref() {
-        None | Some(ENGLISH) => Ok(text.prompt.clone()),
-        Some(other) => {
-            let field = format!("segments[{index}].language");
-            Err(Fault::option(field, format!("is {:?}", cut(other, 32)), ENGLISH))
-        }
+    if let Some(other) = text.language.as_deref().filter(|other| *other != ENGLISH) {
+        let field = format!("segments[{index}].language");
+        return Err(Fault::option(field, format!("is {:?}", cut(other, 32)), ENGLISH));
     }
+    let unknown = check_words(&model.loaded.pack, &text.prompt)
+        .map_err(|error| Fault::option(field, error.message, error.allowed))?;
+    notes.extend(
+        unknown
+            .into_iter()
+            .map(|message| Note::warning("unknown_words", message)),
+    );
+    Ok(text.prompt.clone())
 }
 
 fn check_options(options: &Options, model: &Model, segments: usize) -> Result<(), Fault> {

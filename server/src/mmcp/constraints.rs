@@ -234,7 +234,10 @@ fn ground(constraints: &[Constraint]) -> Result<Ground, Fault> {
 }
 
 /// A world position, metres.
-fn world(place: &str, [x, y, z]: [f64; 3]) -> Result<Vec3, Fault> {
+///
+/// # Errors
+/// [`Fault`] for one that is too far away.
+pub(super) fn world(place: &str, [x, y, z]: [f64; 3]) -> Result<Vec3, Fault> {
     for (value, most, axis) in [
         (x, MAX_PLACE_M, 'x'),
         (y, MAX_HEIGHT_M, 'y'),

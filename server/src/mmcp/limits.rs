@@ -18,6 +18,8 @@ pub const MAX_CONSTRAINTS: usize = 256;
 pub const MAX_POINTS: usize = 4096;
 /// Most points of the ground.
 pub const MAX_GROUND_POINTS: usize = 4096;
+/// Most frames of a motion in the place of words, of models that do not say.
+pub const MAX_REFERENCE_FRAMES: usize = 1024;
 /// Most bytes of a request, a batch included.
 pub const MAX_REQUEST_BYTES: usize = 4 << 20;
 /// Most frames over which a segment leads over from the one before.

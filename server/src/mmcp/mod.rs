@@ -2,7 +2,8 @@
 //!
 //! A loaded pack is a model, or one model a body ([`model`]). A request is read ([`schema`]), checked ([`check`], [`constraints`])
 //! and becomes a [`take::Take`]. [`run`] has all samples of all takes made together, window after window: from keyframe to
-//! keyframe and in a style between them ([`walk`]), or along a path ([`follow`]). [`finish`] has them meet their constraints, and
+//! keyframe and in a style between them ([`walk`]), or along a path ([`follow`]). A motion in the place of words ([`reference`]) is put
+//! into words first. [`finish`] has them meet their constraints, and
 //! [`answer`] writes them as glTF with the extension `MMCP_motion`.
 
 pub mod answer;
@@ -14,6 +15,7 @@ pub mod follow;
 pub mod ground;
 pub mod limits;
 pub mod model;
+pub mod reference;
 pub mod run;
 pub mod schema;
 pub mod skeleton;

@@ -10,11 +10,12 @@ use troupe_motion::model::{Body, Capability, Rig};
 use troupe_motion::{Quat, Vec3};
 
 use super::limits::{
-    MAX_BATCH, MAX_CONSTRAINTS, MAX_SAMPLES, MAX_SECONDS, MAX_VALUES, RECOMMENDED_SECONDS, TEMPERATURES,
+    MAX_BATCH, MAX_CONSTRAINTS, MAX_REFERENCE_FRAMES, MAX_SAMPLES, MAX_SECONDS, MAX_VALUES,
+    RECOMMENDED_SECONDS, TEMPERATURES,
 };
 use super::schema::{Joint, Skeleton, coordinates, units};
 use super::skeleton::Axes;
-use crate::inbetween::MAX_PROMPT_CHARS;
+use crate::inbetween::{MAX_PROMPT_CHARS, fitting};
 use crate::packs::{LoadedPack, PackTable};
 
 /// The version that is spoken.
@@ -94,10 +95,29 @@ impl Model {
         self.can(Capability::Text)
     }
 
+    /// Whether it makes motion like another: it puts that into words, and acts them out.
+    pub fn imitates(&self) -> bool {
+        self.speaks() && self.can(Capability::Describe)
+    }
+
+    /// Most frames of a motion in the place of words.
+    pub fn max_reference_frames(&self) -> usize {
+        match &self.loaded.pack.manifest.vermo {
+            Some(_) => self.rig().dims.max_frames(),
+            None => MAX_REFERENCE_FRAMES,
+        }
+    }
+
+    /// Words that it found itself, as far as a prompt of it may go.
+    pub fn fitting(&self, text: &str) -> String {
+        fitting(&self.loaded.pack, text)
+    }
+
     /// The types of segments that it takes.
     pub fn segments(&self) -> Vec<&'static str> {
         let all = [
             ("text", self.speaks()),
+            ("motion_reference", self.imitates()),
             ("unconditioned", self.walks() || self.follows()),
         ];
         names(&all)
@@ -236,7 +256,7 @@ impl Model {
             supports_loop: moves,
             supports_keyframe_reduction: false,
             model_options: self.options(),
-            supports_motion_reference_mixed: false,
+            supports_motion_reference_mixed: self.imitates(),
             supports_batch: true,
             supports_trajectory: true,
             supported_constraints: self.constraints(),
@@ -253,6 +273,7 @@ impl Model {
                 max_prompt_length: MAX_PROMPT_CHARS,
                 max_request_bytes,
                 max_batch_size: MAX_BATCH,
+                max_reference_frames: self.imitates().then(|| self.max_reference_frames()),
             },
         }
     }
@@ -327,4 +348,6 @@ struct Limits {
     max_prompt_length: usize,
     max_request_bytes: usize,
     max_batch_size: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    max_reference_frames: Option<usize>,
 }

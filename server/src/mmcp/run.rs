@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use troupe_character::FieldError;
 use troupe_character::post::NonFinite;
-use troupe_motion::model::{Motion, Task};
+use troupe_motion::model::{Output, Task};
 use troupe_proto::rpc;
 
 use super::answer;
@@ -18,7 +18,7 @@ use super::follow::Follow;
 use super::limits::MAX_BATCH;
 use super::model::models;
 use super::schema::check_version;
-use super::take::{Note, Take};
+use super::take::{Note, Prompt, Take};
 use super::track::Track;
 use super::walk::Walk;
 use crate::batch::trace_served;
@@ -169,7 +169,7 @@ enum Chain {
 
 impl Chain {
     fn of(take: &Take, sample: usize) -> Self {
-        match take.model.follows() && take.parts.iter().all(|part| part.text.is_none()) {
+        match take.model.follows() && take.parts.iter().all(|part| part.prompt == Prompt::Free) {
             true => Self::Follow(Box::new(Follow::new(take, sample))),
             false => Self::Walk(Box::new(Walk::new(take, sample))),
         }
@@ -182,10 +182,16 @@ impl Chain {
         }
     }
 
-    fn take(&mut self, motion: &Motion) -> Result<(), NonFinite> {
-        match self {
-            Self::Walk(walk) => walk.take(motion),
-            Self::Follow(follow) => follow.take(motion),
+    fn take(&mut self, made: &Output) -> Result<(), NonFinite> {
+        match (self, made) {
+            (Self::Walk(walk), Output::Motion(motion)) => walk.take(motion),
+            (Self::Walk(walk), Output::Text(text)) => {
+                walk.hear(text);
+                Ok(())
+            }
+            (Self::Follow(follow), Output::Motion(motion)) => follow.take(motion),
+            // No task of theirs has such an answer.
+            (_, Output::Text(_) | Output::Motions(_) | Output::Audio(_)) => Err(NonFinite),
         }
     }
 
@@ -297,13 +303,11 @@ async fn make(
         if let Some(trace) = RequestContext::current_trace() {
             trace_served(&trace, asked, &served);
         }
-        let motions = served.outputs.into_iter().map(|output| output.into_motion());
-        let answers: Vec<(usize, Option<Motion>)> = places.into_iter().zip(motions).collect();
+        let answers: Vec<(usize, Output)> = places.into_iter().zip(served.outputs).collect();
         let stepped = offload(samples, INLINE_SAMPLES, move || {
-            for (place, motion) in answers {
+            for (place, made) in answers {
                 let job: &mut Job = &mut jobs[place];
-                let taken = motion.map_or(Err(NonFinite), |motion| job.chain.take(&motion));
-                job.failure = taken.err().map(Failure::from);
+                job.failure = job.chain.take(&made).err().map(Failure::from);
             }
             let tasks = step(&mut jobs);
             (jobs, tasks)

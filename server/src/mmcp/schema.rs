@@ -165,6 +165,28 @@ pub struct Unconditioned {
     pub seed: Option<i64>,
 }
 
+/// A segment of motion like another.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MotionReference {
+    /// Its length.
+    pub duration_frames: i64,
+    /// The skeleton of the other motion, where not the request's.
+    #[serde(default)]
+    pub skeleton: Option<Skeleton>,
+    /// The joints of the other motion, its root among them.
+    pub joint_names: Vec<String>,
+    /// `[frames][joints]`: x, y, z, w, relative to the parent; the root's in the world.
+    pub rotations: Vec<Vec<[f64; 4]>>,
+    /// World places of the root, one a frame, metres.
+    pub root_positions: Vec<[f64; 3]>,
+    /// Frames a second of the other motion.
+    pub fps: f64,
+    /// Its own seed.
+    #[serde(default)]
+    pub seed: Option<i64>,
+}
+
 /// Places of the root over the ground.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -4,7 +4,7 @@ use troupe_character::live::CONTEXT_FRAMES;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{Quat, Vec3};
 
-use super::take::Take;
+use super::take::{Prompt, Take};
 use super::track::Track;
 use super::way::{STANDING_MPS, Way};
 
@@ -43,7 +43,7 @@ pub fn start(take: &Take, way: &mut Way) -> (Track, usize) {
     }
     // A segment may be shorter than a frame of the model.
     let begins = take.parts.iter().find(|part| part.end > 0);
-    if begins.is_some_and(|part| part.text.is_some()) {
+    if begins.is_some_and(|part| part.prompt != Prompt::Free) {
         return (track, 0);
     }
     let [x, z] = way.start_mps();

@@ -10,6 +10,7 @@ use troupe_motion::{Quat, Vec3};
 
 use super::ground::Ground;
 use super::model::Model;
+use super::reference::Frames;
 use super::skeleton::Joints;
 
 /// What is to be made: one request.
@@ -65,8 +66,19 @@ pub struct Part {
     pub end: usize,
     /// Its own seed.
     pub seed: Option<u64>,
-    /// What to do, in words.
-    pub text: Option<String>,
+    /// What to do.
+    pub prompt: Prompt,
+}
+
+/// What a segment asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Prompt {
+    /// Whatever suits the constraints.
+    Free,
+    /// To act out words.
+    Words(String),
+    /// Motion like another: its words are acted out.
+    Like(Frames),
 }
 
 /// The frames of an answer beside those of the model.

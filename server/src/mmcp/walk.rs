@@ -16,12 +16,14 @@ use troupe_character::primitives::{
 };
 use troupe_character::style::Style;
 use troupe_motion::interpolate::smoothstep;
-use troupe_motion::model::{Motion, PromptTask, Rig, SamplingTask, Task};
+use troupe_motion::model::{DescribeTask, Motion, PromptTask, Rig, SamplingTask, Task};
 use troupe_motion::root::wrap_angle;
 use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
 
+use super::model::Model;
+use super::reference::Frames;
 use super::start::start;
-use super::take::{Note, Part, Take, window_seed};
+use super::take::{Note, Part, Prompt, Take, window_seed};
 use super::track::Track;
 use super::way::Way;
 
@@ -35,6 +37,7 @@ const VELOCITY_FRAMES: usize = 10;
 /// A motion on its way.
 #[derive(Debug)]
 pub struct Walk {
+    model: Model,
     rig: Arc<Rig>,
     style: Option<Arc<Style>>,
     temperature: f32,
@@ -53,6 +56,8 @@ pub struct Walk {
     locomotion: Option<Locomotion>,
     track: Track,
     pending: Option<Pending>,
+    /// Words that the model found for a motion, which are to be acted out.
+    heard: Option<String>,
     windows: usize,
     /// Frames of the track at which windows begin.
     boundaries: Vec<usize>,
@@ -89,6 +94,7 @@ impl Walk {
             (key_frame >= track.len()).then_some((key_frame, key))
         });
         Self {
+            model: take.model.clone(),
             keys: whole.collect(),
             style,
             temperature: take.look.temperature,
@@ -103,6 +109,7 @@ impl Walk {
             locomotion: None,
             track,
             pending: None,
+            heard: None,
             windows: 0,
             boundaries: Vec::new(),
             notes,
@@ -122,11 +129,27 @@ impl Walk {
         let left = (self.lead + part.end).min(end) - begin;
         let seed = window_seed(part.seed.unwrap_or(self.seed), self.sample, self.windows);
         self.windows += 1;
+        let words = match part.prompt {
+            Prompt::Free => None,
+            Prompt::Words(text) => Some(text),
+            Prompt::Like(motion) => match self.heard.take() {
+                Some(text) => Some(text),
+                None => return Some(self.describe(&motion, seed)),
+            },
+        };
         self.boundaries.push(begin);
-        match part.text {
+        match words {
             Some(text) => Some(self.words(text, left, seed)),
             None => self.plan(left, seed),
         }
+    }
+
+    /// Takes the words that the model found for a motion, which it is to act out next.
+    pub fn hear(&mut self, text: &str) {
+        let text = self.model.fitting(text);
+        let message = format!("a motion of the request was read as {text:?}");
+        self.notes.push(Note::info("motion_reference", message));
+        self.heard = Some(text);
     }
 
     /// Takes what the model made of [`ask`](Self::ask).
@@ -214,10 +237,21 @@ impl Walk {
         }
     }
 
+    fn describe(&self, motion: &Frames, seed: u64) -> Task {
+        Task::Describe(DescribeTask {
+            frames: motion.to_vec(),
+            seed,
+            sampling: SamplingTask::at(self.temperature),
+            ..DescribeTask::default()
+        })
+    }
+
     fn words(&mut self, text: String, frames: usize, seed: u64) -> Task {
         let keys = self.last_keys();
         let origin = GlobalRoot::new(Vec3::ZERO, self.way.first_heading());
-        let last = keys.last().and_then(|key| key.root);
+        // Where there are too few frames for a context, it begins anew where the motion is.
+        let last = self.track.len().checked_sub(1);
+        let last = last.map(|frame| self.track.root(frame, &self.rig.skeleton));
         let frame = SegmentFrame::from_root(last.unwrap_or(origin));
         self.pending = Some(Pending::Words { frame, fresh: frames });
         // Where it goes from here on is not what was planned.

@@ -1,208 +1,47 @@
-//! The public description of a pack.
+//! `troupe.v1.Motion/Describe`: a motion in words, or as audio that goes with it, part by part.
 
-use troupe_engine::pack::Pack;
-use troupe_motion::model::Body;
-use troupe_motion::robot::Hinge;
-use troupe_motion::{Joint, Robot, Skeleton};
+use std::time::Instant;
+
+use troupe_motion::model::{Capability, Telling};
 use troupe_proto::v1;
 
-/// The public description of the pack, which `engine` runs.
-pub(super) fn describe(pack: &Pack, is_default: bool, engine: &str) -> v1::Pack {
-    let manifest = &pack.manifest;
-    let (skeleton, dims) = (&pack.rig.skeleton, &pack.rig.dims);
-    let contacts = skeleton.contacts.as_ref();
-    v1::Pack {
-        name: manifest.name.clone(),
-        version: manifest.version.clone(),
-        licence: manifest.licence.clone(),
-        credits: manifest.credits.clone(),
-        fps: manifest.fps,
-        joints: skeleton.joints.iter().map(joint).collect(),
-        left_axis: Some(vector(skeleton.left_axis)),
-        ground_y: skeleton.ground_y_m,
-        contact_joints: contact_joints(skeleton),
-        contact_rules: contacts.map(|contacts| v1::ContactRules {
-            max_height: contacts.max_height_m.clone(),
-            max_speed: contacts.max_speed_mps,
-            clearance: contacts.clearance_m.clone(),
-        }),
-        context_frames: dims.context_frames as u32,
-        max_targets: dims.max_targets as u32,
-        min_frames: dims.min_frames() as u32,
-        max_frames: dims.max_frames() as u32,
-        frames_per_token: dims.frames_per_token as u32,
-        heads: dims.heads as u32,
-        codes: dims.codes as u32,
-        content_hash: manifest.content_hash.clone(),
-        is_default,
-        parameters: manifest.parameters,
-        figures_json: manifest.figures_json(),
-        engine: engine.to_owned(),
-        family: manifest.family.clone(),
-        capabilities: manifest
-            .capabilities
-            .list()
-            .map(|able| able.name().to_owned())
-            .collect(),
-        robot: (skeleton.robot.as_ref()).map(|robot| describe_robot(robot, skeleton)),
-        bodies: default_first(pack).map(describe_body).collect(),
-        words: pack.words.clone(),
-        sampler_steps: (manifest.unimogen.as_ref()).map_or(0, |table| table.sampler_steps as u32),
-        diffusion_steps: (manifest.unimogen.as_ref()).map_or(0, |table| table.diffusion_steps as u32),
+use super::streamed::{Pieces, Streamed};
+use super::{Service, ServiceError};
+use crate::inbetween::{prepare_describe, write_description};
+
+/// A description on its way.
+#[derive(Debug)]
+#[must_use = "dropping it gives up the request"]
+pub struct Description {
+    pieces: Pieces,
+    into: Telling,
+}
+
+impl Streamed for Description {
+    type Part = v1::DescribeResponse;
+
+    async fn next(&mut self) -> Option<Result<v1::DescribeResponse, ServiceError>> {
+        let piece = self.pieces.next().await?;
+        Some(piece.map(|piece| write_description(piece.output, self.into, piece.is_last)))
     }
 }
 
-/// The pack's bodies.
-fn default_first(pack: &Pack) -> impl Iterator<Item = &Body> {
-    let first = pack.body("").map(|body| &**body);
-    let others = pack.bodies.iter().map(|body| &**body);
-    let others = others.filter(move |body| first.is_none_or(|first| first.name != body.name));
-    first.into_iter().chain(others)
-}
-
-fn describe_body(body: &Body) -> v1::PackBody {
-    let skeleton = &body.rig.skeleton;
-    v1::PackBody {
-        name: body.name.clone(),
-        joints: skeleton.joints.iter().map(joint).collect(),
-        contact_joints: contact_joints(skeleton),
-        left_axis: Some(vector(skeleton.left_axis)),
-        robot: (skeleton.robot.as_ref()).map(|robot| describe_robot(robot, skeleton)),
-        height: body.height_m,
-        words: body.words.clone(),
-    }
-}
-
-fn joint(joint: &Joint) -> v1::Joint {
-    v1::Joint {
-        name: joint.name.clone(),
-        parent: joint.parent.map_or(-1, |index| index as i32),
-        offset: Some(vector(joint.offset_m)),
-    }
-}
-
-fn contact_joints(skeleton: &Skeleton) -> Vec<String> {
-    let joints = skeleton.contacts.iter().flat_map(|contacts| &contacts.joints);
-    joints.map(|&joint| skeleton.joints[joint].name.clone()).collect()
-}
-
-fn describe_robot(robot: &Robot, skeleton: &Skeleton) -> v1::Robot {
-    let hinge = |hinge: &Hinge| v1::Hinge {
-        joint: skeleton.joints[hinge.joint].name.clone(),
-        axis: Some(vector(hinge.axis)),
-        rest: Some(v1::Quat {
-            w: hinge.rest.w,
-            x: hinge.rest.x,
-            y: hinge.rest.y,
-            z: hinge.rest.z,
-        }),
-        lower: hinge.lower_rad,
-        upper: hinge.upper_rad,
-        max_speed: hinge.max_speed_rad_per_s,
-    };
-    v1::Robot {
-        name: robot.name().to_owned(),
-        hinges: robot.hinges().iter().map(hinge).collect(),
-        qpos_size: robot.qpos_len() as u32,
-    }
-}
-
-fn vector(v: troupe_motion::Vec3) -> v1::Vec3 {
-    v1::Vec3 {
-        x: v.x,
-        y: v.y,
-        z: v.z,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use troupe_engine::pack::Manifest;
-
-    use super::*;
-
-    const MANIFEST: &str = r#"
-format = 1
-name = "toy"
-version = "1.0.0"
-licence = "Apache-2.0"
-credits = ["Somebody"]
-fps = 30.0
-frames_per_token = 4
-min_tokens = 3
-max_tokens = 16
-heads = 4
-codes = 256
-context_frames = 4
-max_targets = 4
-parameters = 12
-content_hash = "sha256:0000000000000000000000000000000000000000000000000000000000000000"
-
-[training]
-steps = 10
-
-[skeleton]
-left_axis = [1.0, 0.0, 0.0]
-[[skeleton.joints]]
-name = "Hips"
-parent = ""
-offset_m = [0.0, 0.9, 0.0]
-[[skeleton.joints]]
-name = "Foot"
-parent = "Hips"
-offset_m = [0.0, -0.85, 0.0]
-[skeleton.contacts]
-joints = ["Foot"]
-max_height_m = [0.1]
-max_speed_mps = 0.3
-clearance_m = [0.05]
-"#;
-
-    const ROBOT: &str = r#"
-[robot]
-name = "hopper"
-[[robot.hinges]]
-joint = "Foot"
-axis = [1.0, 0.0, 0.0]
-rest = [1.0, 0.0, 0.0, 0.0]
-lower_rad = -0.5
-upper_rad = 1.5
-max_speed_rad_per_s = 9.0
-"#;
-
-    fn described(text: &str, is_default: bool) -> v1::Pack {
-        let pack = Pack::from_manifest(Manifest::parse(text).unwrap(), Path::new("toy")).unwrap();
-        describe(&pack, is_default, "cpu")
-    }
-
-    #[test]
-    fn a_pack_describes_itself() {
-        let public = described(MANIFEST, true);
-        assert_eq!(
-            (public.name.as_str(), public.max_frames, public.is_default),
-            ("toy", 64, true)
-        );
-        assert_eq!(public.joints[0].parent, -1);
-        assert_eq!(
-            (public.joints[1].parent, public.contact_joints),
-            (0, vec!["Foot".to_owned()])
-        );
-        assert_eq!(
-            public.figures_json,
-            r#"{"evaluation":{},"training":{"steps":10}}"#
-        );
-        assert_eq!(public.robot, None);
-    }
-
-    #[test]
-    fn a_robot_tells_its_hinges() {
-        let public = described(&format!("{MANIFEST}{ROBOT}"), false).robot.unwrap();
-        assert_eq!((public.name.as_str(), public.qpos_size), ("hopper", 8));
-        assert_eq!(
-            (public.hinges[0].joint.as_str(), public.hinges[0].max_speed),
-            ("Foot", 9.0)
-        );
+impl Service {
+    /// `troupe.v1.Motion/Describe`. Has a place in the queue when it returns.
+    ///
+    /// # Errors
+    /// [`ServiceError`] for a value that is not accepted, a pack that cannot do it, and where there is no place.
+    pub fn describe(&self, request: &v1::DescribeRequest) -> Result<Description, ServiceError> {
+        let arrived = Instant::now();
+        let loaded = self.table()?.find("pack", &request.pack)?;
+        loaded.require(Capability::Describe, "pack")?;
+        if !request.others.is_empty() {
+            loaded.require(Capability::Agents, "pack")?;
+        }
+        let (task, into) = prepare_describe(request, &loaded.pack)?;
+        Ok(Description {
+            pieces: Pieces::ask(&loaded.batcher, task, arrived, self.common.timeout)?,
+            into,
+        })
     }
 }

@@ -1,33 +1,35 @@
-//! `troupe.v1.Motion/Generate`: an answer part by part, as the generator makes it.
+//! `troupe.v1.Motion/Generate`: a motion part by part, as the generator makes it.
 
+use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use troupe_character::post::check_finite;
+use troupe_character::{FieldError, Path};
 use troupe_motion::SegmentFrame;
-use troupe_motion::model::{Capability, Output};
+use troupe_motion::feasibility::Judge;
+use troupe_motion::model::{Capability, Output, Rig, Task};
 use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 
-use super::{REQUEST_TARGET, Service, ServiceError};
-use crate::batch::{Batcher, Order, Parts, Piece, trace_queue, trace_step};
-use crate::inbetween::{
-    PartWriter, PathPlan, check_words, most_past, no_temperature, prepare_generate, refuse_frames,
-};
-use crate::telemetry::{RequestContext, Trace};
+use super::streamed::{Pieces, Streamed};
+use super::{Service, ServiceError};
+use crate::batch::{Batcher, Piece};
+use crate::inbetween::{PartWriter, PathPlan, Prepared, no_sampling, prepare_prompt, refuse_frames};
+use crate::packs::LoadedPack;
 
-/// An answer on its way.
+/// A motion on its way.
 #[derive(Debug)]
 #[must_use = "dropping it gives up the request"]
 pub struct Generation {
-    parts: Parts,
+    pieces: Pieces,
     writer: PartWriter,
     /// Of a motion along a path, what is still to be made.
     path: Option<PathWay>,
     /// What the model was asked for that it may not do well, until there is a part.
     notes: Vec<String>,
-    /// Its trace, where it has one, and when it came to the batcher, until there is a part.
-    trace: Option<Trace>,
-    asked: Option<Instant>,
+    /// Parts of the piece that came last.
+    ready: VecDeque<v1::GenerateResponse>,
 }
 
 /// A motion along a path, which is made window by window: each goes on from the one before.
@@ -42,34 +44,42 @@ struct PathWay {
     strict: bool,
 }
 
-impl Generation {
-    /// The next part; none after the last.
-    ///
-    /// # Errors
-    /// [`ServiceError`], after which nothing comes.
-    pub async fn next(&mut self) -> Option<Result<v1::GenerateResponse, ServiceError>> {
-        let piece = match self.parts.next().await? {
-            Ok(piece) => piece,
-            Err(error) => return Some(Err(error.into())),
-        };
-        if let Some(trace) = &self.trace {
-            if let Some(asked) = self.asked.take() {
-                trace_queue(trace, asked, piece.queued);
+/// What a request asks for.
+struct Wanted {
+    task: Task,
+    rig: Arc<Rig>,
+    frame: SegmentFrame,
+    notes: Vec<String>,
+    /// Of a motion along a path, who judges its frames where the body has limits.
+    judge: Option<Judge>,
+    path: Option<PathWay>,
+}
+
+impl Streamed for Generation {
+    type Part = v1::GenerateResponse;
+
+    async fn next(&mut self) -> Option<Result<v1::GenerateResponse, ServiceError>> {
+        while self.ready.is_empty() {
+            let written = match self.pieces.next().await? {
+                Ok(piece) => self.written(piece),
+                Err(error) => Err(error),
+            };
+            match written {
+                Ok(parts) => self.ready.extend(parts),
+                Err(error) => return Some(Err(error)),
             }
-            trace_step(trace, &piece.step);
         }
-        let written = match &mut self.path {
-            None => (self.writer.write(piece.output, piece.is_last)).map_err(ServiceError::from),
-            Some(_) => self.written_window(piece),
-        };
-        Some(written.map(|part| v1::GenerateResponse {
+        let part = self.ready.pop_front()?;
+        Some(Ok(v1::GenerateResponse {
             notes: std::mem::take(&mut self.notes),
             ..part
         }))
     }
+}
 
-    /// The message of a window, and the next window on its way.
-    fn written_window(&mut self, piece: Piece) -> Result<v1::GenerateResponse, ServiceError> {
+impl Generation {
+    /// The messages of a piece; of a path's window, which puts the next window on its way.
+    fn written(&mut self, piece: Piece) -> Result<Vec<v1::GenerateResponse>, ServiceError> {
         let (Some(way), Output::Motion(motion)) = (&mut self.path, &piece.output) else {
             return Ok(self.writer.write(piece.output, piece.is_last)?);
         };
@@ -77,22 +87,18 @@ impl Generation {
         check_finite(motion)?;
         self.writer.move_to(way.frame);
         let (fresh, is_last) = way.plan.take(motion, &way.frame);
-        let part = self.writer.write(Output::Motion(fresh), is_last)?;
-        if let Some(found) = part.feasibility.as_ref().filter(|_| way.strict) {
-            refuse_frames(found)?;
+        let parts = self.writer.write(Output::Motion(fresh), is_last)?;
+        for part in &parts {
+            if let Some(found) = part.feasibility.as_ref().filter(|_| way.strict) {
+                refuse_frames(found)?;
+            }
         }
         if let Some((task, frame)) = way.plan.next() {
             way.frame = frame;
-            let asked = Instant::now();
-            self.asked = Some(asked);
-            self.parts = way.batcher.stream(task.into(), order(asked, way.timeout))?;
+            self.pieces.ask_on(&way.batcher, task.into(), way.timeout)?;
         }
-        Ok(part)
+        Ok(parts)
     }
-}
-
-fn order(asked: Instant, timeout: Duration) -> Order {
-    Order::request(asked + REQUEST_TARGET).expiring(asked + timeout)
 }
 
 impl Service {
@@ -103,44 +109,71 @@ impl Service {
     pub fn generate(&self, request: &v1::GenerateRequest) -> Result<Generation, ServiceError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;
-        let timeout = self.common.timeout;
-        let (mut path, mut judge) = (None, None);
-        let (task, rig, frame, notes) = match &request.goal {
-            Some(Goal::Path(goal)) => {
-                loaded.require(Capability::Path, "pack")?;
-                no_temperature(request)?;
-                let mut plan = PathPlan::new(goal, &request.past, request.seed, &loaded.pack)?;
-                if goal.strict {
-                    plan.refuse()?;
-                }
-                judge = plan.judge();
-                let (task, frame) = plan.next().ok_or(ServiceError::Starting)?;
-                let rig = plan.body.rig.clone();
-                let notes = std::mem::take(&mut plan.notes);
-                path = Some(PathWay {
-                    plan,
-                    frame,
-                    batcher: loaded.batcher.clone(),
-                    timeout,
-                    strict: goal.strict,
-                });
-                (task.into(), rig, frame, notes)
-            }
-            _ => {
-                let rig = loaded.pack.rig.clone();
-                let (task, frame) = prepare_generate(request, &rig, most_past(&loaded.pack))?;
-                loaded.require(task.needs(), "pack")?;
-                let notes = check_words(&loaded.pack, &task)?;
-                (task, rig, frame, notes)
-            }
-        };
+        let wanted = match &request.goal {
+            None => Err(no_goal().into()),
+            Some(Goal::Prompt(prompt)) => words(request, prompt, loaded),
+            Some(Goal::Path(goal)) => self.path(request, goal, loaded),
+        }?;
         Ok(Generation {
-            asked: Some(Instant::now()),
-            trace: RequestContext::current_trace(),
-            parts: loaded.batcher.stream(task, order(arrived, timeout))?,
-            writer: PartWriter::new(rig, frame).judged_by(judge),
-            path,
-            notes,
+            pieces: Pieces::ask(&loaded.batcher, wanted.task, arrived, self.common.timeout)?,
+            writer: PartWriter::new(wanted.rig, wanted.frame).judged_by(wanted.judge),
+            path: wanted.path,
+            notes: wanted.notes,
+            ready: VecDeque::new(),
         })
     }
+
+    fn path(
+        &self,
+        request: &v1::GenerateRequest,
+        goal: &v1::PathGoal,
+        loaded: &LoadedPack,
+    ) -> Result<Wanted, ServiceError> {
+        loaded.require(Capability::Path, "pack")?;
+        no_sampling(request)?;
+        let mut plan = PathPlan::new(goal, &request.past, request.seed, &loaded.pack)?;
+        if goal.strict {
+            plan.refuse()?;
+        }
+        let judge = plan.judge();
+        let (task, frame) = plan.next().ok_or(ServiceError::Starting)?;
+        Ok(Wanted {
+            task: task.into(),
+            rig: plan.body.rig.clone(),
+            frame,
+            notes: std::mem::take(&mut plan.notes),
+            judge,
+            path: Some(PathWay {
+                plan,
+                frame,
+                batcher: loaded.batcher.clone(),
+                timeout: self.common.timeout,
+                strict: goal.strict,
+            }),
+        })
+    }
+}
+
+fn words(
+    request: &v1::GenerateRequest,
+    prompt: &v1::Prompt,
+    loaded: &LoadedPack,
+) -> Result<Wanted, ServiceError> {
+    loaded.require(Capability::Text, "pack")?;
+    if !prompt.others.is_empty() {
+        loaded.require(Capability::Agents, "pack")?;
+    }
+    let Prepared { task, frame, notes } = prepare_prompt(request, prompt, &loaded.pack)?;
+    Ok(Wanted {
+        task,
+        rig: loaded.pack.rig.clone(),
+        frame,
+        notes,
+        judge: None,
+        path: None,
+    })
+}
+
+fn no_goal() -> FieldError {
+    Path::root().field("goal").error("is missing", "prompt or path")
 }

@@ -8,6 +8,7 @@ use troupe_engine::pack::{Manifest, Pack};
 use troupe_engine::toy::{PART_FRAMES, STEPS, Toy};
 use troupe_motion::model::Capabilities;
 use troupe_proto::v1;
+use troupe_proto::v1::describe_response;
 use troupe_proto::v1::generate_request::Goal;
 use troupe_proto::v1::generate_response::Part;
 use troupe_server::server::PackSource;
@@ -43,9 +44,14 @@ pub async fn words_server() -> TestServer {
     server
 }
 
-/// The error of an HTTP call.
+/// The error of an HTTP call to generate.
 async fn json_error(server: &TestServer, body: &serde_json::Value) -> serde_json::Value {
-    let call = reqwest::Client::new().post(server.url("/v1/generate"));
+    error_of(server, "/v1/generate", body).await
+}
+
+/// The error of an HTTP call.
+async fn error_of(server: &TestServer, path: &str, body: &serde_json::Value) -> serde_json::Value {
+    let call = reqwest::Client::new().post(server.url(path));
     let answer = call.json(body).send().await.unwrap();
     assert!(!answer.status().is_success(), "{body}");
     let answer: serde_json::Value = answer.json().await.unwrap();
@@ -57,7 +63,7 @@ fn prompt(text: &str, seed: u64) -> v1::GenerateRequest {
         pack: WORDS.to_owned(),
         goal: Some(Goal::Prompt(v1::Prompt {
             text: text.to_owned(),
-            frame_count: None,
+            ..v1::Prompt::default()
         })),
         seed,
         ..v1::GenerateRequest::default()
@@ -129,21 +135,40 @@ async fn the_same_over_http_as_lines() {
 #[tokio::test]
 async fn a_motion_is_put_into_words() {
     let server = words_server().await;
-    let frames: Vec<v1::Keyframe> = common::character(0.0).context;
-    let request = v1::GenerateRequest {
+    let request = v1::DescribeRequest {
         pack: WORDS.to_owned(),
-        goal: Some(Goal::Describe(v1::Describe { frames })),
-        ..v1::GenerateRequest::default()
+        frames: common::character(0.0).context,
+        ..v1::DescribeRequest::default()
     };
-    let words: String = parts(&server, request)
+    let mut stream = server
+        .grpc()
         .await
-        .into_iter()
-        .map(|part| match part.part {
-            Some(Part::Text(text)) => text,
-            other => panic!("{other:?}"),
-        })
+        .describe(request.clone())
+        .await
+        .unwrap()
+        .into_inner();
+    let mut parts = Vec::new();
+    while let Some(part) = stream.message().await.unwrap() {
+        parts.push(part);
+    }
+    let word = |part: &v1::DescribeResponse| match &part.part {
+        Some(describe_response::Part::Text(text)) => text.clone(),
+        other => panic!("{other:?}"),
+    };
+    let words: Vec<String> = parts.iter().map(word).collect();
+    assert!(words[0] == "walks " && words[1].ends_with(" m"), "{words:?}");
+    assert!(!parts[0].is_last && parts[1].is_last);
+
+    // The same over HTTP, a part a line.
+    let call = reqwest::Client::new().post(server.url("/v1/describe"));
+    let answer = call.json(&request).send().await.unwrap();
+    assert_eq!(answer.headers()["content-type"], "application/x-ndjson");
+    let text = answer.text().await.unwrap();
+    let lines: Vec<v1::DescribeResponse> = text
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
         .collect();
-    assert!(words.starts_with("walks ") && words.ends_with(" m"), "{words}");
+    assert_eq!(lines, parts);
 }
 
 #[tokio::test]
@@ -214,12 +239,16 @@ async fn a_pack_that_cannot_do_it_says_what_it_can() {
             "prompt.frame_count",
         ),
         (
-            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x"}}, "temperature": 3}),
-            "temperature",
+            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x"}}, "sampling": {"temperature": 3}}),
+            "sampling.temperature",
         ),
         (
-            serde_json::json!({"pack": WORDS, "goal": {"describe": {"frames": []}}}),
-            "describe.frames",
+            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x", "audio": {"sound": "speech", "codes": [1]}}}}),
+            "prompt.audio",
+        ),
+        (
+            serde_json::json!({"pack": WORDS, "goal": {"prompt": {"text": "x", "others": [{"text": "y"}]}}}),
+            "pack",
         ),
         (
             serde_json::json!({"pack": "none", "goal": {"prompt": {"text": "x"}}}),
@@ -227,6 +256,15 @@ async fn a_pack_that_cannot_do_it_says_what_it_can() {
         ),
     ] {
         let error = json_error(&server, &body).await;
+        assert_eq!(error["field"].as_str().unwrap_or_default(), field, "{error}");
+    }
+    for (body, field) in [
+        (serde_json::json!({"pack": "toy"}), "pack"),
+        (serde_json::json!({"pack": WORDS, "frames": []}), "frames"),
+        (serde_json::json!({"pack": WORDS, "into": "music"}), "into"),
+        (serde_json::json!({"pack": WORDS, "into": "song"}), "into"),
+    ] {
+        let error = error_of(&server, "/v1/describe", &body).await;
         assert_eq!(error["field"].as_str().unwrap_or_default(), field, "{error}");
     }
 }

@@ -50,7 +50,10 @@ async fn words_are_for_packs_that_know_them() {
         "the default pack comes first"
     );
     assert_eq!(toy["supported_segments"], json!(["unconditioned"]));
-    assert_eq!(words["supported_segments"], json!(["text", "unconditioned"]));
+    assert_eq!(
+        words["supported_segments"],
+        json!(["text", "motion_reference", "unconditioned"])
+    );
 
     let (status, refused) = call(&server, &request(toy, json!([text("walk", 20)]))).await;
     assert_eq!(
@@ -89,6 +92,156 @@ async fn words_are_for_packs_that_know_them() {
     ] {
         let (_, error) = call(&server, &request(words, json!([change]))).await;
         assert_eq!(error["error"]["code"], code, "{error}");
+    }
+}
+
+/// A segment that goes by a body that slides `z` metres ahead in `count` frames, 30 a second.
+fn like(model: &Value, count: usize, z: f64, frames: usize) -> Value {
+    let joints = model["canonical_skeleton"]["joints"].as_array().unwrap();
+    let names: Vec<&Value> = joints.iter().map(|joint| &joint["name"]).collect();
+    let roots = (0..count).map(|frame| json!([0.0, 0.9, z * frame as f64 / (count - 1) as f64]));
+    json!({
+        "type": "motion_reference",
+        "duration_frames": frames,
+        "joint_names": names,
+        "rotations": vec![vec![[0, 0, 0, 1]; names.len()]; count],
+        "root_positions": roots.collect::<Vec<_>>(),
+        "fps": 30,
+    })
+}
+
+#[tokio::test]
+async fn a_motion_in_the_place_of_words_is_put_into_words() {
+    let server = words_server().await;
+    let capabilities = capabilities(&server).await;
+    let (toy, words) = (model(&capabilities, "toy"), model(&capabilities, "words"));
+    assert_eq!(words["supports_motion_reference_mixed"], true);
+    assert_eq!(words["limits"]["max_reference_frames"], 1024);
+    assert_eq!(toy["supports_motion_reference_mixed"], false);
+    assert!(toy["limits"].get("max_reference_frames").is_none());
+
+    let segments = json!([
+        like(words, 31, 1.5, 12),
+        text("sit down", 8),
+        like(words, 5, 0.5, 12),
+        free(20)
+    ]);
+    let (status, made) = call(&server, &request(words, segments)).await;
+    assert_eq!(status, 200, "{made}");
+    let told = &made["extensions"]["MMCP_motion"];
+    assert_eq!(told["samples"][0]["num_frames"], 52);
+    let notes = told["notes"].as_array().unwrap();
+    let read: Vec<&str> = notes
+        .iter()
+        .filter(|note| note["code"] == "motion_reference")
+        .map(|note| note["message"].as_str().unwrap())
+        .collect();
+    let of = |words: &str| format!("a motion of the request was read as {words:?}");
+    assert_eq!(read, [of("walks 1.5 m"), of("walks 0.5 m")]);
+    // As a prompt of these words does it.
+    let segments = json!([text("walks 1.5 m", 12)]);
+    let (_, said) = call(&server, &request(words, segments)).await;
+    assert_eq!(said["extensions"]["MMCP_motion"]["samples"][0]["num_frames"], 12);
+
+    // The rate is the motion's own, and joints may be left out.
+    let mut slow = like(words, 11, 1.5, 12);
+    slow["fps"] = json!(10);
+    slow["joint_names"].as_array_mut().unwrap().truncate(1);
+    for pose in slow["rotations"].as_array_mut().unwrap() {
+        pose.as_array_mut().unwrap().truncate(1);
+    }
+    let (status, made) = call(&server, &request(words, json!([slow]))).await;
+    assert_eq!(status, 200, "{made}");
+}
+
+#[tokio::test]
+async fn what_is_wrong_with_a_motion_in_the_place_of_words_is_named() {
+    type Change = fn(&mut Value);
+    let server = words_server().await;
+    let capabilities = capabilities(&server).await;
+    let words = model(&capabilities, "words");
+    let own = words["canonical_skeleton"].clone();
+    let mut foreign = own.clone();
+    foreign["joints"][1]["name"] = json!("Elsewhere");
+    let cases: [(Change, &str, &str); 10] = [
+        (|s| s["fps"] = json!(0), "schema_validation", "segments[0].fps"),
+        (
+            |s| s["rotations"] = json!([[[0, 0, 0, 1]]]),
+            "schema_validation",
+            "segments[0].rotations",
+        ),
+        (
+            |s| s["rotations"][3] = json!([]),
+            "schema_validation",
+            "segments[0].rotations[3]",
+        ),
+        (
+            |s| s["rotations"][3][1] = json!([0, 0, 0, 0]),
+            "schema_validation",
+            "segments[0].rotations[3][1]",
+        ),
+        (
+            |s| s["root_positions"] = json!([]),
+            "schema_validation",
+            "segments[0].root_positions",
+        ),
+        (
+            |s| s["root_positions"][2] = json!([0, 1e6, 0]),
+            "schema_validation",
+            "segments[0].root_positions[2]",
+        ),
+        (
+            |s| s["joint_names"][1] = json!("Elsewhere"),
+            "unknown_joint",
+            "segments[0].joint_names[1]",
+        ),
+        (
+            |s| s["joint_names"][1] = s["joint_names"][0].clone(),
+            "schema_validation",
+            "segments[0].joint_names[1]",
+        ),
+        (
+            |s| s["duration_frames"] = json!(0),
+            "schema_validation",
+            "segments[0].duration_frames",
+        ),
+        (
+            |s| s["speed"] = json!(1),
+            "schema_validation",
+            "segments[0].speed",
+        ),
+    ];
+    for (change, code, field) in cases {
+        let mut segment = like(words, 8, 0.5, 12);
+        change(&mut segment);
+        let (_, refused) = call(&server, &request(words, json!([segment]))).await;
+        let error = &refused["error"];
+        assert_eq!(
+            (&error["code"], &error["details"]["field"]),
+            (&json!(code), &json!(field)),
+            "{error}"
+        );
+    }
+    let mut rootless = like(words, 8, 0.5, 12);
+    rootless["joint_names"] = json!([own["joints"][1]["name"]]);
+    rootless["rotations"] = json!(vec![vec![[0, 0, 0, 1]]; 8]);
+    let (_, refused) = call(&server, &request(words, json!([rootless]))).await;
+    assert_eq!(refused["error"]["code"], "invalid_request", "{refused}");
+    let (_, refused) = call(&server, &request(words, json!([like(words, 1025, 9.0, 12)]))).await;
+    assert_eq!(refused["error"]["code"], "invalid_options", "{refused}");
+    assert_eq!(refused["error"]["details"]["max_reference_frames"], 1024);
+    for (skeleton, status) in [(own, 200), (foreign, 400)] {
+        let mut segment = like(words, 8, 0.5, 12);
+        segment["skeleton"] = skeleton;
+        let (found, answer) = call(&server, &request(words, json!([segment]))).await;
+        assert_eq!(found, status, "{answer}");
+        if status == 400 {
+            assert_eq!(answer["error"]["code"], "retargeting_unsupported");
+            assert_eq!(
+                answer["error"]["details"]["field"],
+                "segments[0].skeleton.joints[1].name"
+            );
+        }
     }
 }
 

@@ -48,10 +48,18 @@ fn read_clip(path: &Path, pack: &Pack) -> Clip {
 
 /// Runs `troupe` with the shared server's address in its environment.
 pub async fn troupe<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Output {
+    troupe_at(shared().url(), arguments).await
+}
+
+/// Runs `troupe` with the address of a server in its environment.
+pub async fn troupe_at<S: AsRef<std::ffi::OsStr>>(
+    url: &str,
+    arguments: impl IntoIterator<Item = S>,
+) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_troupe-under-test"));
     command
         .args(arguments)
-        .env("TROUPE_SERVER", shared().url())
+        .env("TROUPE_SERVER", url)
         .stdin(Stdio::null());
     tokio::task::spawn_blocking(move || command.output())
         .await

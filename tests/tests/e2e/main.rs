@@ -20,3 +20,4 @@ mod robustness;
 mod scene;
 mod server;
 mod style;
+mod words;

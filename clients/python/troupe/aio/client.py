@@ -19,13 +19,14 @@ from troupe.clip import Clip
 from troupe.conventions import Convention
 from troupe.drive import DriveOptions
 from troupe.errors import UnreachableError
-from troupe.generate import FollowPath, Generated, Parts, Request, Response
+from troupe.generate import FollowPath, Generated, GeneratedPart, Parts
 from troupe.inbetween import InBetween, InBetweenAnswer
 from troupe.io import Call
 from troupe.keyframe import Keyframe
 from troupe.options import FrameOptions, SessionOptions
 from troupe.pack import Pack
 from troupe.v1 import scene_pb2, session_pb2
+from troupe.words import Audio, Description, Prompt, Sampling, Sound, describe_request
 
 
 class Client:
@@ -96,50 +97,86 @@ class Client:
         self,
         path: FollowPath | npt.ArrayLike | None = None,
         *,
-        text: str | None = None,
+        prompt: Prompt | str | None = None,
         pack: Pack | str = "",
         body: str = "",
-        frames: int | None = None,
         past: Clip | Sequence[Keyframe] = (),
         seed: int = 0,
-        temperature: float = 0.0,
+        sampling: Sampling | None = None,
     ) -> Generated:
-        """Has a body follow a path, or acts out words."""
+        """Has a body follow a path, (points, 3) or a `FollowPath`; or acts out words, for packs with the capability `text`."""
         of = await self._pack(pack, body)
         parts = Parts(of, path)
-        request = generate.request(of, path, text, frames, past, seed, temperature)
-        return parts.whole([parts.take(part) async for part in self._parts(request)])
+        call = Call(io.GENERATE, generate.request(of, path, prompt, past, seed, sampling))
+        return parts.whole([parts.take(part) async for part in self._connection.parts(call)])
 
     async def generate_parts(
         self,
         path: FollowPath | npt.ArrayLike | None = None,
         *,
-        text: str | None = None,
+        prompt: Prompt | str | None = None,
         pack: Pack | str = "",
         body: str = "",
-        frames: int | None = None,
         past: Clip | Sequence[Keyframe] = (),
         seed: int = 0,
-        temperature: float = 0.0,
-    ) -> AsyncIterator[Clip | str]:
+        sampling: Sampling | None = None,
+    ) -> AsyncIterator[GeneratedPart]:
         """As `generate`, part by part while they are made."""
         of = await self._pack(pack, body)
         parts = Parts(of, path)
-        async for part in self._parts(generate.request(of, path, text, frames, past, seed, temperature)):
+        call = Call(io.GENERATE, generate.request(of, path, prompt, past, seed, sampling))
+        async for part in self._connection.parts(call):
             yield parts.take(part)
         parts.check_end()
 
-    async def describe(self, motion: Clip, *, pack: Pack | str = "") -> str:
-        """Puts a motion into words, for packs with the capability `describe`."""
-        of = await self._pack(pack, "")
-        parts = Parts(of)
-        return parts.words([parts.take(part) async for part in self._parts(generate.describe_request(of, motion))])
+    async def describe(
+        self,
+        motion: Clip,
+        *,
+        others: Sequence[Clip] = (),
+        pack: Pack | str = "",
+        seed: int = 0,
+        sampling: Sampling | None = None,
+    ) -> str:
+        """Puts a motion, and that of other characters beside it, into words: for packs with the capability `describe`."""
+        words = self.describe_parts(motion, others=others, pack=pack, seed=seed, sampling=sampling)
+        return "".join([part async for part in words])
+
+    async def describe_parts(
+        self,
+        motion: Clip,
+        *,
+        others: Sequence[Clip] = (),
+        pack: Pack | str = "",
+        seed: int = 0,
+        sampling: Sampling | None = None,
+    ) -> AsyncIterator[str]:
+        """As `describe`, part by part while they are found."""
+        told = Description()
+        request = describe_request(await self._pack(pack, ""), motion, others, None, seed, sampling)
+        async for part in self._connection.parts(Call(io.DESCRIBE, request)):
+            yield told.words(part)
+        told.check_end()
+
+    async def audio_of(
+        self,
+        motion: Clip,
+        sound: Sound,
+        *,
+        others: Sequence[Clip] = (),
+        pack: Pack | str = "",
+        seed: int = 0,
+        sampling: Sampling | None = None,
+    ) -> Audio:
+        """Makes audio that goes with a motion, as codes of a pack that declares such a task."""
+        told = Description()
+        request = describe_request(await self._pack(pack, ""), motion, others, sound, seed, sampling)
+        codes = [told.codes(part) async for part in self._connection.parts(Call(io.DESCRIBE, request))]
+        told.check_end()
+        return Audio(sound, [code for part in codes for code in part])
 
     async def _pack(self, pack: Pack | str, body: str) -> Pack:
         return await self._connection.run(calls.get_pack(pack, body))
-
-    def _parts(self, request: Request) -> AsyncIterator[Response]:
-        return self._connection.parts(Call(io.GENERATE, request))
 
     # Live characters.
 

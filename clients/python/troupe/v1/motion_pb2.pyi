@@ -1,10 +1,27 @@
 from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
 from collections.abc import Iterable as _Iterable, Mapping as _Mapping
 from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
+
+class Sound(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    SOUND_MUSIC: _ClassVar[Sound]
+    SOUND_SPEECH: _ClassVar[Sound]
+
+class Telling(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    TELLING_WORDS: _ClassVar[Telling]
+    TELLING_MUSIC: _ClassVar[Telling]
+    TELLING_SPEECH: _ClassVar[Telling]
+SOUND_MUSIC: Sound
+SOUND_SPEECH: Sound
+TELLING_WORDS: Telling
+TELLING_MUSIC: Telling
+TELLING_SPEECH: Telling
 
 class Vec3(_message.Message):
     __slots__ = ("x", "y", "z")
@@ -203,30 +220,66 @@ class CharacterResult(_message.Message):
     def __init__(self, id: _Optional[str] = ..., frames: _Optional[_Union[Frames, _Mapping]] = ..., intermediates: _Optional[_Union[Intermediates, _Mapping]] = ..., feasibility: _Optional[_Union[Feasibility, _Mapping]] = ...) -> None: ...
 
 class GenerateRequest(_message.Message):
-    __slots__ = ("pack", "prompt", "describe", "path", "past", "seed", "temperature")
+    __slots__ = ("pack", "prompt", "path", "past", "seed", "sampling")
     PACK_FIELD_NUMBER: _ClassVar[int]
     PROMPT_FIELD_NUMBER: _ClassVar[int]
-    DESCRIBE_FIELD_NUMBER: _ClassVar[int]
     PATH_FIELD_NUMBER: _ClassVar[int]
     PAST_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
-    TEMPERATURE_FIELD_NUMBER: _ClassVar[int]
+    SAMPLING_FIELD_NUMBER: _ClassVar[int]
     pack: str
     prompt: Prompt
-    describe: Describe
     path: PathGoal
     past: _containers.RepeatedCompositeFieldContainer[Keyframe]
     seed: int
+    sampling: Sampling
+    def __init__(self, pack: _Optional[str] = ..., prompt: _Optional[_Union[Prompt, _Mapping]] = ..., path: _Optional[_Union[PathGoal, _Mapping]] = ..., past: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., seed: _Optional[int] = ..., sampling: _Optional[_Union[Sampling, _Mapping]] = ...) -> None: ...
+
+class Sampling(_message.Message):
+    __slots__ = ("temperature", "top_k", "top_p", "repetition")
+    TEMPERATURE_FIELD_NUMBER: _ClassVar[int]
+    TOP_K_FIELD_NUMBER: _ClassVar[int]
+    TOP_P_FIELD_NUMBER: _ClassVar[int]
+    REPETITION_FIELD_NUMBER: _ClassVar[int]
     temperature: float
-    def __init__(self, pack: _Optional[str] = ..., prompt: _Optional[_Union[Prompt, _Mapping]] = ..., describe: _Optional[_Union[Describe, _Mapping]] = ..., path: _Optional[_Union[PathGoal, _Mapping]] = ..., past: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., seed: _Optional[int] = ..., temperature: _Optional[float] = ...) -> None: ...
+    top_k: int
+    top_p: float
+    repetition: float
+    def __init__(self, temperature: _Optional[float] = ..., top_k: _Optional[int] = ..., top_p: _Optional[float] = ..., repetition: _Optional[float] = ...) -> None: ...
 
 class Prompt(_message.Message):
-    __slots__ = ("text", "frame_count")
+    __slots__ = ("text", "frame_count", "seconds", "targets", "others", "audio", "flow_steps")
     TEXT_FIELD_NUMBER: _ClassVar[int]
     FRAME_COUNT_FIELD_NUMBER: _ClassVar[int]
+    SECONDS_FIELD_NUMBER: _ClassVar[int]
+    TARGETS_FIELD_NUMBER: _ClassVar[int]
+    OTHERS_FIELD_NUMBER: _ClassVar[int]
+    AUDIO_FIELD_NUMBER: _ClassVar[int]
+    FLOW_STEPS_FIELD_NUMBER: _ClassVar[int]
     text: str
     frame_count: int
-    def __init__(self, text: _Optional[str] = ..., frame_count: _Optional[int] = ...) -> None: ...
+    seconds: float
+    targets: _containers.RepeatedCompositeFieldContainer[Keyframe]
+    others: _containers.RepeatedCompositeFieldContainer[Agent]
+    audio: Audio
+    flow_steps: int
+    def __init__(self, text: _Optional[str] = ..., frame_count: _Optional[int] = ..., seconds: _Optional[float] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., others: _Optional[_Iterable[_Union[Agent, _Mapping]]] = ..., audio: _Optional[_Union[Audio, _Mapping]] = ..., flow_steps: _Optional[int] = ...) -> None: ...
+
+class Agent(_message.Message):
+    __slots__ = ("text", "past")
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    PAST_FIELD_NUMBER: _ClassVar[int]
+    text: str
+    past: _containers.RepeatedCompositeFieldContainer[Keyframe]
+    def __init__(self, text: _Optional[str] = ..., past: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ...) -> None: ...
+
+class Audio(_message.Message):
+    __slots__ = ("sound", "codes")
+    SOUND_FIELD_NUMBER: _ClassVar[int]
+    CODES_FIELD_NUMBER: _ClassVar[int]
+    sound: Sound
+    codes: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, sound: _Optional[_Union[Sound, str]] = ..., codes: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class PathGoal(_message.Message):
     __slots__ = ("body", "skeleton", "points", "seconds", "speed", "style", "steps", "guidance", "targets", "strict")
@@ -292,25 +345,53 @@ class BodyJoint(_message.Message):
     offset: Vec3
     def __init__(self, name: _Optional[str] = ..., parent: _Optional[str] = ..., offset: _Optional[_Union[Vec3, _Mapping]] = ...) -> None: ...
 
-class Describe(_message.Message):
+class GenerateResponse(_message.Message):
+    __slots__ = ("frames", "is_last", "notes", "character", "feasibility")
+    FRAMES_FIELD_NUMBER: _ClassVar[int]
+    IS_LAST_FIELD_NUMBER: _ClassVar[int]
+    NOTES_FIELD_NUMBER: _ClassVar[int]
+    CHARACTER_FIELD_NUMBER: _ClassVar[int]
+    FEASIBILITY_FIELD_NUMBER: _ClassVar[int]
+    frames: Frames
+    is_last: bool
+    notes: _containers.RepeatedScalarFieldContainer[str]
+    character: int
+    feasibility: Feasibility
+    def __init__(self, frames: _Optional[_Union[Frames, _Mapping]] = ..., is_last: _Optional[bool] = ..., notes: _Optional[_Iterable[str]] = ..., character: _Optional[int] = ..., feasibility: _Optional[_Union[Feasibility, _Mapping]] = ...) -> None: ...
+
+class DescribeRequest(_message.Message):
+    __slots__ = ("pack", "frames", "others", "into", "seed", "sampling")
+    PACK_FIELD_NUMBER: _ClassVar[int]
+    FRAMES_FIELD_NUMBER: _ClassVar[int]
+    OTHERS_FIELD_NUMBER: _ClassVar[int]
+    INTO_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    SAMPLING_FIELD_NUMBER: _ClassVar[int]
+    pack: str
+    frames: _containers.RepeatedCompositeFieldContainer[Keyframe]
+    others: _containers.RepeatedCompositeFieldContainer[OtherMotion]
+    into: Telling
+    seed: int
+    sampling: Sampling
+    def __init__(self, pack: _Optional[str] = ..., frames: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., others: _Optional[_Iterable[_Union[OtherMotion, _Mapping]]] = ..., into: _Optional[_Union[Telling, str]] = ..., seed: _Optional[int] = ..., sampling: _Optional[_Union[Sampling, _Mapping]] = ...) -> None: ...
+
+class OtherMotion(_message.Message):
     __slots__ = ("frames",)
     FRAMES_FIELD_NUMBER: _ClassVar[int]
     frames: _containers.RepeatedCompositeFieldContainer[Keyframe]
     def __init__(self, frames: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ...) -> None: ...
 
-class GenerateResponse(_message.Message):
-    __slots__ = ("frames", "text", "is_last", "notes", "feasibility")
-    FRAMES_FIELD_NUMBER: _ClassVar[int]
+class DescribeResponse(_message.Message):
+    __slots__ = ("text", "audio", "is_last", "notes")
     TEXT_FIELD_NUMBER: _ClassVar[int]
+    AUDIO_FIELD_NUMBER: _ClassVar[int]
     IS_LAST_FIELD_NUMBER: _ClassVar[int]
     NOTES_FIELD_NUMBER: _ClassVar[int]
-    FEASIBILITY_FIELD_NUMBER: _ClassVar[int]
-    frames: Frames
     text: str
+    audio: Audio
     is_last: bool
     notes: _containers.RepeatedScalarFieldContainer[str]
-    feasibility: Feasibility
-    def __init__(self, frames: _Optional[_Union[Frames, _Mapping]] = ..., text: _Optional[str] = ..., is_last: _Optional[bool] = ..., notes: _Optional[_Iterable[str]] = ..., feasibility: _Optional[_Union[Feasibility, _Mapping]] = ...) -> None: ...
+    def __init__(self, text: _Optional[str] = ..., audio: _Optional[_Union[Audio, _Mapping]] = ..., is_last: _Optional[bool] = ..., notes: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class Timing(_message.Message):
     __slots__ = ("queue_us", "assemble_us", "inference_us", "scatter_us", "total_us", "batch_size")
@@ -403,7 +484,7 @@ class Robot(_message.Message):
     def __init__(self, name: _Optional[str] = ..., hinges: _Optional[_Iterable[_Union[Hinge, _Mapping]]] = ..., qpos_size: _Optional[int] = ...) -> None: ...
 
 class Pack(_message.Message):
-    __slots__ = ("name", "version", "licence", "credits", "fps", "joints", "contact_joints", "context_frames", "max_targets", "min_frames", "max_frames", "frames_per_token", "heads", "codes", "content_hash", "is_default", "parameters", "figures_json", "left_axis", "ground_y", "contact_rules", "engine", "robot", "family", "capabilities", "bodies", "words", "sampler_steps", "diffusion_steps")
+    __slots__ = ("name", "version", "licence", "credits", "fps", "joints", "contact_joints", "context_frames", "max_targets", "min_frames", "max_frames", "frames_per_token", "heads", "codes", "content_hash", "is_default", "parameters", "figures_json", "left_axis", "ground_y", "contact_rules", "engine", "robot", "family", "capabilities", "bodies", "words", "sampler_steps", "diffusion_steps", "language")
     NAME_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
     LICENCE_FIELD_NUMBER: _ClassVar[int]
@@ -433,6 +514,7 @@ class Pack(_message.Message):
     WORDS_FIELD_NUMBER: _ClassVar[int]
     SAMPLER_STEPS_FIELD_NUMBER: _ClassVar[int]
     DIFFUSION_STEPS_FIELD_NUMBER: _ClassVar[int]
+    LANGUAGE_FIELD_NUMBER: _ClassVar[int]
     name: str
     version: str
     licence: str
@@ -462,7 +544,24 @@ class Pack(_message.Message):
     words: _containers.RepeatedScalarFieldContainer[str]
     sampler_steps: int
     diffusion_steps: int
-    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ..., licence: _Optional[str] = ..., credits: _Optional[_Iterable[str]] = ..., fps: _Optional[float] = ..., joints: _Optional[_Iterable[_Union[Joint, _Mapping]]] = ..., contact_joints: _Optional[_Iterable[str]] = ..., context_frames: _Optional[int] = ..., max_targets: _Optional[int] = ..., min_frames: _Optional[int] = ..., max_frames: _Optional[int] = ..., frames_per_token: _Optional[int] = ..., heads: _Optional[int] = ..., codes: _Optional[int] = ..., content_hash: _Optional[str] = ..., is_default: _Optional[bool] = ..., parameters: _Optional[int] = ..., figures_json: _Optional[str] = ..., left_axis: _Optional[_Union[Vec3, _Mapping]] = ..., ground_y: _Optional[float] = ..., contact_rules: _Optional[_Union[ContactRules, _Mapping]] = ..., engine: _Optional[str] = ..., robot: _Optional[_Union[Robot, _Mapping]] = ..., family: _Optional[str] = ..., capabilities: _Optional[_Iterable[str]] = ..., bodies: _Optional[_Iterable[_Union[PackBody, _Mapping]]] = ..., words: _Optional[_Iterable[str]] = ..., sampler_steps: _Optional[int] = ..., diffusion_steps: _Optional[int] = ...) -> None: ...
+    language: Language
+    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ..., licence: _Optional[str] = ..., credits: _Optional[_Iterable[str]] = ..., fps: _Optional[float] = ..., joints: _Optional[_Iterable[_Union[Joint, _Mapping]]] = ..., contact_joints: _Optional[_Iterable[str]] = ..., context_frames: _Optional[int] = ..., max_targets: _Optional[int] = ..., min_frames: _Optional[int] = ..., max_frames: _Optional[int] = ..., frames_per_token: _Optional[int] = ..., heads: _Optional[int] = ..., codes: _Optional[int] = ..., content_hash: _Optional[str] = ..., is_default: _Optional[bool] = ..., parameters: _Optional[int] = ..., figures_json: _Optional[str] = ..., left_axis: _Optional[_Union[Vec3, _Mapping]] = ..., ground_y: _Optional[float] = ..., contact_rules: _Optional[_Union[ContactRules, _Mapping]] = ..., engine: _Optional[str] = ..., robot: _Optional[_Union[Robot, _Mapping]] = ..., family: _Optional[str] = ..., capabilities: _Optional[_Iterable[str]] = ..., bodies: _Optional[_Iterable[_Union[PackBody, _Mapping]]] = ..., words: _Optional[_Iterable[str]] = ..., sampler_steps: _Optional[int] = ..., diffusion_steps: _Optional[int] = ..., language: _Optional[_Union[Language, _Mapping]] = ...) -> None: ...
+
+class Language(_message.Message):
+    __slots__ = ("tasks", "max_prompt_pieces", "max_agents", "audio_codes", "flow_steps", "sampling")
+    TASKS_FIELD_NUMBER: _ClassVar[int]
+    MAX_PROMPT_PIECES_FIELD_NUMBER: _ClassVar[int]
+    MAX_AGENTS_FIELD_NUMBER: _ClassVar[int]
+    AUDIO_CODES_FIELD_NUMBER: _ClassVar[int]
+    FLOW_STEPS_FIELD_NUMBER: _ClassVar[int]
+    SAMPLING_FIELD_NUMBER: _ClassVar[int]
+    tasks: _containers.RepeatedScalarFieldContainer[str]
+    max_prompt_pieces: int
+    max_agents: int
+    audio_codes: int
+    flow_steps: int
+    sampling: Sampling
+    def __init__(self, tasks: _Optional[_Iterable[str]] = ..., max_prompt_pieces: _Optional[int] = ..., max_agents: _Optional[int] = ..., audio_codes: _Optional[int] = ..., flow_steps: _Optional[int] = ..., sampling: _Optional[_Union[Sampling, _Mapping]] = ...) -> None: ...
 
 class PackBody(_message.Message):
     __slots__ = ("name", "joints", "contact_joints", "left_axis", "robot", "height", "words")

@@ -1,4 +1,4 @@
-//! `POST /v1/generate`: the parts of an answer as lines of JSON.
+//! `POST /v1/generate` and `POST /v1/describe`: the parts of an answer as lines of JSON.
 
 use std::convert::Infallible;
 
@@ -6,17 +6,18 @@ use axum::body::Body;
 use axum::response::{IntoResponse as _, Response};
 use bytes::Bytes;
 use http::header;
+use serde::Serialize;
 use troupe_proto::v1;
 
 use super::json::JsonBody;
 use crate::api::error::ApiError;
 use crate::api::ours::Ours;
-use crate::service::ServiceError;
+use crate::service::{ServiceError, Streamed};
 
 /// What the answer is: one JSON value a line.
 const LINES: &str = "application/x-ndjson";
 
-/// Act out words, or put a motion into words
+/// Act out words, or follow a path
 ///
 /// The answer comes part by part while it is made, one JSON object a line; the last has `is_last`. An error after the first part
 /// is a line of its own, with the member `error`, and ends the answer. What a pack can do is in its `capabilities`.
@@ -37,24 +38,52 @@ pub(crate) async fn generate(
     Ours(service): Ours,
     JsonBody(request): JsonBody<v1::GenerateRequest>,
 ) -> Result<Response, ApiError> {
-    let mut generation = service.generate(&request)?;
+    lines(service.generate(&request)?).await
+}
+
+/// Put a motion into words, or into audio that goes with it
+///
+/// The answer comes part by part while it is made, one JSON object a line; the last has `is_last`. An error after the first part
+/// is a line of its own, with the member `error`, and ends the answer. What a pack can do is in its `capabilities`.
+#[utoipa::path(
+    post,
+    path = "/v1/describe",
+    operation_id = "Describe",
+    tag = "motion",
+    request_body = v1::DescribeRequest,
+    responses(
+        (status = 200, description = "The parts, one a line", body = v1::DescribeResponse, content_type = "application/x-ndjson"),
+        (status = 400, description = "A value that is not accepted, a pack that cannot do it, or a body that is no request"),
+        (status = 404, description = "No such pack"),
+        (status = 429, description = "The queue is full, or too slow; see the Retry-After header"),
+    )
+)]
+pub(crate) async fn describe(
+    Ours(service): Ours,
+    JsonBody(request): JsonBody<v1::DescribeRequest>,
+) -> Result<Response, ApiError> {
+    lines(service.describe(&request)?).await
+}
+
+/// An answer, a part a line.
+async fn lines<A: Streamed>(mut answer: A) -> Result<Response, ApiError> {
     // What fails before the first part is an answer with a status of its own.
-    let first = match generation.next().await {
+    let first = match answer.next().await {
         Some(Ok(part)) => Some(part),
         Some(Err(error)) => return Err(error.into()),
         None => None,
     };
-    let rest = futures_util::stream::unfold((first, generation), |(first, mut generation)| async {
+    let rest = futures_util::stream::unfold((first, answer), |(first, mut answer)| async {
         let part = match first {
             Some(part) => Ok(part),
-            None => generation.next().await?,
+            None => answer.next().await?,
         };
-        Some((Ok::<_, Infallible>(line(part)), (None, generation)))
+        Some((Ok::<_, Infallible>(line(part)), (None, answer)))
     });
     Ok(([(header::CONTENT_TYPE, LINES)], Body::from_stream(rest)).into_response())
 }
 
-fn line(part: Result<v1::GenerateResponse, ServiceError>) -> Bytes {
+fn line(part: Result<impl Serialize, ServiceError>) -> Bytes {
     let written = match part {
         Ok(part) => serde_json::to_vec(&part),
         Err(error) => serde_json::to_vec(&ApiError::from(error).body()),

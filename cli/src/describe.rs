@@ -1,0 +1,118 @@
+//! `troupe describe`.
+
+use std::io::{ErrorKind, Write as _};
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+use troupe_client::{Describe as Motion, Describing, Told};
+use troupe_motion::clip::Clip;
+
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::files::{Scale, read_clip};
+use crate::output::print;
+use crate::tokens::Tokens;
+
+/// Put a clip into words.
+///
+/// For packs with the capability `describe`. The words are printed as they are found. A pack reads some seconds at a time
+/// (`troupe packs` has its longest segment); --from and --to name a part of a longer clip.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  troupe describe walk.bvh
+  troupe describe walk.bvh --from 300 --to 500 --seed 3
+  troupe describe horse.glb#Walk --json")]
+pub(crate) struct Describe {
+    /// Motion clip: .bvh, .glb or .npz, or a robot's .csv or .npy. horse.glb#Walk names one animation of several.
+    #[arg(value_name = "CLIP")]
+    pub(crate) clip: PathBuf,
+
+    /// First frame to describe.
+    #[arg(long, default_value_t = 0, value_name = "FRAME")]
+    pub(crate) from: usize,
+
+    /// Last frame to describe. Without it the clip's last.
+    #[arg(long, value_name = "FRAME")]
+    pub(crate) to: Option<usize>,
+
+    /// Model pack; without it the first that puts motion into words.
+    #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
+    pub(crate) pack: String,
+
+    #[command(flatten)]
+    pub(crate) tokens: Tokens,
+
+    #[command(flatten)]
+    pub(crate) scale: Scale,
+
+    /// Print words and notes as JSON, once they are all there.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+pub(super) async fn run(context: &Context, command: &Describe) -> Result<(), Failure> {
+    let (client, pack) = context.connect_to_able("describe", &command.pack).await?;
+    let clip = read_clip(&command.clip, &pack, command.scale, &context.term)?;
+    let clip = part(clip, command)?;
+    let frames = clip.frames();
+    let motion = Motion::new(clip)
+        .seed(command.tokens.seed)
+        .sampling(command.tokens.sampling());
+    let asked = std::time::Instant::now();
+    let telling = client.describe(&pack, &motion).await?;
+    if !command.json {
+        return print_as_told(context, telling).await;
+    }
+    let told = telling.whole().await?;
+    let took_ms = asked.elapsed().as_secs_f64() * 1e3;
+    print(&format!(
+        "{:#}",
+        json!({
+            "text": told.text,
+            "frames": frames,
+            "pack": pack.name(),
+            "pack_version": pack.description().version,
+            "notes": told.notes,
+            "took_ms": took_ms,
+        })
+    ))
+}
+
+/// The frames of a clip that are to be described.
+fn part(clip: Clip, command: &Describe) -> Result<Clip, Failure> {
+    let last = clip.frames().saturating_sub(1);
+    let to = command.to.unwrap_or(last);
+    if command.from > to || to > last {
+        return Err(Failure::Input(format!(
+            "frames {} to {to} are no part of the clip, whose frames are 0 to {last}",
+            command.from
+        )));
+    }
+    clip.slice(command.from..to + 1)
+        .map_err(|e| Failure::file(&command.clip, e))
+}
+
+/// Prints words as they come.
+async fn print_as_told(context: &Context, mut telling: Describing) -> Result<(), Failure> {
+    while let Some(part) = telling.next().await? {
+        if let Told::Words(words) = part {
+            write(&words)?;
+        }
+    }
+    write("\n")?;
+    for note in &telling.notes {
+        context.term.note(format_args!("note: {note}"));
+    }
+    Ok(())
+}
+
+/// Writes at once. A reader that has had enough is no error.
+fn write(text: &str) -> Result<(), Failure> {
+    let mut out = std::io::stdout();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(Failure::Other(format!("cannot print: {e}"))),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,160 @@
+//! `troupe say`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+use troupe_client::{Key, Pack, Prompt};
+use troupe_motion::clip::Clip;
+
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::files::{Format, Scale, read_clip};
+use crate::film::draw_motion;
+use crate::output::print;
+use crate::tokens::Tokens;
+use crate::values::Seconds;
+
+/// Width of a picture, pixels.
+const PICTURE_WIDTH: u32 = 1600;
+
+/// Make motion of words.
+///
+/// For packs with the capability `text`. What the model may not do well, such as words that its training did not use, is said as a
+/// note. With --past the motion goes on from the end of a clip; the file has what follows it.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  troupe say \"an elderly man waves\" --out wave.glb
+  troupe say \"a person walks in a circle\" --seconds 6 --seed 3 --out circle.bvh --picture circle.png
+  troupe say \"he sits down\" --past walk.bvh --out sit.glb --temperature 0.8 --top-p 0.9")]
+pub(crate) struct Say {
+    /// What to do.
+    #[arg(value_name = "WORDS")]
+    pub(crate) text: String,
+
+    /// File to write; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a robot.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+
+    /// Model pack; without it the first that acts out words.
+    #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
+    pub(crate) pack: String,
+
+    /// How long the motion is. Without it the model decides.
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) seconds: Option<Seconds>,
+
+    /// Go on from the end of this clip: .bvh, .glb or .npz, or a robot's .csv or .npy. horse.glb#Walk names one animation of several.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) past: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) tokens: Tokens,
+
+    /// Also draw the motion: where it goes, and poses of it (PNG).
+    #[arg(long, value_name = "FILE")]
+    pub(crate) picture: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) scale: Scale,
+
+    /// Print what was done as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure> {
+    let format = Format::of(&command.out)?;
+    let (client, pack) = context.connect_to_able("text", &command.pack).await?;
+    format.fits(&pack, &command.out)?;
+    let asked = std::time::Instant::now();
+    let making = client.say(&pack, &prompt(context, command, &pack)?).await?;
+    let made = making.whole().await?;
+    let took_ms = asked.elapsed().as_secs_f64() * 1e3;
+    format.write(&made.clip, &command.out, command.scale)?;
+    if let Some(file) = &command.picture {
+        let png = draw(command, &pack, &made.clip).map_err(Failure::Other)?;
+        std::fs::write(file, png).map_err(|e| Failure::output(file, e))?;
+    }
+
+    let (out, frames) = (command.out.display(), made.clip.frames());
+    if command.json {
+        return print(&format!(
+            "{:#}",
+            json!({
+                "out": out.to_string(),
+                "text": command.text,
+                "frames": frames,
+                "pack": pack.name(),
+                "pack_version": pack.description().version,
+                "notes": made.notes,
+                "took_ms": took_ms,
+            })
+        ));
+    }
+    for note in &made.notes {
+        context.term.note(format_args!("note: {note}"));
+    }
+    context.term.note(format_args!(
+        "{frames} frames by {} {} written to {out}",
+        pack.name(),
+        pack.description().version
+    ));
+    Ok(())
+}
+
+/// What the options ask for.
+fn prompt(context: &Context, command: &Say, pack: &Pack) -> Result<Prompt, Failure> {
+    let mut prompt = Prompt::new(&*command.text)
+        .seed(command.tokens.seed)
+        .sampling(command.tokens.sampling());
+    if let Some(seconds) = command.seconds {
+        prompt = prompt.seconds(std::time::Duration::from(seconds).as_secs_f32());
+    }
+    if let Some(file) = &command.past {
+        let clip = read_clip(file, pack, command.scale, &context.term)?;
+        let keys = Key::all(&clip);
+        prompt = prompt.after(&keys[keys.len().saturating_sub(most_past(pack))..]);
+    }
+    Ok(prompt)
+}
+
+/// Most frames that go before words.
+fn most_past(pack: &Pack) -> usize {
+    let of = pack.description();
+    match &of.language {
+        Some(_) => of.max_frames as usize,
+        None => of.context_frames as usize,
+    }
+}
+
+fn draw(command: &Say, pack: &Pack, clip: &Clip) -> Result<Vec<u8>, String> {
+    let about = format!(
+        "{} {} · seed {} · {:.1} s",
+        pack.name(),
+        pack.description().version,
+        command.tokens.seed,
+        clip.duration_s()
+    );
+    draw_motion(clip, &[], "", (command.text.clone(), about), PICTURE_WIDTH)
+}
+
+#[cfg(test)]
+mod tests {
+    use troupe_proto::v1;
+
+    use super::*;
+
+    #[test]
+    fn a_language_model_takes_more_of_the_past() {
+        let mut pack = v1::Pack {
+            context_frames: 16,
+            max_frames: 256,
+            ..crate::testing::pair()
+        };
+        assert_eq!(most_past(&Pack::try_from(pack.clone()).unwrap()), 16);
+        pack.language = Some(v1::Language::default());
+        assert_eq!(most_past(&Pack::try_from(pack).unwrap()), 256);
+    }
+}

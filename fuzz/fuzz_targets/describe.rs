@@ -1,0 +1,4 @@
+#![no_main]
+//! See [`troupe_fuzz::describe`].
+
+troupe_fuzz::target!(describe);

@@ -1,0 +1,283 @@
+//! Requests to act out words: from a message to a task.
+
+use troupe_character::keyframe::{Checked, KeyWriter};
+use troupe_character::{FieldError, Path};
+use troupe_engine::pack::Pack;
+use troupe_motion::model::{AgentTask, Audio, PromptTask, Rig, Sound, Task};
+use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
+use troupe_proto::v1;
+
+use super::prepare::check_keyframes;
+use super::sampling::check_sampling;
+use super::words::{check_prompt, most_past};
+use crate::wire::keyframe::{Role, check_reach};
+
+/// Most characters of a prompt's text.
+pub const MAX_PROMPT_CHARS: usize = 1000;
+/// Most frames that a prompt asks for, and that a motion to describe has.
+pub const MAX_GENERATED_FRAMES: usize = 1024;
+
+/// A request that a pack takes, in the form of a task.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prepared {
+    /// The task.
+    pub task: Task,
+    /// Where its segment lies in the world.
+    pub frame: SegmentFrame,
+    /// What the model may not do well.
+    pub notes: Vec<String>,
+}
+
+/// Checks words to act out, which are the goal of `request`, and brings them into the form of a task for `pack`.
+///
+/// # Errors
+/// [`FieldError`] for the first value that is not accepted.
+pub fn prepare_prompt(
+    request: &v1::GenerateRequest,
+    prompt: &v1::Prompt,
+    pack: &Pack,
+) -> Result<Prepared, FieldError> {
+    let root = Path::root();
+    let path = root.field("prompt");
+    let sampling = check_sampling(&root, request.sampling.as_ref())?;
+    check_pack(&path, prompt, pack)?;
+    let texts = Texts::check(&path, request, prompt)?;
+    let frames = check_length(&path, prompt, &pack.rig)?;
+    let audio = prompt.audio.as_ref();
+    let audio = audio
+        .map(|audio| check_audio(&path.field("audio"), audio))
+        .transpose()?;
+    let keys = Keys::check(&root, request, prompt, pack)?;
+
+    let frame = segment(keys.past.last());
+    let mut writer = KeyWriter::new(&pack.rig.skeleton, pack.rig.fps);
+    let others = texts.others.into_iter().zip(&keys.others);
+    let task = Task::Prompt(PromptTask {
+        text: texts.first,
+        context: writer.write(&frame, &keys.past),
+        targets: writer.write(&frame, &keys.targets),
+        audio,
+        others: others
+            .map(|(text, past)| AgentTask {
+                text,
+                context: writer.write(&frame, past),
+            })
+            .collect(),
+        frames,
+        seed: request.seed,
+        sampling,
+        in_parts: true,
+        flow_steps: prompt.flow_steps.unwrap_or(0),
+    });
+    let notes = check_prompt(pack, prompt, &task)?;
+    Ok(Prepared { task, frame, notes })
+}
+
+/// The segment that goes on from this keyframe; that of the origin where there is none.
+pub(super) fn segment(from: Option<&Checked>) -> SegmentFrame {
+    let origin = GlobalRoot::new(Vec3::ZERO, 0.0);
+    SegmentFrame::from_root(from.and_then(|key| key.root).unwrap_or(origin))
+}
+
+/// Packs without a language model take words alone, and those without audio no audio.
+fn check_pack(path: &Path<'_>, prompt: &v1::Prompt, pack: &Pack) -> Result<(), FieldError> {
+    let has_model = pack.manifest.vermo.is_some();
+    let has_audio = (pack.manifest.vermo.as_ref()).is_some_and(|table| table.audio_codes > 0);
+    let given = [
+        ("targets", !prompt.targets.is_empty() && !has_model),
+        ("others", !prompt.others.is_empty() && !has_model),
+        (
+            "flow_steps",
+            prompt.flow_steps.is_some_and(|steps| steps > 0) && !has_model,
+        ),
+        ("audio", prompt.audio.is_some() && !has_audio),
+    ];
+    match given.into_iter().find(|(_, is_given)| *is_given) {
+        None => Ok(()),
+        Some((field, _)) => {
+            let lacks = if has_model { "audio" } else { "language model" };
+            let allowed = format!("none: the pack {} has no {lacks}", pack.name());
+            Err(path.field(field).error("is given", allowed))
+        }
+    }
+}
+
+/// What the characters are to do, in words.
+struct Texts {
+    first: String,
+    others: Vec<String>,
+}
+
+impl Texts {
+    /// All characters have words, or none has: then something else says what to do.
+    fn check(
+        path: &Path<'_>,
+        request: &v1::GenerateRequest,
+        prompt: &v1::Prompt,
+    ) -> Result<Self, FieldError> {
+        let is_blank = |text: &str| text.trim().is_empty();
+        let goes_without = !request.past.is_empty() || !prompt.targets.is_empty() || prompt.audio.is_some();
+        let wordless = is_blank(&prompt.text) && prompt.others.iter().all(|other| is_blank(&other.text));
+        if goes_without && wordless {
+            return Ok(Self {
+                first: String::new(),
+                others: vec![String::new(); prompt.others.len()],
+            });
+        }
+        let others = prompt.others.iter().enumerate();
+        Ok(Self {
+            first: check_text(path, &prompt.text)?,
+            others: others
+                .map(|(index, other)| check_text(&path.element("others", index), &other.text))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+fn check_text(path: &Path<'_>, text: &str) -> Result<String, FieldError> {
+    let path = path.field("text");
+    let allowed = format!("1 to {MAX_PROMPT_CHARS} characters");
+    if text.trim().is_empty() {
+        return Err(path.error("is empty", allowed));
+    }
+    let count = text.chars().count();
+    match count > MAX_PROMPT_CHARS {
+        true => Err(path.error(format!("has {count} characters"), allowed)),
+        false => Ok(text.to_owned()),
+    }
+}
+
+/// Frames that are asked for, of a count or of seconds.
+fn check_length(path: &Path<'_>, prompt: &v1::Prompt, rig: &Rig) -> Result<Option<usize>, FieldError> {
+    match (prompt.frame_count, prompt.seconds) {
+        (Some(_), Some(_)) => Err(path
+            .field("seconds")
+            .error("is given beside frame_count", "one of the two")),
+        (Some(count), None) if (1..=MAX_GENERATED_FRAMES).contains(&(count as usize)) => {
+            Ok(Some(count as usize))
+        }
+        (Some(count), None) => {
+            let allowed = format!("1 to {MAX_GENERATED_FRAMES}");
+            Err(path.field("frame_count").error(format!("is {count}"), allowed))
+        }
+        (None, Some(seconds)) => {
+            let longest_s = MAX_GENERATED_FRAMES as f32 / rig.fps;
+            // Not a number is outside too.
+            if !(seconds > 0.0 && seconds <= longest_s) {
+                let allowed = format!("more than 0, and at most {longest_s:.1}");
+                return Err(path.field("seconds").error(format!("is {seconds}"), allowed));
+            }
+            let unit = match prompt.targets.is_empty() {
+                true => 1,
+                false => rig.dims.frames_per_token,
+            };
+            let units = (seconds * rig.fps / unit as f32).round() as usize;
+            Ok(Some(units.max(1) * unit))
+        }
+        (None, None) if !prompt.targets.is_empty() => Err(path
+            .field("frame_count")
+            .error("is missing", "frame_count or seconds beside targets")),
+        (None, None) => Ok(None),
+    }
+}
+
+fn check_audio(path: &Path<'_>, audio: &v1::Audio) -> Result<Audio, FieldError> {
+    let sound = match v1::Sound::try_from(audio.sound) {
+        Ok(v1::Sound::Music) => Sound::Music,
+        Ok(v1::Sound::Speech) => Sound::Speech,
+        Err(_) => {
+            let found = format!("is {}", audio.sound);
+            return Err(path.field("sound").error(found, "music (0) or speech (1)"));
+        }
+    };
+    match audio.codes.is_empty() {
+        true => Err(path.field("codes").error("is empty", "one code or more")),
+        false => Ok(Audio {
+            sound,
+            codes: audio.codes.clone(),
+        }),
+    }
+}
+
+/// Keyframes of a request, checked.
+struct Keys {
+    past: Vec<Checked>,
+    targets: Vec<Checked>,
+    /// What goes before, of each other character.
+    others: Vec<Vec<Checked>>,
+}
+
+impl Keys {
+    fn check(
+        root: &Path<'_>,
+        request: &v1::GenerateRequest,
+        prompt: &v1::Prompt,
+        pack: &Pack,
+    ) -> Result<Self, FieldError> {
+        let path = root.field("prompt");
+        let counts = (pack.rig.dims.context_frames, most_past(pack));
+        check_past(root, request.past.len(), counts)?;
+        let rig = &pack.rig;
+        let past = check_keyframes(root, "past", &request.past, Role::Context, rig)?;
+        let anchor = past.last();
+        let targets = check_keyframes(&path, "targets", &prompt.targets, Role::Context, rig)?;
+        check_near(root, "past", &past, anchor)?;
+        check_near(&path, "targets", &targets, anchor)?;
+        let mut others = Vec::with_capacity(prompt.others.len());
+        for (index, other) in prompt.others.iter().enumerate() {
+            let path = path.element("others", index);
+            same_count(&path.field("past"), other.past.len(), ("past", past.len()))?;
+            let keys = check_keyframes(&path, "past", &other.past, Role::Context, rig)?;
+            check_near(&path, "past", &keys, anchor)?;
+            others.push(keys);
+        }
+        Ok(Self {
+            past,
+            targets,
+            others,
+        })
+    }
+}
+
+/// Checks that the keyframes `name` of the message at `path` are within reach of `anchor`, or of the origin where there is none.
+pub(super) fn check_near(
+    path: &Path<'_>,
+    name: &'static str,
+    keys: &[Checked],
+    anchor: Option<&Checked>,
+) -> Result<(), FieldError> {
+    let anchor = anchor.and_then(|key| key.root);
+    let anchor = anchor.map_or(Vec3::ZERO, |root| root.position);
+    for (index, key) in keys.iter().enumerate() {
+        check_reach(&path.element(name, index), key, anchor)?;
+    }
+    Ok(())
+}
+
+fn check_past(root: &Path<'_>, count: usize, (least, most): (usize, usize)) -> Result<(), FieldError> {
+    if count == 0 || (least..=most).contains(&count) {
+        return Ok(());
+    }
+    let allowed = match least < most {
+        true => format!("none, or {least} to {most}"),
+        false => format!("none, or exactly {least}"),
+    };
+    Err(root
+        .field("past")
+        .error(format!("has {count} keyframes"), allowed))
+}
+
+/// Another character has as many keyframes as the first, whose field is named.
+pub(super) fn same_count(
+    path: &Path<'_>,
+    count: usize,
+    (first, wanted): (&str, usize),
+) -> Result<(), FieldError> {
+    match count == wanted {
+        true => Ok(()),
+        false => Err(path.error(
+            format!("has {count} keyframes"),
+            format!("as many as {first}: {wanted}"),
+        )),
+    }
+}
