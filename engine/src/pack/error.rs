@@ -64,7 +64,7 @@ pub enum PackProblem {
         /// The body.
         body: String,
         /// What is wrong with them.
-        problem: LimitsError,
+        problem: Box<LimitsError>,
     },
     /// A body's file that is not valid TOML, or lacks or misspells a field. The text shows the line.
     #[error("bodies/{body}.toml: {cause}")]

@@ -192,7 +192,7 @@ impl UniMoGenDoc {
                 let limits = Limits::new(&doc, &body.rig.skeleton);
                 let limits = limits.map_err(|problem| PackProblem::BodyLimits {
                     body: name.clone(),
-                    problem,
+                    problem: Box::new(problem),
                 })?;
                 Arc::make_mut(&mut body.rig).limits = Some(Arc::new(limits));
             }

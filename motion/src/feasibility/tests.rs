@@ -257,15 +257,18 @@ fn what_is_no_number_is_not_feasible() {
     assert_eq!(found.worst().1.ratio(), f32::INFINITY);
 }
 
+/// What makes a table wrong.
+type Change<'a> = &'a dyn Fn(&mut LimitsDoc);
+
 #[test]
 fn tables_that_are_wrong_name_the_field() {
     let skeleton = biped();
-    let told = |change: &dyn Fn(&mut LimitsDoc)| {
+    let told = |change: Change<'_>| {
         let mut doc = doc();
         change(&mut doc);
         Limits::new(&doc, &skeleton).unwrap_err().to_string()
     };
-    let all: [(&dyn Fn(&mut LimitsDoc), &str); 7] = [
+    let all: [(Change<'_>, &str); 7] = [
         (
             &|doc| doc.root_speed_mps = 0.0,
             "limits.root_speed_mps is 0; allowed: above 0",

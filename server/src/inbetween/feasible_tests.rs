@@ -129,7 +129,7 @@ fn a_target_too_far_away_is_refused_with_the_distance_and_the_frames_that_would_
 
 #[test]
 fn where_the_model_chooses_the_length_the_longest_counts() {
-    let near = |z| standing(vec![key(2.0, 1.0 + z, Quat::IDENTITY)], None);
+    let near = |z: f32| standing(vec![key(2.0, 1.0 + z, Quat::IDENTITY)], None);
     assert_eq!(refused(near(2.9)), None);
     assert!(refused(near(3.2)).is_some());
     let mut short = near(2.88);

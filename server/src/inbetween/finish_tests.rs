@@ -121,7 +121,7 @@ fn a_height_without_a_root_is_met_where_the_root_is() {
         Given {
             root: Some(GlobalRoot::new(Vec3::new(0.3, 0.8, 0.8), 0.4)),
             height: Some(0.8),
-            rotations: None,
+            ..Given::default()
         },
         Given {
             height: Some(0.7),

@@ -191,9 +191,8 @@ async fn the_client_takes_several_characters_and_audio() {
     assert_eq!(dance.clip.frames(), 32);
 
     let ahead = made.clip.root_positions[59] + Vec3::Z;
-    let target = Key::all(&made.clip)[56..60]
-        .iter()
-        .map(|key| key.clone().root(ahead, None));
+    let keys = Key::all(&made.clip);
+    let target = keys[56..60].iter().map(|key| key.clone().root(ahead, None));
     let target: Vec<Key> = target.collect();
     let gap = Prompt::default().after(&Key::all(&made.clip)).ending_in(&target);
     let error = client.say(&pack, &gap).await.unwrap_err();
