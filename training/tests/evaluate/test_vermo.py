@@ -1,6 +1,7 @@
 """VerMo's evaluation: motions are placed, joined and compared as the tables say, and every part of the command runs."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -94,3 +95,17 @@ def test_every_part_is_measured(vermo_run: Path, cache: Path, tmp_path: Path):
     assert 0.0 <= figures["description"]["train"]["content"] <= 1.0
     assert figures["nearest"]["train: captured"]["mean"] >= 0.0
     assert "R@1, pool 32" in (tmp_path / "figures.md").read_text()
+
+    pack = tmp_path / "pack"
+    where = ["--run", str(vermo_run), "--cache", str(cache), "--out", str(pack)]
+    assert main(["vermo", "export", *where, "--licence", "CC0-1.0", "--name", "tiny"]) == 0
+    assert main(["vermo", "card", "--pack", str(pack), "--evaluations", str(out)]) == 0
+    card = (pack / "README.md").read_text()
+    assert "| train, flow of 4 steps |" in card and "### Distance to training clips" in card
+    told = tomllib.loads((pack / "pack.toml").read_text())["evaluation"]
+    assert told["nearest_train_captured"] == pytest.approx(figures["nearest"]["train: captured"], rel=1e-4)
+    report = json.loads(out.read_text())
+    report["steps"]["tokenizer_steps"] += 1
+    out.write_text(json.dumps(report))
+    with pytest.raises(SystemExit, match="the figures are of tokenizer_steps"):
+        main(["vermo", "card", "--pack", str(pack), "--evaluations", str(out)])

@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 
 from troupe_training.cli.options import OPTIONS, STOPPED, command
+from troupe_training.evaluate.vermo.card import write_card
 from troupe_training.evaluate.vermo.measure import PARTS, Setting, measure
 from troupe_training.export.manifest import About
 from troupe_training.export.vermo.pack import SAMPLING
@@ -160,11 +161,18 @@ def evaluate(args: argparse.Namespace) -> int:
         args.evaluator,
         args.task,
     )
-    figures, text = measure(setting, args.measured)
+    measured, text = measure(setting, args.measured)
     if args.markdown:
         args.markdown.write_text(f"    {args.command_line}\n\n{text}")
     if args.json:
-        args.json.write_text(json.dumps({"command": args.command_line, "figures": figures}, indent=1) + "\n")
+        args.json.write_text(json.dumps({"command": args.command_line} | measured, indent=1) + "\n")
+    return 0
+
+
+@command(*("--pack", "--evaluations", "--notes"), group=GROUP, required=("--evaluations",), pack=Path("models/vermo"))
+def card(args: argparse.Namespace) -> int:
+    """Writes a pack's README from its manifest and the JSON of `vermo evaluate`."""
+    write_card(args.pack, args.evaluations, args.notes)
     return 0
 
 

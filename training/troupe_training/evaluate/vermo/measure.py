@@ -19,7 +19,7 @@ from troupe_training.evaluate.vermo.continuation import (
     last_velocity,
     windows_of,
 )
-from troupe_training.evaluate.vermo.nearest import nearest, training_windows
+from troupe_training.evaluate.vermo.nearest import nearest, nearest_table, training_windows
 from troupe_training.evaluate.vermo.nearest import windows_of as motion_windows
 from troupe_training.evaluate.vermo.reconstruction import reconstruction, reconstruction_table, whole_crops
 from troupe_training.evaluate.vermo.text import (
@@ -33,12 +33,13 @@ from troupe_training.evaluate.vermo.text import (
     text_figures,
     text_table,
 )
+from troupe_training.export.vermo.run import steps_of
 from troupe_training.models.vermo.config import RATE
 from troupe_training.models.vermo.judge import Judge
 from troupe_training.models.vermo.sampler import Sampling
 from troupe_training.train.vermo.corpus import Motions, captions_of
 from troupe_training.train.vermo.judge import STAGE as JUDGE
-from troupe_training.train.vermo.language import motions_of
+from troupe_training.train.vermo.language import latest_stage, motions_of
 
 PARTS = ("reconstruction", "continuation", "text", "description", "nearest")
 NEAREST_WINDOWS = 8  # frames between a sample's windows
@@ -68,6 +69,7 @@ class Measured:
         self.setting = setting
         train = motions_of(setting.run, setting.cache, "train")
         self.model = Model(setting.run, train.store, setting.sampling, setting.task)
+        self.steps = steps_of(setting.run, latest_stage(setting.run, setting.task))
         self.train = Motions(train.store, self.model.networks.tokenizer, train.clips)
         self.splits = {
             name: Motions(train.store, self.model.networks.tokenizer, motions_of(None, setting.cache, name).clips)
@@ -158,22 +160,15 @@ class Measured:
                     "tenth": float(distance.quantile(0.1)),
                     "mean": float(distance.mean()),
                 }
-        rows = [
-            f"| {n} | {1e3 * f['mean']:.0f} | {1e3 * f['median']:.0f} | {1e3 * f['tenth']:.0f} |"
-            for n, f in figures.items()
-        ]
-        head = (
-            "| distance to the nearest training window (mm) | mean | median | nearest tenth |\n|---|---:|---:|---:|\n"
-        )
-        return figures, head + "\n".join(rows) + "\n"
+        return figures, nearest_table(figures)
 
 
 def measure(setting: Setting, parts: list[str]) -> tuple[dict[str, Any], str]:
-    """Figures and tables of the parts."""
+    """How far the networks are, figures of the parts; tables."""
     measured = Measured(setting)
     figures, tables = {}, []
     for part in parts:
         figures[part], table = getattr(measured, part)()
         print(table, flush=True)
         tables.append(f"{part}\n\n{table}")
-    return figures, "\n".join(tables)
+    return {"steps": measured.steps, "figures": figures}, "\n".join(tables)

@@ -7,7 +7,7 @@ The distance is the mean over joints and frames to the nearest window of the tra
 import torch
 from torch import Tensor
 
-from troupe_training.evaluate.vermo.answers import Clip
+from troupe_training.evaluate.vermo.answers import Clip, markdown
 from troupe_training.models.vermo.frames import seen_from_first
 from troupe_training.train.vermo.corpus import Motions
 
@@ -48,3 +48,10 @@ def nearest(windows: Tensor, training: Tensor) -> Tensor:
         exact = (chunk[found] - windows[:, None]).norm(dim=-1).mean((2, 3)).amin(1)
         best = torch.minimum(best, exact)
     return best
+
+
+def nearest_table(figures: dict[str, dict[str, float]]) -> str:
+    """Rows by split and source."""
+    header = ["distance to the nearest training window (mm)", "mean", "median", "nearest tenth"]
+    rows = [[name, *(f"{1e3 * f[key]:.0f}" for key in ("mean", "median", "tenth"))] for name, f in figures.items()]
+    return markdown(header, rows)

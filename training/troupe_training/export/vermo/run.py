@@ -27,6 +27,12 @@ def load_networks(run: Path, store: ClipStore, task: str | None = None) -> tuple
     return Networks(load_tokenizer(run, store), load_language(run, stage), flow), stage
 
 
+def steps_of(run: Path, stage: str) -> dict[str, int]:
+    """How far the stages of a run are that a pack is made of, by the manifest's names; ``stage`` is the language model's."""
+    stages = [name for name in (TOKENIZER.name, REFINE.name, stage, FLOW.name) if (run / f"{name}.pt").exists()]
+    return {f"{name.replace('-', '_')}_steps": read_checkpoint(run / f"{name}.pt")["step"] for name in stages}
+
+
 def export_run(run: Path, cache: Path, out: Path, about: About, task: str | None = None) -> None:
     """A run's checkpoints as a pack, with what they note of their training, and curves. ``task``: the specialist's."""
     store = ClipStore(cache, "train", lengths=())
