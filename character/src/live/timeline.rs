@@ -14,7 +14,7 @@
 
 use super::buffer::{CROSSFADE_FRAMES, Frames, MotionBuffer, Seam};
 use super::policy::{INTERVAL_GRACE, MARGIN_FRAMES, Policy};
-use super::{Arrival, CONTEXT_FRAMES, Clock, LivePlan, PlanCause, SUB_FRAMES, Stats};
+use super::{Arrival, CONTEXT_FRAMES, Clock, LivePlan, MAX_PAST_FRAMES, PlanCause, SUB_FRAMES, Stats};
 use crate::primitives::recipe::VELOCITY_FRAMES;
 use serde::{Deserialize, Serialize};
 
@@ -31,8 +31,11 @@ const FULL_PACE: i64 = MARGIN_FRAMES * SUB;
 const FIRST_PLAN_FRAMES: i64 = 24;
 /// And that it may at most, where they are so many that those will not do.
 const MAX_FIRST_PLAN_FRAMES: i64 = 120;
-/// Frames kept behind the cursor: what a plan's context and the velocity before it take.
-pub(super) const HISTORY_FRAMES: i64 = VELOCITY_FRAMES as i64 + 2;
+/// Frames kept behind the cursor: what a plan's context and the velocity before it take, and the past that words go on from.
+pub(super) const HISTORY_FRAMES: i64 = {
+    let (velocity, past) = (VELOCITY_FRAMES as i64 + 2, MAX_PAST_FRAMES as i64);
+    if velocity > past { velocity } else { past }
+};
 
 /// What stopped the cursor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -99,6 +102,8 @@ pub(super) struct Timeline {
     flight: Option<Flight>,
     /// Decisions look at frames beyond the splice frame of a plan in flight.
     looks_ahead: bool,
+    /// A clock that waits goes no further than this frame before words have come.
+    words_from: Option<i64>,
     /// The plan that the one in flight replaced. It still comes if the networks had begun it.
     replaced: Option<Ticket>,
     last_splice: Option<i64>,
@@ -131,6 +136,7 @@ impl Timeline {
             command_changed: true,
             flight: None,
             looks_ahead: false,
+            words_from: None,
             replaced: None,
             last_splice: None,
             last_cause: PlanCause::Command,
@@ -283,10 +289,11 @@ impl Timeline {
             .is_some_and(|flight| !flight.arrived && flight.ticket.splice * SUB <= self.cursor)
     }
 
-    /// A clock that waits goes no further without the plan in flight.
+    /// A clock that waits goes no further without the plan in flight, or without words.
     fn is_waited_for(&self) -> bool {
         let early = |flight: Flight| !flight.arrived && (flight.ticket.asked_at + 1) * SUB <= self.cursor;
-        self.overdue() || self.looks_ahead && self.flight.is_some_and(early)
+        let words = self.words_from.is_some_and(|frame| frame * SUB <= self.cursor);
+        self.overdue() || words || self.looks_ahead && self.flight.is_some_and(early)
     }
 
     /// Whole frames in the buffer beyond the cursor.

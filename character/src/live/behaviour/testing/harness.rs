@@ -265,6 +265,8 @@ impl Harness {
             EventKind::Fell { .. } => "fell",
             EventKind::Landed { .. } => "landed",
             EventKind::Arrived { .. } => "arrived",
+            EventKind::Performing { .. } => "performing",
+            EventKind::Performed { .. } => "performed",
         };
         self.events
             .iter()
