@@ -51,7 +51,7 @@ proptest! {
             }
             carry_out(&mut one, event);
             carry_out(&mut other, event);
-            if nth % every == 0 && !other.awaits_plan() {
+            if nth % every == 0 && !other.awaits_plan() && !other.character.performs() {
                 through_bytes(&mut other);
             }
             prop_assert_eq!(one.frames.len(), other.frames.len());
@@ -119,7 +119,7 @@ fn what_it_names_must_be_there() {
     let mut old = bytes.to_vec();
     old[0] = 9;
     let error = restore(&old, &around(&rig)).unwrap_err().to_string();
-    assert_eq!(error, "it was saved in format 9; allowed: format 2");
+    assert_eq!(error, "it was saved in format 9; allowed: format 3");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Frames of a performance that have come and are not in the buffer yet.
 
-use troupe_motion::{Quat, SegmentFrame, Vec3};
+use troupe_motion::SegmentFrame;
 
 use super::super::buffer::Frames;
 use super::super::policy::MARGIN_FRAMES;
@@ -130,16 +130,6 @@ impl WordsPart {
         }
         for pose in self.rotations.chunks_exact_mut(joints.max(1)) {
             pose[0] = lies.to_world_rotation(pose[0]).normalize();
-        }
-    }
-
-    /// Of `frames` frames that are all like this, for tests.
-    #[cfg(test)]
-    pub(crate) fn still(frames: usize, root: Vec3, pose: &[Quat]) -> Self {
-        Self {
-            roots: vec![root; frames],
-            rotations: pose.repeat(frames),
-            contacts: vec![0; frames],
         }
     }
 }

@@ -51,7 +51,7 @@ impl Character {
     }
 
     /// It acts out words, or is about to.
-    pub(in crate::live) fn performs(&self) -> bool {
+    pub(crate) fn performs(&self) -> bool {
         self.performance.is_some()
     }
 
