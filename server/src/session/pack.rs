@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use super::{SessionError, WordsPacks};
 use super::metrics::SessionMetrics;
+use super::{SessionError, WordsPacks};
 use crate::packs::{LoadedPack, PackTable};
 use crate::telemetry::{Seldom, Telemetry};
 use troupe_character::live::load::PlanLoad;

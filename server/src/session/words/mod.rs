@@ -85,7 +85,9 @@ impl WordsPacks {
             let fit = self.by_name.iter().filter(|(_, pack)| pack.is_ok());
             let names: Vec<&str> = fit.map(|(name, _)| name.as_str()).collect();
             match names.is_empty() {
-                true => "none: no pack of this server makes motion of words for the session's skeleton".to_owned(),
+                true => {
+                    "none: no pack of this server makes motion of words for the session's skeleton".to_owned()
+                }
                 false => names.join(", "),
             }
         };
@@ -101,10 +103,14 @@ impl WordsPacks {
                 ..error.clone()
             }
             .into()),
-            Some(Err(WhyNot::Skeleton(why))) => Err(path.error(format!("is {name:?}: {why}"), allowed()).into()),
+            Some(Err(WhyNot::Skeleton(why))) => {
+                Err(path.error(format!("is {name:?}: {why}"), allowed()).into())
+            }
             Some(Err(WhyNot::Past(frames))) => {
                 let message = format!("is {name:?}, which reads {frames} past frames");
-                Err(path.error(message, format!("packs that read at most {MAX_PAST_FRAMES}")).into())
+                Err(path
+                    .error(message, format!("packs that read at most {MAX_PAST_FRAMES}"))
+                    .into())
             }
             None => Err(UnknownPack {
                 name: name.chars().take(MAX_ECHO).collect(),

@@ -80,7 +80,10 @@ fn order(cell: &SessionCell, request: &WordsRequest, patience: Patience) -> Orde
     let now = Instant::now();
     let live = Order {
         owner: None,
-        ..Order::live(cell.owner_id(), now + Duration::from_secs_f32(frames / cell.pack().rig().fps))
+        ..Order::live(
+            cell.owner_id(),
+            now + Duration::from_secs_f32(frames / cell.pack().rig().fps),
+        )
     };
     match patience {
         Patience::Fails => live.expiring(now + MAX_WAIT),
@@ -100,7 +103,12 @@ struct Awaited {
 
 impl Awaited {
     /// A stream of parts. Where there is no place for it, it is asked for again.
-    async fn patient_stream(&self, batcher: &Batcher, task: Task, order: Order) -> Result<Parts, SubmitError> {
+    async fn patient_stream(
+        &self,
+        batcher: &Batcher,
+        task: Task,
+        order: Order,
+    ) -> Result<Parts, SubmitError> {
         loop {
             match batcher.stream(task.clone(), order) {
                 Err(SubmitError::QueueFull { retry_after, .. }) if self.cell.end().is_none() => {
