@@ -231,6 +231,3 @@ impl WordsPack {
 
 /// Numbers of a joint's pose.
 const POSE_NUMBERS: usize = troupe_motion::features::FEATURES_PER_JOINT;
-
-#[cfg(test)]
-mod tests;
