@@ -89,3 +89,9 @@ impl Act {
         }
     }
 }
+
+impl From<Act> for v1::command::Intent {
+    fn from(act: Act) -> Self {
+        act.to_message()
+    }
+}
