@@ -98,7 +98,10 @@ export class Bodies {
   }
 
   private async fetch(key: string, packName: string, bodyName: string): Promise<BodyKind> {
-    const [pack, { styles, default_style }] = await Promise.all([this.detail(packName), this.api.styles(packName, bodyName)]);
+    const [pack, { styles, default_style }] = await Promise.all([
+      this.detail(packName),
+      this.api.styles(packName, bodyName),
+    ]);
     const body = pack.bodies?.find((one) => one.name === bodyName);
     const skeleton = skeletonOf(body?.joints ?? pack.joints);
     const contacts = body?.contact_joints ?? pack.contact_joints;
