@@ -2,10 +2,15 @@
 
 use std::sync::Arc;
 
+use troupe_motion::interpolate::smoothstep;
 use troupe_motion::model::{Motion, Rig};
+use troupe_motion::rotation::align_sign;
 use troupe_motion::{Joint, Quat, Skeleton, Vec3};
 
-use crate::post::{NonFinite, check_finite, contact_bits, parent_relative, roots};
+use crate::post::{NonFinite, check_finite, contact_bits, hold_live, parent_relative, roots};
+
+/// Frames over which what a part lacks of the one before fades out.
+const SEAM_FRAMES: usize = 8;
 
 /// Consecutive frames of a performance in its segment frame, by column.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -18,12 +23,27 @@ pub struct WordsPart {
     pub contacts: Vec<u8>,
 }
 
-/// Reads the parts of a pack of words for characters of another pack, whose joints are the same.
+/// Reads the parts of a pack of words, one after another, for characters of another pack, whose joints are the same. Feet that
+/// stand are held.
 #[derive(Debug, Clone)]
 pub struct PartReader {
     words: Arc<Rig>,
+    own: Arc<Rig>,
+    /// The last frame of the part before.
+    seam: Option<Seam>,
     /// For each contact joint of the words, its bit in the character's frames; 0 where it has none.
     contacts: Vec<u8>,
+}
+
+/// The last frame of a part.
+#[derive(Debug, Clone)]
+struct Seam {
+    root: Vec3,
+    contacts: u8,
+    /// Its pose with the feet held.
+    pose: Vec<Quat>,
+    /// For each joint, how that differs from what the model made.
+    turned: Vec<Quat>,
 }
 
 /// Why a character cannot act out what a pack makes.
@@ -42,7 +62,7 @@ impl PartReader {
     ///
     /// # Errors
     /// [`OtherSkeleton`] where its joints are not those of the characters, in their order.
-    pub fn new(words: &Arc<Rig>, own: &Rig) -> Result<Self, OtherSkeleton> {
+    pub fn new(words: &Arc<Rig>, own: &Arc<Rig>) -> Result<Self, OtherSkeleton> {
         if !same_joints(&words.skeleton, &own.skeleton) {
             return Err(OtherSkeleton::Joints);
         }
@@ -62,14 +82,16 @@ impl PartReader {
         Ok(Self {
             contacts: of(words).into_iter().take(8).map(bit).collect(),
             words: words.clone(),
+            own: own.clone(),
+            seam: None,
         })
     }
 
-    /// The frames of a part.
+    /// The frames of the next part.
     ///
     /// # Errors
     /// [`NonFinite`] where the model gave numbers that are not finite.
-    pub fn read(&self, motion: &Motion) -> Result<WordsPart, NonFinite> {
+    pub fn read(&mut self, motion: &Motion) -> Result<WordsPart, NonFinite> {
         check_finite(motion)?;
         let (frames, dims) = (motion.frames(), &self.words.dims);
         let bits = contact_bits(&motion.contacts, dims.contacts, frames);
@@ -78,11 +100,61 @@ impl PartReader {
             own.filter(|(theirs, _)| bits >> theirs & 1 == 1)
                 .fold(0, |all, (_, own)| all | own)
         };
-        Ok(WordsPart {
+        let mut part = WordsPart {
             roots: roots(&motion.root).map(|root| root.position).collect(),
             rotations: parent_relative(motion, frames, dims, &self.words.skeleton),
             contacts: bits.into_iter().map(mapped).collect(),
-        })
+        };
+        self.hold_feet(&mut part);
+        Ok(part)
+    }
+
+    /// Holds the feet of a part; those that stand at the end of the one before go on standing there.
+    fn hold_feet(&mut self, part: &mut WordsPart) {
+        let joints = self.own.skeleton.joint_count();
+        if part.roots.is_empty() {
+            return;
+        }
+        let before = self.seam.take();
+        if let Some(seam) = &before {
+            seam.fade(&mut part.rotations, joints);
+            part.roots.insert(0, seam.root);
+            part.contacts.insert(0, seam.contacts);
+            part.rotations.splice(0..0, seam.pose.iter().copied());
+        }
+        let start = usize::from(before.is_some());
+        let made = part.rotations[part.rotations.len() - joints..].to_vec();
+        hold_live(
+            &self.own,
+            &mut part.roots,
+            &mut part.rotations,
+            &part.contacts,
+            start,
+        );
+        part.roots.drain(..start);
+        part.contacts.drain(..start);
+        part.rotations.drain(..start * joints);
+        let held = part.rotations[part.rotations.len() - joints..].to_vec();
+        let turned = held.iter().zip(&made).map(|(held, made)| *held * made.inverse());
+        self.seam = Some(Seam {
+            root: part.roots.last().copied().unwrap_or_default(),
+            contacts: part.contacts.last().copied().unwrap_or_default(),
+            turned: turned.collect(),
+            pose: held,
+        });
+    }
+}
+
+impl Seam {
+    /// What the frame had of its own fades out of the frames behind it.
+    fn fade(&self, rotations: &mut [Quat], joints: usize) {
+        for (step, pose) in rotations.chunks_exact_mut(joints).enumerate().take(SEAM_FRAMES) {
+            let left = 1.0 - smoothstep((step + 1) as f32 / (SEAM_FRAMES + 1) as f32);
+            for (rotation, turn) in pose.iter_mut().zip(&self.turned) {
+                let turn = Quat::IDENTITY.slerp(align_sign(*turn, Quat::IDENTITY), left);
+                *rotation = (turn * *rotation).normalize();
+            }
+        }
     }
 }
 

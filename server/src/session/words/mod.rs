@@ -56,7 +56,7 @@ pub struct WordsPacks {
 
 impl WordsPacks {
     /// Those of `table`, for characters of `own`.
-    pub fn new(table: &PackTable, own: &Rig) -> Self {
+    pub fn new(table: &PackTable, own: &Arc<Rig>) -> Self {
         let named = |loaded: &Arc<LoadedPack>| (loaded.pack.name().to_owned(), words_pack(loaded, own));
         let by_name: BTreeMap<_, _> = table.all().map(named).collect();
         let fit = |loaded: &&Arc<LoadedPack>| matches!(by_name.get(loaded.pack.name()), Some(Ok(_)));
@@ -146,7 +146,7 @@ impl WordsPacks {
     }
 }
 
-fn words_pack(loaded: &Arc<LoadedPack>, own: &Rig) -> Result<WordsPack, WhyNot> {
+fn words_pack(loaded: &Arc<LoadedPack>, own: &Arc<Rig>) -> Result<WordsPack, WhyNot> {
     loaded.require(Capability::Text, "").map_err(WhyNot::CannotDo)?;
     let rig = &loaded.pack.rig;
     let past = rig.dims.context_frames;

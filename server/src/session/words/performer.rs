@@ -63,7 +63,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
             Err(task) => awaited.patient_stream(&batcher, task, order).await,
         };
         match parts {
-            Ok(parts) => awaited.follow(parts, &reader).await,
+            Ok(parts) => awaited.follow(parts, reader).await,
             Err(error) => awaited.failed(&error.to_string()),
         }
     };
@@ -120,10 +120,10 @@ impl Awaited {
     }
 
     /// Brings the character one part after another, until the last or until nobody wants more.
-    async fn follow(mut self, mut parts: Parts, reader: &PartReader) {
+    async fn follow(mut self, mut parts: Parts, mut reader: PartReader) {
         while let Some(piece) = parts.next().await {
             let is_last = piece.as_ref().is_ok_and(|piece| piece.is_last);
-            let part = piece.and_then(|piece| read(reader, piece));
+            let part = piece.and_then(|piece| read(&mut reader, piece));
             match part {
                 Ok(part) => {
                     let goes_on = self.arrived(part, is_last);
@@ -180,7 +180,7 @@ impl Drop for Awaited {
 }
 
 /// The frames of a part.
-fn read(reader: &PartReader, piece: Piece) -> Result<WordsPart, SubmitError> {
+fn read(reader: &mut PartReader, piece: Piece) -> Result<WordsPart, SubmitError> {
     let motion = match piece.output {
         Output::Motion(motion) => motion,
         Output::Motions(motions) => motions.into_iter().next().unwrap_or_default(),
