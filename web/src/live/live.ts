@@ -71,7 +71,7 @@ export class Live {
       onEvents: this.onEvents,
       onProblem: (text, session, sequence) => {
         notice(text, 'error');
-        const isSaid = Number(sequence) === this.said && this.crowd.characterOf(session ?? '') === this.own;
+        const isSaid = sequence === this.said && this.crowd.characterOf(session ?? '') === this.own;
         if (isSaid) useLive.setState({ saying: SILENT });
       },
       onTick: this.onTick,

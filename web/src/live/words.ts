@@ -45,14 +45,14 @@ const ENDS: Record<string, string> = {
   RESTARTED: 'The server was started again',
 };
 
-/** How it is after an event of the own character, whose 64-bit numbers may be text. `sequence` is the number of the command that said the sentence. */
+/** How it is after an event of the own character. `sequence` is the number of the command that said the sentence. */
 export function after(saying: Saying, kind: SessionEvent['kind'], sequence: number): Saying {
   if (!kind) return saying;
-  if ('performing' in kind && Number(kind.performing.sequence) === sequence) {
+  if ('performing' in kind && kind.performing.sequence === sequence) {
     const { text, unknown_words } = kind.performing;
     return { state: 'performing', text, unknown: unknown_words, trouble: '' };
   }
-  if ('performed' in kind && Number(kind.performed.sequence) === sequence) {
+  if ('performed' in kind && kind.performed.sequence === sequence) {
     const { reason, message } = kind.performed;
     const end = ENDS[reason];
     const trouble = end === undefined ? '' : message ? `${end}: ${message}` : `${end}.`;

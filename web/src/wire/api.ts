@@ -1,7 +1,6 @@
 // The server's HTTP API.
 import type {
   Command,
-  Frames,
   InBetweenRequest,
   InBetweenResponse,
   Keyframe,

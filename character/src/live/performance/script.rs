@@ -10,6 +10,8 @@ use super::{MAX_PERFORMANCE_FRAMES, WordsPart};
 pub(super) const BEGIN_FRAMES: usize = 2 * MARGIN_FRAMES as usize;
 /// About how many frames a part has.
 const PART_FRAMES: i64 = 32;
+/// Frames that the next part is expected to take at least: the first may have come before others asked for theirs.
+const LEAST_EXPECTED: i64 = 30;
 
 /// Frames in their segment frame, by column, and how they came.
 #[derive(Debug, Default)]
@@ -68,7 +70,7 @@ impl Script {
     pub(super) fn will_last(&self, asked: i64, reserve: i64) -> bool {
         let held = self.waiting.frames() as i64;
         let took = (self.newest_at - asked).max(1);
-        let expected = took * PART_FRAMES / held.max(1);
+        let expected = (took * PART_FRAMES / held.max(1)).max(LEAST_EXPECTED);
         self.is_enough(reserve) && (self.whole || held >= reserve + expected)
     }
 
