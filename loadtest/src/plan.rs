@@ -142,6 +142,9 @@ pub struct Live {
     /// Priorities are spread evenly from 0 to 1; else all have the server's default.
     #[serde(default)]
     pub spread_priorities: bool,
+    /// Share of the characters that act out sentences, 0 to 1.
+    #[serde(default)]
+    pub performers: f64,
     /// Every tick of so many is decoded and checked whole; 0: none.
     pub verify_every: u32,
 }

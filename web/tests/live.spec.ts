@@ -93,26 +93,6 @@ test('walks along a path that is drawn, and arrives', async ({ page, open }) => 
   expect(apart(await ownPlace(page), before)).toBeGreaterThan(0.5);
 });
 
-test('asks for words only where a pack takes them', async ({ page, open }) => {
-  const field = page.getByLabel('Say what it should do');
-  await open('mode=live&n=1');
-  await waitForCrowd(page, 1);
-  await expect(page.getByRole('combobox', { name: 'Pack' })).toBeVisible();
-  await expect(field).toHaveCount(0);
-  // The same page, told that the pack can.
-  await page.route('**/v1/packs', async (route) => {
-    const answer = await route.fetch();
-    const { packs } = (await answer.json()) as { packs: { capabilities: string[] }[] };
-    await route.fulfill({
-      response: answer,
-      json: { packs: packs.map((pack) => ({ ...pack, capabilities: [...pack.capabilities, 'text'] })) },
-    });
-  });
-  await page.reload();
-  await waitForCrowd(page, 1);
-  await expect(field).toBeVisible();
-});
-
 // Software takes 20 s for a picture of 200 bodies with their shadows: this one is for machines with a GPU.
 test('draws 200 characters within the time of a frame @gpu', async ({ page, open }) => {
   test.setTimeout(120_000);

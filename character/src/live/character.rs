@@ -16,13 +16,14 @@ use super::behaviour::{Behaviour, Body, Carry, Footing, Next, SetPlan};
 use super::budget::Pace;
 use super::buffer::{Frames, MotionBuffer};
 use super::inbox::Inbox;
+use super::performance::Performance;
 use super::policy::Policy;
 use super::request::{self, Context};
 use super::timeline::{Stop, Ticket, Timeline};
 use super::{
     Activity, Advance, Arrival, CONTEXT_FRAMES, CharacterEvent, CharacterOptions, Clock, CommandOutcome,
-    EventKind, HeldObject, Intent, LivePlan, LiveShape, Pins, PlanCause, PlanFailed, PlanRecord, PlanRequest,
-    Refusal, Start, Stats, Strain, World,
+    EventKind, HeldObject, Intent, LivePlan, LiveShape, PerformanceEnd, Pins, PlanCause, PlanFailed,
+    PlanRecord, PlanRequest, Refusal, Start, Stats, Strain, WaitingCommand, WordsRequest, World,
 };
 use crate::post::part_legs;
 use crate::primitives::path::MAX_LEAD_M;
@@ -38,23 +39,25 @@ const FIRST_FRAME: i64 = 1 - CONTEXT_FRAMES as i64;
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Character {
     #[serde(with = "crate::saved::rig")]
-    rig: Arc<Rig>,
-    options: CharacterOptions,
+    pub(super) rig: Arc<Rig>,
+    pub(super) options: CharacterOptions,
     /// What it does in its scene; none without one.
-    behaviour: Option<Behaviour>,
+    pub(super) behaviour: Option<Behaviour>,
     /// What it stands on; none where that is the ground at height 0 always.
     footing: Option<Footing>,
     /// How it carries what is in its hand.
     carry: Carry,
     /// What happened outside of what it does in a scene.
-    events: Vec<CharacterEvent>,
-    timeline: Timeline,
+    pub(super) events: Vec<CharacterEvent>,
+    pub(super) timeline: Timeline,
     /// How much of the crowd's pressure falls on it.
     stretch: f32,
     /// The newest plan leaves off in the middle of a turn.
-    unfinished: bool,
+    pub(super) unfinished: bool,
     inbox: Inbox,
-    locomotion: Locomotion,
+    pub(super) locomotion: Locomotion,
+    /// What it acts out, or is about to.
+    pub(super) performance: Option<Performance>,
     /// Sequence number of the current command, and the frame from which it held.
     current: (u64, u64),
     /// The frame at which it was told what is done instead of a command; none since a command that can be followed.
@@ -63,6 +66,9 @@ pub struct Character {
     /// A plan to ask for.
     #[serde(skip)]
     outbox: Option<PlanRequest>,
+    /// Words to ask for.
+    #[serde(skip)]
+    pub(super) words_outbox: Option<WordsRequest>,
     /// What the newest plan was asked with.
     #[serde(skip)]
     asked: Option<(Ticket, Arc<LiveShape>)>,
@@ -116,9 +122,11 @@ impl Character {
             unfinished: false,
             inbox: Inbox::default(),
             locomotion: Locomotion::new(0, facing, rig.fps, command),
+            performance: None,
             current: (0, 0),
             told: None,
             outbox: None,
+            words_outbox: None,
             asked: None,
             newest: None,
             footing: world.is_some().then(|| Footing::new(&rig.skeleton, level)),
@@ -177,7 +185,7 @@ impl Character {
     }
 
     /// What the character does in its scene, and what that works on.
-    fn acting(&mut self) -> Option<(&mut Behaviour, Body<'_>)> {
+    pub(super) fn acting(&mut self) -> Option<(&mut Behaviour, Body<'_>)> {
         let (act, footing) = (self.behaviour.as_mut()?, self.footing.as_mut()?);
         let body = Body {
             rig: &self.rig,
@@ -214,6 +222,9 @@ impl Character {
 
     /// What the character is about.
     pub fn activity(&self) -> Activity {
+        if let Some(text) = self.performance.as_ref().and_then(Performance::shown) {
+            return Activity::Performing { text: text.clone() };
+        }
         self.behaviour
             .as_ref()
             .map(Behaviour::activity)
@@ -326,8 +337,9 @@ impl Character {
     /// Decides about the frame that the cursor is at: which commands hold, and whether to ask for a plan.
     fn settle(&mut self, frame: i64, clock: Clock) {
         while let Some(due) = self.inbox.take_due(frame as u64) {
-            if self.take_up(due.intent, frame) {
-                self.current = (due.sequence, frame as u64);
+            let sequence = due.sequence;
+            if self.take_up(due, frame) {
+                self.current = (sequence, frame as u64);
                 self.tell_instead(frame);
             }
         }
@@ -336,19 +348,30 @@ impl Character {
             None => Next::Locomotion,
         };
         match next {
-            Next::Locomotion => {
-                self.end_path(frame);
-                self.settle_locomotion(clock);
-            }
+            Next::Locomotion => self.settle_performance(frame, clock),
             Next::Wait => {
+                self.performance_overtaken(frame);
                 self.timeline.settle_for(None);
             }
-            Next::Ask(plan) => self.settle_set(*plan),
+            Next::Ask(plan) => {
+                self.performance_overtaken(frame);
+                self.settle_set(*plan);
+            }
         }
     }
 
     /// Takes up a command. Answers whether locomotion goes by another from now on.
-    fn take_up(&mut self, intent: Intent, frame: i64) -> bool {
+    fn take_up(&mut self, due: WaitingCommand, frame: i64) -> bool {
+        let intent = match due.intent {
+            Intent::Perform(command) => {
+                self.take_up_words(due.sequence, command, frame);
+                return false;
+            }
+            intent => intent,
+        };
+        if intent.ends_performance() {
+            self.stop_performing(frame, PerformanceEnd::Interrupted);
+        }
         if let Some((act, mut body)) = self.acting() {
             return act.take_up(intent, frame, &mut body);
         }
@@ -361,7 +384,9 @@ impl Character {
                 return true;
             }
             Intent::Cancel => LocomotionCommand::standing(&now.style),
-            Intent::Interact { .. } | Intent::EndInteraction | Intent::Drop => return false,
+            Intent::Interact { .. } | Intent::EndInteraction | Intent::Drop | Intent::Perform(_) => {
+                return false;
+            }
         };
         if self.locomotion.path().is_none() && same(now, &command) {
             return false;
@@ -389,6 +414,12 @@ impl Character {
                 },
             });
         }
+    }
+
+    /// Leaves a frame to locomotion, and to the end of its path.
+    pub(super) fn settle_on_foot(&mut self, frame: i64, clock: Clock) {
+        self.end_path(frame);
+        self.settle_locomotion(clock);
     }
 
     /// Has one stand who has come to the end of a path.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+use super::PerformanceEnd;
 pub use crate::primitives::object::KeyframeError;
 use crate::scene::Transform;
 
@@ -33,6 +34,11 @@ pub enum Activity {
     },
     /// It is in the air, or has just landed.
     Falling,
+    /// It acts out words.
+    Performing {
+        /// What it acts out.
+        text: Arc<str>,
+    },
 }
 
 /// An object in a character's hand.
@@ -135,6 +141,24 @@ pub enum EventKind {
         height_m: f32,
         /// Speed downward at the touch, m/s.
         speed_mps: f32,
+    },
+    /// It began to act out words.
+    Performing {
+        /// Number of the command.
+        number: u64,
+        /// What it acts out.
+        text: Arc<str>,
+        /// The pack that makes motion of the words.
+        pack: Arc<str>,
+        /// Words that the pack does not know.
+        unknown_words: Vec<String>,
+    },
+    /// A performance ended, or came to nothing.
+    Performed {
+        /// Number of the command.
+        number: u64,
+        /// Why.
+        end: PerformanceEnd,
     },
     /// A path came to its end.
     Arrived {

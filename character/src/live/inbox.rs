@@ -84,10 +84,10 @@ impl Inbox {
     }
 }
 
-/// What is to be used gives way to what is to be used instead, and to a cancel.
+/// What is to be used or acted out gives way to what is to be instead, and to a cancel.
 fn replaces(intent: &Intent, waiting: &WaitingCommand) -> bool {
-    matches!(intent, Intent::Interact { .. } | Intent::Cancel)
-        && matches!(waiting.intent, Intent::Interact { .. })
+    let is_done_instead = |intent: &Intent| matches!(intent, Intent::Interact { .. } | Intent::Perform(_));
+    (is_done_instead(intent) || *intent == Intent::Cancel) && is_done_instead(&waiting.intent)
 }
 
 #[cfg(test)]

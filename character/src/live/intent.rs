@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use super::MAX_WAITING_COMMANDS;
+use super::{MAX_WAITING_COMMANDS, PerformCommand};
 use crate::object::Definitions;
 use crate::primitives::{LocomotionCommand, PathCommand};
 use crate::scene::{Holder, SceneCell};
@@ -24,6 +24,11 @@ impl Intent {
     pub(super) fn moves(&self) -> bool {
         matches!(self, Self::Locomote(_) | Self::FollowPath(_))
     }
+
+    /// Whether it ends what is acted out.
+    pub(super) fn ends_performance(&self) -> bool {
+        !matches!(self, Self::EndInteraction | Self::Drop)
+    }
 }
 
 /// What a command asks of a character, in the native convention.
@@ -42,6 +47,8 @@ pub enum Intent {
         /// Name of the approach. `None`: the nearest.
         approach: Option<String>,
     },
+    /// Act out words, and go on in locomotion.
+    Perform(PerformCommand),
     /// Leave what is held by the variant's exit; nothing where there is no interaction.
     EndInteraction,
     /// Break off whatever it does, at once, let go of what is in the hand, and stand.

@@ -10,6 +10,7 @@ mod event;
 mod inbox;
 mod intent;
 pub mod load;
+mod performance;
 mod pin;
 mod plan;
 mod policy;
@@ -24,6 +25,10 @@ pub use character::{Character, LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, Rejoin
 pub use event::{Activity, CharacterEvent, EventKind, FailReason, HeldObject, KeyframeError};
 pub use inbox::MAX_WAITING_COMMANDS;
 pub use intent::{Intent, Refusal, World};
+pub use performance::{
+    MAX_PAST_FRAMES, MAX_PERFORMANCE_FRAMES, MAX_UNKNOWN_WORDS, OtherSkeleton, PartReader, PerformCommand,
+    PerformanceEnd, WordsPart, WordsRequest,
+};
 pub use pin::Pins;
 pub use plan::finish_live;
 pub use types::{

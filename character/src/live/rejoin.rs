@@ -3,8 +3,8 @@
 use troupe_motion::robot::Fitted;
 use troupe_motion::{Quat, Vec3};
 
-use super::super::Clock;
 use super::super::buffer::Seam;
+use super::super::{Clock, PerformanceEnd};
 use super::Character;
 
 /// Most frames that a client may have seen beyond what a character remembers.
@@ -49,6 +49,9 @@ impl Character {
         if let Some(number) = self.timeline.wake(self.rig.skeleton.joint_count())? {
             self.forgo(number);
         }
+        // Words that were on their way are gone.
+        let frame = self.timeline.frame();
+        self.stop_performing(frame, PerformanceEnd::Restarted);
         Ok(())
     }
 

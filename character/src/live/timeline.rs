@@ -17,7 +17,7 @@
 
 use super::buffer::{MotionBuffer, Seam};
 use super::policy::{INTERVAL_GRACE, MARGIN_FRAMES, Policy};
-use super::{Clock, PlanCause, SUB_FRAMES, Stats};
+use super::{Clock, MAX_PAST_FRAMES, PlanCause, SUB_FRAMES, Stats};
 use crate::primitives::recipe::VELOCITY_FRAMES;
 use serde::{Deserialize, Serialize};
 
@@ -41,8 +41,11 @@ const MAX_FIRST_PLAN_FRAMES: i64 = 120;
 /// Frames from the cursor to where a plan for a command takes over, where it is not less anyway. With the look-ahead's four, half of the
 /// time that a character takes to start would be spent waiting; with one, a plan that is made within a tick would be late.
 const COMMAND_AHEAD_FRAMES: i64 = 2;
-/// Frames kept behind the cursor: what a plan's context and the velocity before it take.
-pub(super) const HISTORY_FRAMES: i64 = VELOCITY_FRAMES as i64 + 2;
+/// Frames kept behind the cursor: what a plan's context and the velocity before it take, and the past that words go on from.
+pub(super) const HISTORY_FRAMES: i64 = {
+    let (velocity, past) = (VELOCITY_FRAMES as i64 + 2, MAX_PAST_FRAMES as i64);
+    if velocity > past { velocity } else { past }
+};
 
 /// What stopped the cursor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -123,6 +126,8 @@ pub(super) struct Timeline {
     flight: Option<Flight>,
     /// Decisions look at frames beyond the splice frame of a plan in flight.
     looks_ahead: bool,
+    /// A clock that waits goes no further than this frame before words have come.
+    words_from: Option<i64>,
     /// The plan that the one in flight replaced. It still comes if the networks had begun it.
     replaced: Option<Ticket>,
     last_splice: Option<i64>,
@@ -156,6 +161,7 @@ impl Timeline {
             rejoined: false,
             flight: None,
             looks_ahead: false,
+            words_from: None,
             replaced: None,
             last_splice: None,
             last_cause: PlanCause::Command,
@@ -324,10 +330,11 @@ impl Timeline {
         self.flight.as_ref().is_some_and(late)
     }
 
-    /// A clock that waits goes no further without the plan in flight.
+    /// A clock that waits goes no further without the plan in flight, or without words.
     fn is_waited_for(&self) -> bool {
         let early = |flight: &Flight| !flight.arrived && (flight.ticket.asked_at + 1) * SUB <= self.cursor;
-        self.overdue() || self.looks_ahead && self.flight.as_ref().is_some_and(early)
+        let words = self.words_from.is_some_and(|frame| frame * SUB <= self.cursor);
+        self.overdue() || words || self.looks_ahead && self.flight.as_ref().is_some_and(early)
     }
 
     /// Whole frames in the buffer beyond the cursor.

@@ -81,6 +81,19 @@ impl Timeline {
         self.failed = false;
     }
 
+    /// Adds frames that no plan made behind the last.
+    pub(in crate::live) fn extend(&mut self, frames: Frames<'_>) {
+        self.buffer.trim(self.frame() - HISTORY_FRAMES);
+        let last = self.buffer.last();
+        self.buffer.replace(last, frames);
+        self.last_splice = Some(last);
+    }
+
+    /// Where a clock that waits goes no further before words have come.
+    pub(in crate::live) fn await_words(&mut self, frame: Option<i64>) {
+        self.words_from = frame;
+    }
+
     /// Waits for the plan in flight no longer, nor keeps what it would have replaced: the character does something else.
     pub(in crate::live) fn forget_flight(&mut self) {
         self.flight = None;

@@ -157,7 +157,10 @@ fn phase(event: &Event) -> Option<&str> {
         Kind::Started(_) => Some("approach"),
         Kind::Entered(of) => Some(&of.set),
         Kind::Fell(_) => Some("fall"),
-        Kind::Done(_) | Kind::Failed(_) | Kind::Interrupted(_) | Kind::Landed(_) => Some(""),
+        Kind::Performing(of) => Some(&of.text),
+        Kind::Done(_) | Kind::Failed(_) | Kind::Interrupted(_) | Kind::Landed(_) | Kind::Performed(_) => {
+            Some("")
+        }
         Kind::Reached(_) | Kind::Attached(_) | Kind::Released(_) | Kind::Arrived(_) | Kind::Bounded(_) => {
             None
         }

@@ -189,6 +189,17 @@ impl fmt::Display for Told<'_> {
                     None => Ok(()),
                 }
             }
+            Kind::Performing(of) => match of.unknown_words.is_empty() {
+                true => write!(out, "acts out {:?}", of.text),
+                false => write!(
+                    out,
+                    "acts out {:?}; the pack does not know: {}",
+                    of.text,
+                    of.unknown_words.join(", ")
+                ),
+            },
+            Kind::Performed(of) if of.message.is_empty() => write!(out, "performance over: {}", of.reason),
+            Kind::Performed(of) => write!(out, "performance over: {}, {}", of.reason, of.message),
             Kind::Landed(of) => write!(out, "landed after {:.2} m at {:.1} m/s", of.height, of.speed),
         }
     }

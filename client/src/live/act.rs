@@ -3,8 +3,9 @@
 use troupe_proto::v1;
 
 use super::path::LivePath;
+use super::performance::Performance;
 
-/// Something that a character does once: use an object of its scene, or follow a path. It goes to the server with the next step or tick, or when it is sent.
+/// Something that a character does once: use an object of its scene, follow a path, or act out a sentence. It goes to the server with the next step or tick, or when it is sent.
 ///
 /// ```
 /// use troupe_client::Act;
@@ -31,6 +32,8 @@ pub enum Act {
     Drop,
     /// Follow a path, and stand at its end.
     FollowPath(LivePath),
+    /// Act out a sentence, and go on as before.
+    Perform(Performance),
 }
 
 impl Act {
@@ -82,6 +85,13 @@ impl Act {
             Self::Cancel => Intent::Cancel(v1::Cancel {}),
             Self::Drop => Intent::Drop(v1::DropHeld {}),
             Self::FollowPath(path) => Intent::FollowPath(path.to_message()),
+            Self::Perform(words) => Intent::Perform(words.to_message()),
         }
+    }
+}
+
+impl From<Act> for v1::command::Intent {
+    fn from(act: Act) -> Self {
+        act.to_message()
     }
 }

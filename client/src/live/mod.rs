@@ -10,7 +10,8 @@
 //! What a character should do is a [`Locomotion`]. It is set in place, as often as the game likes; only what changed goes
 //! to the server, with sequence numbers, so that commands may be lost, late or repeated without harm.
 //!
-//! A path to follow is an [`Act`], [`LivePath`]. In a scene ([`SessionOptions::scene`]) characters also use objects: an act is done once, and what becomes of it comes
+//! A path to follow is an [`Act`], [`LivePath`], and so is a sentence to act out, [`Performance`]. In a scene
+//! ([`SessionOptions::scene`]) characters also use objects: an act is done once, and what becomes of it comes
 //! back as events. Until the character is to walk again its locomotion is left alone, for a change breaks off what it does.
 
 mod act;
@@ -22,6 +23,7 @@ mod frames;
 mod locomotion;
 mod options;
 mod path;
+mod performance;
 mod recording;
 mod session;
 #[cfg(test)]
@@ -36,5 +38,6 @@ pub use locomotion::Locomotion;
 pub(crate) use options::convention_to_wire;
 pub use options::{Encoding, FrameOptions, Rate, SessionOptions};
 pub use path::{LivePath, PathPoint};
+pub use performance::Performance;
 pub use recording::Recording;
 pub use session::Session;

@@ -391,6 +391,10 @@ pub(super) struct LiveArgs {
     /// Give characters different priorities, spread evenly from 0 to 1.
     #[arg(long, help_heading = LIVE)]
     pub(super) spread_priorities: bool,
+    /// Share of the characters that act out sentences of 3 s, one every 6 s or so, and walk between them: 0 to 1. The server needs a
+    /// pack of words for their skeleton.
+    #[arg(long, default_value_t = 0.0, value_name = "SHARE", help_heading = LIVE)]
+    pub(super) performers: f64,
     /// Step again as soon as the frames are there, instead of with every frame's time.
     #[arg(long, help_heading = LIVE)]
     pub(super) unpaced: bool,

@@ -261,9 +261,9 @@ fn workload(common: &Common, of: &RequestArgs, live: &LiveArgs, load: Load) -> R
             requests: requests(of)?,
             load,
         },
-        WorkloadArg::Drive => Workload::Drive(characters(live, of)),
+        WorkloadArg::Drive => Workload::Drive(characters(live, of)?),
         WorkloadArg::Step => Workload::Step(Stepping {
-            live: characters(live, of),
+            live: characters(live, of)?,
             paced: !live.unpaced,
         }),
         WorkloadArg::Idle => Workload::Idle {
@@ -301,8 +301,8 @@ fn requests(of: &RequestArgs) -> Result<Requests, Failure> {
     })
 }
 
-fn characters(live: &LiveArgs, of: &RequestArgs) -> Live {
-    Live {
+fn characters(live: &LiveArgs, of: &RequestArgs) -> Result<Live, Failure> {
+    Ok(Live {
         characters: live.characters,
         streams: live.streams,
         rate_hz: live.hz,
@@ -312,8 +312,9 @@ fn characters(live: &LiveArgs, of: &RequestArgs) -> Live {
         command_every_s: live.command_every.0.as_secs_f64(),
         look_ahead: live.look_ahead,
         spread_priorities: live.spread_priorities,
+        performers: within("--performers", live.performers, 0.0, 1.0)?,
         verify_every: of.verify_every,
-    }
+    })
 }
 
 /// Live characters beside an overload.
@@ -328,6 +329,7 @@ fn beside(characters: u32, of: &RequestArgs) -> Live {
         command_every_s: 2.5,
         look_ahead: None,
         spread_priorities: false,
+        performers: 0.0,
         verify_every: of.verify_every,
     }
 }

@@ -182,6 +182,7 @@ fn live_figures(plan: &Plan, live: &LiveHarvest) -> LiveFigures {
         command_to_motion_ms: (&live.command_to_motion).into(),
         command_to_motion_count: live.command_to_motion.count(),
         plans: live.plans,
+        performances: live.performances,
         plans_per_s_and_character: live.plans.plans() as f64
             / plan.measured_s
             / live.characters.max(1) as f64,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::measure::{FineBin, Latencies, PlanStats};
+use crate::measure::{FineBin, Latencies, Performances, PlanStats};
 
 /// One repetition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -241,6 +241,9 @@ pub struct LiveFigures {
     pub command_to_motion_count: u64,
     /// What the sessions did, by the server's count.
     pub plans: PlanStats,
+    /// Sentences that they acted out.
+    #[serde(default)]
+    pub performances: Performances,
     /// Plans a second and character.
     pub plans_per_s_and_character: f64,
 }

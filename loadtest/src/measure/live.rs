@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use troupe_proto::v1;
+use troupe_proto::v1::session_event::Kind;
 
 use super::latencies::Latencies;
 
@@ -62,6 +63,42 @@ impl PlanStats {
     }
 }
 
+/// Sentences that characters acted out.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Performances {
+    /// Those that began.
+    pub started: u64,
+    /// Those that went through to their ends.
+    pub done: u64,
+    /// Those whose frames did not come in time.
+    pub late: u64,
+    /// Those that failed.
+    pub failed: u64,
+}
+
+impl Performances {
+    /// Notes an event of a session.
+    pub fn note(&mut self, kind: &Kind) {
+        match kind {
+            Kind::Performing(_) => self.started += 1,
+            Kind::Performed(end) => match end.reason.as_str() {
+                "DONE" => self.done += 1,
+                "LATE" => self.late += 1,
+                "FAILED" => self.failed += 1,
+                _ => {}
+            },
+            _ => {}
+        }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.started += other.started;
+        self.done += other.done;
+        self.late += other.late;
+        self.failed += other.failed;
+    }
+}
+
 /// Live characters over the measured time.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct LiveHarvest {
@@ -87,6 +124,9 @@ pub struct LiveHarvest {
     pub command_to_motion: Latencies,
     /// What the sessions did meanwhile, by the server's count.
     pub plans: PlanStats,
+    /// Sentences that they acted out.
+    #[serde(default)]
+    pub performances: Performances,
 }
 
 impl LiveHarvest {
@@ -103,5 +143,36 @@ impl LiveHarvest {
         self.jitter.add(&other.jitter);
         self.command_to_motion.add(&other.command_to_motion);
         self.plans.merge(&other.plans);
+        self.performances.merge(&other.performances);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn performances_are_counted_by_their_ends() {
+        let end = |reason: &str| {
+            Kind::Performed(v1::PerformanceEnded {
+                reason: reason.to_owned(),
+                ..v1::PerformanceEnded::default()
+            })
+        };
+        let mut all = Performances::default();
+        all.note(&Kind::Performing(v1::PerformanceStarted::default()));
+        for reason in ["DONE", "DONE", "LATE", "FAILED", "INTERRUPTED"] {
+            all.note(&end(reason));
+        }
+        all.note(&Kind::Done(v1::InteractionDone::default()));
+        let mut sum = all;
+        sum.merge(&all);
+        let Performances {
+            started,
+            done,
+            late,
+            failed,
+        } = sum;
+        assert_eq!((started, done, late, failed), (2, 4, 2, 2));
     }
 }

@@ -10,7 +10,7 @@ mod split;
 mod tally;
 
 pub use latencies::{Latencies, LatenciesError};
-pub use live::{LiveHarvest, PlanStats};
+pub use live::{LiveHarvest, Performances, PlanStats};
 pub use process::{OwnLook, OwnUse, ProcessWatch};
 pub use prometheus::Metrics;
 pub use recorder::{Clock, Pulse, Recorder};

@@ -210,6 +210,13 @@ fn live(rows: &mut Vec<(String, Option<Shown>)>, idle: bool) {
     row(rows, "command to motion p99, ms", move |f| {
         ms(of(f).command_to_motion_ms.p99)
     });
+    row(rows, "performances begun", move |f| {
+        of(f).performances.started.to_string()
+    });
+    row(rows, "performances late or failed", move |f| {
+        let all = of(f).performances;
+        (all.late + all.failed).to_string()
+    });
     row(rows, "lost or refused", move |f| of(f).faults.to_string());
 }
 

@@ -126,8 +126,7 @@ impl Stream {
                 Some(Told::Attached(attached)) => self.attached(attached),
                 Some(Told::Left(left)) => self.faults("SESSION_LEFT", left.sessions),
                 Some(Told::Commands(commands)) => self.refused(commands),
-                // Its characters are in no scene.
-                Some(Told::Events(_)) => {}
+                Some(Told::Events(told)) => self.happened(&told, now),
                 Some(Told::Closing(closing)) => {
                     let why = closing.reason.unwrap_or_default();
                     return Err(tonic::Status::aborted(why.message));
@@ -147,6 +146,20 @@ impl Stream {
             }
         }
         self.faults("NOT_ATTACHED", attached.problems);
+    }
+
+    /// Counts what became of sentences.
+    fn happened(&self, told: &v1::DriveEvents, now: Instant) {
+        if !self.recorder.clock().is_measured(now) {
+            return;
+        }
+        let kinds = told
+            .sessions
+            .iter()
+            .flat_map(|of| &of.events)
+            .filter_map(|event| event.kind.as_ref());
+        self.recorder
+            .live(|live| kinds.for_each(|kind| live.performances.note(kind)));
     }
 
     fn refused(&self, commands: v1::CommandResponse) {

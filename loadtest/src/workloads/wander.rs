@@ -6,7 +6,7 @@ use glam::Vec3;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use tokio::time::Instant;
-use troupe_client::{Client, Locomotion, Pack, SessionOptions};
+use troupe_client::{Act, Client, Locomotion, Pack, Performance, SessionOptions};
 use troupe_proto::v1;
 use troupe_proto::v1::Style;
 
@@ -23,6 +23,17 @@ const LOOKS_ASIDE: f64 = 0.1;
 const STANDS_BELOW_MPS: f32 = 0.15;
 /// Share of the commanded speed at which a character is seen to move.
 const MOVES_FROM: f32 = 0.25;
+/// Mean time between two sentences of one who performs, seconds.
+const SENTENCE_EVERY_S: f64 = 6.0;
+/// Length of a performance, seconds.
+const SENTENCE_S: f32 = 3.0;
+/// What is acted out.
+const SENTENCES: [&str; 4] = [
+    "a person waves with the right hand",
+    "a person walks in a circle",
+    "someone dances",
+    "a tired person sits down",
+];
 /// Share of a new frame in the smoothed speed.
 const SMOOTHING: f32 = 0.5;
 
@@ -45,6 +56,12 @@ pub(super) async fn styles(client: &Client, pack: &Pack, wanted: &[String]) -> R
     Ok(chosen)
 }
 
+/// Whether number `nth` of a crowd is one of those that perform; they are spread evenly.
+fn is_performer(nth: u32, share: f64) -> bool {
+    let before = |count: u32| (f64::from(count) * share).floor();
+    before(nth + 1) > before(nth)
+}
+
 /// A character and what it wants.
 #[derive(Debug)]
 pub(super) struct Walker {
@@ -57,6 +74,8 @@ pub(super) struct Walker {
     heading: f32,
     velocity: Vec3,
     every_s: f64,
+    /// It acts out sentences, once it walks.
+    performs: bool,
     decides_at: Option<Duration>,
     sequence: u64,
     setting_off: Option<SettingOff>,
@@ -88,6 +107,7 @@ impl Walker {
             place,
             velocity: Vec3::ZERO,
             every_s,
+            performs: is_performer(nth, live.performers),
             decides_at: Some(Duration::from_secs_f64(first)),
             sequence: 0,
             setting_off: None,
@@ -108,10 +128,15 @@ impl Walker {
         if at < self.decides_at? {
             return None;
         }
-        self.decides_at = (self.every_s > 0.0).then(|| {
-            let wait = self.every_s * self.random.random_range(0.5..1.5);
-            at + Duration::from_secs_f64(wait)
-        });
+        if self.performs && self.sequence > 0 {
+            return Some(self.perform(at));
+        }
+        let every_s = if self.performs {
+            SENTENCE_EVERY_S
+        } else {
+            self.every_s
+        };
+        self.decides_at = (every_s > 0.0).then(|| at + self.wait(every_s));
         let intent = self.intent();
         let standing = self.velocity.length() < STANDS_BELOW_MPS;
         self.setting_off = (standing && intent.velocity != Vec3::ZERO).then_some(SettingOff {
@@ -125,6 +150,28 @@ impl Walker {
             intent: Some(v1::command::Intent::Locomote(intent.to_message())),
             ..v1::Command::default()
         })
+    }
+
+    /// A time of that mean, seconds.
+    fn wait(&mut self, mean_s: f64) -> Duration {
+        Duration::from_secs_f64(mean_s * self.random.random_range(0.5..1.5))
+    }
+
+    /// Acts out a sentence.
+    fn perform(&mut self, at: Duration) -> v1::Command {
+        // Not before the last is over.
+        let rest = SENTENCE_EVERY_S - f64::from(SENTENCE_S);
+        self.decides_at = Some(at + Duration::from_secs_f32(SENTENCE_S) + self.wait(rest));
+        self.setting_off = None;
+        self.sequence += 1;
+        let sentence = SENTENCES[self.random.random_range(0..SENTENCES.len())];
+        let performance = Performance::of(sentence).seconds(SENTENCE_S);
+        v1::Command {
+            session_id: self.id.clone(),
+            sequence: self.sequence,
+            intent: Some(Act::from(performance).into()),
+            ..v1::Command::default()
+        }
     }
 
     /// Mostly to go somewhere, sometimes to stand or to look elsewhere than where it goes.
@@ -181,6 +228,7 @@ mod tests {
             command_every_s: 2.0,
             look_ahead: None,
             spread_priorities: false,
+            performers: 0.0,
             verify_every: 0,
         };
         Walker::new(seed, nth, &[style], &live)
@@ -205,6 +253,21 @@ mod tests {
         let commands = commands(&mut walker(5, 0), 400);
         assert!((170..230).contains(&commands.len()), "{}", commands.len());
         assert!(commands.iter().zip(1..).all(|(c, nth)| c.sequence == nth));
+    }
+
+    #[test]
+    fn a_share_of_the_crowd_performs_and_walks_between() {
+        let count = |share| (0..100).filter(|&nth| is_performer(nth, share)).count();
+        assert_eq!([0.0, 0.25, 0.5, 1.0].map(count), [0, 25, 50, 100]);
+        let mut performer = walker(3, 0);
+        performer.performs = true;
+        let commands = commands(&mut performer, 300);
+        assert!((40..60).contains(&commands.len()), "{}", commands.len());
+        for (command, nth) in commands.iter().zip(1..) {
+            assert_eq!(command.sequence, nth);
+            let performs = matches!(command.intent, Some(v1::command::Intent::Perform(_)));
+            assert_eq!(performs, nth > 1, "{command:?}");
+        }
     }
 
     #[test]

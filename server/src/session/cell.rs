@@ -9,9 +9,10 @@ use troupe_motion::conventions::Convention;
 use troupe_proto::v1;
 
 use super::drive::Audience;
+use super::words::performer::Performer;
 use super::{EventQueue, LivePack, SessionError, TimeSource};
 use crate::batch::{OwnerId, SubmitError};
-use troupe_character::live::{Character, PlanRequest, Stats};
+use troupe_character::live::{Character, PlanRequest, Stats, WordsRequest};
 use troupe_character::scene::Resident;
 use troupe_character::style::Style;
 
@@ -76,10 +77,28 @@ pub struct Live {
     pub trouble: Option<(u32, SubmitError)>,
     /// What happened to the character that nobody has taken yet.
     pub events: EventQueue,
+    /// The words that are on their way.
+    pub(super) performer: Option<Performer>,
     /// Its place in its scene, until it ends.
     resident: Option<Resident>,
     /// What the metrics know of the character.
     counted: Stats,
+}
+
+/// What a character wants made.
+#[derive(Debug, Default)]
+pub struct Wants {
+    /// A plan.
+    pub plan: Option<PlanRequest>,
+    /// Words.
+    pub words: Option<WordsRequest>,
+}
+
+impl Wants {
+    /// Whether it is nothing.
+    pub fn is_empty(&self) -> bool {
+        self.plan.is_none() && self.words.is_none()
+    }
 }
 
 /// One session.
@@ -163,6 +182,7 @@ impl SessionCell {
                 priority: parts.priority,
                 trouble: None,
                 events: EventQueue::default(),
+                performer: None,
                 resident: parts.resident,
                 counted: Stats::default(),
             }),
@@ -368,9 +388,9 @@ impl SessionCell {
         self.changed.notify_one();
     }
 
-    /// Takes the request that the character has, where there is one, and what happened to it; counts what it has done
-    /// meanwhile.
-    pub fn settle(&self, live: &mut Live) -> Option<PlanRequest> {
+    /// Takes the requests that the character has, where there are any, and what happened to it; counts what it has done
+    /// meanwhile, and gives up words that it wants no more.
+    pub fn settle(&self, live: &mut Live) -> Wants {
         let Live {
             character, events, ..
         } = live;
@@ -380,12 +400,19 @@ impl SessionCell {
             self.pack.metrics.progressed(&live.counted, &stats);
             live.counted = stats;
         }
-        let request = live.character.take_request()?;
-        self.pack.metrics.asked(request.cause);
-        self.pack
-            .metrics
-            .paced(live.priority, request.spacing_frames, request.item.frames());
-        Some(request)
+        let is_unwanted = |performer: &mut Performer| !live.character.wants_words(performer.number());
+        drop(live.performer.take_if(is_unwanted));
+        let wants = Wants {
+            plan: live.character.take_request(),
+            words: live.character.take_words_request(),
+        };
+        if let Some(request) = &wants.plan {
+            self.pack.metrics.asked(request.cause);
+            self.pack
+                .metrics
+                .paced(live.priority, request.spacing_frames, request.item.frames());
+        }
+        wants
     }
 }
 

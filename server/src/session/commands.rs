@@ -14,7 +14,7 @@ use super::{Registry, SessionError, TimeSource};
 use crate::wire::{MAX_DISTANCE_M, units};
 use troupe_character::document::MAX_NAME_CHARS;
 use troupe_character::limits::MAX_HEIGHT_M;
-use troupe_character::live::{CommandOutcome, Intent, Refusal};
+use troupe_character::live::{CommandOutcome, Intent, PerformCommand, Refusal};
 use troupe_character::primitives::path::{AskedPoint, PATH_POINTS};
 use troupe_character::primitives::{LocomotionCommand, PathCommand};
 use troupe_character::scene::MAX_ID_BYTES;
@@ -83,11 +83,16 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
     }
     let priority = |value| units::priority(&path.field("priority"), value);
     let priority = command.priority.map(priority).transpose()?;
+    let words = words(path, command, cell)?;
     let mut live = cell.live();
     if let Some(at) = command.at_frame {
         check_at(path, at, live.character.frame())?;
     }
-    let outcome = match intent(path, command, cell, &live)? {
+    let intent = match words {
+        Some(words) => Some(Intent::Perform(words)),
+        None => intent(path, command, cell, &live)?,
+    };
+    let outcome = match intent {
         Some(intent) => {
             let style = match &intent {
                 Intent::Locomote(locomotion) => Some(locomotion.style.clone()),
@@ -104,7 +109,7 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
         }
         None if priority.is_some() => live.character.note_command(command.sequence),
         None => {
-            let wanted = "locomote, follow_path, interact, end_interaction, cancel or drop, or a priority without an intent";
+            let wanted = "locomote, follow_path, interact, perform, end_interaction, cancel or drop, or a priority without an intent";
             return Err(path.field("intent").error("is missing", wanted).into());
         }
     };
@@ -116,7 +121,19 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
     Ok(outcome)
 }
 
-/// What a command asks for, in the native convention.
+/// The words that a command asks for, where it does; looked through without the session's lock.
+fn words(
+    path: &Path<'_>,
+    command: &v1::Command,
+    cell: &SessionCell,
+) -> Result<Option<PerformCommand>, SessionError> {
+    let Some(Asked::Perform(asked)) = &command.intent else {
+        return Ok(None);
+    };
+    (cell.pack().words.command(&path.field("perform"), asked)).map(Some)
+}
+
+/// What a command asks for, apart from words, in the native convention.
 fn intent(
     path: &Path<'_>,
     command: &v1::Command,
@@ -136,7 +153,7 @@ fn intent(
         Some(Asked::EndInteraction(_)) => Some(Intent::EndInteraction),
         Some(Asked::Cancel(_)) => Some(Intent::Cancel),
         Some(Asked::Drop(_)) => Some(Intent::Drop),
-        None => None,
+        Some(Asked::Perform(_)) | None => None,
     })
 }
 

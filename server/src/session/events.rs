@@ -9,7 +9,9 @@ use troupe_proto::v1::session_event::Kind;
 use super::cell::Live;
 use super::metrics::SessionMetrics;
 use crate::wire::units::{position, quat};
-use troupe_character::live::{Activity, CharacterEvent, EventKind, HeldObject, KeyframeError};
+use troupe_character::live::{
+    Activity, CharacterEvent, EventKind, HeldObject, KeyframeError, PerformanceEnd,
+};
 
 /// Most events of a session that wait; of more, the oldest are dropped.
 pub const MAX_WAITING_EVENTS: usize = 64;
@@ -79,6 +81,7 @@ pub(super) fn activity(activity: Activity) -> v1::Activity {
         kind: kind.into(),
         instance: instance.to_owned(),
         set,
+        ..v1::Activity::default()
     };
     match activity {
         Activity::Locomotion => v1::Activity::default(),
@@ -86,6 +89,10 @@ pub(super) fn activity(activity: Activity) -> v1::Activity {
         Activity::Interacting { instance, set } => of(v1::ActivityKind::Interacting, &instance, set),
         Activity::Held { instance, set } => of(v1::ActivityKind::Held, &instance, set),
         Activity::Falling => of(v1::ActivityKind::Falling, "", String::new()),
+        Activity::Performing { text } => v1::Activity {
+            text: text.to_string(),
+            ..of(v1::ActivityKind::Performing, "", String::new())
+        },
     }
 }
 
@@ -157,6 +164,25 @@ fn kind(kind: EventKind, convention: Convention) -> Kind {
         }),
         EventKind::Fell { height_m } => Kind::Fell(v1::CharacterFell {
             height: height_m.map(|height| height * unit),
+        }),
+        EventKind::Performing {
+            number,
+            text,
+            pack,
+            unknown_words,
+        } => Kind::Performing(v1::PerformanceStarted {
+            sequence: number,
+            text: text.to_string(),
+            pack: pack.to_string(),
+            unknown_words,
+        }),
+        EventKind::Performed { number, end } => Kind::Performed(v1::PerformanceEnded {
+            sequence: number,
+            reason: end.word().to_owned(),
+            message: match end {
+                PerformanceEnd::Failed(message) => message,
+                _ => String::new(),
+            },
         }),
         EventKind::Arrived { late_s, off_m } => Kind::Arrived(v1::PathArrived {
             late: late_s,

@@ -1,7 +1,7 @@
 //! Metrics of live characters.
 
 use crate::telemetry::{Counter, Gauge, Histogram, Labels, Metric, Telemetry};
-use troupe_character::live::{EventKind, FailReason, PlanCause, Stats};
+use troupe_character::live::{EventKind, FailReason, PerformanceEnd, PlanCause, Stats};
 
 const ACTIVE: Metric = Metric::new("troupe_sessions_active", "Open sessions");
 const STREAMS: Metric = Metric::new("troupe_streams_active", "Open streams");
@@ -40,6 +40,10 @@ const INTERACTIONS: Metric = Metric::new(
 const FAILED_INTERACTIONS: Metric = Metric::new(
     "troupe_failed_interactions_total",
     "Interactions that could not go on, by reason",
+);
+const PERFORMANCES: Metric = Metric::new(
+    "troupe_performances_total",
+    "Sentences that characters acted out, by how it went: started, then done, interrupted, failed, late or restarted",
 );
 const FALLS: Metric = Metric::new(
     "troupe_falls_total",
@@ -93,6 +97,7 @@ pub struct SessionMetrics {
     interactions: [Counter; 4],
     failed_interactions: [Counter; FailReason::ALL.len()],
     falls: Counter,
+    performances: [Counter; 1 + PerformanceEnd::WORDS.len()],
     dropped_events: Counter,
     lead_time: Histogram,
     pressure: Gauge,
@@ -128,6 +133,8 @@ impl SessionMetrics {
             failed_interactions: FailReason::ALL
                 .map(|reason| each(&FAILED_INTERACTIONS, "reason", reason.word())),
             falls: counter(&FALLS),
+            performances: ["started", "done", "interrupted", "failed", "late", "restarted"]
+                .map(|outcome| each(&PERFORMANCES, "outcome", outcome)),
             dropped_events: counter(&DROPPED_EVENTS),
             lead_time: telemetry.histogram(&LEAD_TIME, &labels),
             pressure: telemetry.gauge(&PRESSURE, &labels),
@@ -201,6 +208,13 @@ impl SessionMetrics {
                 }
             }
             EventKind::Fell { .. } => self.falls.increment(1),
+            EventKind::Performing { .. } => self.performances[0].increment(1),
+            EventKind::Performed { end, .. } => {
+                let ends = PerformanceEnd::WORDS.iter().zip(&self.performances[1..]);
+                for (_, counter) in ends.filter(|(word, _)| **word == end.word()) {
+                    counter.increment(1);
+                }
+            }
             EventKind::Entered { .. }
             | EventKind::Reached { .. }
             | EventKind::Attached { .. }

@@ -24,6 +24,7 @@ mod space;
 mod step;
 pub(crate) mod styles;
 mod time;
+mod words;
 
 pub use calls::{SessionLimits, Sessions};
 pub use commands::{CommandResult, MAX_COMMANDS};
@@ -42,3 +43,4 @@ pub use resume::Resumed;
 pub use space::{Space, SpaceError, Spaces, TenantOptions};
 pub use step::{StepPlan, Stepped};
 pub use time::TimeSource;
+pub use words::{WordsPack, WordsPacks};

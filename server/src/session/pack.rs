@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use super::SessionError;
 use super::metrics::SessionMetrics;
+use super::{SessionError, WordsPacks};
 use crate::packs::{LoadedPack, PackTable};
 use crate::telemetry::{Seldom, Telemetry};
 use troupe_character::live::load::PlanLoad;
@@ -23,6 +23,8 @@ pub struct LivePack {
     pub failures: Arc<Mutex<Seldom>>,
     /// How busy it is with their plans.
     pub load: Arc<PlanLoad>,
+    /// The packs whose words its characters can act out.
+    pub words: Arc<WordsPacks>,
     /// Place of the body among the pack's.
     place: usize,
 }
@@ -35,18 +37,20 @@ impl LivePack {
             metrics: Arc::new(SessionMetrics::new(telemetry, loaded.pack.name(), version)),
             failures: Arc::default(),
             load: Arc::default(),
+            words: Arc::default(),
             loaded,
             place: 0,
         }
     }
 
-    /// The same pack, as `loaded` has it, with another body.
-    fn of(&self, loaded: &Arc<LoadedPack>, place: usize) -> Self {
+    /// The same pack, as `loaded` has it, with another body, whose characters can act out `words`.
+    fn of(&self, loaded: &Arc<LoadedPack>, place: usize, words: WordsPacks) -> Self {
         Self {
             loaded: loaded.clone(),
             metrics: self.metrics.clone(),
             failures: self.failures.clone(),
             load: self.load.clone(),
+            words: Arc::new(words),
             place,
         }
     }
@@ -97,7 +101,11 @@ impl LivePacks {
         let all = |loaded: &Arc<LoadedPack>| {
             let first = live(loaded);
             let places = 0..loaded.styles.len();
-            let packs = places.map(|place| Arc::new(first.of(loaded, place))).collect();
+            let packs = (places.map(|place| {
+                let words = WordsPacks::new(&table, loaded.rig(place));
+                Arc::new(first.of(loaded, place, words))
+            }))
+            .collect();
             (loaded.pack.name().to_owned(), packs)
         };
         let by_name = Arc::new(table.all().map(all).collect());
@@ -111,7 +119,7 @@ impl LivePacks {
     pub fn of_tenant(&self, folder: Option<&Path>) -> Result<Self, StyleError> {
         let table = self.table.of_tenant(folder.map(Path::to_owned))?;
         Ok(Self::of(table, |loaded| {
-            self.by_name[loaded.pack.name()][0].of(loaded, 0)
+            self.by_name[loaded.pack.name()][0].of(loaded, 0, WordsPacks::default())
         }))
     }
 

@@ -13,7 +13,9 @@ use super::cell::SessionCell;
 use super::describe;
 use super::encode::{BlockWriter, Form};
 use crate::wire::units;
-use troupe_character::live::{CONTEXT_FRAMES, FrameOut, Intent, Peek, PlanCause, PlanRecord, WaitingCommand};
+use troupe_character::live::{
+    CONTEXT_FRAMES, FrameOut, Intent, Peek, PerformCommand, PlanCause, PlanRecord, WaitingCommand,
+};
 use troupe_character::primitives::path::PathPoint;
 use troupe_character::primitives::{LocomotionCommand, PathCommand, TargetKey};
 use troupe_motion::model::Rig;
@@ -185,10 +187,20 @@ fn command(cell: &SessionCell, waiting: &WaitingCommand) -> v1::Command {
                 variant: variant.clone().unwrap_or_default(),
                 approach: approach.clone().unwrap_or_default(),
             }),
+            Intent::Perform(words) => Asked::Perform(perform(words, cell.pack().rig().fps)),
             Intent::EndInteraction => Asked::EndInteraction(v1::EndInteraction {}),
             Intent::Cancel => Asked::Cancel(v1::Cancel {}),
             Intent::Drop => Asked::Drop(v1::DropHeld {}),
         }),
+    }
+}
+
+fn perform(words: &PerformCommand, fps: f32) -> v1::Perform {
+    v1::Perform {
+        text: words.text.to_string(),
+        pack: words.pack.to_string(),
+        seconds: words.frames.map(|frames| frames as f32 / fps),
+        temperature: words.temperature,
     }
 }
 

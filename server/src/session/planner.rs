@@ -8,7 +8,8 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::LivePack;
-use super::cell::SessionCell;
+use super::cell::{SessionCell, Wants};
+use super::words::performer;
 use crate::batch::{Order, Served, SubmitError};
 use crate::clients::Turns;
 use troupe_character::live::{
@@ -30,6 +31,16 @@ pub enum Patience {
     Waits,
     /// Give up: the character asks again at its next frame, from where it then is.
     Fails,
+}
+
+/// Has all made that a character wants. Returns at once.
+pub fn serve(cell: &Arc<SessionCell>, wants: Wants, patience: Patience) {
+    if let Some(request) = wants.plan {
+        ask(cell, request, patience);
+    }
+    if let Some(request) = wants.words {
+        performer::ask(cell, request, patience);
+    }
 }
 
 /// Has a plan made, and tells the character and whoever waits for it. Returns at once.
@@ -242,7 +253,7 @@ mod tests {
         let asks = || {
             let mut live = cell.live();
             live.character.advance(SUB_FRAMES, Clock::Runs);
-            cell.settle(&mut live).map(|request| request.number)
+            cell.settle(&mut live).plan.map(|request| request.number)
         };
         let number = asks().unwrap();
         let awaited = Awaited::new(cell.clone(), number);

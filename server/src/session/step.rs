@@ -297,10 +297,11 @@ impl CharacterStep {
         // What is left of a frame, if anything: of this step before its plan came, or of an earlier one that was cut off.
         let mut moved = live.character.advance(0, Clock::Waits);
         loop {
-            if let Some(request) = cell.settle(&mut live) {
+            let wants = cell.settle(&mut live);
+            if !wants.is_empty() {
                 // The answer comes over another task, or, where the runtime ends, from within: it takes the lock.
                 drop(live);
-                planner::ask(&cell, request, Patience::Waits);
+                planner::serve(&cell, wants, Patience::Waits);
                 live = cell.live();
             }
             if moved == Advance::NeedsPlan {

@@ -12,6 +12,7 @@ mod engines;
 mod live;
 mod objects;
 mod onnx;
+mod performances;
 mod program;
 mod sessions;
 mod words;

@@ -1,11 +1,11 @@
 // The own character: body, style, speed, gait, height, blends of words, and what it should do in words.
-import { Button, Group, Select, Slider, Stack, Text, TextInput } from '@mantine/core';
+import { Button, Group, Select, Slider, Stack, Text } from '@mantine/core';
 import { useState } from 'react';
 import { Panel } from '../app/Panel';
-import { can } from '../wire/types';
 import { heightRange } from './bodies';
 import { Blend } from './Blend';
 import type { Live } from './live';
+import { Say } from './SayPanel';
 import { report, useLive } from './store';
 
 export function PlayerPanel({ live }: { live: Live }) {
@@ -126,7 +126,7 @@ function PlayerForm({ live }: { live: Live }) {
         </Button>
       )}
       {words.length > 1 && <Blend live={live} key={`${player.pack}/${player.body}`} />}
-      {can(pack, 'text') && <Say live={live} />}
+      <Say live={live} />
     </Stack>
   );
 }
@@ -144,41 +144,5 @@ function Field({ label, value, children }: { label: string; value: string; child
       </div>
       {children}
     </div>
-  );
-}
-
-/** Words to act out. Only for packs that can. */
-function Say({ live }: { live: Live }) {
-  const [text, setText] = useState('');
-  const [isBusy, setBusy] = useState(false);
-  return (
-    <form
-      onSubmit={(event) => {
-        event.preventDefault();
-        setBusy(true);
-        live
-          .say(text)
-          .catch(report)
-          .finally(() => {
-            setBusy(false);
-          });
-      }}
-    >
-      <TextInput
-        label="Say what it should do"
-        size="xs"
-        maxLength={1000}
-        value={text}
-        onChange={(event) => {
-          setText(event.currentTarget.value);
-        }}
-        rightSection={
-          <Button type="submit" size="compact-xs" loading={isBusy} disabled={!text.trim()}>
-            Do
-          </Button>
-        }
-        rightSectionWidth={52}
-      />
-    </form>
   );
 }

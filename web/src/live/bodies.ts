@@ -3,6 +3,8 @@ import type { Skeleton } from '../stage/types';
 import type { Api } from '../wire/api';
 import { bodyKey } from '../wire/codec';
 import type { Joint, Pack, Style } from '../wire/types';
+import { can } from '../wire/types';
+import type { Speaker } from './words';
 
 /** A body: a pack of one skeleton, or one of a pack's bodies. */
 export interface BodyKind {
@@ -39,11 +41,15 @@ export class Bodies {
   private readonly ready = new Map<string, BodyKind>();
   private readonly details = new Map<string, Promise<Pack>>();
   packs: Pack[] = [];
+  /** Names of the packs that make motion of words. */
+  private speaking: string[] = [];
 
   constructor(private readonly api: Api) {}
 
   async load(): Promise<void> {
-    this.packs = (await this.api.packs()).filter((pack) => pack.capabilities.includes('live'));
+    const all = await this.api.packs();
+    this.packs = all.filter((pack) => can(pack, 'live'));
+    this.speaking = all.filter((pack) => can(pack, 'text')).map((pack) => pack.name);
   }
 
   get defaultPack(): Pack | undefined {
@@ -57,6 +63,11 @@ export class Bodies {
   /** The body, once it was fetched. */
   get(key: string): BodyKind | undefined {
     return this.ready.get(key);
+  }
+
+  /** The packs that make motion of words, with their joints. */
+  speakers(): Promise<Speaker[]> {
+    return Promise.all(this.speaking.map((name) => this.detail(name)));
   }
 
   /** Fetches a body's skeleton and styles. An empty body is the pack's default one. */
@@ -79,11 +90,18 @@ export class Bodies {
     kind.styles = (await this.api.styles(kind.pack, kind.body)).styles;
   }
 
-  private async fetch(key: string, packName: string, bodyName: string): Promise<BodyKind> {
+  private detail(packName: string): Promise<Pack> {
     const detail = this.details.get(packName) ?? this.api.pack(packName);
     this.details.set(packName, detail);
     detail.catch(() => this.details.delete(packName));
-    const [pack, { styles, default_style }] = await Promise.all([detail, this.api.styles(packName, bodyName)]);
+    return detail;
+  }
+
+  private async fetch(key: string, packName: string, bodyName: string): Promise<BodyKind> {
+    const [pack, { styles, default_style }] = await Promise.all([
+      this.detail(packName),
+      this.api.styles(packName, bodyName),
+    ]);
     const body = pack.bodies?.find((one) => one.name === bodyName);
     const skeleton = skeletonOf(body?.joints ?? pack.joints);
     const contacts = body?.contact_joints ?? pack.contact_joints;

@@ -22,7 +22,8 @@ export interface CrowdHooks {
   /** The stream is there, or gone. */
   onConnection(state: 'live' | 'reconnecting', why: string): void;
   onEvents(events: SessionEvents[]): void;
-  onProblem(text: string): void;
+  /** Something is wrong; with a command of a session where they are named. */
+  onProblem(text: string, session?: string, sequence?: number): void;
   onTick(message: TickMessage): void;
   /** Sessions are other ones now: what they were told is lost. */
   onRestored(characters: Character[]): void;
@@ -191,7 +192,8 @@ export class Crowd {
         void this.mend(message.sessions.filter((one) => one.problem?.reason === 'SESSION_EXPIRED'));
         break;
       case 'refused':
-        for (const { problem } of message.results) if (problem) this.hooks.onProblem(problem.message);
+        for (const { problem, session_id, sequence } of message.results)
+          if (problem) this.hooks.onProblem(problem.message, session_id, sequence);
         break;
       case 'events':
         this.hooks.onEvents(message.sessions);

@@ -2,13 +2,12 @@
 import type { Stage } from '../stage/types';
 import type { Api } from '../wire/api';
 import type { TickMessage } from '../wire/messages';
-import type { Command, Frames, Intent, Locomote, SessionEvents } from '../wire/types';
-import { can } from '../wire/types';
+import type { Command, Intent, Locomote, SessionEvents } from '../wire/types';
+import type { BodyKind } from './bodies';
 import { Bodies, runningSpeed } from './bodies';
 import type { CrowdChoice, Role } from './cast';
 import { castOf, MOST_CHARACTERS } from './cast';
 import type { Character } from './character';
-import { Clip } from './clip';
 import { Controls, velocityOf } from './control';
 import { Crowd } from './crowd';
 import type { Link } from './hash';
@@ -18,6 +17,7 @@ import { pathFrom, ribbon } from './path';
 import { RATE_HZ } from './playback';
 import { notice, report, useLive } from './store';
 import { places, radiusFor, Wanderer } from './steering';
+import { after, SILENT, whyMute } from './words';
 
 /** Sessions that one call opens. */
 const CHUNK = 64;
@@ -52,7 +52,8 @@ export class Live {
   private stepDebt = 0;
   private aliveAt = 0;
   private stopDrawing: (() => void) | undefined;
-  private clip: Clip | undefined;
+  /** Number of the command that said a sentence last. */
+  private said = 0;
   private readonly radius = { m: radiusFor(24) };
   /** Crowds are changed one after the other. */
   private changes: Promise<void> = Promise.resolve();
@@ -68,8 +69,10 @@ export class Live {
         if (state === 'live') this.told = '';
       },
       onEvents: this.onEvents,
-      onProblem: (text) => {
+      onProblem: (text, session, sequence) => {
         notice(text, 'error');
+        const isSaid = sequence === this.said && this.crowd.characterOf(session ?? '') === this.own;
+        if (isSaid) useLive.setState({ saying: SILENT });
       },
       onTick: this.onTick,
       onRestored: (characters) => {
@@ -175,6 +178,7 @@ export class Live {
         facesAway: false,
       },
     });
+    this.listenTo(kind).catch(report);
     if (!old || selected === old.id) this.select(made.id);
     if (follow) this.follow(true);
   }
@@ -273,24 +277,22 @@ export class Live {
     useLive.setState({ path: { state: 'walking', text: `follows a path of ${length(line).toFixed(1)} m` } });
   }
 
-  /** Acts out words where the pack can, and plays the answer in the place of the own character. */
-  async say(text: string): Promise<void> {
+  /** Has the own character act out words. What becomes of it comes with its events. */
+  say(text: string): void {
     const { own } = this;
-    if (!own || !can({ capabilities: [...own.kind.capabilities] }, 'text')) return;
-    const { frames, notes } = await this.api.generate({
-      pack: own.kind.pack,
-      goal: { prompt: { text } },
-      past: own.lastFrames(own.kind.contextFrames),
-      seed: SEED,
-    });
-    this.play(frames, own);
-    notes.forEach((note) => {
-      notice(note);
-    });
+    if (!own) return;
+    this.forgetPath();
+    const command = own.command({ perform: { text } });
+    this.said = command.sequence;
+    useLive.setState({ saying: { ...SILENT, state: 'waiting', text } });
+    this.crowd.command([command]);
   }
 
-  private play(parts: Frames[], own: Character): void {
-    this.clip = new Clip(parts, own.kind);
+  /** Finds out whether the own character takes words. */
+  private async listenTo(kind: BodyKind): Promise<void> {
+    useLive.setState({ mute: '', saying: SILENT });
+    const mute = whyMute(await this.bodies.speakers(), kind.skeleton);
+    if (this.own?.kind === kind) useLive.setState({ mute });
   }
 
   setTime(paused: boolean, speed: number): void {
@@ -319,7 +321,6 @@ export class Live {
         one.isShown = true;
         if (useLive.getState().selected === one.id) this.select(one.id);
       }
-      if (one === this.own && this.clip && !this.clip.sample(dt, one)) this.clip = undefined;
       this.stage.pose(one.id, one);
     }
     this.meters.frames += 1;
@@ -429,6 +430,7 @@ export class Live {
     for (const of of sessions) {
       if (this.crowd.characterOf(of.session_id) !== this.own) continue;
       for (const { kind } of of.events) {
+        useLive.setState(({ saying }) => ({ saying: after(saying, kind, this.said) }));
         if (!kind || !('arrived' in kind)) continue;
         const { late, off } = kind.arrived;
         const text = `arrived ${late.toFixed(1)} s late, ${(off * 100).toFixed(0)} cm from the end`;

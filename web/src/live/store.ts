@@ -2,6 +2,8 @@
 import { create } from 'zustand';
 import type { Pack, Style } from '../wire/types';
 import type { CrowdChoice } from './cast';
+import type { Saying } from './words';
+import { SILENT } from './words';
 
 /** `locked`: the server refuses the key, or wants one. */
 export type Connection = 'connecting' | 'live' | 'reconnecting' | 'failed' | 'locked';
@@ -53,6 +55,9 @@ export interface LiveState {
   inside: boolean;
   numbers: boolean;
   path: { state: 'none' | 'walking' | 'arrived'; text: string };
+  /** Why the own character takes no words; empty while that is not known, `undefined` where it takes them. */
+  mute: string | undefined;
+  saying: Saying;
   notices: Notice[];
   busy: boolean;
 }
@@ -73,6 +78,8 @@ export const useLive = create<LiveState>(() => ({
   inside: false,
   numbers: false,
   path: { state: 'none', text: '' },
+  mute: '',
+  saying: SILENT,
   notices: [],
   busy: false,
 }));

@@ -1,7 +1,6 @@
 // The server's HTTP API.
 import type {
   Command,
-  Frames,
   InBetweenRequest,
   InBetweenResponse,
   Keyframe,
@@ -130,20 +129,6 @@ export class Api {
     }
   };
 
-  /** Acts out words. The parts of the answer come one JSON object a line. */
-  generate = async (request: object): Promise<{ frames: Frames[]; notes: string[] }> => {
-    const answer = await this.call('POST', '/v1/generate', request);
-    const lines = (await answer.text()).split('\n').filter((line) => line.trim() !== '');
-    const parts = lines.map((line) => JSON.parse(line) as GeneratePart);
-    const failed = parts.find((part) => part.error)?.error;
-    if (failed)
-      throw new ApiError(failed.message ?? 'the server broke the answer off', 500, failed.reason, failed.field);
-    return {
-      frames: parts.flatMap((part) => (part.part?.frames ? [part.part.frames] : [])),
-      notes: parts.flatMap((part) => part.notes ?? []),
-    };
-  };
-
   get = <T>(path: string): Promise<T> => this.json<T>(this.call('GET', path));
 
   send = <T>(method: string, path: string, body?: object): Promise<T> => this.json<T>(this.call(method, path, body));
@@ -177,10 +162,4 @@ export class Api {
     else this.isDeclined = true;
     return key !== undefined;
   }
-}
-
-interface GeneratePart {
-  part?: { frames?: Frames; text?: string };
-  notes?: string[];
-  error?: { message?: string; reason?: string; field?: string };
 }

@@ -20,7 +20,7 @@ import {
   Encoding,
   ProblemSchema,
 } from './gen/troupe/v1/session_pb';
-import type { Command, SessionEvent, SessionEvents } from './types';
+import type { Command, CommandResult, SessionEvent, SessionEvents } from './types';
 import type { FromWorker, TickMessage, ToWorker } from './messages';
 
 const scope = self as unknown as DedicatedWorkerGlobalScope;
@@ -45,6 +45,14 @@ function commandOf({ intent, ...rest }: Command) {
   return fromJson(CommandSchema, JSON.parse(JSON.stringify({ ...rest, ...intent })) as JsonValue);
 }
 
+interface PlainResults {
+  results: (Omit<CommandResult, 'sequence'> & { sequence: unknown })[];
+}
+
+function resultsOf({ results }: PlainResults): CommandResult[] {
+  return results.map((result) => ({ ...result, sequence: Number(result.sequence) }));
+}
+
 interface PlainEvents {
   sessions: (Omit<SessionEvents, 'events'> & { events: { frame: unknown }[] })[];
 }
@@ -53,8 +61,21 @@ interface PlainEvents {
 function eventsOf({ sessions }: PlainEvents): SessionEvents[] {
   return sessions.map((of) => ({
     ...of,
-    events: of.events.map(({ frame, ...kind }) => ({ frame: Number(frame), kind: kind as SessionEvent['kind'] })),
+    events: of.events.map(({ frame, ...kind }) => ({
+      frame: Number(frame),
+      kind: numbered(kind) as SessionEvent['kind'],
+    })),
   }));
+}
+
+/** An event's kind with the number of its command as a number. */
+function numbered(kind: object): object {
+  return Object.fromEntries(
+    Object.entries(kind).map(([name, of]: [string, object]) => [
+      name,
+      'sequence' in of ? { ...of, sequence: Number(of.sequence) } : of,
+    ]),
+  );
 }
 
 function tickOf(frames: DriveFrames, bytes: number, started: number): TickMessage {
@@ -106,7 +127,7 @@ function hear(data: ArrayBuffer): void {
       say({ kind: 'left', ...(plain(DriveLeftSchema, message.value) as object) } as FromWorker);
       break;
     case 'commands':
-      say({ kind: 'refused', ...(plain(CommandResponseSchema, message.value) as object) } as FromWorker);
+      say({ kind: 'refused', results: resultsOf(plain(CommandResponseSchema, message.value) as PlainResults) });
       break;
     case 'events':
       say({ kind: 'events', sessions: eventsOf(plain(DriveEventsSchema, message.value) as PlainEvents) });

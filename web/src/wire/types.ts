@@ -79,6 +79,7 @@ export interface FollowPath {
 export type Intent =
   | { locomote: Locomote }
   | { follow_path: FollowPath }
+  | { perform: { text: string; pack?: string; seconds?: number; temperature?: number } }
   | { interact: { instance: string; variant?: string; approach?: string } }
   | { end_interaction: Record<string, never> }
   | { cancel: Record<string, never> }

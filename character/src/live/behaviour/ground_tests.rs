@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::super::{Activity, Character, Clock, EventKind, Start, Strain, World};
+use super::super::{Activity, Character, Clock, EventKind, PerformanceEnd, Start, Strain, World};
 use super::footing::{Support, stands_on};
 use super::testing::*;
 use crate::primitives::LocomotionCommand;
@@ -458,4 +458,21 @@ fn one_that_starts_inside_of_something_stands_on_its_feet() {
     let request = character.take_request().unwrap();
     let hips = request.shape.context_roots[3].y;
     assert!((hips - 0.9).abs() < 1e-5, "the networks see hips at {hips}");
+}
+
+#[test]
+fn who_falls_while_performing_performs_no_more() {
+    for clock in [Clock::Waits, Clock::Runs] {
+        let mut rig = on_platform(1.0);
+        rig.clock = clock;
+        rig.perform("walk ahead");
+        rig.run(150);
+        assert_eq!(rig.words(), ["performing", "performed", "fell", "landed"]);
+        let end = rig.events.iter().find_map(|event| match &event.kind {
+            EventKind::Performed { end, .. } => Some(end.clone()),
+            _ => None,
+        });
+        assert_eq!(end, Some(PerformanceEnd::Interrupted));
+        assert_eq!(rig.character.activity(), Activity::Locomotion);
+    }
 }

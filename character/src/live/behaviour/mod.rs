@@ -266,6 +266,8 @@ impl Behaviour {
                 self.drop_held(frame, body);
                 false
             }
+            // The character makes way for it: see `Behaviour::make_way`.
+            Intent::Perform(_) => false,
         }
     }
 
@@ -280,6 +282,25 @@ impl Behaviour {
             Doing::Locomotion => self.begin_way_out(frame, body),
             Doing::Falling(_) => {}
         }
+    }
+
+    /// Other motion than any of a scene is to come: an interaction is broken off, and nothing waits for the end of a fall.
+    pub(super) fn make_way(&mut self, frame: i64, body: &mut Body<'_>) {
+        self.waiting = None;
+        self.interrupt(frame, body, None);
+    }
+
+    /// Other motion than any of a scene has left the character in whatever pose it is in.
+    pub(super) fn leave_off(&mut self) {
+        self.left_off = true;
+    }
+
+    /// Other motion than any of a scene moves the frames behind `shown`.
+    pub(super) fn moved(&mut self, shown: i64, body: &mut Body<'_>) {
+        body.carry.due(shown);
+        self.settle_arm(shown, body);
+        let scene = self.world.scene.snapshot();
+        body.renew_footing(shown, &scene);
     }
 
     /// Breaks off an interaction. Locomotion goes by `command`, or stands. Answers whether there was one.

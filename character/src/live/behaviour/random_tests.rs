@@ -6,7 +6,7 @@ use std::sync::Arc;
 use proptest::prelude::*;
 use troupe_motion::Vec3;
 
-use super::super::{Activity, Clock, EventKind, FailReason, Intent, SUB_FRAMES};
+use super::super::{Activity, Clock, EventKind, FailReason, Intent, PerformanceEnd, SUB_FRAMES};
 use super::testing::*;
 use crate::scene::{Holder, State};
 
@@ -19,6 +19,8 @@ struct Ends {
     taken: HashSet<Arc<str>>,
     /// A set of their way out began.
     out: HashSet<Arc<str>>,
+    /// Commands to perform that began, and how many ended.
+    performs: HashSet<u64>,
     /// There was no place for them: that ends their use, but not where they were only to be dropped.
     no_place: HashSet<Arc<str>>,
 }
@@ -50,6 +52,10 @@ impl Ends {
                     self.no_place.insert(Arc::clone(instance));
                 }
                 true
+            }
+            EventKind::Performing { number, .. } => self.performs.insert(*number),
+            EventKind::Performed { number, end } => {
+                self.performs.remove(number) || *end != PerformanceEnd::Done
             }
             _ => true,
         }
@@ -104,6 +110,7 @@ proptest! {
         for event in &rig.events {
             prop_assert!(ends.allow(&event.kind), "{:?} in {:?}", event, rig.events);
         }
+        prop_assert!(ends.performs.is_empty(), "{:?} of {:?}", ends, rig.events);
         prop_assert!(ends.open.is_empty(), "{:?} of {:?}", ends, rig.events);
     }
 

@@ -25,47 +25,51 @@ _sym_db = _symbol_database.Default()
 from troupe.v1 import motion_pb2 as troupe_dot_v1_dot_motion__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x15troupe/v1/event.proto\x12\ttroupe.v1\x1a\x16troupe/v1/motion.proto\"P\n\x08\x41\x63tivity\x12%\n\x04kind\x18\x01 \x01(\x0e\x32\x17.troupe.v1.ActivityKind\x12\x10\n\x08instance\x18\x02 \x01(\t\x12\x0b\n\x03set\x18\x03 \x01(\t\"r\n\nHeldObject\x12\x0c\n\x04slot\x18\x01 \x01(\r\x12\x10\n\x08instance\x18\x02 \x01(\t\x12!\n\x08position\x18\x03 \x01(\x0b\x32\x0f.troupe.v1.Vec3\x12!\n\x08rotation\x18\x04 \x01(\x0b\x32\x0f.troupe.v1.Quat\"E\n\rKeyframeError\x12\x0e\n\x06root_m\x18\x01 \x01(\x02\x12\x13\n\x0bheading_deg\x18\x02 \x01(\x02\x12\x0f\n\x07joint_m\x18\x03 \x01(\x02\"k\n\x12InteractionStarted\x12\x10\n\x08instance\x18\x01 \x01(\t\x12\x12\n\ndefinition\x18\x02 \x01(\t\x12\x0f\n\x07variant\x18\x03 \x01(\t\x12\x10\n\x08\x61pproach\x18\x04 \x01(\t\x12\x0c\n\x04seed\x18\x05 \x01(\x04\"+\n\nSetEntered\x12\x10\n\x08instance\x18\x01 \x01(\t\x12\x0b\n\x03set\x18\x02 \x01(\t\"\xab\x01\n\x0fKeyframeReached\x12\x10\n\x08instance\x18\x01 \x01(\t\x12\x0b\n\x03set\x18\x02 \x01(\t\x12\x10\n\x08keyframe\x18\x03 \x01(\r\x12(\n\x06\x62\x65\x66ore\x18\x04 \x01(\x0b\x32\x18.troupe.v1.KeyframeError\x12\'\n\x05\x61\x66ter\x18\x05 \x01(\x0b\x32\x18.troupe.v1.KeyframeError\x12\x14\n\x0c\x65\x61rly_frames\x18\x06 \x01(\r\"2\n\x0eObjectAttached\x12\x10\n\x08instance\x18\x01 \x01(\t\x12\x0e\n\x06socket\x18\x02 \x01(\t\"h\n\x0eObjectReleased\x12\x10\n\x08instance\x18\x01 \x01(\t\x12!\n\x08position\x18\x02 \x01(\x0b\x32\x0f.troupe.v1.Vec3\x12!\n\x08rotation\x18\x03 \x01(\x0b\x32\x0f.troupe.v1.Quat\"#\n\x0fInteractionDone\x12\x10\n\x08instance\x18\x01 \x01(\t\"F\n\x11InteractionFailed\x12\x10\n\x08instance\x18\x01 \x01(\t\x12\x0e\n\x06reason\x18\x02 \x01(\t\x12\x0f\n\x07message\x18\x03 \x01(\t\"*\n\x16InteractionInterrupted\x12\x10\n\x08instance\x18\x01 \x01(\t\"/\n\rCharacterFell\x12\x13\n\x06height\x18\x01 \x01(\x02H\x00\x88\x01\x01\x42\t\n\x07_height\"0\n\x0f\x43haracterLanded\x12\x0e\n\x06height\x18\x01 \x01(\x02\x12\r\n\x05speed\x18\x02 \x01(\x02\"(\n\x0bPathArrived\x12\x0c\n\x04late\x18\x01 \x01(\x02\x12\x0b\n\x03off\x18\x02 \x01(\x02\"U\n\x0e\x43ommandBounded\x12\x14\n\x0cwanted_speed\x18\x01 \x01(\x02\x12\r\n\x05speed\x18\x02 \x01(\x02\x12\x13\n\x06\x66\x61\x63ing\x18\x03 \x01(\x02H\x00\x88\x01\x01\x42\t\n\x07_facing\"\xd5\x04\n\x0cSessionEvent\x12\r\n\x05\x66rame\x18\x01 \x01(\x04\x12\x30\n\x07started\x18\x02 \x01(\x0b\x32\x1d.troupe.v1.InteractionStartedH\x00\x12(\n\x07\x65ntered\x18\x03 \x01(\x0b\x32\x15.troupe.v1.SetEnteredH\x00\x12-\n\x07reached\x18\x04 \x01(\x0b\x32\x1a.troupe.v1.KeyframeReachedH\x00\x12-\n\x08\x61ttached\x18\x05 \x01(\x0b\x32\x19.troupe.v1.ObjectAttachedH\x00\x12-\n\x08released\x18\x06 \x01(\x0b\x32\x19.troupe.v1.ObjectReleasedH\x00\x12*\n\x04\x64one\x18\x07 \x01(\x0b\x32\x1a.troupe.v1.InteractionDoneH\x00\x12.\n\x06\x66\x61iled\x18\x08 \x01(\x0b\x32\x1c.troupe.v1.InteractionFailedH\x00\x12\x38\n\x0binterrupted\x18\t \x01(\x0b\x32!.troupe.v1.InteractionInterruptedH\x00\x12(\n\x04\x66\x65ll\x18\n \x01(\x0b\x32\x18.troupe.v1.CharacterFellH\x00\x12,\n\x06landed\x18\x0b \x01(\x0b\x32\x1a.troupe.v1.CharacterLandedH\x00\x12)\n\x07\x61rrived\x18\x0c \x01(\x0b\x32\x16.troupe.v1.PathArrivedH\x00\x12,\n\x07\x62ounded\x18\r \x01(\x0b\x32\x19.troupe.v1.CommandBoundedH\x00\x42\x06\n\x04kind\"r\n\rSessionEvents\x12\x0c\n\x04slot\x18\x01 \x01(\r\x12\x12\n\nsession_id\x18\x02 \x01(\t\x12\'\n\x06\x65vents\x18\x03 \x03(\x0b\x32\x17.troupe.v1.SessionEvent\x12\x16\n\x0e\x65vents_dropped\x18\x04 \x01(\x04*\x9d\x01\n\x0c\x41\x63tivityKind\x12\x1c\n\x18\x41\x43TIVITY_KIND_LOCOMOTION\x10\x00\x12\x1d\n\x19\x41\x43TIVITY_KIND_APPROACHING\x10\x01\x12\x1d\n\x19\x41\x43TIVITY_KIND_INTERACTING\x10\x02\x12\x16\n\x12\x41\x43TIVITY_KIND_HELD\x10\x03\x12\x19\n\x15\x41\x43TIVITY_KIND_FALLING\x10\x04\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x15troupe/v1/event.proto\x12\ttroupe.v1\x1a\x16troupe/v1/motion.proto\"^\n\x08\x41\x63tivity\x12%\n\x04kind\x18\x01 \x01(\x0e\x32\x17.troupe.v1.ActivityKind\x12\x10\n\x08instance\x18\x02 \x01(\t\x12\x0b\n\x03set\x18\x03 \x01(\t\x12\x0c\n\x04text\x18\x04 \x01(\t\"r\n\nHeldObject\x12\x0c\n\x04slot\x18\x01 \x01(\r\x12\x10\n\x08instance\x18\x02 \x01(\t\x12!\n\x08position\x18\x03 \x01(\x0b\x32\x0f.troupe.v1.Vec3\x12!\n\x08rotation\x18\x04 \x01(\x0b\x32\x0f.troupe.v1.Quat\"E\n\rKeyframeError\x12\x0e\n\x06root_m\x18\x01 \x01(\x02\x12\x13\n\x0bheading_deg\x18\x02 \x01(\x02\x12\x0f\n\x07joint_m\x18\x03 \x01(\x02\"k\n\x12InteractionStarted\x12\x10\n\x08instance\x18\x01 \x01(\t\x12\x12\n\ndefinition\x18\x02 \x01(\t\x12\x0f\n\x07variant\x18\x03 \x01(\t\x12\x10\n\x08\x61pproach\x18\x04 \x01(\t\x12\x0c\n\x04seed\x18\x05 \x01(\x04\"+\n\nSetEntered\x12\x10\n\x08instance\x18\x01 \x01(\t\x12\x0b\n\x03set\x18\x02 \x01(\t\"\xab\x01\n\x0fKeyframeReached\x12\x10\n\x08instance\x18\x01 \x01(\t\x12\x0b\n\x03set\x18\x02 \x01(\t\x12\x10\n\x08keyframe\x18\x03 \x01(\r\x12(\n\x06\x62\x65\x66ore\x18\x04 \x01(\x0b\x32\x18.troupe.v1.KeyframeError\x12\'\n\x05\x61\x66ter\x18\x05 \x01(\x0b\x32\x18.troupe.v1.KeyframeError\x12\x14\n\x0c\x65\x61rly_frames\x18\x06 \x01(\r\"2\n\x0eObjectAttached\x12\x10\n\x08instance\x18\x01 \x01(\t\x12\x0e\n\x06socket\x18\x02 \x01(\t\"h\n\x0eObjectReleased\x12\x10\n\x08instance\x18\x01 \x01(\t\x12!\n\x08position\x18\x02 \x01(\x0b\x32\x0f.troupe.v1.Vec3\x12!\n\x08rotation\x18\x03 \x01(\x0b\x32\x0f.troupe.v1.Quat\"#\n\x0fInteractionDone\x12\x10\n\x08instance\x18\x01 \x01(\t\"F\n\x11InteractionFailed\x12\x10\n\x08instance\x18\x01 \x01(\t\x12\x0e\n\x06reason\x18\x02 \x01(\t\x12\x0f\n\x07message\x18\x03 \x01(\t\"*\n\x16InteractionInterrupted\x12\x10\n\x08instance\x18\x01 \x01(\t\"/\n\rCharacterFell\x12\x13\n\x06height\x18\x01 \x01(\x02H\x00\x88\x01\x01\x42\t\n\x07_height\"0\n\x0f\x43haracterLanded\x12\x0e\n\x06height\x18\x01 \x01(\x02\x12\r\n\x05speed\x18\x02 \x01(\x02\"(\n\x0bPathArrived\x12\x0c\n\x04late\x18\x01 \x01(\x02\x12\x0b\n\x03off\x18\x02 \x01(\x02\"U\n\x0e\x43ommandBounded\x12\x14\n\x0cwanted_speed\x18\x01 \x01(\x02\x12\r\n\x05speed\x18\x02 \x01(\x02\x12\x13\n\x06\x66\x61\x63ing\x18\x03 \x01(\x02H\x00\x88\x01\x01\x42\t\n\x07_facing\"Y\n\x12PerformanceStarted\x12\x10\n\x08sequence\x18\x01 \x01(\x04\x12\x0c\n\x04text\x18\x02 \x01(\t\x12\x0c\n\x04pack\x18\x03 \x01(\t\x12\x15\n\runknown_words\x18\x04 \x03(\t\"E\n\x10PerformanceEnded\x12\x10\n\x08sequence\x18\x01 \x01(\x04\x12\x0e\n\x06reason\x18\x02 \x01(\t\x12\x0f\n\x07message\x18\x03 \x01(\t\"\xbc\x05\n\x0cSessionEvent\x12\r\n\x05\x66rame\x18\x01 \x01(\x04\x12\x30\n\x07started\x18\x02 \x01(\x0b\x32\x1d.troupe.v1.InteractionStartedH\x00\x12(\n\x07\x65ntered\x18\x03 \x01(\x0b\x32\x15.troupe.v1.SetEnteredH\x00\x12-\n\x07reached\x18\x04 \x01(\x0b\x32\x1a.troupe.v1.KeyframeReachedH\x00\x12-\n\x08\x61ttached\x18\x05 \x01(\x0b\x32\x19.troupe.v1.ObjectAttachedH\x00\x12-\n\x08released\x18\x06 \x01(\x0b\x32\x19.troupe.v1.ObjectReleasedH\x00\x12*\n\x04\x64one\x18\x07 \x01(\x0b\x32\x1a.troupe.v1.InteractionDoneH\x00\x12.\n\x06\x66\x61iled\x18\x08 \x01(\x0b\x32\x1c.troupe.v1.InteractionFailedH\x00\x12\x38\n\x0binterrupted\x18\t \x01(\x0b\x32!.troupe.v1.InteractionInterruptedH\x00\x12(\n\x04\x66\x65ll\x18\n \x01(\x0b\x32\x18.troupe.v1.CharacterFellH\x00\x12,\n\x06landed\x18\x0b \x01(\x0b\x32\x1a.troupe.v1.CharacterLandedH\x00\x12)\n\x07\x61rrived\x18\x0c \x01(\x0b\x32\x16.troupe.v1.PathArrivedH\x00\x12\x33\n\nperforming\x18\r \x01(\x0b\x32\x1d.troupe.v1.PerformanceStartedH\x00\x12\x30\n\tperformed\x18\x0e \x01(\x0b\x32\x1b.troupe.v1.PerformanceEndedH\x00\x12,\n\x07\x62ounded\x18\x0f \x01(\x0b\x32\x19.troupe.v1.CommandBoundedH\x00\x42\x06\n\x04kind\"r\n\rSessionEvents\x12\x0c\n\x04slot\x18\x01 \x01(\r\x12\x12\n\nsession_id\x18\x02 \x01(\t\x12\'\n\x06\x65vents\x18\x03 \x03(\x0b\x32\x17.troupe.v1.SessionEvent\x12\x16\n\x0e\x65vents_dropped\x18\x04 \x01(\x04*\xbb\x01\n\x0c\x41\x63tivityKind\x12\x1c\n\x18\x41\x43TIVITY_KIND_LOCOMOTION\x10\x00\x12\x1d\n\x19\x41\x43TIVITY_KIND_APPROACHING\x10\x01\x12\x1d\n\x19\x41\x43TIVITY_KIND_INTERACTING\x10\x02\x12\x16\n\x12\x41\x43TIVITY_KIND_HELD\x10\x03\x12\x19\n\x15\x41\x43TIVITY_KIND_FALLING\x10\x04\x12\x1c\n\x18\x41\x43TIVITY_KIND_PERFORMING\x10\x05\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'troupe.v1.event_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_ACTIVITYKIND']._serialized_start=1913
-  _globals['_ACTIVITYKIND']._serialized_end=2070
+  _globals['_ACTIVITYKIND']._serialized_start=2192
+  _globals['_ACTIVITYKIND']._serialized_end=2379
   _globals['_ACTIVITY']._serialized_start=60
-  _globals['_ACTIVITY']._serialized_end=140
-  _globals['_HELDOBJECT']._serialized_start=142
-  _globals['_HELDOBJECT']._serialized_end=256
-  _globals['_KEYFRAMEERROR']._serialized_start=258
-  _globals['_KEYFRAMEERROR']._serialized_end=327
-  _globals['_INTERACTIONSTARTED']._serialized_start=329
-  _globals['_INTERACTIONSTARTED']._serialized_end=436
-  _globals['_SETENTERED']._serialized_start=438
-  _globals['_SETENTERED']._serialized_end=481
-  _globals['_KEYFRAMEREACHED']._serialized_start=484
-  _globals['_KEYFRAMEREACHED']._serialized_end=655
-  _globals['_OBJECTATTACHED']._serialized_start=657
-  _globals['_OBJECTATTACHED']._serialized_end=707
-  _globals['_OBJECTRELEASED']._serialized_start=709
-  _globals['_OBJECTRELEASED']._serialized_end=813
-  _globals['_INTERACTIONDONE']._serialized_start=815
-  _globals['_INTERACTIONDONE']._serialized_end=850
-  _globals['_INTERACTIONFAILED']._serialized_start=852
-  _globals['_INTERACTIONFAILED']._serialized_end=922
-  _globals['_INTERACTIONINTERRUPTED']._serialized_start=924
-  _globals['_INTERACTIONINTERRUPTED']._serialized_end=966
-  _globals['_CHARACTERFELL']._serialized_start=968
-  _globals['_CHARACTERFELL']._serialized_end=1015
-  _globals['_CHARACTERLANDED']._serialized_start=1017
-  _globals['_CHARACTERLANDED']._serialized_end=1065
-  _globals['_PATHARRIVED']._serialized_start=1067
-  _globals['_PATHARRIVED']._serialized_end=1107
-  _globals['_COMMANDBOUNDED']._serialized_start=1109
-  _globals['_COMMANDBOUNDED']._serialized_end=1194
-  _globals['_SESSIONEVENT']._serialized_start=1197
-  _globals['_SESSIONEVENT']._serialized_end=1794
-  _globals['_SESSIONEVENTS']._serialized_start=1796
-  _globals['_SESSIONEVENTS']._serialized_end=1910
+  _globals['_ACTIVITY']._serialized_end=154
+  _globals['_HELDOBJECT']._serialized_start=156
+  _globals['_HELDOBJECT']._serialized_end=270
+  _globals['_KEYFRAMEERROR']._serialized_start=272
+  _globals['_KEYFRAMEERROR']._serialized_end=341
+  _globals['_INTERACTIONSTARTED']._serialized_start=343
+  _globals['_INTERACTIONSTARTED']._serialized_end=450
+  _globals['_SETENTERED']._serialized_start=452
+  _globals['_SETENTERED']._serialized_end=495
+  _globals['_KEYFRAMEREACHED']._serialized_start=498
+  _globals['_KEYFRAMEREACHED']._serialized_end=669
+  _globals['_OBJECTATTACHED']._serialized_start=671
+  _globals['_OBJECTATTACHED']._serialized_end=721
+  _globals['_OBJECTRELEASED']._serialized_start=723
+  _globals['_OBJECTRELEASED']._serialized_end=827
+  _globals['_INTERACTIONDONE']._serialized_start=829
+  _globals['_INTERACTIONDONE']._serialized_end=864
+  _globals['_INTERACTIONFAILED']._serialized_start=866
+  _globals['_INTERACTIONFAILED']._serialized_end=936
+  _globals['_INTERACTIONINTERRUPTED']._serialized_start=938
+  _globals['_INTERACTIONINTERRUPTED']._serialized_end=980
+  _globals['_CHARACTERFELL']._serialized_start=982
+  _globals['_CHARACTERFELL']._serialized_end=1029
+  _globals['_CHARACTERLANDED']._serialized_start=1031
+  _globals['_CHARACTERLANDED']._serialized_end=1079
+  _globals['_PATHARRIVED']._serialized_start=1081
+  _globals['_PATHARRIVED']._serialized_end=1121
+  _globals['_COMMANDBOUNDED']._serialized_start=1123
+  _globals['_COMMANDBOUNDED']._serialized_end=1208
+  _globals['_PERFORMANCESTARTED']._serialized_start=1210
+  _globals['_PERFORMANCESTARTED']._serialized_end=1299
+  _globals['_PERFORMANCEENDED']._serialized_start=1301
+  _globals['_PERFORMANCEENDED']._serialized_end=1370
+  _globals['_SESSIONEVENT']._serialized_start=1373
+  _globals['_SESSIONEVENT']._serialized_end=2073
+  _globals['_SESSIONEVENTS']._serialized_start=2075
+  _globals['_SESSIONEVENTS']._serialized_end=2189
 # @@protoc_insertion_point(module_scope)

@@ -15,21 +15,25 @@ class ActivityKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     ACTIVITY_KIND_INTERACTING: _ClassVar[ActivityKind]
     ACTIVITY_KIND_HELD: _ClassVar[ActivityKind]
     ACTIVITY_KIND_FALLING: _ClassVar[ActivityKind]
+    ACTIVITY_KIND_PERFORMING: _ClassVar[ActivityKind]
 ACTIVITY_KIND_LOCOMOTION: ActivityKind
 ACTIVITY_KIND_APPROACHING: ActivityKind
 ACTIVITY_KIND_INTERACTING: ActivityKind
 ACTIVITY_KIND_HELD: ActivityKind
 ACTIVITY_KIND_FALLING: ActivityKind
+ACTIVITY_KIND_PERFORMING: ActivityKind
 
 class Activity(_message.Message):
-    __slots__ = ("kind", "instance", "set")
+    __slots__ = ("kind", "instance", "set", "text")
     KIND_FIELD_NUMBER: _ClassVar[int]
     INSTANCE_FIELD_NUMBER: _ClassVar[int]
     SET_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
     kind: ActivityKind
     instance: str
     set: str
-    def __init__(self, kind: _Optional[_Union[ActivityKind, str]] = ..., instance: _Optional[str] = ..., set: _Optional[str] = ...) -> None: ...
+    text: str
+    def __init__(self, kind: _Optional[_Union[ActivityKind, str]] = ..., instance: _Optional[str] = ..., set: _Optional[str] = ..., text: _Optional[str] = ...) -> None: ...
 
 class HeldObject(_message.Message):
     __slots__ = ("slot", "instance", "position", "rotation")
@@ -163,8 +167,30 @@ class CommandBounded(_message.Message):
     facing: float
     def __init__(self, wanted_speed: _Optional[float] = ..., speed: _Optional[float] = ..., facing: _Optional[float] = ...) -> None: ...
 
+class PerformanceStarted(_message.Message):
+    __slots__ = ("sequence", "text", "pack", "unknown_words")
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    PACK_FIELD_NUMBER: _ClassVar[int]
+    UNKNOWN_WORDS_FIELD_NUMBER: _ClassVar[int]
+    sequence: int
+    text: str
+    pack: str
+    unknown_words: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, sequence: _Optional[int] = ..., text: _Optional[str] = ..., pack: _Optional[str] = ..., unknown_words: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class PerformanceEnded(_message.Message):
+    __slots__ = ("sequence", "reason", "message")
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_FIELD_NUMBER: _ClassVar[int]
+    sequence: int
+    reason: str
+    message: str
+    def __init__(self, sequence: _Optional[int] = ..., reason: _Optional[str] = ..., message: _Optional[str] = ...) -> None: ...
+
 class SessionEvent(_message.Message):
-    __slots__ = ("frame", "started", "entered", "reached", "attached", "released", "done", "failed", "interrupted", "fell", "landed", "arrived", "bounded")
+    __slots__ = ("frame", "started", "entered", "reached", "attached", "released", "done", "failed", "interrupted", "fell", "landed", "arrived", "performing", "performed", "bounded")
     FRAME_FIELD_NUMBER: _ClassVar[int]
     STARTED_FIELD_NUMBER: _ClassVar[int]
     ENTERED_FIELD_NUMBER: _ClassVar[int]
@@ -177,6 +203,8 @@ class SessionEvent(_message.Message):
     FELL_FIELD_NUMBER: _ClassVar[int]
     LANDED_FIELD_NUMBER: _ClassVar[int]
     ARRIVED_FIELD_NUMBER: _ClassVar[int]
+    PERFORMING_FIELD_NUMBER: _ClassVar[int]
+    PERFORMED_FIELD_NUMBER: _ClassVar[int]
     BOUNDED_FIELD_NUMBER: _ClassVar[int]
     frame: int
     started: InteractionStarted
@@ -190,8 +218,10 @@ class SessionEvent(_message.Message):
     fell: CharacterFell
     landed: CharacterLanded
     arrived: PathArrived
+    performing: PerformanceStarted
+    performed: PerformanceEnded
     bounded: CommandBounded
-    def __init__(self, frame: _Optional[int] = ..., started: _Optional[_Union[InteractionStarted, _Mapping]] = ..., entered: _Optional[_Union[SetEntered, _Mapping]] = ..., reached: _Optional[_Union[KeyframeReached, _Mapping]] = ..., attached: _Optional[_Union[ObjectAttached, _Mapping]] = ..., released: _Optional[_Union[ObjectReleased, _Mapping]] = ..., done: _Optional[_Union[InteractionDone, _Mapping]] = ..., failed: _Optional[_Union[InteractionFailed, _Mapping]] = ..., interrupted: _Optional[_Union[InteractionInterrupted, _Mapping]] = ..., fell: _Optional[_Union[CharacterFell, _Mapping]] = ..., landed: _Optional[_Union[CharacterLanded, _Mapping]] = ..., arrived: _Optional[_Union[PathArrived, _Mapping]] = ..., bounded: _Optional[_Union[CommandBounded, _Mapping]] = ...) -> None: ...
+    def __init__(self, frame: _Optional[int] = ..., started: _Optional[_Union[InteractionStarted, _Mapping]] = ..., entered: _Optional[_Union[SetEntered, _Mapping]] = ..., reached: _Optional[_Union[KeyframeReached, _Mapping]] = ..., attached: _Optional[_Union[ObjectAttached, _Mapping]] = ..., released: _Optional[_Union[ObjectReleased, _Mapping]] = ..., done: _Optional[_Union[InteractionDone, _Mapping]] = ..., failed: _Optional[_Union[InteractionFailed, _Mapping]] = ..., interrupted: _Optional[_Union[InteractionInterrupted, _Mapping]] = ..., fell: _Optional[_Union[CharacterFell, _Mapping]] = ..., landed: _Optional[_Union[CharacterLanded, _Mapping]] = ..., arrived: _Optional[_Union[PathArrived, _Mapping]] = ..., performing: _Optional[_Union[PerformanceStarted, _Mapping]] = ..., performed: _Optional[_Union[PerformanceEnded, _Mapping]] = ..., bounded: _Optional[_Union[CommandBounded, _Mapping]] = ...) -> None: ...
 
 class SessionEvents(_message.Message):
     __slots__ = ("slot", "session_id", "events", "events_dropped")

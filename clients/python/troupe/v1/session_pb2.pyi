@@ -279,8 +279,20 @@ class DropHeld(_message.Message):
     __slots__ = ()
     def __init__(self) -> None: ...
 
+class Perform(_message.Message):
+    __slots__ = ("text", "pack", "seconds", "temperature")
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    PACK_FIELD_NUMBER: _ClassVar[int]
+    SECONDS_FIELD_NUMBER: _ClassVar[int]
+    TEMPERATURE_FIELD_NUMBER: _ClassVar[int]
+    text: str
+    pack: str
+    seconds: float
+    temperature: float
+    def __init__(self, text: _Optional[str] = ..., pack: _Optional[str] = ..., seconds: _Optional[float] = ..., temperature: _Optional[float] = ...) -> None: ...
+
 class Command(_message.Message):
-    __slots__ = ("session_id", "sequence", "at_frame", "locomote", "interact", "end_interaction", "cancel", "drop", "follow_path", "priority")
+    __slots__ = ("session_id", "sequence", "at_frame", "locomote", "interact", "end_interaction", "cancel", "drop", "follow_path", "perform", "priority")
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     AT_FRAME_FIELD_NUMBER: _ClassVar[int]
@@ -290,6 +302,7 @@ class Command(_message.Message):
     CANCEL_FIELD_NUMBER: _ClassVar[int]
     DROP_FIELD_NUMBER: _ClassVar[int]
     FOLLOW_PATH_FIELD_NUMBER: _ClassVar[int]
+    PERFORM_FIELD_NUMBER: _ClassVar[int]
     PRIORITY_FIELD_NUMBER: _ClassVar[int]
     session_id: str
     sequence: int
@@ -300,8 +313,9 @@ class Command(_message.Message):
     cancel: Cancel
     drop: DropHeld
     follow_path: FollowPath
+    perform: Perform
     priority: float
-    def __init__(self, session_id: _Optional[str] = ..., sequence: _Optional[int] = ..., at_frame: _Optional[int] = ..., locomote: _Optional[_Union[Locomote, _Mapping]] = ..., interact: _Optional[_Union[Interact, _Mapping]] = ..., end_interaction: _Optional[_Union[EndInteraction, _Mapping]] = ..., cancel: _Optional[_Union[Cancel, _Mapping]] = ..., drop: _Optional[_Union[DropHeld, _Mapping]] = ..., follow_path: _Optional[_Union[FollowPath, _Mapping]] = ..., priority: _Optional[float] = ...) -> None: ...
+    def __init__(self, session_id: _Optional[str] = ..., sequence: _Optional[int] = ..., at_frame: _Optional[int] = ..., locomote: _Optional[_Union[Locomote, _Mapping]] = ..., interact: _Optional[_Union[Interact, _Mapping]] = ..., end_interaction: _Optional[_Union[EndInteraction, _Mapping]] = ..., cancel: _Optional[_Union[Cancel, _Mapping]] = ..., drop: _Optional[_Union[DropHeld, _Mapping]] = ..., follow_path: _Optional[_Union[FollowPath, _Mapping]] = ..., perform: _Optional[_Union[Perform, _Mapping]] = ..., priority: _Optional[float] = ...) -> None: ...
 
 class Problem(_message.Message):
     __slots__ = ("reason", "message", "field", "allowed")

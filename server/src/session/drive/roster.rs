@@ -163,24 +163,22 @@ impl Roster {
         for member in &self.members {
             let cell = member.held.cell();
             let pack = cell.pack();
-            let request = {
+            let wants = {
                 let mut live = cell.live();
                 let strain = strain(pack, live.priority);
                 live.character.under_load(strain);
                 live.character.advance(sub_frames, Clock::Runs);
                 live.character.sample(&mut self.out);
-                let request = cell.settle(&mut live);
+                let wants = cell.settle(&mut live);
                 if cell.scene().is_some() {
                     in_hands.extend(events::held(&live, member.slot, cell.convention()));
                 }
                 if let Some(happened) = &mut happened {
                     happened.extend(live.events.take(member.slot, cell.id(), cell.convention()));
                 }
-                request
+                wants
             };
-            if let Some(request) = request {
-                planner::ask(cell, request, Patience::Fails);
-            }
+            planner::serve(cell, wants, Patience::Fails);
             underruns += u32::from(self.out.underrun);
             let (writer, place) = &mut writers[member.pack];
             writer.name(member.slot);
@@ -235,10 +233,8 @@ fn strain(pack: &LivePack, priority: f32) -> Strain {
 
 /// Has the plan made that a character already wants, before its first tick.
 fn ask(cell: &Arc<SessionCell>) {
-    let request = cell.settle(&mut cell.live());
-    if let Some(request) = request {
-        planner::ask(cell, request, Patience::Fails);
-    }
+    let wants = cell.settle(&mut cell.live());
+    planner::serve(cell, wants, Patience::Fails);
 }
 
 impl Drop for Roster {

@@ -541,6 +541,11 @@ export interface components {
              * @default
              */
             set: string;
+            /**
+             * @description What it acts out, where it performs.
+             * @default
+             */
+            text: string;
         };
         /** @description Puts objects into a scene. */
         AddObjectsRequest: {
@@ -776,7 +781,7 @@ export interface components {
              * Format: int64
              * @description Frame of the session's timeline from which it holds. Left out, or in the past: now. At most 100000 frames ahead. Commands
              *     that hold from the same frame on are carried out in the order of their numbers. A newer locomote replaces one that still
-             *     waits for its frame, a newer interact or cancel replaces interacts that do. Of all others, none replaces another: at most 8
+             *     waits for its frame, a newer interact, perform or cancel replaces interacts and performs that do. Of all others, none replaces another: at most 8
              *     wait, one more is refused (TOO_MANY_COMMANDS). What comes during a fall waits for its end, and of that the newest alone.
              * @default null
              */
@@ -825,6 +830,9 @@ export interface components {
         } | {
             /** @description Follow a path. As a locomote otherwise; in a fall it begins after the landing. */
             follow_path: components["schemas"]["FollowPath"];
+        } | {
+            /** @description Act out a sentence. */
+            perform: components["schemas"]["Perform"];
         };
         /** @description Gives commands. */
         CommandRequest: {
@@ -2475,6 +2483,81 @@ export interface components {
             /** @default null */
             waiting: components["schemas"]["Command"] | null;
         };
+        /**
+         * @description Act out a sentence, and go on in locomotion. The character goes on as it does until the first frames have come, blends into them,
+         *     and takes up again what it did before; of a path that it followed, it stands. Every locomote, follow_path, interact, perform
+         *     and cancel breaks a performance off, and so does a fall.
+         */
+        Perform: {
+            /**
+             * @description Name of a pack with the capability `text`, whose skeleton has the same joints as the session's. Empty: the server's default pack
+             *     where it is one of those, else the first by name that is.
+             * @default
+             */
+            pack: string;
+            /**
+             * Format: float
+             * @description How long, 0.5 to 30 s. Left out: as long as the model finds right, and at most 30 s.
+             * @default null
+             */
+            seconds: number | null;
+            /**
+             * Format: float
+             * @description 0 takes the likeliest motion, more varies: 0 to 2. Left out: the pack's. What is drawn follows from the session's seed and the
+             *     command's sequence number.
+             * @default null
+             */
+            temperature: number | null;
+            /**
+             * @description What to do, in words: 1 to 1000 characters, as far as the pack's longest prompt goes.
+             * @default
+             */
+            text: string;
+        };
+        /** @description A performance came to its end, or to nothing. Every perform that holds has one of these, whether it started or not. */
+        PerformanceEnded: {
+            /**
+             * @description The same for people, where it failed.
+             * @default
+             */
+            message: string;
+            /**
+             * @description Why: DONE, INTERRUPTED (by a command or a fall), FAILED (the pack gave no motion), LATE (its frames did not come in time) or
+             *     RESTARTED (the server was).
+             * @default
+             */
+            reason: string;
+            /**
+             * Format: int64
+             * @description Sequence number of the command.
+             * @default 0
+             */
+            sequence: number;
+        };
+        /** @description A character began to act out a sentence: its first frames are shown. */
+        PerformanceStarted: {
+            /**
+             * @description Name of the pack that makes motion of it.
+             * @default
+             */
+            pack: string;
+            /**
+             * Format: int64
+             * @description Sequence number of the command.
+             * @default 0
+             */
+            sequence: number;
+            /**
+             * @description What it acts out.
+             * @default
+             */
+            text: string;
+            /**
+             * @description Words that the captions of the pack's training did not use, at most 8: it may do badly what they say.
+             * @default []
+             */
+            unknown_words: string[];
+        };
         /** @description A plan: what was asked of the networks, and what each stage made of it, in the session's convention. */
         PlanView: {
             /**
@@ -3042,6 +3125,12 @@ export interface components {
         } | {
             /** @description A path came to its end. */
             arrived: components["schemas"]["PathArrived"];
+        } | {
+            /** @description A performance began. */
+            performing: components["schemas"]["PerformanceStarted"];
+        } | {
+            /** @description A performance ended. */
+            performed: components["schemas"]["PerformanceEnded"];
         };
         /** @description What happened to one session since events of it were last handed out. At most 64 wait; the oldest are dropped. */
         SessionEvents: {

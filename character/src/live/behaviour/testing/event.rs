@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use troupe_motion::Vec3;
 
 use super::super::super::Intent;
-use super::{Harness, Plans};
+use super::{Harness, Plans, Words};
 use crate::scene::Transform;
 
 /// What may happen to a character.
@@ -19,6 +19,7 @@ pub(crate) enum Event {
     End,
     Cancel,
     Drop,
+    Perform(Words),
     Plans(Plans),
     Move(&'static str, i8),
     Remove(&'static str),
@@ -37,6 +38,7 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
         2 => Just(Event::End),
         1 => Just(Event::Cancel),
         1 => Just(Event::Drop),
+        2 => words().prop_map(Event::Perform),
         2 => prop_oneof![
             Just(Plans::AtOnce),
             (0u32..20).prop_map(Plans::After),
@@ -46,6 +48,20 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
         1 => object().prop_map(Event::Remove),
         1 => Just(Event::Back),
     ]
+}
+
+/// Words that come in any way.
+pub(crate) fn words() -> impl Strategy<Value = Words> {
+    let fails = prop::option::weighted(0.2, 0usize..3);
+    (1usize..120, 3usize..40, 0u32..40, 0u32..40, fails).prop_map(
+        |(frames, part, first, every, fails_after)| Words {
+            frames,
+            part,
+            first,
+            every,
+            fails_after,
+        },
+    )
 }
 
 pub(crate) fn carry_out(rig: &mut Harness, event: &Event) {
@@ -58,6 +74,10 @@ pub(crate) fn carry_out(rig: &mut Harness, event: &Event) {
         Event::End => drop(rig.give(Intent::EndInteraction)),
         Event::Cancel => drop(rig.give(Intent::Cancel)),
         Event::Drop => drop(rig.give(Intent::Drop)),
+        Event::Perform(words) => {
+            rig.words_come = words;
+            rig.perform("wave");
+        }
         Event::Plans(plans) => rig.plans = plans,
         Event::Move(object, by) => drop(rig.scene.update(|scene| {
             let there = scene.instance(object).map(|it| it.transform).unwrap_or_default();

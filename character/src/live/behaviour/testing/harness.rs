@@ -8,7 +8,8 @@ use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::super::super::{
     Advance, Character, CharacterEvent, CharacterOptions, Clock, EventKind, FrameOut, Intent, LivePlan,
-    PlanFailed, PlanRequest, PlanTrace, Refusal, SUB_FRAMES, Start, World,
+    PerformCommand, PlanFailed, PlanRequest, PlanTrace, Refusal, SUB_FRAMES, Start, WordsPart, WordsRequest,
+    World,
 };
 use super::{definitions, doll_rig, doll_style, room};
 use crate::Path;
@@ -40,6 +41,41 @@ pub(crate) enum Plans {
     Never,
 }
 
+/// How words come: frames that go ahead, 0.02 m each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Words {
+    /// How many there are.
+    pub(crate) frames: usize,
+    /// Frames of a part.
+    pub(crate) part: usize,
+    /// Ticks until the first part.
+    pub(crate) first: u32,
+    /// Ticks between two parts.
+    pub(crate) every: u32,
+    /// They fail after so many parts.
+    pub(crate) fails_after: Option<usize>,
+}
+
+impl Default for Words {
+    fn default() -> Self {
+        Self {
+            frames: 90,
+            part: 32,
+            first: 0,
+            every: 0,
+            fails_after: None,
+        }
+    }
+}
+
+/// Words on their way.
+struct Stream {
+    request: WordsRequest,
+    words: Words,
+    parts: usize,
+    wait: u32,
+}
+
 /// A character in a scene, and everything that came out of it.
 pub(crate) struct Harness {
     pub(crate) character: Character,
@@ -52,6 +88,10 @@ pub(crate) struct Harness {
     /// Sub-frames of a tick.
     pub(crate) sub_frames: u32,
     open: Option<(PlanRequest, u32)>,
+    /// How words come that are asked for from now on.
+    pub(crate) words_come: Words,
+    stream: Option<Stream>,
+    pub(crate) words_requests: Vec<WordsRequest>,
     sequence: u64,
     pub(crate) frames: Vec<FrameOut>,
     pub(crate) events: Vec<CharacterEvent>,
@@ -91,6 +131,9 @@ impl Harness {
             plans: Plans::AtOnce,
             sub_frames: SUB_FRAMES,
             open: None,
+            words_come: Words::default(),
+            stream: None,
+            words_requests: Vec::new(),
             sequence: 0,
             frames: Vec::new(),
             events: Vec::new(),
@@ -147,8 +190,10 @@ impl Harness {
                 self.requests.push(request.clone());
                 self.open = Some((request, delay));
             }
+            self.hear_words();
             let waits = moved == Advance::NeedsPlan;
             self.answer(waits);
+            self.answer_words(waits);
             if !waits {
                 break;
             }
@@ -179,6 +224,68 @@ impl Harness {
             self.requests.push(request.clone());
             self.open = Some((request, 0));
         }
+    }
+
+    /// Takes a request for words; the one before is given up.
+    fn hear_words(&mut self) {
+        if let Some(request) = self.character.take_words_request() {
+            self.words_requests.push(request.clone());
+            self.stream = Some(Stream {
+                request,
+                words: self.words_come,
+                parts: 0,
+                wait: self.words_come.first,
+            });
+        }
+        let character = &self.character;
+        self.stream
+            .take_if(|stream| !character.wants_words(stream.request.number));
+    }
+
+    fn answer_words(&mut self, waits: bool) {
+        let Some(stream) = &mut self.stream else {
+            return;
+        };
+        if stream.wait > 0 && !waits {
+            stream.wait -= 1;
+            return;
+        }
+        let (words, number) = (stream.words, stream.request.number);
+        if words.fails_after.is_some_and(|parts| stream.parts >= parts) {
+            self.character.words_failed(number, "it was asked to".to_owned());
+            self.stream = None;
+            return;
+        }
+        let first = stream.parts * words.part;
+        let last = (first + words.part).min(words.frames);
+        stream.parts += 1;
+        stream.wait = words.every;
+        let is_last = last >= words.frames;
+        let pose = &self.style.idle().rotations;
+        let part = WordsPart {
+            roots: (first..last)
+                .map(|frame| Vec3::new(0.0, 0.9, 0.02 * (frame + 1) as f32))
+                .collect(),
+            rotations: pose.repeat(last - first),
+            contacts: vec![1; last - first],
+        };
+        self.character.words_arrived(number, part, is_last);
+        if is_last {
+            self.stream = None;
+        }
+    }
+
+    /// Acts out `text`.
+    pub(crate) fn perform(&mut self, text: &str) {
+        self.give(Intent::Perform(PerformCommand {
+            text: text.into(),
+            pack: "words".into(),
+            past_frames: 16,
+            frames: None,
+            temperature: None,
+            unknown_words: vec!["zog".to_owned()],
+        }))
+        .unwrap();
     }
 
     /// Whether a plan was asked for that has not come.
@@ -266,6 +373,8 @@ impl Harness {
             EventKind::Landed { .. } => "landed",
             EventKind::Arrived { .. } => "arrived",
             EventKind::Bounded { .. } => "bounded",
+            EventKind::Performing { .. } => "performing",
+            EventKind::Performed { .. } => "performed",
         };
         self.events
             .iter()

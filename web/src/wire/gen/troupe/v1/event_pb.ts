@@ -16,7 +16,7 @@ import type { Message } from "@bufbuild/protobuf";
  * Describes the file troupe/v1/event.proto.
  */
 export const file_troupe_v1_event: GenFile = /*@__PURE__*/
-  fileDesc("ChV0cm91cGUvdjEvZXZlbnQucHJvdG8SCXRyb3VwZS52MSJQCghBY3Rpdml0eRIlCgRraW5kGAEgASgOMhcudHJvdXBlLnYxLkFjdGl2aXR5S2luZBIQCghpbnN0YW5jZRgCIAEoCRILCgNzZXQYAyABKAkicgoKSGVsZE9iamVjdBIMCgRzbG90GAEgASgNEhAKCGluc3RhbmNlGAIgASgJEiEKCHBvc2l0aW9uGAMgASgLMg8udHJvdXBlLnYxLlZlYzMSIQoIcm90YXRpb24YBCABKAsyDy50cm91cGUudjEuUXVhdCJFCg1LZXlmcmFtZUVycm9yEg4KBnJvb3RfbRgBIAEoAhITCgtoZWFkaW5nX2RlZxgCIAEoAhIPCgdqb2ludF9tGAMgASgCImsKEkludGVyYWN0aW9uU3RhcnRlZBIQCghpbnN0YW5jZRgBIAEoCRISCgpkZWZpbml0aW9uGAIgASgJEg8KB3ZhcmlhbnQYAyABKAkSEAoIYXBwcm9hY2gYBCABKAkSDAoEc2VlZBgFIAEoBCIrCgpTZXRFbnRlcmVkEhAKCGluc3RhbmNlGAEgASgJEgsKA3NldBgCIAEoCSKrAQoPS2V5ZnJhbWVSZWFjaGVkEhAKCGluc3RhbmNlGAEgASgJEgsKA3NldBgCIAEoCRIQCghrZXlmcmFtZRgDIAEoDRIoCgZiZWZvcmUYBCABKAsyGC50cm91cGUudjEuS2V5ZnJhbWVFcnJvchInCgVhZnRlchgFIAEoCzIYLnRyb3VwZS52MS5LZXlmcmFtZUVycm9yEhQKDGVhcmx5X2ZyYW1lcxgGIAEoDSIyCg5PYmplY3RBdHRhY2hlZBIQCghpbnN0YW5jZRgBIAEoCRIOCgZzb2NrZXQYAiABKAkiaAoOT2JqZWN0UmVsZWFzZWQSEAoIaW5zdGFuY2UYASABKAkSIQoIcG9zaXRpb24YAiABKAsyDy50cm91cGUudjEuVmVjMxIhCghyb3RhdGlvbhgDIAEoCzIPLnRyb3VwZS52MS5RdWF0IiMKD0ludGVyYWN0aW9uRG9uZRIQCghpbnN0YW5jZRgBIAEoCSJGChFJbnRlcmFjdGlvbkZhaWxlZBIQCghpbnN0YW5jZRgBIAEoCRIOCgZyZWFzb24YAiABKAkSDwoHbWVzc2FnZRgDIAEoCSIqChZJbnRlcmFjdGlvbkludGVycnVwdGVkEhAKCGluc3RhbmNlGAEgASgJIi8KDUNoYXJhY3RlckZlbGwSEwoGaGVpZ2h0GAEgASgCSACIAQFCCQoHX2hlaWdodCIwCg9DaGFyYWN0ZXJMYW5kZWQSDgoGaGVpZ2h0GAEgASgCEg0KBXNwZWVkGAIgASgCIigKC1BhdGhBcnJpdmVkEgwKBGxhdGUYASABKAISCwoDb2ZmGAIgASgCIqcECgxTZXNzaW9uRXZlbnQSDQoFZnJhbWUYASABKAQSMAoHc3RhcnRlZBgCIAEoCzIdLnRyb3VwZS52MS5JbnRlcmFjdGlvblN0YXJ0ZWRIABIoCgdlbnRlcmVkGAMgASgLMhUudHJvdXBlLnYxLlNldEVudGVyZWRIABItCgdyZWFjaGVkGAQgASgLMhoudHJvdXBlLnYxLktleWZyYW1lUmVhY2hlZEgAEi0KCGF0dGFjaGVkGAUgASgLMhkudHJvdXBlLnYxLk9iamVjdEF0dGFjaGVkSAASLQoIcmVsZWFzZWQYBiABKAsyGS50cm91cGUudjEuT2JqZWN0UmVsZWFzZWRIABIqCgRkb25lGAcgASgLMhoudHJvdXBlLnYxLkludGVyYWN0aW9uRG9uZUgAEi4KBmZhaWxlZBgIIAEoCzIcLnRyb3VwZS52MS5JbnRlcmFjdGlvbkZhaWxlZEgAEjgKC2ludGVycnVwdGVkGAkgASgLMiEudHJvdXBlLnYxLkludGVyYWN0aW9uSW50ZXJydXB0ZWRIABIoCgRmZWxsGAogASgLMhgudHJvdXBlLnYxLkNoYXJhY3RlckZlbGxIABIsCgZsYW5kZWQYCyABKAsyGi50cm91cGUudjEuQ2hhcmFjdGVyTGFuZGVkSAASKQoHYXJyaXZlZBgMIAEoCzIWLnRyb3VwZS52MS5QYXRoQXJyaXZlZEgAQgYKBGtpbmQicgoNU2Vzc2lvbkV2ZW50cxIMCgRzbG90GAEgASgNEhIKCnNlc3Npb25faWQYAiABKAkSJwoGZXZlbnRzGAMgAygLMhcudHJvdXBlLnYxLlNlc3Npb25FdmVudBIWCg5ldmVudHNfZHJvcHBlZBgEIAEoBCqdAQoMQWN0aXZpdHlLaW5kEhwKGEFDVElWSVRZX0tJTkRfTE9DT01PVElPThAAEh0KGUFDVElWSVRZX0tJTkRfQVBQUk9BQ0hJTkcQARIdChlBQ1RJVklUWV9LSU5EX0lOVEVSQUNUSU5HEAISFgoSQUNUSVZJVFlfS0lORF9IRUxEEAMSGQoVQUNUSVZJVFlfS0lORF9GQUxMSU5HEARiBnByb3RvMw", [file_troupe_v1_motion]);
+  fileDesc("ChV0cm91cGUvdjEvZXZlbnQucHJvdG8SCXRyb3VwZS52MSJeCghBY3Rpdml0eRIlCgRraW5kGAEgASgOMhcudHJvdXBlLnYxLkFjdGl2aXR5S2luZBIQCghpbnN0YW5jZRgCIAEoCRILCgNzZXQYAyABKAkSDAoEdGV4dBgEIAEoCSJyCgpIZWxkT2JqZWN0EgwKBHNsb3QYASABKA0SEAoIaW5zdGFuY2UYAiABKAkSIQoIcG9zaXRpb24YAyABKAsyDy50cm91cGUudjEuVmVjMxIhCghyb3RhdGlvbhgEIAEoCzIPLnRyb3VwZS52MS5RdWF0IkUKDUtleWZyYW1lRXJyb3ISDgoGcm9vdF9tGAEgASgCEhMKC2hlYWRpbmdfZGVnGAIgASgCEg8KB2pvaW50X20YAyABKAIiawoSSW50ZXJhY3Rpb25TdGFydGVkEhAKCGluc3RhbmNlGAEgASgJEhIKCmRlZmluaXRpb24YAiABKAkSDwoHdmFyaWFudBgDIAEoCRIQCghhcHByb2FjaBgEIAEoCRIMCgRzZWVkGAUgASgEIisKClNldEVudGVyZWQSEAoIaW5zdGFuY2UYASABKAkSCwoDc2V0GAIgASgJIqsBCg9LZXlmcmFtZVJlYWNoZWQSEAoIaW5zdGFuY2UYASABKAkSCwoDc2V0GAIgASgJEhAKCGtleWZyYW1lGAMgASgNEigKBmJlZm9yZRgEIAEoCzIYLnRyb3VwZS52MS5LZXlmcmFtZUVycm9yEicKBWFmdGVyGAUgASgLMhgudHJvdXBlLnYxLktleWZyYW1lRXJyb3ISFAoMZWFybHlfZnJhbWVzGAYgASgNIjIKDk9iamVjdEF0dGFjaGVkEhAKCGluc3RhbmNlGAEgASgJEg4KBnNvY2tldBgCIAEoCSJoCg5PYmplY3RSZWxlYXNlZBIQCghpbnN0YW5jZRgBIAEoCRIhCghwb3NpdGlvbhgCIAEoCzIPLnRyb3VwZS52MS5WZWMzEiEKCHJvdGF0aW9uGAMgASgLMg8udHJvdXBlLnYxLlF1YXQiIwoPSW50ZXJhY3Rpb25Eb25lEhAKCGluc3RhbmNlGAEgASgJIkYKEUludGVyYWN0aW9uRmFpbGVkEhAKCGluc3RhbmNlGAEgASgJEg4KBnJlYXNvbhgCIAEoCRIPCgdtZXNzYWdlGAMgASgJIioKFkludGVyYWN0aW9uSW50ZXJydXB0ZWQSEAoIaW5zdGFuY2UYASABKAkiLwoNQ2hhcmFjdGVyRmVsbBITCgZoZWlnaHQYASABKAJIAIgBAUIJCgdfaGVpZ2h0IjAKD0NoYXJhY3RlckxhbmRlZBIOCgZoZWlnaHQYASABKAISDQoFc3BlZWQYAiABKAIiKAoLUGF0aEFycml2ZWQSDAoEbGF0ZRgBIAEoAhILCgNvZmYYAiABKAIiWQoSUGVyZm9ybWFuY2VTdGFydGVkEhAKCHNlcXVlbmNlGAEgASgEEgwKBHRleHQYAiABKAkSDAoEcGFjaxgDIAEoCRIVCg11bmtub3duX3dvcmRzGAQgAygJIkUKEFBlcmZvcm1hbmNlRW5kZWQSEAoIc2VxdWVuY2UYASABKAQSDgoGcmVhc29uGAIgASgJEg8KB21lc3NhZ2UYAyABKAkijgUKDFNlc3Npb25FdmVudBINCgVmcmFtZRgBIAEoBBIwCgdzdGFydGVkGAIgASgLMh0udHJvdXBlLnYxLkludGVyYWN0aW9uU3RhcnRlZEgAEigKB2VudGVyZWQYAyABKAsyFS50cm91cGUudjEuU2V0RW50ZXJlZEgAEi0KB3JlYWNoZWQYBCABKAsyGi50cm91cGUudjEuS2V5ZnJhbWVSZWFjaGVkSAASLQoIYXR0YWNoZWQYBSABKAsyGS50cm91cGUudjEuT2JqZWN0QXR0YWNoZWRIABItCghyZWxlYXNlZBgGIAEoCzIZLnRyb3VwZS52MS5PYmplY3RSZWxlYXNlZEgAEioKBGRvbmUYByABKAsyGi50cm91cGUudjEuSW50ZXJhY3Rpb25Eb25lSAASLgoGZmFpbGVkGAggASgLMhwudHJvdXBlLnYxLkludGVyYWN0aW9uRmFpbGVkSAASOAoLaW50ZXJydXB0ZWQYCSABKAsyIS50cm91cGUudjEuSW50ZXJhY3Rpb25JbnRlcnJ1cHRlZEgAEigKBGZlbGwYCiABKAsyGC50cm91cGUudjEuQ2hhcmFjdGVyRmVsbEgAEiwKBmxhbmRlZBgLIAEoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJMYW5kZWRIABIpCgdhcnJpdmVkGAwgASgLMhYudHJvdXBlLnYxLlBhdGhBcnJpdmVkSAASMwoKcGVyZm9ybWluZxgNIAEoCzIdLnRyb3VwZS52MS5QZXJmb3JtYW5jZVN0YXJ0ZWRIABIwCglwZXJmb3JtZWQYDiABKAsyGy50cm91cGUudjEuUGVyZm9ybWFuY2VFbmRlZEgAQgYKBGtpbmQicgoNU2Vzc2lvbkV2ZW50cxIMCgRzbG90GAEgASgNEhIKCnNlc3Npb25faWQYAiABKAkSJwoGZXZlbnRzGAMgAygLMhcudHJvdXBlLnYxLlNlc3Npb25FdmVudBIWCg5ldmVudHNfZHJvcHBlZBgEIAEoBCq7AQoMQWN0aXZpdHlLaW5kEhwKGEFDVElWSVRZX0tJTkRfTE9DT01PVElPThAAEh0KGUFDVElWSVRZX0tJTkRfQVBQUk9BQ0hJTkcQARIdChlBQ1RJVklUWV9LSU5EX0lOVEVSQUNUSU5HEAISFgoSQUNUSVZJVFlfS0lORF9IRUxEEAMSGQoVQUNUSVZJVFlfS0lORF9GQUxMSU5HEAQSHAoYQUNUSVZJVFlfS0lORF9QRVJGT1JNSU5HEAViBnByb3RvMw", [file_troupe_v1_motion]);
 
 /**
  * What a character is about.
@@ -44,6 +44,13 @@ export type Activity = Message<"troupe.v1.Activity"> & {
    * @generated from field: string set = 3;
    */
   set: string;
+
+  /**
+   * What it acts out, where it performs.
+   *
+   * @generated from field: string text = 4;
+   */
+  text: string;
 };
 
 /**
@@ -487,6 +494,84 @@ export const PathArrivedSchema: GenMessage<PathArrived> = /*@__PURE__*/
   messageDesc(file_troupe_v1_event, 13);
 
 /**
+ * A character began to act out a sentence: its first frames are shown.
+ *
+ * @generated from message troupe.v1.PerformanceStarted
+ */
+export type PerformanceStarted = Message<"troupe.v1.PerformanceStarted"> & {
+  /**
+   * Sequence number of the command.
+   *
+   * @generated from field: uint64 sequence = 1;
+   */
+  sequence: bigint;
+
+  /**
+   * What it acts out.
+   *
+   * @generated from field: string text = 2;
+   */
+  text: string;
+
+  /**
+   * Name of the pack that makes motion of it.
+   *
+   * @generated from field: string pack = 3;
+   */
+  pack: string;
+
+  /**
+   * Words that the captions of the pack's training did not use, at most 8: it may do badly what they say.
+   *
+   * @generated from field: repeated string unknown_words = 4;
+   */
+  unknownWords: string[];
+};
+
+/**
+ * Describes the message troupe.v1.PerformanceStarted.
+ * Use `create(PerformanceStartedSchema)` to create a new message.
+ */
+export const PerformanceStartedSchema: GenMessage<PerformanceStarted> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_event, 14);
+
+/**
+ * A performance came to its end, or to nothing. Every perform that holds has one of these, whether it started or not.
+ *
+ * @generated from message troupe.v1.PerformanceEnded
+ */
+export type PerformanceEnded = Message<"troupe.v1.PerformanceEnded"> & {
+  /**
+   * Sequence number of the command.
+   *
+   * @generated from field: uint64 sequence = 1;
+   */
+  sequence: bigint;
+
+  /**
+   * Why: DONE, INTERRUPTED (by a command or a fall), FAILED (the pack gave no motion), LATE (its frames did not come in time) or
+   * RESTARTED (the server was).
+   *
+   * @generated from field: string reason = 2;
+   */
+  reason: string;
+
+  /**
+   * The same for people, where it failed.
+   *
+   * @generated from field: string message = 3;
+   */
+  message: string;
+};
+
+/**
+ * Describes the message troupe.v1.PerformanceEnded.
+ * Use `create(PerformanceEndedSchema)` to create a new message.
+ */
+export const PerformanceEndedSchema: GenMessage<PerformanceEnded> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_event, 15);
+
+/**
  * Something that happened to a character.
  *
  * @generated from message troupe.v1.SessionEvent
@@ -592,6 +677,22 @@ export type SessionEvent = Message<"troupe.v1.SessionEvent"> & {
      */
     value: PathArrived;
     case: "arrived";
+  } | {
+    /**
+     * A performance began.
+     *
+     * @generated from field: troupe.v1.PerformanceStarted performing = 13;
+     */
+    value: PerformanceStarted;
+    case: "performing";
+  } | {
+    /**
+     * A performance ended.
+     *
+     * @generated from field: troupe.v1.PerformanceEnded performed = 14;
+     */
+    value: PerformanceEnded;
+    case: "performed";
   } | { case: undefined; value?: undefined };
 };
 
@@ -600,7 +701,7 @@ export type SessionEvent = Message<"troupe.v1.SessionEvent"> & {
  * Use `create(SessionEventSchema)` to create a new message.
  */
 export const SessionEventSchema: GenMessage<SessionEvent> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_event, 14);
+  messageDesc(file_troupe_v1_event, 16);
 
 /**
  * What happened to one session since events of it were last handed out. At most 64 wait; the oldest are dropped.
@@ -642,7 +743,7 @@ export type SessionEvents = Message<"troupe.v1.SessionEvents"> & {
  * Use `create(SessionEventsSchema)` to create a new message.
  */
 export const SessionEventsSchema: GenMessage<SessionEvents> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_event, 15);
+  messageDesc(file_troupe_v1_event, 17);
 
 /**
  * What a character is about.
@@ -684,6 +785,13 @@ export enum ActivityKind {
    * @generated from enum value: ACTIVITY_KIND_FALLING = 4;
    */
   FALLING = 4,
+
+  /**
+   * It acts out a sentence.
+   *
+   * @generated from enum value: ACTIVITY_KIND_PERFORMING = 5;
+   */
+  PERFORMING = 5,
 }
 
 /**

@@ -23,7 +23,7 @@ import type { Message } from "@bufbuild/protobuf";
  * Describes the file troupe/v1/session.proto.
  */
 export const file_troupe_v1_session: GenFile = /*@__PURE__*/
-  fileDesc("Chd0cm91cGUvdjEvc2Vzc2lvbi5wcm90bxIJdHJvdXBlLnYxIuADCg5TZXNzaW9uT3B0aW9ucxIKCgJpZBgBIAEoCRIMCgRwYWNrGAIgASgJEg0KBXN0eWxlGAMgASgJEgwKBHNlZWQYBCABKAQSKQoKY29udmVudGlvbhgFIAEoDjIVLnRyb3VwZS52MS5Db252ZW50aW9uEiEKCHBvc2l0aW9uGAYgASgLMg8udHJvdXBlLnYxLlZlYzMSDwoHaGVhZGluZxgHIAEoAhIkCgdjb250ZXh0GAggAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhMKBnR0bF9tcxgJIAEoDUgAiAEBEh4KEWxvb2tfYWhlYWRfZnJhbWVzGAogASgNSAGIAQESIwoWcmVwbGFuX2ludGVydmFsX2ZyYW1lcxgLIAEoDUgCiAEBEhcKCnJvb3RfcmF0aW8YDCABKAJIA4gBARITCgt0ZW1wZXJhdHVyZRgNIAEoAhIVCghwcmlvcml0eRgOIAEoAkgEiAEBEg0KBXNjZW5lGA8gASgJEgwKBGJvZHkYECABKAlCCQoHX3R0bF9tc0IUChJfbG9va19haGVhZF9mcmFtZXNCGQoXX3JlcGxhbl9pbnRlcnZhbF9mcmFtZXNCDQoLX3Jvb3RfcmF0aW9CCwoJX3ByaW9yaXR5IkQKFUNyZWF0ZVNlc3Npb25zUmVxdWVzdBIrCghzZXNzaW9ucxgBIAMoCzIZLnRyb3VwZS52MS5TZXNzaW9uT3B0aW9ucyI+ChZDcmVhdGVTZXNzaW9uc1Jlc3BvbnNlEiQKCHNlc3Npb25zGAEgAygLMhIudHJvdXBlLnYxLlNlc3Npb24i0gEKDFNlc3Npb25TdGF0cxIZChFwbGFuc19mb3JfY29tbWFuZBgBIAEoBBIcChRwbGFuc19mb3JfbG93X2J1ZmZlchgCIAEoBBIaChJwbGFuc19mb3JfaW50ZXJ2YWwYAyABKAQSEgoKbGF0ZV9wbGFucxgEIAEoBBIRCgl1bmRlcnJ1bnMYBSABKAQSFAoMZmFpbGVkX3BsYW5zGAYgASgEEhYKDmV2ZW50c19kcm9wcGVkGAcgASgEEhgKEHBsYW5zX2Zvcl9vYmplY3QYCCABKAQi2AMKB1Nlc3Npb24SCgoCaWQYASABKAkSDAoEcGFjaxgCIAEoCRINCgVzdHlsZRgDIAEoCRIMCgRzZWVkGAQgASgEEikKCmNvbnZlbnRpb24YBSABKA4yFS50cm91cGUudjEuQ29udmVudGlvbhINCgVmcmFtZRgGIAEoBBIhCghwb3NpdGlvbhgHIAEoCzIPLnRyb3VwZS52MS5WZWMzEg8KB2hlYWRpbmcYCCABKAISDQoFc3BlZWQYCSABKAISFQoNbGFzdF9zZXF1ZW5jZRgKIAEoBBIfCgVjbG9jaxgLIAEoDjIQLnRyb3VwZS52MS5DbG9jaxIOCgZ0dGxfbXMYDCABKA0SFQoNZXhwaXJlc19pbl9tcxgNIAEoDRIXCg9idWZmZXJlZF9mcmFtZXMYDiABKA0SJgoFc3RhdHMYDyABKAsyFy50cm91cGUudjEuU2Vzc2lvblN0YXRzEhAKCHByaW9yaXR5GBAgASgCEg0KBXNjZW5lGBEgASgJEiUKCGFjdGl2aXR5GBIgASgLMhMudHJvdXBlLnYxLkFjdGl2aXR5EiMKBGhlbGQYEyABKAsyFS50cm91cGUudjEuSGVsZE9iamVjdBIMCgRib2R5GBQgASgJImQKDVNlc3Npb25SZXN1bWUSEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgVmcmFtZRgCIAEoBEgAiAEBEiEKBHBvc2UYAyABKAsyEy50cm91cGUudjEuS2V5ZnJhbWVCCAoGX2ZyYW1lIkMKFVJlc3VtZVNlc3Npb25zUmVxdWVzdBIqCghzZXNzaW9ucxgBIAMoCzIYLnRyb3VwZS52MS5TZXNzaW9uUmVzdW1lIl8KDlJlc3VtZWRTZXNzaW9uEiMKB3Nlc3Npb24YASABKAsyEi50cm91cGUudjEuU2Vzc2lvbhIQCghyZXN0b3JlZBgCIAEoCBIWCg5yZXN0b3JlZF9mcmFtZRgDIAEoBCJyChZSZXN1bWVTZXNzaW9uc1Jlc3BvbnNlEisKCHNlc3Npb25zGAEgAygLMhkudHJvdXBlLnYxLlJlc3VtZWRTZXNzaW9uEisKCHByb2JsZW1zGAIgAygLMhkudHJvdXBlLnYxLlNlc3Npb25Qcm9ibGVtIh8KEUdldFNlc3Npb25SZXF1ZXN0EgoKAmlkGAEgASgJIjwKE0xpc3RTZXNzaW9uc1JlcXVlc3QSEQoJcGFnZV9zaXplGAEgASgNEhIKCnBhZ2VfdG9rZW4YAiABKAkiZAoUTGlzdFNlc3Npb25zUmVzcG9uc2USJAoIc2Vzc2lvbnMYASADKAsyEi50cm91cGUudjEuU2Vzc2lvbhIXCg9uZXh0X3BhZ2VfdG9rZW4YAiABKAkSDQoFdG90YWwYAyABKA0iIwoUQ2xvc2VTZXNzaW9uc1JlcXVlc3QSCwoDaWRzGAEgAygJIicKFUNsb3NlU2Vzc2lvbnNSZXNwb25zZRIOCgZjbG9zZWQYASABKA0iigEKCExvY29tb3RlEiEKCHZlbG9jaXR5GAEgASgLMg8udHJvdXBlLnYxLlZlYzMSEwoGZmFjaW5nGAIgASgCSACIAQESDQoFc3R5bGUYAyABKAkSDAoEZ2FpdBgEIAEoCRITCgZoZWlnaHQYBSABKAJIAYgBAUIJCgdfZmFjaW5nQgkKB19oZWlnaHQibQoKRm9sbG93UGF0aBIkCgZwb2ludHMYASADKAsyFC50cm91cGUudjEuUGF0aFBvaW50EhIKBXNwZWVkGAIgASgCSACIAQESDQoFc3R5bGUYAyABKAkSDAoEbG9vcBgEIAEoCEIICgZfc3BlZWQiPwoISW50ZXJhY3QSEAoIaW5zdGFuY2UYASABKAkSDwoHdmFyaWFudBgCIAEoCRIQCghhcHByb2FjaBgDIAEoCSIQCg5FbmRJbnRlcmFjdGlvbiIICgZDYW5jZWwiCgoIRHJvcEhlbGQigQMKB0NvbW1hbmQSEgoKc2Vzc2lvbl9pZBgBIAEoCRIQCghzZXF1ZW5jZRgCIAEoBBIVCghhdF9mcmFtZRgDIAEoBEgBiAEBEicKCGxvY29tb3RlGAQgASgLMhMudHJvdXBlLnYxLkxvY29tb3RlSAASJwoIaW50ZXJhY3QYBiABKAsyEy50cm91cGUudjEuSW50ZXJhY3RIABI0Cg9lbmRfaW50ZXJhY3Rpb24YByABKAsyGS50cm91cGUudjEuRW5kSW50ZXJhY3Rpb25IABIjCgZjYW5jZWwYCCABKAsyES50cm91cGUudjEuQ2FuY2VsSAASIwoEZHJvcBgJIAEoCzITLnRyb3VwZS52MS5Ecm9wSGVsZEgAEiwKC2ZvbGxvd19wYXRoGAogASgLMhUudHJvdXBlLnYxLkZvbGxvd1BhdGhIABIVCghwcmlvcml0eRgFIAEoAkgCiAEBQggKBmludGVudEILCglfYXRfZnJhbWVCCwoJX3ByaW9yaXR5IkoKB1Byb2JsZW0SDgoGcmVhc29uGAEgASgJEg8KB21lc3NhZ2UYAiABKAkSDQoFZmllbGQYAyABKAkSDwoHYWxsb3dlZBgEIAEoCSKEAQoNQ29tbWFuZFJlc3VsdBISCgpzZXNzaW9uX2lkGAEgASgJEhAKCHNlcXVlbmNlGAIgASgEEigKBnN0YXR1cxgDIAEoDjIYLnRyb3VwZS52MS5Db21tYW5kU3RhdHVzEiMKB3Byb2JsZW0YBCABKAsyEi50cm91cGUudjEuUHJvYmxlbSI2Cg5Db21tYW5kUmVxdWVzdBIkCghjb21tYW5kcxgBIAMoCzISLnRyb3VwZS52MS5Db21tYW5kIjwKD0NvbW1hbmRSZXNwb25zZRIpCgdyZXN1bHRzGAEgAygLMhgudHJvdXBlLnYxLkNvbW1hbmRSZXN1bHQisAIKCkZyYW1lQmxvY2sSDAoEcGFjaxgBIAEoCRINCgVzbG90cxgCIAMoDRITCgtmcmFtZV9jb3VudBgDIAEoDRIUCgxmaXJzdF9mcmFtZXMYBCADKAQSFgoOcm9vdF9wb3NpdGlvbnMYBSADKAISEQoJcm90YXRpb25zGAYgAygCEhQKDHBhY2tlZF9yb290cxgHIAEoDBIYChBwYWNrZWRfcm90YXRpb25zGAggASgMEhAKCGNvbnRhY3RzGAkgASgMEhEKCXBvc2l0aW9ucxgKIAMoAhINCgVzaXhfZBgLIAMoAhIMCgRxcG9zGAwgAygCEhcKD2hpbmdlX3Jlc2lkdWFscxgNIAMoAhIWCg5jbGFtcGVkX2hpbmdlcxgOIAMoDRIMCgRib2R5GA8gASgJIlcKDlNlc3Npb25Qcm9ibGVtEgwKBHNsb3QYASABKA0SEgoKc2Vzc2lvbl9pZBgCIAEoCRIjCgdwcm9ibGVtGAMgASgLMhIudHJvdXBlLnYxLlByb2JsZW0iwAEKC1N0ZXBSZXF1ZXN0EhMKC3Nlc3Npb25faWRzGAEgAygJEg4KBmZyYW1lcxgCIAEoDRIPCgdyYXRlX2h6GAMgASgNEiQKCGNvbW1hbmRzGAQgAygLMhIudHJvdXBlLnYxLkNvbW1hbmQSJQoIZW5jb2RpbmcYBSABKA4yEy50cm91cGUudjEuRW5jb2RpbmcSGAoQcmV0dXJuX3Bvc2l0aW9ucxgGIAEoCBIUCgxyZXR1cm5fc2l4X2QYByABKAgiiQIKDFN0ZXBSZXNwb25zZRIlCgZibG9ja3MYASADKAsyFS50cm91cGUudjEuRnJhbWVCbG9jaxIxCg9jb21tYW5kX3Jlc3VsdHMYAiADKAsyGC50cm91cGUudjEuQ29tbWFuZFJlc3VsdBIrCghwcm9ibGVtcxgDIAMoCzIZLnRyb3VwZS52MS5TZXNzaW9uUHJvYmxlbRIQCgh0b3RhbF91cxgEIAEoBBIRCgl3YWl0ZWRfdXMYBSABKAQSKAoGZXZlbnRzGAYgAygLMhgudHJvdXBlLnYxLlNlc3Npb25FdmVudHMSIwoEaGVsZBgHIAMoCzIVLnRyb3VwZS52MS5IZWxkT2JqZWN0IpoBCglEcml2ZU9wZW4SDwoHcmF0ZV9oehgBIAEoDRIlCghlbmNvZGluZxgCIAEoDjITLnRyb3VwZS52MS5FbmNvZGluZxIYChByZXR1cm5fcG9zaXRpb25zGAMgASgIEhYKDmNsb3NlX3Nlc3Npb25zGAQgASgIEhQKDHJldHVybl9zaXhfZBgFIAEoCBINCgV3YXRjaBgGIAEoCSIiCgtEcml2ZUF0dGFjaBITCgtzZXNzaW9uX2lkcxgBIAMoCSIiCgtEcml2ZURldGFjaBITCgtzZXNzaW9uX2lkcxgBIAMoCSLBAQoMRHJpdmVSZXF1ZXN0EiQKBG9wZW4YASABKAsyFC50cm91cGUudjEuRHJpdmVPcGVuSAASKAoGYXR0YWNoGAIgASgLMhYudHJvdXBlLnYxLkRyaXZlQXR0YWNoSAASKAoGZGV0YWNoGAMgASgLMhYudHJvdXBlLnYxLkRyaXZlRGV0YWNoSAASLAoHY29tbWFuZBgEIAEoCzIZLnRyb3VwZS52MS5Db21tYW5kUmVxdWVzdEgAQgkKB21lc3NhZ2UiLAoIQXR0YWNoZWQSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRzbG90GAIgASgNImMKDURyaXZlQXR0YWNoZWQSJQoIc2Vzc2lvbnMYASADKAsyEy50cm91cGUudjEuQXR0YWNoZWQSKwoIcHJvYmxlbXMYAiADKAsyGS50cm91cGUudjEuU2Vzc2lvblByb2JsZW0ikQEKC0RyaXZlRnJhbWVzEgwKBHRpY2sYASABKAQSJQoGYmxvY2tzGAIgAygLMhUudHJvdXBlLnYxLkZyYW1lQmxvY2sSFQoNZHJvcHBlZF90aWNrcxgDIAEoBBIRCgl1bmRlcnJ1bnMYBCABKA0SIwoEaGVsZBgFIAMoCzIVLnRyb3VwZS52MS5IZWxkT2JqZWN0IjkKC0RyaXZlRXZlbnRzEioKCHNlc3Npb25zGAEgAygLMhgudHJvdXBlLnYxLlNlc3Npb25FdmVudHMiOAoJRHJpdmVMZWZ0EisKCHNlc3Npb25zGAEgAygLMhkudHJvdXBlLnYxLlNlc3Npb25Qcm9ibGVtIjIKDERyaXZlQ2xvc2luZxIiCgZyZWFzb24YASABKAsyEi50cm91cGUudjEuUHJvYmxlbSKeAgoNRHJpdmVSZXNwb25zZRIoCgZmcmFtZXMYASABKAsyFi50cm91cGUudjEuRHJpdmVGcmFtZXNIABIsCghhdHRhY2hlZBgCIAEoCzIYLnRyb3VwZS52MS5Ecml2ZUF0dGFjaGVkSAASJAoEbGVmdBgDIAEoCzIULnRyb3VwZS52MS5Ecml2ZUxlZnRIABIuCghjb21tYW5kcxgEIAEoCzIaLnRyb3VwZS52MS5Db21tYW5kUmVzcG9uc2VIABIqCgdjbG9zaW5nGAUgASgLMhcudHJvdXBlLnYxLkRyaXZlQ2xvc2luZ0gAEigKBmV2ZW50cxgGIAEoCzIWLnRyb3VwZS52MS5Ecml2ZUV2ZW50c0gAQgkKB21lc3NhZ2UiMQoLUGVla1JlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIOCgZmcmFtZXMYAiABKA0i2QIKCFBsYW5WaWV3Eg4KBm51bWJlchgBIAEoBBINCgVjYXVzZRgCIAEoCRIWCg5hc2tlZF9hdF9mcmFtZRgDIAEoBBIUCgxzcGxpY2VfZnJhbWUYBCABKAQSJAoHY29udGV4dBgFIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIkCgd0YXJnZXRzGAYgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEiIKCXJvb3Rfcl9nMRgHIAEoCzIPLnRyb3VwZS52MS5Sb290EhEKCXJvb3Rfcl9nMhgIIAMoAhIRCglyb290X3JfZzMYCSADKAISEQoJcm9vdF9yX2c0GAogAygCEg4KBnRva2VucxgLIAMoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAwgAygCEiQKBWdhaXRzGA0gAygLMhUudHJvdXBlLnYxLkdhaXRXZWlnaHQiKgoKR2FpdFdlaWdodBIMCgRnYWl0GAEgASgJEg4KBndlaWdodBgCIAEoAiK1AQoMUGVla1Jlc3BvbnNlEiMKB3Nlc3Npb24YASABKAsyEi50cm91cGUudjEuU2Vzc2lvbhIlCgZmdXR1cmUYAiABKAsyFS50cm91cGUudjEuRnJhbWVCbG9jaxIhCgRwbGFuGAMgASgLMhMudHJvdXBlLnYxLlBsYW5WaWV3EhEKCWluX2ZsaWdodBgEIAEoCBIjCgd3YWl0aW5nGAUgASgLMhIudHJvdXBlLnYxLkNvbW1hbmQiLwoRTGlzdFN0eWxlc1JlcXVlc3QSDAoEcGFjaxgBIAEoCRIMCgRib2R5GAIgASgJImkKEkxpc3RTdHlsZXNSZXNwb25zZRIMCgRwYWNrGAEgASgJEiAKBnN0eWxlcxgCIAMoCzIQLnRyb3VwZS52MS5TdHlsZRIVCg1kZWZhdWx0X3N0eWxlGAMgASgJEgwKBGJvZHkYBCABKAkiPAoPR2V0U3R5bGVSZXF1ZXN0EgwKBHBhY2sYASABKAkSDQoFc3R5bGUYAiABKAkSDAoEYm9keRgDIAEoCSJOCg9QdXRTdHlsZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIfCgVzdHlsZRgCIAEoCzIQLnRyb3VwZS52MS5TdHlsZRIMCgRib2R5GAMgASgJIugBCgVTdHlsZRIMCgRuYW1lGAEgASgJEhUKDWRlZmF1bHRfc3BlZWQYAiABKAISHgoWcmVwbGFuX2ludGVydmFsX2ZyYW1lcxgDIAEoDRIcChRhbGxvd2VkX3Rva2VuX2NvdW50cxgEIAMoDRIRCglpc19zdGF0aWMYBSABKAgSEgoKcm9vdF9yYXRpbxgGIAEoAhIeCgVnYWl0cxgHIAMoCzIPLnRyb3VwZS52MS5HYWl0EhAKCGJ1aWx0X2luGAggASgIEiMKBXdvcmRzGAkgAygLMhQudHJvdXBlLnYxLlN0eWxlV29yZCKdAQoER2FpdBIMCgRuYW1lGAEgASgJEgwKBGxlZnQYAiABKAISDwoHZm9yd2FyZBgDIAEoAhIMCgR0dXJuGAQgASgCEhUKDXBlcmlvZF9mcmFtZXMYBSABKAISIAoEa2V5cxgGIAMoCzISLnRyb3VwZS52MS5HYWl0S2V5EhEKCWtleV9jb3VudBgHIAEoDRIOCgZoZWlnaHQYCCABKAIiWQoHR2FpdEtleRIRCglyb3RhdGlvbnMYASADKAISDgoGaGVpZ2h0GAIgASgCEgwKBGxlZnQYAyABKAISDwoHZm9yd2FyZBgEIAEoAhIMCgR0dXJuGAUgASgCKmQKCkNvbnZlbnRpb24SFQoRQ09OVkVOVElPTl9OQVRJVkUQABIVChFDT05WRU5USU9OX1VOUkVBTBABEhQKEENPTlZFTlRJT05fVU5JVFkQAhISCg5DT05WRU5USU9OX1JPUxADKjgKBUNsb2NrEg4KCkNMT0NLX0ZSRUUQABIOCgpDTE9DS19TVEVQEAESDwoLQ0xPQ0tfRFJJVkUQAip+Cg1Db21tYW5kU3RhdHVzEhsKF0NPTU1BTkRfU1RBVFVTX0FDQ0VQVEVEEAASGwoXQ09NTUFORF9TVEFUVVNfUkVQRUFURUQQARIXChNDT01NQU5EX1NUQVRVU19MQVRFEAISGgoWQ09NTUFORF9TVEFUVVNfUkVGVVNFRBADKkUKCEVuY29kaW5nEhAKDEVOQ09ESU5HX0YzMhAAEhQKEEVOQ09ESU5HX0NPTVBBQ1QQARIRCg1FTkNPRElOR19RUE9TEAIy0AYKCFNlc3Npb25zElUKDkNyZWF0ZVNlc3Npb25zEiAudHJvdXBlLnYxLkNyZWF0ZVNlc3Npb25zUmVxdWVzdBohLnRyb3VwZS52MS5DcmVhdGVTZXNzaW9uc1Jlc3BvbnNlElUKDlJlc3VtZVNlc3Npb25zEiAudHJvdXBlLnYxLlJlc3VtZVNlc3Npb25zUmVxdWVzdBohLnRyb3VwZS52MS5SZXN1bWVTZXNzaW9uc1Jlc3BvbnNlEj4KCkdldFNlc3Npb24SHC50cm91cGUudjEuR2V0U2Vzc2lvblJlcXVlc3QaEi50cm91cGUudjEuU2Vzc2lvbhJPCgxMaXN0U2Vzc2lvbnMSHi50cm91cGUudjEuTGlzdFNlc3Npb25zUmVxdWVzdBofLnRyb3VwZS52MS5MaXN0U2Vzc2lvbnNSZXNwb25zZRJSCg1DbG9zZVNlc3Npb25zEh8udHJvdXBlLnYxLkNsb3NlU2Vzc2lvbnNSZXF1ZXN0GiAudHJvdXBlLnYxLkNsb3NlU2Vzc2lvbnNSZXNwb25zZRJACgdDb21tYW5kEhkudHJvdXBlLnYxLkNvbW1hbmRSZXF1ZXN0GhoudHJvdXBlLnYxLkNvbW1hbmRSZXNwb25zZRI3CgRTdGVwEhYudHJvdXBlLnYxLlN0ZXBSZXF1ZXN0GhcudHJvdXBlLnYxLlN0ZXBSZXNwb25zZRI+CgVEcml2ZRIXLnRyb3VwZS52MS5Ecml2ZVJlcXVlc3QaGC50cm91cGUudjEuRHJpdmVSZXNwb25zZSgBMAESNwoEUGVlaxIWLnRyb3VwZS52MS5QZWVrUmVxdWVzdBoXLnRyb3VwZS52MS5QZWVrUmVzcG9uc2USSQoKTGlzdFN0eWxlcxIcLnRyb3VwZS52MS5MaXN0U3R5bGVzUmVxdWVzdBodLnRyb3VwZS52MS5MaXN0U3R5bGVzUmVzcG9uc2USOAoIR2V0U3R5bGUSGi50cm91cGUudjEuR2V0U3R5bGVSZXF1ZXN0GhAudHJvdXBlLnYxLlN0eWxlEjgKCFB1dFN0eWxlEhoudHJvdXBlLnYxLlB1dFN0eWxlUmVxdWVzdBoQLnRyb3VwZS52MS5TdHlsZWIGcHJvdG8z", [file_troupe_v1_event, file_troupe_v1_motion]);
+  fileDesc("Chd0cm91cGUvdjEvc2Vzc2lvbi5wcm90bxIJdHJvdXBlLnYxIuADCg5TZXNzaW9uT3B0aW9ucxIKCgJpZBgBIAEoCRIMCgRwYWNrGAIgASgJEg0KBXN0eWxlGAMgASgJEgwKBHNlZWQYBCABKAQSKQoKY29udmVudGlvbhgFIAEoDjIVLnRyb3VwZS52MS5Db252ZW50aW9uEiEKCHBvc2l0aW9uGAYgASgLMg8udHJvdXBlLnYxLlZlYzMSDwoHaGVhZGluZxgHIAEoAhIkCgdjb250ZXh0GAggAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhMKBnR0bF9tcxgJIAEoDUgAiAEBEh4KEWxvb2tfYWhlYWRfZnJhbWVzGAogASgNSAGIAQESIwoWcmVwbGFuX2ludGVydmFsX2ZyYW1lcxgLIAEoDUgCiAEBEhcKCnJvb3RfcmF0aW8YDCABKAJIA4gBARITCgt0ZW1wZXJhdHVyZRgNIAEoAhIVCghwcmlvcml0eRgOIAEoAkgEiAEBEg0KBXNjZW5lGA8gASgJEgwKBGJvZHkYECABKAlCCQoHX3R0bF9tc0IUChJfbG9va19haGVhZF9mcmFtZXNCGQoXX3JlcGxhbl9pbnRlcnZhbF9mcmFtZXNCDQoLX3Jvb3RfcmF0aW9CCwoJX3ByaW9yaXR5IkQKFUNyZWF0ZVNlc3Npb25zUmVxdWVzdBIrCghzZXNzaW9ucxgBIAMoCzIZLnRyb3VwZS52MS5TZXNzaW9uT3B0aW9ucyI+ChZDcmVhdGVTZXNzaW9uc1Jlc3BvbnNlEiQKCHNlc3Npb25zGAEgAygLMhIudHJvdXBlLnYxLlNlc3Npb24i0gEKDFNlc3Npb25TdGF0cxIZChFwbGFuc19mb3JfY29tbWFuZBgBIAEoBBIcChRwbGFuc19mb3JfbG93X2J1ZmZlchgCIAEoBBIaChJwbGFuc19mb3JfaW50ZXJ2YWwYAyABKAQSEgoKbGF0ZV9wbGFucxgEIAEoBBIRCgl1bmRlcnJ1bnMYBSABKAQSFAoMZmFpbGVkX3BsYW5zGAYgASgEEhYKDmV2ZW50c19kcm9wcGVkGAcgASgEEhgKEHBsYW5zX2Zvcl9vYmplY3QYCCABKAQi2AMKB1Nlc3Npb24SCgoCaWQYASABKAkSDAoEcGFjaxgCIAEoCRINCgVzdHlsZRgDIAEoCRIMCgRzZWVkGAQgASgEEikKCmNvbnZlbnRpb24YBSABKA4yFS50cm91cGUudjEuQ29udmVudGlvbhINCgVmcmFtZRgGIAEoBBIhCghwb3NpdGlvbhgHIAEoCzIPLnRyb3VwZS52MS5WZWMzEg8KB2hlYWRpbmcYCCABKAISDQoFc3BlZWQYCSABKAISFQoNbGFzdF9zZXF1ZW5jZRgKIAEoBBIfCgVjbG9jaxgLIAEoDjIQLnRyb3VwZS52MS5DbG9jaxIOCgZ0dGxfbXMYDCABKA0SFQoNZXhwaXJlc19pbl9tcxgNIAEoDRIXCg9idWZmZXJlZF9mcmFtZXMYDiABKA0SJgoFc3RhdHMYDyABKAsyFy50cm91cGUudjEuU2Vzc2lvblN0YXRzEhAKCHByaW9yaXR5GBAgASgCEg0KBXNjZW5lGBEgASgJEiUKCGFjdGl2aXR5GBIgASgLMhMudHJvdXBlLnYxLkFjdGl2aXR5EiMKBGhlbGQYEyABKAsyFS50cm91cGUudjEuSGVsZE9iamVjdBIMCgRib2R5GBQgASgJImQKDVNlc3Npb25SZXN1bWUSEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgVmcmFtZRgCIAEoBEgAiAEBEiEKBHBvc2UYAyABKAsyEy50cm91cGUudjEuS2V5ZnJhbWVCCAoGX2ZyYW1lIkMKFVJlc3VtZVNlc3Npb25zUmVxdWVzdBIqCghzZXNzaW9ucxgBIAMoCzIYLnRyb3VwZS52MS5TZXNzaW9uUmVzdW1lIl8KDlJlc3VtZWRTZXNzaW9uEiMKB3Nlc3Npb24YASABKAsyEi50cm91cGUudjEuU2Vzc2lvbhIQCghyZXN0b3JlZBgCIAEoCBIWCg5yZXN0b3JlZF9mcmFtZRgDIAEoBCJyChZSZXN1bWVTZXNzaW9uc1Jlc3BvbnNlEisKCHNlc3Npb25zGAEgAygLMhkudHJvdXBlLnYxLlJlc3VtZWRTZXNzaW9uEisKCHByb2JsZW1zGAIgAygLMhkudHJvdXBlLnYxLlNlc3Npb25Qcm9ibGVtIh8KEUdldFNlc3Npb25SZXF1ZXN0EgoKAmlkGAEgASgJIjwKE0xpc3RTZXNzaW9uc1JlcXVlc3QSEQoJcGFnZV9zaXplGAEgASgNEhIKCnBhZ2VfdG9rZW4YAiABKAkiZAoUTGlzdFNlc3Npb25zUmVzcG9uc2USJAoIc2Vzc2lvbnMYASADKAsyEi50cm91cGUudjEuU2Vzc2lvbhIXCg9uZXh0X3BhZ2VfdG9rZW4YAiABKAkSDQoFdG90YWwYAyABKA0iIwoUQ2xvc2VTZXNzaW9uc1JlcXVlc3QSCwoDaWRzGAEgAygJIicKFUNsb3NlU2Vzc2lvbnNSZXNwb25zZRIOCgZjbG9zZWQYASABKA0iigEKCExvY29tb3RlEiEKCHZlbG9jaXR5GAEgASgLMg8udHJvdXBlLnYxLlZlYzMSEwoGZmFjaW5nGAIgASgCSACIAQESDQoFc3R5bGUYAyABKAkSDAoEZ2FpdBgEIAEoCRITCgZoZWlnaHQYBSABKAJIAYgBAUIJCgdfZmFjaW5nQgkKB19oZWlnaHQibQoKRm9sbG93UGF0aBIkCgZwb2ludHMYASADKAsyFC50cm91cGUudjEuUGF0aFBvaW50EhIKBXNwZWVkGAIgASgCSACIAQESDQoFc3R5bGUYAyABKAkSDAoEbG9vcBgEIAEoCEIICgZfc3BlZWQiPwoISW50ZXJhY3QSEAoIaW5zdGFuY2UYASABKAkSDwoHdmFyaWFudBgCIAEoCRIQCghhcHByb2FjaBgDIAEoCSIQCg5FbmRJbnRlcmFjdGlvbiIICgZDYW5jZWwiCgoIRHJvcEhlbGQicQoHUGVyZm9ybRIMCgR0ZXh0GAEgASgJEgwKBHBhY2sYAiABKAkSFAoHc2Vjb25kcxgDIAEoAkgAiAEBEhgKC3RlbXBlcmF0dXJlGAQgASgCSAGIAQFCCgoIX3NlY29uZHNCDgoMX3RlbXBlcmF0dXJlIqgDCgdDb21tYW5kEhIKCnNlc3Npb25faWQYASABKAkSEAoIc2VxdWVuY2UYAiABKAQSFQoIYXRfZnJhbWUYAyABKARIAYgBARInCghsb2NvbW90ZRgEIAEoCzITLnRyb3VwZS52MS5Mb2NvbW90ZUgAEicKCGludGVyYWN0GAYgASgLMhMudHJvdXBlLnYxLkludGVyYWN0SAASNAoPZW5kX2ludGVyYWN0aW9uGAcgASgLMhkudHJvdXBlLnYxLkVuZEludGVyYWN0aW9uSAASIwoGY2FuY2VsGAggASgLMhEudHJvdXBlLnYxLkNhbmNlbEgAEiMKBGRyb3AYCSABKAsyEy50cm91cGUudjEuRHJvcEhlbGRIABIsCgtmb2xsb3dfcGF0aBgKIAEoCzIVLnRyb3VwZS52MS5Gb2xsb3dQYXRoSAASJQoHcGVyZm9ybRgLIAEoCzISLnRyb3VwZS52MS5QZXJmb3JtSAASFQoIcHJpb3JpdHkYBSABKAJIAogBAUIICgZpbnRlbnRCCwoJX2F0X2ZyYW1lQgsKCV9wcmlvcml0eSJKCgdQcm9ibGVtEg4KBnJlYXNvbhgBIAEoCRIPCgdtZXNzYWdlGAIgASgJEg0KBWZpZWxkGAMgASgJEg8KB2FsbG93ZWQYBCABKAkihAEKDUNvbW1hbmRSZXN1bHQSEgoKc2Vzc2lvbl9pZBgBIAEoCRIQCghzZXF1ZW5jZRgCIAEoBBIoCgZzdGF0dXMYAyABKA4yGC50cm91cGUudjEuQ29tbWFuZFN0YXR1cxIjCgdwcm9ibGVtGAQgASgLMhIudHJvdXBlLnYxLlByb2JsZW0iNgoOQ29tbWFuZFJlcXVlc3QSJAoIY29tbWFuZHMYASADKAsyEi50cm91cGUudjEuQ29tbWFuZCI8Cg9Db21tYW5kUmVzcG9uc2USKQoHcmVzdWx0cxgBIAMoCzIYLnRyb3VwZS52MS5Db21tYW5kUmVzdWx0IrACCgpGcmFtZUJsb2NrEgwKBHBhY2sYASABKAkSDQoFc2xvdHMYAiADKA0SEwoLZnJhbWVfY291bnQYAyABKA0SFAoMZmlyc3RfZnJhbWVzGAQgAygEEhYKDnJvb3RfcG9zaXRpb25zGAUgAygCEhEKCXJvdGF0aW9ucxgGIAMoAhIUCgxwYWNrZWRfcm9vdHMYByABKAwSGAoQcGFja2VkX3JvdGF0aW9ucxgIIAEoDBIQCghjb250YWN0cxgJIAEoDBIRCglwb3NpdGlvbnMYCiADKAISDQoFc2l4X2QYCyADKAISDAoEcXBvcxgMIAMoAhIXCg9oaW5nZV9yZXNpZHVhbHMYDSADKAISFgoOY2xhbXBlZF9oaW5nZXMYDiADKA0SDAoEYm9keRgPIAEoCSJXCg5TZXNzaW9uUHJvYmxlbRIMCgRzbG90GAEgASgNEhIKCnNlc3Npb25faWQYAiABKAkSIwoHcHJvYmxlbRgDIAEoCzISLnRyb3VwZS52MS5Qcm9ibGVtIsABCgtTdGVwUmVxdWVzdBITCgtzZXNzaW9uX2lkcxgBIAMoCRIOCgZmcmFtZXMYAiABKA0SDwoHcmF0ZV9oehgDIAEoDRIkCghjb21tYW5kcxgEIAMoCzISLnRyb3VwZS52MS5Db21tYW5kEiUKCGVuY29kaW5nGAUgASgOMhMudHJvdXBlLnYxLkVuY29kaW5nEhgKEHJldHVybl9wb3NpdGlvbnMYBiABKAgSFAoMcmV0dXJuX3NpeF9kGAcgASgIIokCCgxTdGVwUmVzcG9uc2USJQoGYmxvY2tzGAEgAygLMhUudHJvdXBlLnYxLkZyYW1lQmxvY2sSMQoPY29tbWFuZF9yZXN1bHRzGAIgAygLMhgudHJvdXBlLnYxLkNvbW1hbmRSZXN1bHQSKwoIcHJvYmxlbXMYAyADKAsyGS50cm91cGUudjEuU2Vzc2lvblByb2JsZW0SEAoIdG90YWxfdXMYBCABKAQSEQoJd2FpdGVkX3VzGAUgASgEEigKBmV2ZW50cxgGIAMoCzIYLnRyb3VwZS52MS5TZXNzaW9uRXZlbnRzEiMKBGhlbGQYByADKAsyFS50cm91cGUudjEuSGVsZE9iamVjdCKaAQoJRHJpdmVPcGVuEg8KB3JhdGVfaHoYASABKA0SJQoIZW5jb2RpbmcYAiABKA4yEy50cm91cGUudjEuRW5jb2RpbmcSGAoQcmV0dXJuX3Bvc2l0aW9ucxgDIAEoCBIWCg5jbG9zZV9zZXNzaW9ucxgEIAEoCBIUCgxyZXR1cm5fc2l4X2QYBSABKAgSDQoFd2F0Y2gYBiABKAkiIgoLRHJpdmVBdHRhY2gSEwoLc2Vzc2lvbl9pZHMYASADKAkiIgoLRHJpdmVEZXRhY2gSEwoLc2Vzc2lvbl9pZHMYASADKAkiwQEKDERyaXZlUmVxdWVzdBIkCgRvcGVuGAEgASgLMhQudHJvdXBlLnYxLkRyaXZlT3BlbkgAEigKBmF0dGFjaBgCIAEoCzIWLnRyb3VwZS52MS5Ecml2ZUF0dGFjaEgAEigKBmRldGFjaBgDIAEoCzIWLnRyb3VwZS52MS5Ecml2ZURldGFjaEgAEiwKB2NvbW1hbmQYBCABKAsyGS50cm91cGUudjEuQ29tbWFuZFJlcXVlc3RIAEIJCgdtZXNzYWdlIiwKCEF0dGFjaGVkEhIKCnNlc3Npb25faWQYASABKAkSDAoEc2xvdBgCIAEoDSJjCg1Ecml2ZUF0dGFjaGVkEiUKCHNlc3Npb25zGAEgAygLMhMudHJvdXBlLnYxLkF0dGFjaGVkEisKCHByb2JsZW1zGAIgAygLMhkudHJvdXBlLnYxLlNlc3Npb25Qcm9ibGVtIpEBCgtEcml2ZUZyYW1lcxIMCgR0aWNrGAEgASgEEiUKBmJsb2NrcxgCIAMoCzIVLnRyb3VwZS52MS5GcmFtZUJsb2NrEhUKDWRyb3BwZWRfdGlja3MYAyABKAQSEQoJdW5kZXJydW5zGAQgASgNEiMKBGhlbGQYBSADKAsyFS50cm91cGUudjEuSGVsZE9iamVjdCI5CgtEcml2ZUV2ZW50cxIqCghzZXNzaW9ucxgBIAMoCzIYLnRyb3VwZS52MS5TZXNzaW9uRXZlbnRzIjgKCURyaXZlTGVmdBIrCghzZXNzaW9ucxgBIAMoCzIZLnRyb3VwZS52MS5TZXNzaW9uUHJvYmxlbSIyCgxEcml2ZUNsb3NpbmcSIgoGcmVhc29uGAEgASgLMhIudHJvdXBlLnYxLlByb2JsZW0ingIKDURyaXZlUmVzcG9uc2USKAoGZnJhbWVzGAEgASgLMhYudHJvdXBlLnYxLkRyaXZlRnJhbWVzSAASLAoIYXR0YWNoZWQYAiABKAsyGC50cm91cGUudjEuRHJpdmVBdHRhY2hlZEgAEiQKBGxlZnQYAyABKAsyFC50cm91cGUudjEuRHJpdmVMZWZ0SAASLgoIY29tbWFuZHMYBCABKAsyGi50cm91cGUudjEuQ29tbWFuZFJlc3BvbnNlSAASKgoHY2xvc2luZxgFIAEoCzIXLnRyb3VwZS52MS5Ecml2ZUNsb3NpbmdIABIoCgZldmVudHMYBiABKAsyFi50cm91cGUudjEuRHJpdmVFdmVudHNIAEIJCgdtZXNzYWdlIjEKC1BlZWtSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDgoGZnJhbWVzGAIgASgNItkCCghQbGFuVmlldxIOCgZudW1iZXIYASABKAQSDQoFY2F1c2UYAiABKAkSFgoOYXNrZWRfYXRfZnJhbWUYAyABKAQSFAoMc3BsaWNlX2ZyYW1lGAQgASgEEiQKB2NvbnRleHQYBSADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJAoHdGFyZ2V0cxgGIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIiCglyb290X3JfZzEYByABKAsyDy50cm91cGUudjEuUm9vdBIRCglyb290X3JfZzIYCCADKAISEQoJcm9vdF9yX2czGAkgAygCEhEKCXJvb3Rfcl9nNBgKIAMoAhIOCgZ0b2tlbnMYCyADKA0SIQoZdG9rZW5fY291bnRfcHJvYmFiaWxpdGllcxgMIAMoAhIkCgVnYWl0cxgNIAMoCzIVLnRyb3VwZS52MS5HYWl0V2VpZ2h0IioKCkdhaXRXZWlnaHQSDAoEZ2FpdBgBIAEoCRIOCgZ3ZWlnaHQYAiABKAIitQEKDFBlZWtSZXNwb25zZRIjCgdzZXNzaW9uGAEgASgLMhIudHJvdXBlLnYxLlNlc3Npb24SJQoGZnV0dXJlGAIgASgLMhUudHJvdXBlLnYxLkZyYW1lQmxvY2sSIQoEcGxhbhgDIAEoCzITLnRyb3VwZS52MS5QbGFuVmlldxIRCglpbl9mbGlnaHQYBCABKAgSIwoHd2FpdGluZxgFIAEoCzISLnRyb3VwZS52MS5Db21tYW5kIi8KEUxpc3RTdHlsZXNSZXF1ZXN0EgwKBHBhY2sYASABKAkSDAoEYm9keRgCIAEoCSJpChJMaXN0U3R5bGVzUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIgCgZzdHlsZXMYAiADKAsyEC50cm91cGUudjEuU3R5bGUSFQoNZGVmYXVsdF9zdHlsZRgDIAEoCRIMCgRib2R5GAQgASgJIjwKD0dldFN0eWxlUmVxdWVzdBIMCgRwYWNrGAEgASgJEg0KBXN0eWxlGAIgASgJEgwKBGJvZHkYAyABKAkiTgoPUHV0U3R5bGVSZXF1ZXN0EgwKBHBhY2sYASABKAkSHwoFc3R5bGUYAiABKAsyEC50cm91cGUudjEuU3R5bGUSDAoEYm9keRgDIAEoCSLoAQoFU3R5bGUSDAoEbmFtZRgBIAEoCRIVCg1kZWZhdWx0X3NwZWVkGAIgASgCEh4KFnJlcGxhbl9pbnRlcnZhbF9mcmFtZXMYAyABKA0SHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBCADKA0SEQoJaXNfc3RhdGljGAUgASgIEhIKCnJvb3RfcmF0aW8YBiABKAISHgoFZ2FpdHMYByADKAsyDy50cm91cGUudjEuR2FpdBIQCghidWlsdF9pbhgIIAEoCBIjCgV3b3JkcxgJIAMoCzIULnRyb3VwZS52MS5TdHlsZVdvcmQinQEKBEdhaXQSDAoEbmFtZRgBIAEoCRIMCgRsZWZ0GAIgASgCEg8KB2ZvcndhcmQYAyABKAISDAoEdHVybhgEIAEoAhIVCg1wZXJpb2RfZnJhbWVzGAUgASgCEiAKBGtleXMYBiADKAsyEi50cm91cGUudjEuR2FpdEtleRIRCglrZXlfY291bnQYByABKA0SDgoGaGVpZ2h0GAggASgCIlkKB0dhaXRLZXkSEQoJcm90YXRpb25zGAEgAygCEg4KBmhlaWdodBgCIAEoAhIMCgRsZWZ0GAMgASgCEg8KB2ZvcndhcmQYBCABKAISDAoEdHVybhgFIAEoAipkCgpDb252ZW50aW9uEhUKEUNPTlZFTlRJT05fTkFUSVZFEAASFQoRQ09OVkVOVElPTl9VTlJFQUwQARIUChBDT05WRU5USU9OX1VOSVRZEAISEgoOQ09OVkVOVElPTl9ST1MQAyo4CgVDbG9jaxIOCgpDTE9DS19GUkVFEAASDgoKQ0xPQ0tfU1RFUBABEg8KC0NMT0NLX0RSSVZFEAIqfgoNQ29tbWFuZFN0YXR1cxIbChdDT01NQU5EX1NUQVRVU19BQ0NFUFRFRBAAEhsKF0NPTU1BTkRfU1RBVFVTX1JFUEVBVEVEEAESFwoTQ09NTUFORF9TVEFUVVNfTEFURRACEhoKFkNPTU1BTkRfU1RBVFVTX1JFRlVTRUQQAypFCghFbmNvZGluZxIQCgxFTkNPRElOR19GMzIQABIUChBFTkNPRElOR19DT01QQUNUEAESEQoNRU5DT0RJTkdfUVBPUxACMtAGCghTZXNzaW9ucxJVCg5DcmVhdGVTZXNzaW9ucxIgLnRyb3VwZS52MS5DcmVhdGVTZXNzaW9uc1JlcXVlc3QaIS50cm91cGUudjEuQ3JlYXRlU2Vzc2lvbnNSZXNwb25zZRJVCg5SZXN1bWVTZXNzaW9ucxIgLnRyb3VwZS52MS5SZXN1bWVTZXNzaW9uc1JlcXVlc3QaIS50cm91cGUudjEuUmVzdW1lU2Vzc2lvbnNSZXNwb25zZRI+CgpHZXRTZXNzaW9uEhwudHJvdXBlLnYxLkdldFNlc3Npb25SZXF1ZXN0GhIudHJvdXBlLnYxLlNlc3Npb24STwoMTGlzdFNlc3Npb25zEh4udHJvdXBlLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHy50cm91cGUudjEuTGlzdFNlc3Npb25zUmVzcG9uc2USUgoNQ2xvc2VTZXNzaW9ucxIfLnRyb3VwZS52MS5DbG9zZVNlc3Npb25zUmVxdWVzdBogLnRyb3VwZS52MS5DbG9zZVNlc3Npb25zUmVzcG9uc2USQAoHQ29tbWFuZBIZLnRyb3VwZS52MS5Db21tYW5kUmVxdWVzdBoaLnRyb3VwZS52MS5Db21tYW5kUmVzcG9uc2USNwoEU3RlcBIWLnRyb3VwZS52MS5TdGVwUmVxdWVzdBoXLnRyb3VwZS52MS5TdGVwUmVzcG9uc2USPgoFRHJpdmUSFy50cm91cGUudjEuRHJpdmVSZXF1ZXN0GhgudHJvdXBlLnYxLkRyaXZlUmVzcG9uc2UoATABEjcKBFBlZWsSFi50cm91cGUudjEuUGVla1JlcXVlc3QaFy50cm91cGUudjEuUGVla1Jlc3BvbnNlEkkKCkxpc3RTdHlsZXMSHC50cm91cGUudjEuTGlzdFN0eWxlc1JlcXVlc3QaHS50cm91cGUudjEuTGlzdFN0eWxlc1Jlc3BvbnNlEjgKCEdldFN0eWxlEhoudHJvdXBlLnYxLkdldFN0eWxlUmVxdWVzdBoQLnRyb3VwZS52MS5TdHlsZRI4CghQdXRTdHlsZRIaLnRyb3VwZS52MS5QdXRTdHlsZVJlcXVlc3QaEC50cm91cGUudjEuU3R5bGViBnByb3RvMw", [file_troupe_v1_event, file_troupe_v1_motion]);
 
 /**
  * What a new session is.
@@ -854,6 +854,52 @@ export const DropHeldSchema: GenMessage<DropHeld> = /*@__PURE__*/
   messageDesc(file_troupe_v1_session, 19);
 
 /**
+ * Act out a sentence, and go on in locomotion. The character goes on as it does until the first frames have come, blends into them,
+ * and takes up again what it did before; of a path that it followed, it stands. Every locomote, follow_path, interact, perform
+ * and cancel breaks a performance off, and so does a fall.
+ *
+ * @generated from message troupe.v1.Perform
+ */
+export type Perform = Message<"troupe.v1.Perform"> & {
+  /**
+   * What to do, in words: 1 to 1000 characters, as far as the pack's longest prompt goes.
+   *
+   * @generated from field: string text = 1;
+   */
+  text: string;
+
+  /**
+   * Name of a pack with the capability `text`, whose skeleton has the same joints as the session's. Empty: the server's default pack
+   * where it is one of those, else the first by name that is.
+   *
+   * @generated from field: string pack = 2;
+   */
+  pack: string;
+
+  /**
+   * How long, 0.5 to 30 s. Left out: as long as the model finds right, and at most 30 s.
+   *
+   * @generated from field: optional float seconds = 3;
+   */
+  seconds?: number | undefined;
+
+  /**
+   * 0 takes the likeliest motion, more varies: 0 to 2. Left out: the pack's. What is drawn follows from the session's seed and the
+   * command's sequence number.
+   *
+   * @generated from field: optional float temperature = 4;
+   */
+  temperature?: number | undefined;
+};
+
+/**
+ * Describes the message troupe.v1.Perform.
+ * Use `create(PerformSchema)` to create a new message.
+ */
+export const PerformSchema: GenMessage<Perform> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_session, 20);
+
+/**
  * What a character should do from now on.
  *
  * @generated from message troupe.v1.Command
@@ -877,7 +923,7 @@ export type Command = Message<"troupe.v1.Command"> & {
   /**
    * Frame of the session's timeline from which it holds. Left out, or in the past: now. At most 100000 frames ahead. Commands
    * that hold from the same frame on are carried out in the order of their numbers. A newer locomote replaces one that still
-   * waits for its frame, a newer interact or cancel replaces interacts that do. Of all others, none replaces another: at most 8
+   * waits for its frame, a newer interact, perform or cancel replaces interacts and performs that do. Of all others, none replaces another: at most 8
    * wait, one more is refused (TOO_MANY_COMMANDS). What comes during a fall waits for its end, and of that the newest alone.
    *
    * @generated from field: optional uint64 at_frame = 3;
@@ -938,6 +984,14 @@ export type Command = Message<"troupe.v1.Command"> & {
      */
     value: FollowPath;
     case: "followPath";
+  } | {
+    /**
+     * Act out a sentence.
+     *
+     * @generated from field: troupe.v1.Perform perform = 11;
+     */
+    value: Perform;
+    case: "perform";
   } | { case: undefined; value?: undefined };
 
   /**
@@ -954,7 +1008,7 @@ export type Command = Message<"troupe.v1.Command"> & {
  * Use `create(CommandSchema)` to create a new message.
  */
 export const CommandSchema: GenMessage<Command> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 20);
+  messageDesc(file_troupe_v1_session, 21);
 
 /**
  * Why one of many could not be served.
@@ -996,7 +1050,7 @@ export type Problem = Message<"troupe.v1.Problem"> & {
  * Use `create(ProblemSchema)` to create a new message.
  */
 export const ProblemSchema: GenMessage<Problem> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 21);
+  messageDesc(file_troupe_v1_session, 22);
 
 /**
  * Result of a command.
@@ -1038,7 +1092,7 @@ export type CommandResult = Message<"troupe.v1.CommandResult"> & {
  * Use `create(CommandResultSchema)` to create a new message.
  */
 export const CommandResultSchema: GenMessage<CommandResult> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 22);
+  messageDesc(file_troupe_v1_session, 23);
 
 /**
  * Gives commands.
@@ -1059,7 +1113,7 @@ export type CommandRequest = Message<"troupe.v1.CommandRequest"> & {
  * Use `create(CommandRequestSchema)` to create a new message.
  */
 export const CommandRequestSchema: GenMessage<CommandRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 23);
+  messageDesc(file_troupe_v1_session, 24);
 
 /**
  * Results of the commands.
@@ -1080,7 +1134,7 @@ export type CommandResponse = Message<"troupe.v1.CommandResponse"> & {
  * Use `create(CommandResponseSchema)` to create a new message.
  */
 export const CommandResponseSchema: GenMessage<CommandResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 24);
+  messageDesc(file_troupe_v1_session, 25);
 
 /**
  * Frames of characters of one pack and body, packed by column. With C characters, F frames each, J joints: every column holds all
@@ -1204,7 +1258,7 @@ export type FrameBlock = Message<"troupe.v1.FrameBlock"> & {
  * Use `create(FrameBlockSchema)` to create a new message.
  */
 export const FrameBlockSchema: GenMessage<FrameBlock> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 25);
+  messageDesc(file_troupe_v1_session, 26);
 
 /**
  * A session of a call that could not be served.
@@ -1239,7 +1293,7 @@ export type SessionProblem = Message<"troupe.v1.SessionProblem"> & {
  * Use `create(SessionProblemSchema)` to create a new message.
  */
 export const SessionProblemSchema: GenMessage<SessionProblem> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 26);
+  messageDesc(file_troupe_v1_session, 27);
 
 /**
  * Advances characters.
@@ -1302,7 +1356,7 @@ export type StepRequest = Message<"troupe.v1.StepRequest"> & {
  * Use `create(StepRequestSchema)` to create a new message.
  */
 export const StepRequestSchema: GenMessage<StepRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 27);
+  messageDesc(file_troupe_v1_session, 28);
 
 /**
  * The next frames.
@@ -1365,7 +1419,7 @@ export type StepResponse = Message<"troupe.v1.StepResponse"> & {
  * Use `create(StepResponseSchema)` to create a new message.
  */
 export const StepResponseSchema: GenMessage<StepResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 28);
+  messageDesc(file_troupe_v1_session, 29);
 
 /**
  * Opens a stream.
@@ -1423,7 +1477,7 @@ export type DriveOpen = Message<"troupe.v1.DriveOpen"> & {
  * Use `create(DriveOpenSchema)` to create a new message.
  */
 export const DriveOpenSchema: GenMessage<DriveOpen> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 29);
+  messageDesc(file_troupe_v1_session, 30);
 
 /**
  * Takes sessions onto the stream.
@@ -1444,7 +1498,7 @@ export type DriveAttach = Message<"troupe.v1.DriveAttach"> & {
  * Use `create(DriveAttachSchema)` to create a new message.
  */
 export const DriveAttachSchema: GenMessage<DriveAttach> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 30);
+  messageDesc(file_troupe_v1_session, 31);
 
 /**
  * Takes sessions off the stream.
@@ -1465,7 +1519,7 @@ export type DriveDetach = Message<"troupe.v1.DriveDetach"> & {
  * Use `create(DriveDetachSchema)` to create a new message.
  */
 export const DriveDetachSchema: GenMessage<DriveDetach> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 31);
+  messageDesc(file_troupe_v1_session, 32);
 
 /**
  * What a client says on the stream.
@@ -1518,7 +1572,7 @@ export type DriveRequest = Message<"troupe.v1.DriveRequest"> & {
  * Use `create(DriveRequestSchema)` to create a new message.
  */
 export const DriveRequestSchema: GenMessage<DriveRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 32);
+  messageDesc(file_troupe_v1_session, 33);
 
 /**
  * A session that is now on the stream.
@@ -1546,7 +1600,7 @@ export type Attached = Message<"troupe.v1.Attached"> & {
  * Use `create(AttachedSchema)` to create a new message.
  */
 export const AttachedSchema: GenMessage<Attached> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 33);
+  messageDesc(file_troupe_v1_session, 34);
 
 /**
  * Result of an attach.
@@ -1574,7 +1628,7 @@ export type DriveAttached = Message<"troupe.v1.DriveAttached"> & {
  * Use `create(DriveAttachedSchema)` to create a new message.
  */
 export const DriveAttachedSchema: GenMessage<DriveAttached> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 34);
+  messageDesc(file_troupe_v1_session, 35);
 
 /**
  * A tick's frames.
@@ -1623,7 +1677,7 @@ export type DriveFrames = Message<"troupe.v1.DriveFrames"> & {
  * Use `create(DriveFramesSchema)` to create a new message.
  */
 export const DriveFramesSchema: GenMessage<DriveFrames> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 35);
+  messageDesc(file_troupe_v1_session, 36);
 
 /**
  * What happened to sessions of the stream. It comes before the frames of the tick that it happened in, and none of it is left
@@ -1646,7 +1700,7 @@ export type DriveEvents = Message<"troupe.v1.DriveEvents"> & {
  * Use `create(DriveEventsSchema)` to create a new message.
  */
 export const DriveEventsSchema: GenMessage<DriveEvents> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 36);
+  messageDesc(file_troupe_v1_session, 37);
 
 /**
  * Why a session left the stream.
@@ -1667,7 +1721,7 @@ export type DriveLeft = Message<"troupe.v1.DriveLeft"> & {
  * Use `create(DriveLeftSchema)` to create a new message.
  */
 export const DriveLeftSchema: GenMessage<DriveLeft> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 37);
+  messageDesc(file_troupe_v1_session, 38);
 
 /**
  * The stream ends after this.
@@ -1688,7 +1742,7 @@ export type DriveClosing = Message<"troupe.v1.DriveClosing"> & {
  * Use `create(DriveClosingSchema)` to create a new message.
  */
 export const DriveClosingSchema: GenMessage<DriveClosing> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 38);
+  messageDesc(file_troupe_v1_session, 39);
 
 /**
  * What the server says on the stream.
@@ -1757,7 +1811,7 @@ export type DriveResponse = Message<"troupe.v1.DriveResponse"> & {
  * Use `create(DriveResponseSchema)` to create a new message.
  */
 export const DriveResponseSchema: GenMessage<DriveResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 39);
+  messageDesc(file_troupe_v1_session, 40);
 
 /**
  * Asks for the future of a session.
@@ -1785,7 +1839,7 @@ export type PeekRequest = Message<"troupe.v1.PeekRequest"> & {
  * Use `create(PeekRequestSchema)` to create a new message.
  */
 export const PeekRequestSchema: GenMessage<PeekRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 40);
+  messageDesc(file_troupe_v1_session, 41);
 
 /**
  * A plan: what was asked of the networks, and what each stage made of it, in the session's convention.
@@ -1890,7 +1944,7 @@ export type PlanView = Message<"troupe.v1.PlanView"> & {
  * Use `create(PlanViewSchema)` to create a new message.
  */
 export const PlanViewSchema: GenMessage<PlanView> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 41);
+  messageDesc(file_troupe_v1_session, 42);
 
 /**
  * A gait's part in a blend.
@@ -1918,7 +1972,7 @@ export type GaitWeight = Message<"troupe.v1.GaitWeight"> & {
  * Use `create(GaitWeightSchema)` to create a new message.
  */
 export const GaitWeightSchema: GenMessage<GaitWeight> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 42);
+  messageDesc(file_troupe_v1_session, 43);
 
 /**
  * A session's buffered future.
@@ -1967,7 +2021,7 @@ export type PeekResponse = Message<"troupe.v1.PeekResponse"> & {
  * Use `create(PeekResponseSchema)` to create a new message.
  */
 export const PeekResponseSchema: GenMessage<PeekResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 43);
+  messageDesc(file_troupe_v1_session, 44);
 
 /**
  * Asks for the styles of a pack.
@@ -1995,7 +2049,7 @@ export type ListStylesRequest = Message<"troupe.v1.ListStylesRequest"> & {
  * Use `create(ListStylesRequestSchema)` to create a new message.
  */
 export const ListStylesRequestSchema: GenMessage<ListStylesRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 44);
+  messageDesc(file_troupe_v1_session, 45);
 
 /**
  * The styles of a pack.
@@ -2037,7 +2091,7 @@ export type ListStylesResponse = Message<"troupe.v1.ListStylesResponse"> & {
  * Use `create(ListStylesResponseSchema)` to create a new message.
  */
 export const ListStylesResponseSchema: GenMessage<ListStylesResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 45);
+  messageDesc(file_troupe_v1_session, 46);
 
 /**
  * Asks for one style.
@@ -2072,7 +2126,7 @@ export type GetStyleRequest = Message<"troupe.v1.GetStyleRequest"> & {
  * Use `create(GetStyleRequestSchema)` to create a new message.
  */
 export const GetStyleRequestSchema: GenMessage<GetStyleRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 46);
+  messageDesc(file_troupe_v1_session, 47);
 
 /**
  * Adds a style.
@@ -2107,7 +2161,7 @@ export type PutStyleRequest = Message<"troupe.v1.PutStyleRequest"> & {
  * Use `create(PutStyleRequestSchema)` to create a new message.
  */
 export const PutStyleRequestSchema: GenMessage<PutStyleRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 47);
+  messageDesc(file_troupe_v1_session, 48);
 
 /**
  * A way to move: gaits between which the command's velocity chooses and blends.
@@ -2184,7 +2238,7 @@ export type Style = Message<"troupe.v1.Style"> & {
  * Use `create(StyleSchema)` to create a new message.
  */
 export const StyleSchema: GenMessage<Style> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 48);
+  messageDesc(file_troupe_v1_session, 49);
 
 /**
  * One way to move at one velocity: a cycle of keyframes.
@@ -2254,7 +2308,7 @@ export type Gait = Message<"troupe.v1.Gait"> & {
  * Use `create(GaitSchema)` to create a new message.
  */
 export const GaitSchema: GenMessage<Gait> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 49);
+  messageDesc(file_troupe_v1_session, 50);
 
 /**
  * A pose of a gait, in the heading's frame: the character faces +Z.
@@ -2303,7 +2357,7 @@ export type GaitKey = Message<"troupe.v1.GaitKey"> & {
  * Use `create(GaitKeySchema)` to create a new message.
  */
 export const GaitKeySchema: GenMessage<GaitKey> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 50);
+  messageDesc(file_troupe_v1_session, 51);
 
 /**
  * Axes, handedness and unit of everything that a session takes and gives.

@@ -1,0 +1,67 @@
+// Sentences for the own character: which pack makes motion of them, and how it goes.
+import type { Skeleton } from '../stage/types';
+import type { Joint, SessionEvent } from '../wire/types';
+
+/** Most characters of a sentence. */
+export const MOST_CHARACTERS_OF_TEXT = 1000;
+
+/** How it is with the sentence that was said last. */
+export interface Saying {
+  /** `waiting`: the character goes on until the first frames come. */
+  state: 'silent' | 'waiting' | 'performing';
+  text: string;
+  /** Words that the pack does not know. */
+  unknown: readonly string[];
+  /** What became of it, for people; empty while it goes well. */
+  trouble: string;
+}
+
+export const SILENT: Saying = { state: 'silent', text: '', unknown: [], trouble: '' };
+
+/** A pack that may make motion of words. */
+export interface Speaker {
+  name: string;
+  joints: readonly Joint[];
+}
+
+/** Why the own character takes no words, or nothing where one of the packs makes motion for its skeleton. */
+export function whyMute(speakers: readonly Speaker[], skeleton: Skeleton): string | undefined {
+  if (speakers.length === 0) return 'No pack of this server makes motion of words.';
+  if (speakers.some((speaker) => isFor(speaker, skeleton))) return undefined;
+  const names = speakers.map((speaker) => speaker.name).join(', ');
+  return `This body cannot act out words: ${names} has other joints.`;
+}
+
+function isFor({ joints }: Speaker, { names, parents }: Skeleton): boolean {
+  return (
+    joints.length === names.length && joints.every((joint, i) => joint.name === names[i] && joint.parent === parents[i])
+  );
+}
+
+/** What a performance that came to nothing is told as, by the word of its end. */
+const ENDS: Record<string, string> = {
+  FAILED: 'That could not be acted out',
+  LATE: 'The server is too busy for words',
+  RESTARTED: 'The server was started again',
+};
+
+/** How it is after an event of the own character. `sequence` is the number of the command that said the sentence. */
+export function after(saying: Saying, kind: SessionEvent['kind'], sequence: number): Saying {
+  if (!kind) return saying;
+  if ('performing' in kind && kind.performing.sequence === sequence) {
+    const { text, unknown_words } = kind.performing;
+    return { state: 'performing', text, unknown: unknown_words, trouble: '' };
+  }
+  if ('performed' in kind && kind.performed.sequence === sequence) {
+    const { reason, message } = kind.performed;
+    const end = ENDS[reason];
+    const trouble = end === undefined ? '' : message ? `${end}: ${message}` : `${end}.`;
+    return { ...saying, state: 'silent', trouble };
+  }
+  return saying;
+}
+
+/** A line about words that the pack does not know. */
+export function unknownNote(unknown: readonly string[]): string {
+  return unknown.length === 0 ? '' : `The pack has not learnt: ${unknown.join(', ')}`;
+}
