@@ -50,6 +50,8 @@ class Options:
     diversity_seeds: int = 20
     diversity_windows: int = 100
     max_windows: int | None = None
+    by: list[str] = field(default_factory=list)  # groupings of clips that are also measured apart (`parts.py`)
+    cells: Path | None = None  # the list that the grouping "cell" is made with; the cache's own where left out
 
 
 def check_gap(gap: int) -> int:
