@@ -12,7 +12,7 @@ import numpy as np
 
 from troupe_training.data.motion import Motion
 from troupe_training.data.store import PIECES, spread
-from troupe_training.evaluate.bench import Bench, Method, check_gap
+from troupe_training.evaluate.bench import DISTANCE, Bench, Method, check_gap
 from troupe_training.evaluate.distribution import Gaussian, Mmd, frechet
 from troupe_training.evaluate.intervals import COSTLY_RESAMPLES, RESAMPLES, Bootstrap
 from troupe_training.evaluate.nearest import NEAREST, NearestWindows
@@ -108,6 +108,8 @@ def summarise(found: dict[str, Found]) -> Methods:
         if of.diversity:
             of_pieces = Bootstrap(of.diversity_pieces)
             figures |= {figure: of_pieces.ratio(values) for figure, values in of.diversity.items()}
+            if DISTANCE in of.diversity:
+                figures["diversity_ratio"] = of_pieces.ratio(of.diversity["joint_diversity_m"], of.diversity[DISTANCE])
         for figure, values in of.windows.items():
             if figure not in ("latents", "npss_sum", "npss_weight"):
                 figures[figure] = bootstrap.ratio(values)
