@@ -16,7 +16,7 @@ from troupe_training.evaluate.motionbricks import Keys, Plan, StageNetworks, cho
 from troupe_training.evaluate.nearest import NearestWindows
 
 SIMILAR = 10  # training windows whose roots, or frames, stand for what else might have happened
-LIKELIEST = 16  # codes of each token that are tried when tokens are fitted
+LIKELIEST = 8  # codes of each token that are tried when tokens are fitted
 
 
 @dataclass
