@@ -5,7 +5,8 @@ their ratio is 1. Each stage is sampled alone, and the decoder gets tokens that 
 follows them. Answers are pinned to their keyframes as the server's are.
 """
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -48,6 +49,7 @@ BATCH = 40  # windows whose tokens and nearest windows are at hand together
 TEMPERATURES = (0.5, 1.0, 1.5, 2.0, 3.0)
 STEPS = (1, 5, 10)
 MODE = "mode"
+WIDER = 1.5  # how much wider than on training windows the root stage's misses are drawn
 
 
 def grid_name(temperature: float, steps: int, any_order: bool = False) -> str:
@@ -96,13 +98,15 @@ def bounds() -> dict[str, Sampler]:
 def remedies() -> dict[str, Sampler]:
     """What could be changed without training; single samples of them are also measured by FID."""
     many = max(STEPS)
+    free = Sampling(many, 1.5, any_order=True)
     return {
         "as served": tokens_at(Sampling(1, 1.0)),
         "temperature 2": tokens_at(Sampling(1, 2.0)),
-        f"any order, {many} steps": tokens_at(Sampling(many, 1.0, any_order=True)),
-        f"any order, {many} steps, temperature 1.5": tokens_at(Sampling(many, 1.5, any_order=True)),
-        "roots and pose tokens": roots(Sampling(1, 1.0)),
-        f"roots and pose tokens, any order, {many} steps": roots(Sampling(many, 1.0, any_order=True)),
+        f"any order, {many} pose steps, temperature 1.5": tokens_at(free),
+        "roots": roots(Sampling(1, 1.0)),
+        f"roots; any order, {many} pose steps, temperature 1.5": roots(free),
+        f"roots × {WIDER:g}": roots(Sampling(1, 1.0), WIDER),
+        f"roots × {WIDER:g}; any order, {many} pose steps, temperature 1.5": roots(free, WIDER),
         "decoder without target": hidden(Sampling(1, 1.0), target),
     }
 
@@ -257,6 +261,10 @@ def run(setting: Setting) -> bool:
         list(GAPS), setting.stride, setting.split, True, diversity_seeds=0, max_windows=setting.max_windows
     )
     bench = Bench(setting.cache, options, setting.evaluator, setting.threads)
+    # Ten answers to each of some windows, or one to each of ten times as many: FID needs windows.
+    most = None if setting.max_windows is None else SEEDS * setting.max_windows
+    wide = copy(bench)
+    wide.options = replace(options, max_windows=most)
     networks, near = setting.networks(bench), NearestWindows(bench.store.of_split("train"))
     report: dict[str, Any] = {
         "source": setting.source.name,
@@ -280,7 +288,7 @@ def run(setting: Setting) -> bool:
                 "timing": timing(study),
                 "tokens": token_certainty(study),
                 "decoder": decoder_follows(study),
-                "single_samples": single_samples(study),
+                "single_samples": single_samples(replace(study, bench=wide)),
                 **sections,
             }
         )

@@ -80,10 +80,10 @@ def others_tokens(requests: Requests, seed: int) -> Motion:
     return decode(requests.networks, replace(requests.mode, tokens=requests.mode.tokens.roll(seed + 1, 0)))
 
 
-def with_missed_roots(requests: Requests, seed: int) -> Plan:
-    """The plan's root with what the root stage misses of a similar training window added, and the tokens of that root."""
+def with_missed_roots(requests: Requests, seed: int, scale: float) -> Plan:
+    """The plan's root with ``scale`` times what the root stage misses of a similar training window added."""
     plan = requests.mode
-    place, turn = requests.missed_roots(seed % SIMILAR)
+    place, turn = (scale * missed for missed in requests.missed_roots(seed % SIMILAR))
     root = plan.global_root.clone()
     root[:, : requests.frames, :3] += place
     heading = torch.atan2(root[:, : requests.frames, 4], root[:, : requests.frames, 3]) + turn
@@ -91,15 +91,15 @@ def with_missed_roots(requests: Requests, seed: int) -> Plan:
     return replace(plan, global_root=root)
 
 
-def roots(sampling: Sampling | None = None) -> Sampler:
+def roots(sampling: Sampling | None = None, scale: float = 1.0) -> Sampler:
     """Roots drawn, pose tokens at the mode or drawn too.
 
     The root stage has nothing to draw from. What it misses of the training windows most like the request stands in for a
-    stage that had.
+    stage that had. It knows those windows and misses less of them than of others: ``scale`` makes up for it.
     """
 
     def draw(requests: Requests, seed: int) -> Motion:
-        plan = with_missed_roots(requests, seed)
+        plan = with_missed_roots(requests, seed, scale)
         how = replace(sampling, seed=seed) if sampling else Sampling()
         return decode(requests.networks, replace(plan, tokens=choose_tokens(requests.networks, plan, how)))
 

@@ -175,7 +175,7 @@ def measure_all(bench: Bench, methods: dict[str, Method], sampled: set[str]) -> 
             for gap, found in every.items()
         ],
     }
-    blocks: dict[int | None, dict[str, Found]] = {**every}
+    blocks: dict[int | None, dict[str, Found]] = dict(every.items())
     if len(every) > 1:
         joined = {name: Found.join([f[name] for f in every.values()]) for name in (TRUTH, *methods)}
         report["all_gaps"] = {"windows": len(joined[TRUTH].pieces), "methods": summarise(joined)}
