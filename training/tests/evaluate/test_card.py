@@ -1,12 +1,22 @@
 """The card's tables from reports of `troupe eval`, with intervals and without."""
 
-from troupe_training.evaluate.card import METHODS, card_table
+import pytest
+
+from troupe_training.evaluate.card import METHODS, add_nearest, card_table
+from troupe_training.evaluate.nearest import NEAREST
 
 PLAIN = ("l2p_m", "l2q", "npss", "foot_skate_m_per_frame", "contact_accuracy", "reaching_success")
 
 
+SERVED = [method for method in METHODS if method != "nearest"]  # what a server's report has
+
+
 def plain_gap() -> dict:
-    return {"gap_frames": 30, "windows": 7} | {method: dict.fromkeys(PLAIN, 0.5) for method in METHODS}
+    return {"gap_frames": 30, "windows": 7} | {method: dict.fromkeys(PLAIN, 0.5) for method in SERVED}
+
+
+def header(gap: dict) -> list[str]:
+    return card_table(gap).splitlines()[0].strip("| ").split(" | ")[1:]
 
 
 def rows(gap: dict) -> dict[str, list[str]]:
@@ -33,3 +43,28 @@ def test_reports_with_intervals_give_them_and_what_else_was_measured():
     assert found["target reached (%) ↑"] == ["100.0", "50.0", "50.0"]
     assert found["NPSS ↓"] == ["0.5000", "0.5000", "–"]
     assert "MMD ↓" not in found
+
+
+def test_old_reports_have_no_nearest_window():
+    assert header(plain_gap()) == ["ground truth", "linear/slerp", "this pack"]
+
+
+def test_the_nearest_window_comes_from_a_report_of_the_same_windows():
+    figure = {"mean": 0.25, "low": 0.2, "high": 0.3}
+    nearest = {"l2p_m": figure, "reached": figure, "nearer_than_pack": figure}
+    other = {"gap_frames": 30, "windows": 7, "methods": {NEAREST: nearest}}
+    baselines = {"stride_frames": 30, "evaluator": "a", "gaps": [{"gap_frames": 15}, other]}
+    report = {"stride_frames": 30, "gaps": [plain_gap()]}
+    add_nearest(report, baselines)
+    assert header(report["gaps"][0]) == ["ground truth", "linear/slerp", NEAREST, "this pack"]
+    found = rows(report["gaps"][0])
+    assert found["target reached (%) ↑"] == ["50.0", "50.0", "25.0 (20.0–30.0)", "50.0"]
+    assert found["windows with a lower L2P than the pack (%)"] == ["–", "–", "25.0 (20.0–30.0)", "–"]
+    with pytest.raises(ValueError, match="windows"):
+        add_nearest({"stride_frames": 20, "gaps": [plain_gap()]}, baselines)
+    with pytest.raises(ValueError, match="windows"):
+        add_nearest({"stride_frames": 30, "gaps": [plain_gap() | {"windows": 8}]}, baselines)
+    with pytest.raises(ValueError, match="evaluators"):
+        add_nearest(report | {"evaluator": "b"}, baselines)
+    with pytest.raises(ValueError, match="has no nearest"):
+        add_nearest(report, baselines | {"gaps": [other | {"methods": {}}]})

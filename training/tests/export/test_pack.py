@@ -12,6 +12,7 @@ import torch
 from troupe_training.cli.main import main
 from troupe_training.data.store import ClipStore
 from troupe_training.evaluate.card import METHODS
+from troupe_training.evaluate.nearest import NEAREST
 from troupe_training.export.manifest import read_manifest
 from troupe_training.export.motionbricks.adopt import adopt_decoder, weights_of
 from troupe_training.export.motionbricks.examples import example_inputs
@@ -102,6 +103,15 @@ def test_card_takes_the_figures_of_this_pack_only(pack: Path):
     assert "it walks: holds" in (pack / "human" / "README.md").read_text()
     manifest = read_manifest(pack / "human")
     assert manifest["evaluation"]["gap_30_pack"]["l2p_m"] == 0.5
+    figure = {"mean": 0.25, "low": 0.2, "high": 0.3}
+    other = {"gap_frames": 30, "windows": 7, "methods": {NEAREST: {"l2p_m": figure}}}
+    beside = pack / "baselines.json"
+    beside.write_text(json.dumps({"evaluator": None, "stride_frames": 20, "gaps": [other]}))
+    assert main([*argv, "--baselines", str(beside)]) == 0
+    assert read_manifest(pack / "human")["evaluation"]["gap_30_nearest"]["l2p_m"] == 0.25
+    beside.write_text(json.dumps({"evaluator": None, "stride_frames": 30, "gaps": [other]}))
+    with pytest.raises(SystemExit, match="not those of the other report"):
+        main([*argv, "--baselines", str(beside)])
     path.write_text(json.dumps(report | {"content_hash": "sha256:0"}))
     with pytest.raises(SystemExit, match="content hash"):
         main(argv)

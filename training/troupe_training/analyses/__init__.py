@@ -6,7 +6,7 @@ seed there and go on from it.
 
 from collections.abc import Callable
 
-from troupe_training.analyses import captured, fsq_vq, heads_codes, pose_steps, replan, root_interpolation
+from troupe_training.analyses import captured, diversity, fsq_vq, heads_codes, pose_steps, replan, root_interpolation
 from troupe_training.analyses.common import Setting
 
 ANALYSES: dict[str, Callable[[Setting], bool]] = {
@@ -16,4 +16,5 @@ ANALYSES: dict[str, Callable[[Setting], bool]] = {
     "replan": replan.run,
     "pose-steps": pose_steps.run,
     "captured": captured.run,
+    "diversity": diversity.run,
 }

@@ -12,6 +12,7 @@ from troupe_training.cli.options import OPTIONS, STOPPED, command, filled
 from troupe_training.evaluate.bench import Bench, Method, Options, Sampling
 from troupe_training.evaluate.card import write_card
 from troupe_training.evaluate.motionbricks import PAPER_G1, of_networks, open_networks
+from troupe_training.evaluate.parts import parts_markdown
 from troupe_training.evaluate.report import measure_all
 from troupe_training.evaluate.tables import markdown, print_report
 from troupe_training.models.delta import DeltaMethod
@@ -38,7 +39,20 @@ def _evaluator_of(args: argparse.Namespace, folder: Path) -> Path | None:
     return None
 
 
-@command(*MEASURED, "--gaps", "--pinned", "--delta", "--single-head", *CHOICE, "--json", "--markdown", run=None, seed=0)
+@command(
+    *MEASURED,
+    "--gaps",
+    "--pinned",
+    "--delta",
+    "--single-head",
+    *CHOICE,
+    "--by",
+    "--cells",
+    "--json",
+    "--markdown",
+    run=None,
+    seed=0,
+)
 def evaluate(args: argparse.Namespace) -> int:
     """Every measure of a pack or of checkpoints on the test split, without a server."""
     torch.set_num_threads(args.threads)
@@ -58,7 +72,8 @@ def evaluate(args: argparse.Namespace) -> int:
         args.json.write_text(json.dumps(report, indent=1) + "\n")
     if args.markdown:
         is_g1 = (report["robot"] or "").lower().startswith("g1")
-        args.markdown.write_text(markdown(report, PAPER_G1 if is_g1 else None))
+        text = markdown(report, PAPER_G1 if is_g1 else None)
+        args.markdown.write_text("\n\n".join([text.rstrip(), *parts_markdown(report)]) + "\n")
     return 0
 
 
@@ -93,8 +108,8 @@ def curves(args: argparse.Namespace) -> int:
     return 0
 
 
-@command("--pack", "--evaluation", "--notes", required=("--evaluation",))
+@command("--pack", "--evaluation", "--baselines", "--notes", required=("--evaluation",))
 def card(args: argparse.Namespace) -> int:
     """Writes a pack's README from its manifest and the JSON of `troupe eval`."""
-    write_card(args.pack, args.evaluation, args.notes)
+    write_card(args.pack, args.evaluation, args.notes, args.baselines)
     return 0

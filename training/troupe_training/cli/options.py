@@ -58,7 +58,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--split-list": {"type": Path, "help": "also write the names of the test files here, one a line"},
     "--cells": {
         "type": Path,
-        "help": "list of cells CONTENT_STYLE to hold out, as splits/bandai-namco-cells.txt is one",
+        "help": "list of cells CONTENT_STYLE to hold out, or to show apart; splits/bandai-namco-cells.txt is one",
     },
     "--mirror": {"action": "store_true", "help": "also train on every clip with left and right swapped"},
     "--workers": {"type": int, "default": os.cpu_count(), "help": "parsing processes"},
@@ -114,6 +114,16 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--json": {"type": Path, "help": "also write the figures here"},
     "--markdown": {"type": Path, "help": "also write tables for a model card here"},
     "--evaluation": {"type": Path, "help": "what `troupe eval --json FILE` wrote"},
+    "--baselines": {
+        "type": Path,
+        "help": "what `evaluate --json FILE` wrote of the same windows: adds the nearest training window to the card",
+    },
+    "--by": {
+        "choices": ("dataset", "content", "style", "cell"),
+        "nargs": "+",
+        "default": [],
+        "help": "also tables of the clips' parts, as their names say: cell is held-out cells against all other clips",
+    },
     "--notes": {"type": Path, "help": "Markdown about data and limits, put into the card"},
 }
 COMMANDS: dict[str, tuple[Run, Callable[[argparse.ArgumentParser], None]]] = {}

@@ -7,6 +7,7 @@ frame and heading 0 there; training then turns each segment by a random heading 
 import json
 import re
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NotRequired, Protocol, TypedDict
@@ -108,8 +109,8 @@ class ClipStore:
         lengths: Sequence[int] = range(MIN_FRAMES, MAX_FRAMES + 1, LENGTH_STEP),
     ):
         self.skeleton = Skeleton.load(cache / "skeleton.json")
-        index: list[ClipEntry] = json.loads((cache / "clips.json").read_text())["clips"]
-        self.clips = [c for c in index if in_split(c, split)]
+        self.index: list[ClipEntry] = json.loads((cache / "clips.json").read_text())["clips"]
+        self.clips = [c for c in self.index if in_split(c, split)]
         self.device = device
         self.positions, self.six_d, self.headings, self.contacts = (
             torch.from_numpy(np.load(cache / f"{name}.npy")).to(device)
@@ -117,6 +118,13 @@ class ClipStore:
         )
         self.balance = balance
         self._tables = {frames: self._start_table(frames) for frames in lengths}
+
+    def of_split(self, split: str) -> "ClipStore":
+        """The clips of another split of the same cache, which share its arrays."""
+        other = copy(self)
+        other.clips = [c for c in self.index if in_split(c, split)]
+        other._tables = {frames: other._start_table(frames) for frames in self._tables}
+        return other
 
     def _start_table(self, frames: int) -> tuple[Tensor, Tensor]:
         """Every frame at which a segment of ``frames`` may start, and the running sum of their chances."""

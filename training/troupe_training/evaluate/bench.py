@@ -23,15 +23,21 @@ from troupe_training.models.evaluator import INPUTS
 from troupe_training.robots.hinges import Hinges, on_hinges
 
 BATCH = 64
+# Mean distance of a joint from sampled answers to the captured motion: what diversity is divided by.
+DISTANCE = "sampled_distance_m"
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a network with a choice takes it: passes, and the temperature and seed of the choice (0: the likeliest)."""
+    """How a network with a choice takes it: passes, and the temperature and seed of the choice (0: the likeliest).
+
+    A pass keeps the tokens that it is surest of, as the server does, or in ``any_order`` tokens at random.
+    """
 
     steps: int = 1
     temperature: float = 0.0
     seed: int = 0
+    any_order: bool = False
 
 
 # Fills the windows of captured segments of so many frames, with a choice of tokens where the method has one.
@@ -50,6 +56,8 @@ class Options:
     diversity_seeds: int = 20
     diversity_windows: int = 100
     max_windows: int | None = None
+    by: list[str] = field(default_factory=list)  # groupings of clips that are also measured apart (`parts.py`)
+    cells: Path | None = None  # the list that the grouping "cell" is made with; the cache's own where left out
 
 
 def check_gap(gap: int) -> int:
@@ -135,12 +143,13 @@ class Bench:
         return arrays if latents is None else arrays | {"latents": latents}
 
     def diversity(self, method: Method, starts: Tensor, frames: int, name: str) -> dict[str, np.ndarray]:
-        """Mean distances between answers to the same request with other seeds at temperature 1, for each window."""
+        """Mean distances between answers of other seeds at temperature 1, and from them to the captured motion: ``[W]`` each."""
         steps, seeds = self.options.sampling.steps, self.options.diversity_seeds
         gap = slice(CONTEXT_FRAMES, frames - 1)
-        found: dict[str, list[Tensor]] = {"joint_diversity_m": [], "latent_diversity": []}
+        found: dict[str, list[Tensor]] = {"joint_diversity_m": [], DISTANCE: [], "latent_diversity": []}
         for nth, (segments, _) in enumerate(self.segments(starts, frames, f"{name}: {seeds} seeds")):
             positions, latents = [], []
+            captured = self.shown(Motion.of(segments))[0].world(self.kinematics)[:, gap]
             for seed in range(seeds):
                 sampling = Sampling(steps, 1.0, self.options.sampling.seed + 1_000_003 * nth + seed + 1)
                 motion, _ = self.shown(self.answer(method, segments, frames, sampling))
@@ -149,6 +158,7 @@ class Bench:
                 if encoded is not None:
                     latents.append(torch.from_numpy(encoded))
             found["joint_diversity_m"].append(pairwise_distance(torch.stack(positions)))
+            found[DISTANCE].append((torch.stack(positions) - captured).norm(dim=-1).mean((0, 2, 3)))
             if latents:
                 found["latent_diversity"].append(pairwise_distance(torch.stack(latents)))
         return {name: torch.cat(parts).double().numpy() for name, parts in found.items() if parts}

@@ -6,16 +6,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from troupe_training.evaluate.nearest import NEAREST
 from troupe_training.evaluate.tables import MEASURES, Figure, table
 from troupe_training.export.manifest import read_manifest
 
-METHODS = {"ground_truth": "ground truth", "interpolation": "linear/slerp", "pack": "this pack"}
+# Reports of `troupe eval` have no "nearest": a server holds no training clips. `add_nearest` takes it from `evaluate`.
+METHODS = {"ground_truth": "ground truth", "interpolation": "linear/slerp", "nearest": NEAREST, "pack": "this pack"}
 SERVER_NAMES = {"reached": "reaching_success"}  # of measures that are called otherwise among a gap's plain means
 
 
 def _plain_means(gap: dict[str, Any], method: str) -> dict[str, float]:
     """Means by the names of measures, which every report has."""
-    found = gap[method]
+    found = gap.get(method, {})
     names = {m.name: SERVER_NAMES.get(m.name, m.name) for m in MEASURES}
     return {measure: found[name] for measure, name in names.items() if name in found}
 
@@ -28,8 +30,30 @@ def _figures(gap: dict[str, Any], method: str) -> dict[str, Figure]:
 
 
 def card_table(gap: dict[str, Any]) -> str:
-    """The figures of one gap."""
-    return table({title: _figures(gap, method) for method, title in METHODS.items()})
+    """The figures of one gap; a column for each method that it has."""
+    found = {title: _figures(gap, method) for method, title in METHODS.items()}
+    return table({title: figures for title, figures in found.items() if figures})
+
+
+def add_nearest(report: dict[str, Any], baselines: dict[str, Any]) -> None:
+    """Puts the nearest training window out of ``evaluate --json`` beside a report of `troupe eval`.
+
+    Both must be of the same windows and evaluator. Raises `ValueError` where they are not.
+    """
+    digests = {report.get("evaluator"), baselines["evaluator"]} - {None}
+    if len(digests) > 1:
+        raise ValueError("the two reports are of different evaluators")
+    by_gap = {gap["gap_frames"]: gap for gap in baselines["gaps"]}
+    for gap in report["gaps"]:
+        frames, windows = gap["gap_frames"], gap["windows"]
+        other = by_gap.get(frames)
+        if other is None or other["windows"] != windows or baselines["stride_frames"] != report["stride_frames"]:
+            raise ValueError(f"gap of {frames} frames: the {windows} windows are not those of the other report")
+        figures = other["methods"].get(NEAREST)
+        if figures is None:
+            raise ValueError(f"gap of {frames} frames: the other report has no {NEAREST}")
+        gap["nearest"] = {SERVER_NAMES.get(name, name): figure["mean"] for name, figure in figures.items()}
+        gap.setdefault("metrics", {})["nearest"] = figures
 
 
 def _size(manifest: dict[str, Any]) -> str:
@@ -49,15 +73,21 @@ def training_rows(training: dict[str, Any]) -> str:
     return "\n".join(rows)
 
 
-def write_card(pack: Path, evaluation: Path, notes: Path | None) -> None:
+def write_card(pack: Path, evaluation: Path, notes: Path | None, baselines: Path | None = None) -> None:
     """Writes ``README.md`` into the pack folder and the main figures into ``pack.toml``.
 
-    ``notes`` is Markdown about the data and limits, put in as it stands.
+    ``notes`` is Markdown about the data and limits, put in as it stands; ``baselines`` is the JSON of ``evaluate`` on the same
+    windows, for the nearest training window.
     """
     manifest = read_manifest(pack)
     report = json.loads(evaluation.read_text())
     if report["content_hash"] != manifest["content_hash"]:
         raise SystemExit("the evaluation is of another pack: its content hash differs")
+    if baselines is not None:
+        try:
+            add_nearest(report, json.loads(baselines.read_text()))
+        except ValueError as error:
+            raise SystemExit(f"{baselines}: {error}") from error
     training = manifest["training"]
     size = sum(f.stat().st_size for f in pack.glob("*.onnx")) / 1e6
     parts = [
@@ -89,7 +119,8 @@ def write_card(pack: Path, evaluation: Path, notes: Path | None) -> None:
     for gap in report["gaps"]:
         for method in METHODS:
             values = ", ".join(f"{name} = {value:.6g}" for name, value in _plain_means(gap, method).items())
-            rows.append(f"gap_{gap['gap_frames']}_{method} = {{ {values} }}")
+            if values:
+                rows.append(f"gap_{gap['gap_frames']}_{method} = {{ {values} }}")
     write_figures(pack / "pack.toml", rows)
 
 

@@ -126,7 +126,7 @@ def choose_tokens(networks: StageNetworks, plan: Plan, sampling: Sampling) -> Te
 
     The server's rule (`server/src/engine/sampling.rs`): codes are drawn from softmax(logits / temperature), confidence is
     the log-probability of the drawn code at temperature 1, and every pass commits something. Its random numbers are its own,
-    so seeds give other draws here than there.
+    so seeds give other draws here than there. ``any_order`` is not the server's: see `analyses/diversity.py`.
     """
     batch, slots, heads = plan.tokens.shape
     tokens = torch.full((batch, slots * heads), networks.codes)
@@ -144,7 +144,10 @@ def choose_tokens(networks: StageNetworks, plan: Plan, sampling: Sampling) -> Te
             chosen = (weights <= unit * weights[..., -1:]).sum(-1).clamp_max(networks.codes - 1)
         else:
             chosen = logits.argmax(-1)
-        confidence = torch.log_softmax(logits, -1).gather(-1, chosen[..., None])[..., 0]
+        if sampling.any_order:
+            confidence = torch.rand(chosen.shape, generator=generator)
+        else:
+            confidence = torch.log_softmax(logits, -1).gather(-1, chosen[..., None])[..., 0]
         commit = max(left - masked_after(slots * heads, step, sampling.steps), 1)
         order = confidence.masked_fill(~masked, -torch.inf).argsort(dim=-1, descending=True, stable=True)
         first = order[:, :commit]

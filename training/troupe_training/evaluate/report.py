@@ -12,12 +12,16 @@ import numpy as np
 
 from troupe_training.data.motion import Motion
 from troupe_training.data.store import PIECES, spread
-from troupe_training.evaluate.bench import Bench, Method, check_gap
+from troupe_training.evaluate.bench import DISTANCE, Bench, Method, check_gap
 from troupe_training.evaluate.distribution import Gaussian, Mmd, frechet
 from troupe_training.evaluate.intervals import COSTLY_RESAMPLES, RESAMPLES, Bootstrap
+from troupe_training.evaluate.nearest import NEAREST, NearestWindows
+from troupe_training.evaluate.parts import FEWEST_FOR_DISTANCES, PartOf, masks, part_of
 from troupe_training.evaluate.tables import Figure, Methods
 
 TRUTH = "ground truth"
+PACK = "pack"
+NEARER = "nearer_than_pack"  # share of windows in which a method's L2P is lower than the pack's
 Arrays = dict[str, np.ndarray]  # by measure, an entry for each window
 
 
@@ -44,6 +48,12 @@ class Found:
             glue([p.diversity for p in parts]),
             np.concatenate([p.diversity_pieces for p in parts]),
         )
+
+    def kept(self, mask: np.ndarray, diverse: np.ndarray, distances: bool) -> "Found":
+        """The windows in ``mask`` alone, and of those measured for diversity the ones in ``diverse``; latents if asked for."""
+        windows = {name: v[mask] for name, v in self.windows.items() if distances or name != "latents"}
+        diversity = {name: v[diverse] for name, v in self.diversity.items()} if diverse.any() else {}
+        return Found(windows, self.pieces[mask], diversity, self.diversity_pieces[diverse])
 
 
 class Distances:
@@ -98,6 +108,8 @@ def summarise(found: dict[str, Found]) -> Methods:
         if of.diversity:
             of_pieces = Bootstrap(of.diversity_pieces)
             figures |= {figure: of_pieces.ratio(values) for figure, values in of.diversity.items()}
+            if DISTANCE in of.diversity:
+                figures["diversity_ratio"] = of_pieces.ratio(of.diversity["joint_diversity_m"], of.diversity[DISTANCE])
         for figure, values in of.windows.items():
             if figure not in ("latents", "npss_sum", "npss_weight"):
                 figures[figure] = bootstrap.ratio(values)
@@ -119,8 +131,10 @@ def measure_gap(bench: Bench, methods: dict[str, Method], sampled: set[str], gap
             parts[name].append(bench.measure(motion, truth, headings))
     found = {}
     few = spread(len(starts), options.diversity_windows)
-    for name, chunks in parts.items():
-        figures = glue(chunks)
+    figures_of = {name: glue(chunks) for name, chunks in parts.items()}
+    for name, figures in figures_of.items():
+        if PACK in figures_of and name not in (TRUTH, PACK):
+            figures[NEARER] = (figures["l2p_m"] < figures_of[PACK]["l2p_m"]).astype(float)
         found[name] = Found(figures, pieces.numpy())
         if options.diversity_seeds < 2 or name == TRUTH:
             continue
@@ -136,10 +150,14 @@ def measure_gap(bench: Bench, methods: dict[str, Method], sampled: set[str], gap
 def measure_all(bench: Bench, methods: dict[str, Method], sampled: set[str]) -> dict[str, Any]:
     """The report: for each gap and for all gaps together every method's figures with their intervals.
 
-    ``methods`` are measured beside ground truth and interpolation; those in ``sampled`` choose tokens.
+    ``methods`` are measured beside ground truth, interpolation and the nearest training window; those in ``sampled`` choose
+    tokens. The nearest training window is left out on the train split, where each window would find itself.
     """
     options = bench.options
-    methods = {"interpolation": bench.interpolation} | methods
+    baselines: dict[str, Method] = {"interpolation": bench.interpolation}
+    if options.split != "train":
+        baselines[NEAREST] = NearestWindows(bench.store.of_split("train"))
+    methods = baselines | methods
     every = {gap: measure_gap(bench, methods, sampled, gap) for gap in options.gaps}
     report: dict[str, Any] = {
         "split": options.split,
@@ -157,7 +175,26 @@ def measure_all(bench: Bench, methods: dict[str, Method], sampled: set[str]) -> 
             for gap, found in every.items()
         ],
     }
+    blocks: dict[int | None, dict[str, Found]] = dict(every.items())
     if len(every) > 1:
         joined = {name: Found.join([f[name] for f in every.values()]) for name in (TRUTH, *methods)}
         report["all_gaps"] = {"windows": len(joined[TRUTH].pieces), "methods": summarise(joined)}
+        blocks[None] = joined
+    report["parts"] = {by: _apart(blocks, bench, part_of(by, options.cells)) for by in options.by}
     return report
+
+
+def _apart(blocks: dict[int | None, dict[str, Found]], bench: Bench, parts: PartOf) -> list[dict[str, Any]]:
+    """The figures of each part of the clips: blocks by gap, None of all gaps, as far as the part has windows of it."""
+    out: dict[str, list[dict[str, Any]]] = {}
+    for gap, found in blocks.items():
+        for name, mask in masks(parts, bench.store.clips, found[TRUTH].pieces).items():
+            windows, kept = int(mask.sum()), {}
+            for method, of in found.items():
+                diverse = masks(parts, bench.store.clips, of.diversity_pieces).get(
+                    name, np.zeros(len(of.diversity_pieces), bool)
+                )
+                kept[method] = of.kept(mask, diverse, windows >= FEWEST_FOR_DISTANCES)
+            block = {"gap_frames": gap, "windows": windows, "methods": summarise(kept)}
+            out.setdefault(name, []).append(block)
+    return [{"name": name, "gaps": gaps} for name, gaps in sorted(out.items())]

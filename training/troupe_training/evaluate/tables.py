@@ -35,6 +35,7 @@ MEASURES = (
     Measure("mmd", "MMD ↓", 1, 4),
     Measure("fid", "FID ↓", 1, 4),
     Measure("joint_diversity_m", "joint diversity (mm)", 1e3, 1),
+    Measure("diversity_ratio", "diversity ÷ distance to captured, 1 is best", 1, 2),
     Measure("latent_diversity", "latent diversity", 1, 3),
     Measure("joint_jitter_mps2", "joint jitter (m/s²) ≈"),
     Measure("root_jitter_mps2", "root jitter (m/s²) ≈"),
@@ -48,6 +49,7 @@ MEASURES = (
     Measure("target_root_error_m", "target root (mm) ↓", 1e3, 1),
     Measure("reached", "target reached (%) ↑", 100, 1),
     Measure("l2p_m", "L2P (m) ↓", 1, 3),
+    Measure("nearer_than_pack", "windows with a lower L2P than the pack (%)", 100, 1),
     Measure("l2q", "L2Q ↓", 1, 3),
     Measure("npss", "NPSS ↓", 1, 4),
     Measure("hinge_residual_mean_deg", "off the hinges, mean (°) ↓", 1, 2),
@@ -132,9 +134,9 @@ def print_report(report: dict[str, Any]) -> None:
     """A plain table for each gap, means only."""
     for title, methods in _blocks(report):
         print(f"\n{title}")
-        print(" " * 34 + "".join(f"{name[:16]:>17}" for name in methods))
+        print(" " * 44 + "".join(f"{name[:16]:>17}" for name in methods))
         for measure in measures_of(methods):
             cells = [
                 measure.cell({"mean": f[measure.name]["mean"]} if measure.name in f else None) for f in methods.values()
             ]
-            print(f"{measure.heading:34}" + "".join(f"{text:>17}" for text in cells))
+            print(f"{measure.heading:44}" + "".join(f"{text:>17}" for text in cells))
