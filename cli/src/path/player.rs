@@ -111,6 +111,8 @@ impl<'a> Player<'a> {
             }
             // It moves by itself, as far as the player knows.
             Act::FollowPath(_) => self.velocity.speed_mps = 0.0,
+            // It goes on afterwards as it was told before.
+            Act::Perform(_) => {}
             Act::Drop => {}
         }
         self.acts.push(act);

@@ -5,7 +5,7 @@ use std::path::Path as FilePath;
 use glam::Vec2;
 use serde::Deserialize;
 use toml::Spanned;
-use troupe_client::Act;
+use troupe_client::{Act, Performance};
 
 use super::script::{Manner, Moment, Motion, Path, Timed, Waypoint, When};
 use crate::failure::Failure;
@@ -50,6 +50,7 @@ struct CommandEntry {
     cancel: bool,
     #[serde(default)]
     drop: bool,
+    perform: Option<String>,
     velocity: Option<Spanned<Vec<f32>>>,
     speed: Option<Spanned<f32>>,
     direction_deg: Option<Spanned<f32>>,
@@ -195,7 +196,8 @@ impl Check<'_> {
                 height_m: self.number("height_m", entry.height_m.as_ref(), 0.0, 3.0)?,
             };
             if act.is_some() && (motion != Motion::AsBefore || manner != Manner::default()) {
-                let what = "interact, end, cancel and drop exclude what says how to move; give that a [[command]] of its own";
+                let what = "interact, end, cancel, drop and perform exclude what says how to move; give that a [[command]] of its \
+                            own";
                 return Err(self.fault(spanned, what));
             }
             commands.push(Timed {
@@ -276,11 +278,12 @@ impl Check<'_> {
                 (entry.drop, Act::Drop),
             ]
             .into_iter()
-            .filter_map(|(asked, act)| asked.then_some(act)),
+            .filter_map(|(asked, act)| asked.then_some(act))
+            .chain((entry.perform.as_ref()).map(|text| Performance::of(text.as_str()).into())),
         );
         let act = acts.next();
         if acts.next().is_some() {
-            let what = "interact, end, cancel and drop exclude each other: it has more than one";
+            let what = "interact, end, cancel, drop and perform exclude each other: it has more than one";
             return Err(self.fault(spanned, what));
         }
         Ok(act)

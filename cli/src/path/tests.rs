@@ -104,11 +104,15 @@ fn what_is_wrong_is_named_with_its_line() {
         ),
         (
             "[[command]]\ntime_s = 0\n\n[[command]]\ntime_s = 1\nend = true\ndrop = true",
-            "line 4: interact, end, cancel and drop exclude each other",
+            "line 4: interact, end, cancel, drop and perform exclude each other",
         ),
         (
             "[[command]]\ntime_s = 0\ninteract = 'cup'\nspeed = 1",
-            "line 1: interact, end, cancel and drop exclude what says how to move",
+            "line 1: interact, end, cancel, drop and perform exclude what says how to move",
+        ),
+        (
+            "[[command]]\ntime_s = 0\nperform = 'wave'\ncancel = true",
+            "line 1: interact, end, cancel, drop and perform exclude each other",
         ),
         (
             "[[command]]\ntime_s = 0\ninteract = 'cup'\nhand = 'left'",

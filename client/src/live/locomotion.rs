@@ -359,6 +359,7 @@ mod tests {
                 Some(Asked::Cancel(_)) => "cancel",
                 Some(Asked::EndInteraction(_)) => "end",
                 Some(Asked::FollowPath(_)) => "path",
+                Some(Asked::Perform(_)) => "perform",
                 None => "none",
             };
             (command.sequence, kind)

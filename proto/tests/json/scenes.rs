@@ -119,6 +119,7 @@ fn events_are_told_apart_by_their_member() {
             kind: v1::ActivityKind::Held.into(),
             instance: "chair".into(),
             set: "sit".into(),
+            ..v1::Activity::default()
         }),
         ..v1::Session::default()
     });

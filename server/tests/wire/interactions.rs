@@ -61,6 +61,8 @@ fn kinds(events: &[v1::SessionEvent]) -> Vec<&'static str> {
         Kind::Landed(_) => "landed",
         Kind::Arrived(_) => "arrived",
         Kind::Bounded(_) => "bounded",
+        Kind::Performing(_) => "performing",
+        Kind::Performed(_) => "performed",
     };
     events.iter().map(kind).collect()
 }
