@@ -60,6 +60,8 @@ fn kinds(events: &[v1::SessionEvent]) -> Vec<&'static str> {
         Kind::Fell(_) => "fell",
         Kind::Landed(_) => "landed",
         Kind::Arrived(_) => "arrived",
+        Kind::Performing(_) => "performing",
+        Kind::Performed(_) => "performed",
     };
     events.iter().map(kind).collect()
 }
