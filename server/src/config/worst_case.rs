@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Formatter};
 use serde::Serialize;
 
 use super::Config;
-use crate::session::MAX_SESSION_BYTES;
+use crate::session::{MAX_PERFORMERS, MAX_SESSION_BYTES, PERFORMER_BYTES};
 use troupe_engine::pack::Pack;
 
 /// The program, its libraries and what it needs without packs and clients, bytes; two packs of 10 million parameters took 300 MiB with
@@ -69,6 +69,11 @@ impl Config {
             part(
                 "sessions",
                 self.max_sessions as u64 * MAX_SESSION_BYTES,
+                "max_sessions",
+            ),
+            part(
+                "performances",
+                self.max_sessions.min(MAX_PERFORMERS) as u64 * PERFORMER_BYTES,
                 "max_sessions",
             ),
             part("streams", self.max_streams as u64 * STREAM_BYTES, "max_streams"),

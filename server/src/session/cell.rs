@@ -315,6 +315,7 @@ impl SessionCell {
             .is_ok();
         if first {
             self.leave_scene();
+            drop(self.live().performer.take());
             self.changed.notify_one();
         }
         first
@@ -400,7 +401,7 @@ impl SessionCell {
             self.pack.metrics.progressed(&live.counted, &stats);
             live.counted = stats;
         }
-        let is_unwanted = |performer: &mut Performer| !live.character.wants_words(performer.number());
+        let is_unwanted = |performer: &mut Performer| !live.character.performs_as(performer.number());
         drop(live.performer.take_if(is_unwanted));
         let wants = Wants {
             plan: live.character.take_request(),

@@ -119,6 +119,26 @@ fn places_and_heights_are_in_the_sessions_convention_and_errors_in_metres() {
 }
 
 #[test]
+fn ends_of_performances_have_a_word_and_failures_a_message() {
+    let told = |end| {
+        let kind = super::kind(EventKind::Performed { number: 7, end }, Convention::Unreal);
+        match kind {
+            Kind::Performed(ended) => (ended.sequence, ended.reason, ended.message),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(told(PerformanceEnd::Late), (7, "LATE".to_owned(), String::new()));
+    let failed = PerformanceEnd::Failed("no frames".to_owned());
+    assert_eq!(told(failed), (7, "FAILED".to_owned(), "no frames".to_owned()));
+    let text: Arc<str> = "wave".into();
+    let performing = activity(Activity::Performing { text });
+    assert_eq!(
+        (performing.kind(), performing.text.as_str()),
+        (v1::ActivityKind::Performing, "wave")
+    );
+}
+
+#[test]
 fn activities_name_object_and_set() {
     let instance: Arc<str> = "chair".into();
     let set = "sit".to_owned();

@@ -299,6 +299,8 @@ mod tests {
         }
         sessions.happened(&EventKind::Done { instance });
         sessions.happened(&EventKind::Fell { height_m: None });
+        let end = PerformanceEnd::Failed("no frames".to_owned());
+        sessions.happened(&EventKind::Performed { number: 1, end });
         sessions.event_dropped();
         streams(&telemetry).set(4.0);
         let text = telemetry.render();
@@ -324,6 +326,8 @@ mod tests {
             r#"troupe_interactions_total{model="human",version="1.0",outcome="done"} 1"#,
             r#"troupe_interactions_total{model="human",version="1.0",outcome="started"} 0"#,
             r#"troupe_failed_interactions_total{model="human",version="1.0",reason="NOT_REACHED"} 1"#,
+            r#"troupe_performances_total{model="human",version="1.0",outcome="failed"} 1"#,
+            r#"troupe_performances_total{model="human",version="1.0",outcome="started"} 0"#,
             r#"troupe_falls_total{model="human",version="1.0"} 1"#,
             r#"troupe_dropped_events_total{model="human",version="1.0"} 1"#,
             "troupe_streams_active 4",

@@ -43,4 +43,4 @@ pub use resume::Resumed;
 pub use space::{Space, SpaceError, Spaces, TenantOptions};
 pub use step::{StepPlan, Stepped};
 pub use time::TimeSource;
-pub use words::{WordsPack, WordsPacks};
+pub use words::{MAX_PERFORMERS, PERFORMER_BYTES, WordsPack, WordsPacks};

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use super::metrics::SessionMetrics;
+use super::words::Places;
 use super::{SessionError, WordsPacks};
 use crate::packs::{LoadedPack, PackTable};
 use crate::telemetry::{Seldom, Telemetry};
@@ -89,27 +90,35 @@ type ByName = BTreeMap<String, Vec<Arc<LivePack>>>;
 pub struct LivePacks {
     table: PackTable,
     by_name: Arc<ByName>,
+    /// Places for characters that act out words.
+    places: Places,
 }
 
 impl LivePacks {
     /// Those of `table`, without sessions.
     pub fn new(table: PackTable, telemetry: &Telemetry) -> Self {
-        Self::of(table, |loaded| LivePack::new(loaded.clone(), telemetry))
+        Self::of(table, Places::default(), |loaded| {
+            LivePack::new(loaded.clone(), telemetry)
+        })
     }
 
-    fn of(table: PackTable, live: impl Fn(&Arc<LoadedPack>) -> LivePack) -> Self {
+    fn of(table: PackTable, places: Places, live: impl Fn(&Arc<LoadedPack>) -> LivePack) -> Self {
         let all = |loaded: &Arc<LoadedPack>| {
             let first = live(loaded);
-            let places = 0..loaded.styles.len();
-            let packs = (places.map(|place| {
-                let words = WordsPacks::new(&table, loaded.rig(place));
+            let bodies = 0..loaded.styles.len();
+            let packs = (bodies.map(|place| {
+                let words = WordsPacks::new(&table, loaded.rig(place), &places);
                 Arc::new(first.of(loaded, place, words))
             }))
             .collect();
             (loaded.pack.name().to_owned(), packs)
         };
         let by_name = Arc::new(table.all().map(all).collect());
-        Self { table, by_name }
+        Self {
+            table,
+            by_name,
+            places,
+        }
     }
 
     /// The same packs for a tenant, with added styles of its own, kept in `folder`.
@@ -118,7 +127,7 @@ impl LivePacks {
     /// [`StyleError`] where its styles cannot be read.
     pub fn of_tenant(&self, folder: Option<&Path>) -> Result<Self, StyleError> {
         let table = self.table.of_tenant(folder.map(Path::to_owned))?;
-        Ok(Self::of(table, |loaded| {
+        Ok(Self::of(table, self.places.clone(), |loaded| {
             self.by_name[loaded.pack.name()][0].of(loaded, 0, WordsPacks::default())
         }))
     }

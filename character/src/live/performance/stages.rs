@@ -32,6 +32,11 @@ impl Character {
         (self.performance.as_ref()).is_some_and(|it| it.number == number && it.listens())
     }
 
+    /// The command of this number is being performed, or is to be.
+    pub fn performs_as(&self, number: u64) -> bool {
+        self.performance.as_ref().is_some_and(|it| it.number == number)
+    }
+
     /// Frames of words that were asked for have come. Those that nobody wants any more are ignored.
     pub fn words_arrived(&mut self, number: u64, part: WordsPart, is_last: bool) {
         let now = self.timeline.frame();

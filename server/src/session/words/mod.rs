@@ -5,6 +5,7 @@ pub mod performer;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use troupe_proto::v1;
 
 use super::SessionError;
@@ -23,6 +24,10 @@ pub const MAX_TEXT_CHARS: usize = 1000;
 const SECONDS: (f32, f32) = (0.5, 30.0);
 /// Highest temperature.
 const MAX_TEMPERATURE: f32 = 2.0;
+/// Most characters of all tenants that perform at a time; one more is told so.
+pub const MAX_PERFORMERS: usize = 512;
+/// About the most memory that one of them takes beside its session, bytes: its frames wait there.
+pub const PERFORMER_BYTES: u64 = 384 << 10;
 /// Most characters of an unknown word that are told, and of a pack's name.
 const MAX_ECHO: usize = 64;
 
@@ -46,17 +51,36 @@ enum WhyNot {
     Past(usize),
 }
 
+/// Places for characters that perform; clones share them.
+#[derive(Debug, Clone)]
+pub struct Places(Arc<Semaphore>);
+
+impl Default for Places {
+    fn default() -> Self {
+        Self(Arc::new(Semaphore::new(MAX_PERFORMERS)))
+    }
+}
+
+impl Places {
+    /// One of them, where there is one.
+    pub fn take(&self) -> Option<OwnedSemaphorePermit> {
+        self.0.clone().try_acquire_owned().ok()
+    }
+}
+
 /// All packs of a server, as what the characters of one of them can act out.
 #[derive(Debug, Default)]
 pub struct WordsPacks {
+    /// Where they take a place for it.
+    pub places: Places,
     by_name: BTreeMap<String, Result<WordsPack, WhyNot>>,
     /// Name of the pack for those who name none.
     default: Option<String>,
 }
 
 impl WordsPacks {
-    /// Those of `table`, for characters of `own`.
-    pub fn new(table: &PackTable, own: &Arc<Rig>) -> Self {
+    /// Those of `table`, for characters of `own`, who take one of `places` each.
+    pub fn new(table: &PackTable, own: &Arc<Rig>, places: &Places) -> Self {
         let named = |loaded: &Arc<LoadedPack>| (loaded.pack.name().to_owned(), words_pack(loaded, own));
         let by_name: BTreeMap<_, _> = table.all().map(named).collect();
         let fit = |loaded: &&Arc<LoadedPack>| matches!(by_name.get(loaded.pack.name()), Some(Ok(_)));
@@ -64,6 +88,7 @@ impl WordsPacks {
         let default = fitting().find(|loaded| table.is_default(loaded));
         let default = default.or_else(|| fitting().next());
         Self {
+            places: places.clone(),
             default: default.map(|loaded| loaded.pack.name().to_owned()),
             by_name,
         }

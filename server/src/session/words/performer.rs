@@ -6,9 +6,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use tokio::sync::OwnedSemaphorePermit;
 use tokio_util::task::AbortOnDropHandle;
 
-use super::task;
+use super::{MAX_PERFORMERS, task};
 use crate::batch::{Batcher, Class, Order, Parts, Piece, SubmitError};
 use crate::clients::Turns;
 use crate::session::cell::SessionCell;
@@ -22,10 +23,11 @@ const MIN_RETRY: Duration = Duration::from_millis(5);
 /// Words that have not begun by then are of no use to a stream.
 const MAX_WAIT: Duration = Duration::from_secs(10);
 
-/// A stream of words. Dropping it gives up what has not come.
+/// A stream of words, and a place for its frames. Dropping it gives up both.
 #[derive(Debug)]
 pub struct Performer {
     number: u64,
+    _place: OwnedSemaphorePermit,
     _task: AbortOnDropHandle<()>,
 }
 
@@ -48,6 +50,11 @@ pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
         let name = &request.command.pack;
         return awaited.failed(&format!("the pack {name:?} is not loaded any more"));
     };
+    let Some(place) = cell.pack().words.places.take() else {
+        return awaited.failed(&format!(
+            "{MAX_PERFORMERS} characters perform, and there is no place for more"
+        ));
+    };
     let (batcher, reader) = (words.loaded.batcher.clone(), words.reader.clone());
     let order = order(cell, &request, patience);
     let task = task(&request.command, request.past, request.seed);
@@ -69,6 +76,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
     };
     let performer = Performer {
         number,
+        _place: place,
         _task: AbortOnDropHandle::new(tokio::spawn(turns.take(work))),
     };
     cell.live().performer = Some(performer);
