@@ -121,7 +121,7 @@ fn places_and_heights_are_in_the_sessions_convention_and_errors_in_metres() {
 #[test]
 fn ends_of_performances_have_a_word_and_failures_a_message() {
     let told = |end| {
-        let kind = super::kind(EventKind::Performed { number: 7, end }, Convention::Unreal);
+        let kind = kind(EventKind::Performed { number: 7, end }, Convention::Unreal);
         match kind {
             Kind::Performed(ended) => (ended.sequence, ended.reason, ended.message),
             other => panic!("{other:?}"),
