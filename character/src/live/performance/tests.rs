@@ -218,7 +218,7 @@ fn words_that_fail_are_told_and_what_came_is_shown() {
             rig.perform("go slowly");
             let end = rig.until(120, ended).unwrap();
             assert_eq!(rig.words().contains(&"performing"), begins);
-            assert_eq!(ends(&rig), [failed.clone()]);
+            assert_eq!(ends(&rig), std::slice::from_ref(&failed));
             assert!(!begins || end > 40 + 50, "{end}");
             rig.run(40);
             assert!(speed(&rig) > 1.0);
