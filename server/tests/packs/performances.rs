@@ -318,7 +318,7 @@ async fn some_perform_while_others_walk_without_an_underrun() {
         .unwrap();
     let done = text
         .lines()
-        .find(|line| line.starts_with("troupe_performances_total") && line.contains("done"));
+        .find(|line| line.starts_with("troupe_performances_total{model=\"human\"") && line.contains("done"));
     assert!(done.is_some_and(|line| line.ends_with(" 20")), "{done:?}");
     server.shut_down().await;
 }
