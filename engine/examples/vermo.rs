@@ -9,7 +9,7 @@ use std::time::Instant;
 use clap::Parser;
 use troupe_engine::generator::{Generator as _, JobId, Progress};
 use troupe_engine::onnx::{Growth, OnnxVerMo, Runtime, SessionOptions};
-use troupe_engine::pack::{FRAMES_PER_TOKEN, Pack};
+use troupe_engine::pack::Pack;
 use troupe_engine::vermo::{LanguageAnswer, LanguageCall, Networks as _, Shape, Vocabulary};
 use troupe_engine::{EngineError, EngineKind, VerMo};
 use troupe_motion::model::{PromptTask, Task};
@@ -142,7 +142,7 @@ impl Bench {
     fn task(&self, tokens: usize, seed: usize) -> Task {
         Task::Prompt(PromptTask {
             text: self.text.clone(),
-            frames: Some(tokens * FRAMES_PER_TOKEN),
+            frames: Some(tokens * self.pack.rig.dims.frames_per_token),
             seed: seed as u64,
             in_parts: true,
             ..PromptTask::default()

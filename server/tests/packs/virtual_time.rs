@@ -56,11 +56,14 @@ impl Networks {
                 let plan = finish_live(&raw.unwrap(), &request.shape, &self.pack.rig).unwrap();
                 let actor = &mut troop[*index];
                 let arrival = actor.character.plan_arrived(request.number, Ok(plan));
-                assert!(
-                    matches!(arrival, Arrival::InTime { .. } | Arrival::Late),
-                    "{arrival:?}"
-                );
-                actor.take.seams.push(actor.asked_for(request));
+                match arrival {
+                    Arrival::InTime { .. } | Arrival::Late => {
+                        actor.take.seams.push(actor.asked_for(request));
+                    }
+                    // A command has had another plan asked for in the place of this one.
+                    Arrival::Stray => assert!(actor.newest > request.number),
+                    Arrival::Dropped | Arrival::Failed => panic!("{arrival:?}"),
+                }
             }
         }
     }
@@ -148,6 +151,8 @@ pub struct Actor {
     character: Character,
     cues: Vec<Cue>,
     told: u64,
+    /// Number of the plan that it asked for last.
+    newest: u64,
     take: Take,
     out: FrameOut,
 }
@@ -172,6 +177,7 @@ impl Actor {
         let start = Start::Standing(GlobalRoot::new(Vec3::ZERO, 0.0));
         Self {
             character: Character::new(Arc::clone(&networks.pack.rig), options, start, command),
+            newest: 0,
             cues,
             told: 0,
             take: Take::default(),
@@ -226,7 +232,10 @@ pub fn play(
             actor.record();
             actor.tell(networks, frame);
             assert_eq!(actor.character.advance(SUB_FRAMES, Clock::Runs), Advance::Moved);
-            requests.extend(actor.character.take_request().map(|request| (index, request)));
+            if let Some(request) = actor.character.take_request() {
+                actor.newest = request.number;
+                requests.push((index, request));
+            }
         }
         underway.push_back(requests);
         if let Some(due) = underway.pop_front() {

@@ -198,9 +198,9 @@ async fn the_pack_says_what_its_language_model_takes() {
         (40, 3, 64, 28)
     );
     let sampling = v1::Sampling {
-        temperature: Some(1.0),
+        temperature: Some(0.7),
         top_k: Some(0),
-        top_p: Some(0.95),
+        top_p: Some(0.9),
         repetition: Some(1.1),
     };
     assert_eq!(language.sampling, Some(sampling));
@@ -362,9 +362,9 @@ async fn sampling_is_the_packs_or_the_requests() {
     let usual = made(with(None, 3)).await;
     let written_out = some(|s| {
         *s = v1::Sampling {
-            temperature: Some(1.0),
+            temperature: Some(0.7),
             top_k: Some(0),
-            top_p: Some(0.95),
+            top_p: Some(0.9),
             repetition: Some(1.1),
         }
     });

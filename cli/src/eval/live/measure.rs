@@ -291,7 +291,11 @@ mod tests {
             outcome.root_mps2
         );
         assert!(outcome.facing_error < 0.02, "{}", outcome.facing_error);
-        assert!(outcome.nearest.feet_m <= 0.2 && outcome.nearest.arms_m.is_infinite());
+        let nearest = &outcome.nearest;
+        assert!(
+            nearest.feet_m <= 0.2 && nearest.arms_m.is_infinite(),
+            "{nearest:?}"
+        );
     }
 
     #[test]
