@@ -156,7 +156,7 @@ describe('a request', () => {
       pack: 'human',
       pack_version: '1',
       timing: null,
-      characters: [{ id: 'a', frames, intermediates: null }],
+      characters: [{ id: 'a', frames, intermediates: null, feasibility: null }],
     };
     const [variant] = variantsOf(rig, answer, [7]);
     expect(variant?.seed).toBe(7);

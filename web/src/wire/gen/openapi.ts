@@ -116,6 +116,27 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/describe": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Put a motion into words, or into audio that goes with it
+         * @description The answer comes part by part while it is made, one JSON object a line; the last has `is_last`. An error after the first part
+         *     is a line of its own, with the member `error`, and ends the answer. What a pack can do is in its `capabilities`.
+         */
+        post: operations["Describe"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/detect": {
         parameters: {
             query?: never;
@@ -164,7 +185,7 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Act out words, or put a motion into words
+         * Act out words, or follow a path
          * @description The answer comes part by part while it is made, one JSON object a line; the last has `is_last`. An error after the first part
          *     is a line of its own, with the member `error`, and ends the answer. What a pack can do is in its `capabilities`.
          */
@@ -565,6 +586,20 @@ export interface components {
              */
             scene: string;
         };
+        /** @description A second character of a motion, and more. */
+        Agent: {
+            /**
+             * @description Frames that go before, oldest first, each with root position and pose: as many as those of the first character. Without them
+             *     characters begin side by side, 1 m apart along +X.
+             * @default []
+             */
+            past: components["schemas"]["Keyframe"][];
+            /**
+             * @description What it is to do: as Prompt.text. All characters have words, or none has.
+             * @default
+             */
+            text: string;
+        };
         /** @description A session that is now on the stream. */
         Attached: {
             /**
@@ -578,6 +613,19 @@ export interface components {
              * @default 0
              */
             slot: number;
+        };
+        /** @description Audio as the codes of a pack. */
+        Audio: {
+            /**
+             * @description Its codes, oldest first, each below Language.audio_codes.
+             * @default []
+             */
+            codes: number[];
+            /**
+             * @description What sounds.
+             * @default music
+             */
+            sound: string;
         };
         /** @description A joint of such a skeleton. */
         BodyJoint: {
@@ -690,6 +738,12 @@ export interface components {
              */
             seed: number;
             /**
+             * @description Refuse the request (reason NOT_FEASIBLE) where the answer would not be feasible: at once where the keyframes alone show it. The
+             *     error names the field, and what would be possible. Packs without limits refuse it.
+             * @default false
+             */
+            strict: boolean;
+            /**
              * @description One to four consecutive keyframes; the last is the segment's final frame.
              * @default []
              */
@@ -727,6 +781,8 @@ export interface components {
         };
         /** @description One character's answer. */
         CharacterResult: {
+            /** @default null */
+            feasibility: components["schemas"]["Feasibility"] | null;
             /** @default null */
             frames: components["schemas"]["Frames"] | null;
             /**
@@ -807,6 +863,27 @@ export interface components {
              * @default
              */
             session_id: string;
+        };
+        /** @description A locomote command asks for more than the style can do; the nearest is done instead. It comes when the command is taken up. */
+        CommandBounded: {
+            /**
+             * Format: float
+             * @description Where it faces instead, radians, in the session's convention. Left out: it faces as it was told, or was told nothing.
+             * @default null
+             */
+            facing: number | null;
+            /**
+             * Format: float
+             * @description Speed that the character goes at instead, m/s.
+             * @default 0
+             */
+            speed: number;
+            /**
+             * Format: float
+             * @description Speed that was asked for, m/s.
+             * @default 0
+             */
+            wanted_speed: number;
         };
         /** @description What to do. */
         CommandIntent: {
@@ -932,12 +1009,59 @@ export interface components {
         /** @description The scene is gone. */
         DeleteSceneResponse: Record<string, never>;
         /** @description A motion to put into words. */
-        Describe: {
+        DescribeRequest: {
             /**
-             * @description Consecutive frames at the pack's frame rate, each with root position and pose: 2 to 1024.
+             * @description Consecutive frames at the pack's frame rate, each with root position and pose: 2 to 1024, and as many as a message of the pack
+             *     takes (Pack.frames_per_token to Pack.max_frames, and some that do not fill a token).
              * @default []
              */
             frames: components["schemas"]["Keyframe"][];
+            /**
+             * @description What to put it into.
+             * @default words
+             */
+            into: string;
+            /**
+             * @description Other characters of the same motion; at most Language.max_agents characters in all.
+             * @default []
+             */
+            others: components["schemas"]["OtherMotion"][];
+            /**
+             * @description Name of the pack, with the capability `describe`. Empty: the server's default pack.
+             * @default
+             */
+            pack: string;
+            /** @default null */
+            sampling: components["schemas"]["Sampling"] | null;
+            /**
+             * Format: int64
+             * @description The same seed, input and pack give the same answer. As JSON it is a number: JavaScript clients stay below 2^53.
+             * @default 0
+             */
+            seed: number;
+        };
+        /** @description A part of a description, which follows those before. */
+        DescribeResponse: {
+            /**
+             * @description Whether the answer ends with it.
+             * @default false
+             */
+            is_last: boolean;
+            /**
+             * @description What the model was asked for that it may not do well. They come with the first part.
+             * @default []
+             */
+            notes: string[];
+            /** @default null */
+            part: components["schemas"]["DescribeResponsePart"] | null;
+        };
+        /** @description What it is. */
+        DescribeResponsePart: {
+            /** @description Words; spaces between parts are in them. */
+            text: string;
+        } | {
+            /** @description Codes of audio. */
+            audio: components["schemas"]["Audio"];
         };
         /** @description A box, standing or on its way. */
         DetectBox: {
@@ -1280,6 +1404,79 @@ export interface components {
             retry_after_ms?: number | null;
         };
         /**
+         * @description Whether a motion stays within what the pack's data does. The first nine figures are of the frames and of the keyframes that were
+         *     asked for, the last three of the way from the context to the targets.
+         */
+        Feasibility: {
+            /** @default null */
+            below_ground: components["schemas"]["FeasibilityFigure"] | null;
+            /** @default null */
+            bend: components["schemas"]["FeasibilityFigure"] | null;
+            /**
+             * @description Whether no figure is beyond its limit.
+             * @default false
+             */
+            feasible: boolean;
+            /** @default null */
+            joint_acceleration: components["schemas"]["FeasibilityFigure"] | null;
+            /** @default null */
+            joint_speed: components["schemas"]["FeasibilityFigure"] | null;
+            /** @default null */
+            off_ground: components["schemas"]["FeasibilityFigure"] | null;
+            /** @default null */
+            pose_reach: components["schemas"]["FeasibilityFigure"] | null;
+            /**
+             * Format: float
+             * @description Its value divided by its limit.
+             * @default 0
+             */
+            ratio: number;
+            /** @default null */
+            root_acceleration: components["schemas"]["FeasibilityFigure"] | null;
+            /** @default null */
+            root_reach: components["schemas"]["FeasibilityFigure"] | null;
+            /** @default null */
+            root_speed: components["schemas"]["FeasibilityFigure"] | null;
+            /** @default null */
+            tilt: components["schemas"]["FeasibilityFigure"] | null;
+            /** @default null */
+            turn_reach: components["schemas"]["FeasibilityFigure"] | null;
+            /** @default null */
+            turning: components["schemas"]["FeasibilityFigure"] | null;
+            /**
+             * @description Name of the figure that is farthest beyond its limit, or nearest to it.
+             * @default
+             */
+            worst: string;
+        };
+        /** @description A figure of a motion beside its limit. Its unit is that of its field in Feasibility. */
+        FeasibilityFigure: {
+            /**
+             * Format: int32
+             * @description The frame that has the value.
+             * @default 0
+             */
+            frame: number;
+            /**
+             * Format: int32
+             * @description Index of the joint that has it, in the order of the pack's joints, where it is a joint's.
+             * @default null
+             */
+            joint: number | null;
+            /**
+             * Format: float
+             * @description What all but 0.1 % of the windows of the pack's training data stay within.
+             * @default 0
+             */
+            limit: number;
+            /**
+             * Format: float
+             * @description The largest value.
+             * @default 0
+             */
+            value: number;
+        };
+        /**
          * @description Follow a path, and stand at its end. The character goes to the first point from where it is. Where a path is faster than it can
          *     go, it falls behind; the event of the end says by how much.
          */
@@ -1541,7 +1738,7 @@ export interface components {
              */
             weight: number;
         };
-        /** @description A motion to make of words, or words to make of a motion. */
+        /** @description A motion to make. */
         GenerateRequest: {
             /** @default null */
             goal: components["schemas"]["GenerateRequestGoal"] | null;
@@ -1551,37 +1748,38 @@ export interface components {
              */
             pack: string;
             /**
-             * @description Frames that go before, oldest first, each with root position and pose: none, or as many as Pack.context_frames. Without
-             *     them the motion begins at the origin and faces +Z.
+             * @description Frames that go before, oldest first, each with root position and pose: none, or as many as Pack.context_frames; beside a prompt
+             *     up to Pack.max_frames, where the pack has a language model. Without them the motion begins at the origin and faces +Z.
              * @default []
              */
             past: components["schemas"]["Keyframe"][];
+            /** @default null */
+            sampling: components["schemas"]["Sampling"] | null;
             /**
              * Format: int64
              * @description The same seed, input and pack give the same answer. As JSON it is a number: JavaScript clients stay below 2^53.
              * @default 0
              */
             seed: number;
-            /**
-             * Format: float
-             * @description 0 takes the most likely choices; above 0 they are sampled with the seed. 0 to 2, default 0.
-             * @default 0
-             */
-            temperature: number;
         };
         /** @description What to make: exactly one of these. */
         GenerateRequestGoal: {
             /** @description Act out words. Needs the capability `text`. */
             prompt: components["schemas"]["Prompt"];
         } | {
-            /** @description Put a motion into words. Needs the capability `describe`. */
-            describe: components["schemas"]["Describe"];
-        } | {
             /** @description Follow a path, with a body of any skeleton. Needs the capability `path`. */
             path: components["schemas"]["PathGoal"];
         };
-        /** @description A part of an answer, which follows those before. */
+        /** @description A part of a motion, which follows those before. */
         GenerateResponse: {
+            /**
+             * Format: int32
+             * @description Whose frames they are: 0 for the first character, 1 and more for those of Prompt.others.
+             * @default 0
+             */
+            character: number;
+            /** @default null */
+            feasibility: components["schemas"]["Feasibility"] | null;
             /**
              * @description Whether the answer ends with it.
              * @default false
@@ -1597,11 +1795,8 @@ export interface components {
         };
         /** @description What it is. */
         GenerateResponsePart: {
-            /** @description Frames. */
+            /** @description Frames of one character. */
             frames: components["schemas"]["Frames"];
-        } | {
-            /** @description Words. */
-            text: string;
         };
         /** @description One definition. */
         GetObjectDefinitionResponse: {
@@ -1932,6 +2127,41 @@ export interface components {
              */
             set: string;
         };
+        /** @description What a pack's language model reads and writes. */
+        Language: {
+            /**
+             * Format: int32
+             * @description Codes of audio; 0 where it has none.
+             * @default 0
+             */
+            audio_codes: number;
+            /**
+             * Format: int32
+             * @description Steps that the flow decoder was made for; 0 where the pack has none.
+             * @default 0
+             */
+            flow_steps: number;
+            /**
+             * Format: int32
+             * @description Most characters of a motion.
+             * @default 0
+             */
+            max_agents: number;
+            /**
+             * Format: int32
+             * @description Most text pieces of a prompt, those of all characters together.
+             * @default 0
+             */
+            max_prompt_pieces: number;
+            /** @default null */
+            sampling: components["schemas"]["Sampling"] | null;
+            /**
+             * @description What it was trained to do: text_to_motion, motion_to_text, prediction, inbetween, continuation, unconditional, music_to_dance,
+             *     dance_to_music, speech_to_gesture, gesture_to_speech.
+             * @default []
+             */
+            tasks: string[];
+        };
         /** @description All definitions. */
         ListObjectDefinitionsResponse: {
             /**
@@ -2199,6 +2429,14 @@ export interface components {
              */
             revision: number;
         };
+        /** @description The motion of a second character, and more. */
+        OtherMotion: {
+            /**
+             * @description Its frames, as many as those of the first character.
+             * @default []
+             */
+            frames: components["schemas"]["Keyframe"][];
+        };
         /** @description A model pack: what it animates, its limits and where it comes from. */
         Pack: {
             /**
@@ -2295,6 +2533,8 @@ export interface components {
              * @default []
              */
             joints: components["schemas"]["Joint"][];
+            /** @default null */
+            language: components["schemas"]["Language"] | null;
             /** @default null */
             left_axis: components["schemas"]["Vec3"] | null;
             /**
@@ -2438,6 +2678,12 @@ export interface components {
              * @default null
              */
             steps: number | null;
+            /**
+             * @description Refuse the request (reason NOT_FEASIBLE) where the path, the past and the targets alone show that the motion would not be feasible,
+             *     and end the answer where its frames do. Bodies without limits refuse it.
+             * @default false
+             */
+            strict: boolean;
             /**
              * @description Words of the pack and how much of each, at most 1 in all. None: no style.
              * @default []
@@ -2667,14 +2913,42 @@ export interface components {
         };
         /** @description Words to act out. */
         Prompt: {
+            /** @default null */
+            audio: components["schemas"]["Audio"] | null;
             /**
              * Format: int32
-             * @description Frames to make: 1 to 1024. Left out: the model decides.
+             * @description Steps of the pack's flow decoder, whose frames are finer and come in one part: up to 256, for packs where Language.flow_steps is not
+             *     0. 0 or left out: the plain decoder.
+             * @default null
+             */
+            flow_steps: number | null;
+            /**
+             * Format: int32
+             * @description Frames to make: 1 to 1024. Left out: the model decides. Beside `targets` one of `frame_count` and `seconds` is needed, and the
+             *     frames are a multiple of Pack.frames_per_token.
              * @default null
              */
             frame_count: number | null;
             /**
-             * @description What to do: 1 to 1000 characters.
+             * @description Other characters of the same motion. Needs the capability `agents`; at most Language.max_agents characters in all.
+             * @default []
+             */
+            others: components["schemas"]["Agent"][];
+            /**
+             * Format: float
+             * @description Length of the motion in seconds, in the place of `frame_count`: above 0, and at most 1024 frames. It is rounded to frames, beside
+             *     `targets` to multiples of Pack.frames_per_token.
+             * @default null
+             */
+            seconds: number | null;
+            /**
+             * @description Frames that come after, oldest first, each with root position and pose: Pack.frames_per_token to Pack.max_frames, beside a `past`
+             *     of the request. The motion that is made lies between the two, and comes in one part.
+             * @default []
+             */
+            targets: components["schemas"]["Keyframe"][];
+            /**
+             * @description What to do: 1 to 1000 characters. Empty beside `past`, `targets` or `audio`: the model decides.
              * @default
              */
             text: string;
@@ -2867,6 +3141,33 @@ export interface components {
              * @default 0
              */
             z: number;
+        };
+        /** @description How a language model chooses the next token. What is left out is as the pack says (Language.sampling). */
+        Sampling: {
+            /**
+             * Format: float
+             * @description What the logits of the last 8 tokens are weakened by: 1 to 10. 1 for nothing.
+             * @default null
+             */
+            repetition: number | null;
+            /**
+             * Format: float
+             * @description 0 takes the most likely token; above 0 one is drawn with the seed. 0 to 2.
+             * @default null
+             */
+            temperature: number | null;
+            /**
+             * Format: int32
+             * @description How many of the likeliest tokens may be drawn; 0 for all of them.
+             * @default null
+             */
+            top_k: number | null;
+            /**
+             * Format: float
+             * @description The likeliest tokens that may be drawn are together at least so likely: above 0, at most 1. 1 for all of them.
+             * @default null
+             */
+            top_p: number | null;
         };
         /** @description A whole scene. */
         Scene: {
@@ -3131,6 +3432,9 @@ export interface components {
         } | {
             /** @description A performance ended. */
             performed: components["schemas"]["PerformanceEnded"];
+        } | {
+            /** @description A command asks for more than the style can do. */
+            bounded: components["schemas"]["CommandBounded"];
         };
         /** @description What happened to one session since events of it were last handed out. At most 64 wait; the oldest are dropped. */
         SessionEvents: {
@@ -3927,6 +4231,102 @@ export interface operations {
             };
             /** @description The body is not said to be application/json */
             415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    Describe: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["DescribeRequest"];
+            };
+        };
+        responses: {
+            /** @description The parts, one a line */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": components["schemas"]["DescribeResponse"];
+                };
+            };
+            /** @description A value that is not accepted, a pack that cannot do it, or a body that is no request */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The server asks for a key, and there is none, or an unknown one */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Origin or Host is not one that the server allows, or the key's role is too low */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description No such pack */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The body is not said to be application/json */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description The queue is full, or too slow; see the Retry-After header */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+            /** @description Not ready yet */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };

@@ -16,7 +16,7 @@ import type { Message } from "@bufbuild/protobuf";
  * Describes the file troupe/v1/event.proto.
  */
 export const file_troupe_v1_event: GenFile = /*@__PURE__*/
-  fileDesc("ChV0cm91cGUvdjEvZXZlbnQucHJvdG8SCXRyb3VwZS52MSJeCghBY3Rpdml0eRIlCgRraW5kGAEgASgOMhcudHJvdXBlLnYxLkFjdGl2aXR5S2luZBIQCghpbnN0YW5jZRgCIAEoCRILCgNzZXQYAyABKAkSDAoEdGV4dBgEIAEoCSJyCgpIZWxkT2JqZWN0EgwKBHNsb3QYASABKA0SEAoIaW5zdGFuY2UYAiABKAkSIQoIcG9zaXRpb24YAyABKAsyDy50cm91cGUudjEuVmVjMxIhCghyb3RhdGlvbhgEIAEoCzIPLnRyb3VwZS52MS5RdWF0IkUKDUtleWZyYW1lRXJyb3ISDgoGcm9vdF9tGAEgASgCEhMKC2hlYWRpbmdfZGVnGAIgASgCEg8KB2pvaW50X20YAyABKAIiawoSSW50ZXJhY3Rpb25TdGFydGVkEhAKCGluc3RhbmNlGAEgASgJEhIKCmRlZmluaXRpb24YAiABKAkSDwoHdmFyaWFudBgDIAEoCRIQCghhcHByb2FjaBgEIAEoCRIMCgRzZWVkGAUgASgEIisKClNldEVudGVyZWQSEAoIaW5zdGFuY2UYASABKAkSCwoDc2V0GAIgASgJIqsBCg9LZXlmcmFtZVJlYWNoZWQSEAoIaW5zdGFuY2UYASABKAkSCwoDc2V0GAIgASgJEhAKCGtleWZyYW1lGAMgASgNEigKBmJlZm9yZRgEIAEoCzIYLnRyb3VwZS52MS5LZXlmcmFtZUVycm9yEicKBWFmdGVyGAUgASgLMhgudHJvdXBlLnYxLktleWZyYW1lRXJyb3ISFAoMZWFybHlfZnJhbWVzGAYgASgNIjIKDk9iamVjdEF0dGFjaGVkEhAKCGluc3RhbmNlGAEgASgJEg4KBnNvY2tldBgCIAEoCSJoCg5PYmplY3RSZWxlYXNlZBIQCghpbnN0YW5jZRgBIAEoCRIhCghwb3NpdGlvbhgCIAEoCzIPLnRyb3VwZS52MS5WZWMzEiEKCHJvdGF0aW9uGAMgASgLMg8udHJvdXBlLnYxLlF1YXQiIwoPSW50ZXJhY3Rpb25Eb25lEhAKCGluc3RhbmNlGAEgASgJIkYKEUludGVyYWN0aW9uRmFpbGVkEhAKCGluc3RhbmNlGAEgASgJEg4KBnJlYXNvbhgCIAEoCRIPCgdtZXNzYWdlGAMgASgJIioKFkludGVyYWN0aW9uSW50ZXJydXB0ZWQSEAoIaW5zdGFuY2UYASABKAkiLwoNQ2hhcmFjdGVyRmVsbBITCgZoZWlnaHQYASABKAJIAIgBAUIJCgdfaGVpZ2h0IjAKD0NoYXJhY3RlckxhbmRlZBIOCgZoZWlnaHQYASABKAISDQoFc3BlZWQYAiABKAIiKAoLUGF0aEFycml2ZWQSDAoEbGF0ZRgBIAEoAhILCgNvZmYYAiABKAIiWQoSUGVyZm9ybWFuY2VTdGFydGVkEhAKCHNlcXVlbmNlGAEgASgEEgwKBHRleHQYAiABKAkSDAoEcGFjaxgDIAEoCRIVCg11bmtub3duX3dvcmRzGAQgAygJIkUKEFBlcmZvcm1hbmNlRW5kZWQSEAoIc2VxdWVuY2UYASABKAQSDgoGcmVhc29uGAIgASgJEg8KB21lc3NhZ2UYAyABKAkijgUKDFNlc3Npb25FdmVudBINCgVmcmFtZRgBIAEoBBIwCgdzdGFydGVkGAIgASgLMh0udHJvdXBlLnYxLkludGVyYWN0aW9uU3RhcnRlZEgAEigKB2VudGVyZWQYAyABKAsyFS50cm91cGUudjEuU2V0RW50ZXJlZEgAEi0KB3JlYWNoZWQYBCABKAsyGi50cm91cGUudjEuS2V5ZnJhbWVSZWFjaGVkSAASLQoIYXR0YWNoZWQYBSABKAsyGS50cm91cGUudjEuT2JqZWN0QXR0YWNoZWRIABItCghyZWxlYXNlZBgGIAEoCzIZLnRyb3VwZS52MS5PYmplY3RSZWxlYXNlZEgAEioKBGRvbmUYByABKAsyGi50cm91cGUudjEuSW50ZXJhY3Rpb25Eb25lSAASLgoGZmFpbGVkGAggASgLMhwudHJvdXBlLnYxLkludGVyYWN0aW9uRmFpbGVkSAASOAoLaW50ZXJydXB0ZWQYCSABKAsyIS50cm91cGUudjEuSW50ZXJhY3Rpb25JbnRlcnJ1cHRlZEgAEigKBGZlbGwYCiABKAsyGC50cm91cGUudjEuQ2hhcmFjdGVyRmVsbEgAEiwKBmxhbmRlZBgLIAEoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJMYW5kZWRIABIpCgdhcnJpdmVkGAwgASgLMhYudHJvdXBlLnYxLlBhdGhBcnJpdmVkSAASMwoKcGVyZm9ybWluZxgNIAEoCzIdLnRyb3VwZS52MS5QZXJmb3JtYW5jZVN0YXJ0ZWRIABIwCglwZXJmb3JtZWQYDiABKAsyGy50cm91cGUudjEuUGVyZm9ybWFuY2VFbmRlZEgAQgYKBGtpbmQicgoNU2Vzc2lvbkV2ZW50cxIMCgRzbG90GAEgASgNEhIKCnNlc3Npb25faWQYAiABKAkSJwoGZXZlbnRzGAMgAygLMhcudHJvdXBlLnYxLlNlc3Npb25FdmVudBIWCg5ldmVudHNfZHJvcHBlZBgEIAEoBCq7AQoMQWN0aXZpdHlLaW5kEhwKGEFDVElWSVRZX0tJTkRfTE9DT01PVElPThAAEh0KGUFDVElWSVRZX0tJTkRfQVBQUk9BQ0hJTkcQARIdChlBQ1RJVklUWV9LSU5EX0lOVEVSQUNUSU5HEAISFgoSQUNUSVZJVFlfS0lORF9IRUxEEAMSGQoVQUNUSVZJVFlfS0lORF9GQUxMSU5HEAQSHAoYQUNUSVZJVFlfS0lORF9QRVJGT1JNSU5HEAViBnByb3RvMw", [file_troupe_v1_motion]);
+  fileDesc("ChV0cm91cGUvdjEvZXZlbnQucHJvdG8SCXRyb3VwZS52MSJeCghBY3Rpdml0eRIlCgRraW5kGAEgASgOMhcudHJvdXBlLnYxLkFjdGl2aXR5S2luZBIQCghpbnN0YW5jZRgCIAEoCRILCgNzZXQYAyABKAkSDAoEdGV4dBgEIAEoCSJyCgpIZWxkT2JqZWN0EgwKBHNsb3QYASABKA0SEAoIaW5zdGFuY2UYAiABKAkSIQoIcG9zaXRpb24YAyABKAsyDy50cm91cGUudjEuVmVjMxIhCghyb3RhdGlvbhgEIAEoCzIPLnRyb3VwZS52MS5RdWF0IkUKDUtleWZyYW1lRXJyb3ISDgoGcm9vdF9tGAEgASgCEhMKC2hlYWRpbmdfZGVnGAIgASgCEg8KB2pvaW50X20YAyABKAIiawoSSW50ZXJhY3Rpb25TdGFydGVkEhAKCGluc3RhbmNlGAEgASgJEhIKCmRlZmluaXRpb24YAiABKAkSDwoHdmFyaWFudBgDIAEoCRIQCghhcHByb2FjaBgEIAEoCRIMCgRzZWVkGAUgASgEIisKClNldEVudGVyZWQSEAoIaW5zdGFuY2UYASABKAkSCwoDc2V0GAIgASgJIqsBCg9LZXlmcmFtZVJlYWNoZWQSEAoIaW5zdGFuY2UYASABKAkSCwoDc2V0GAIgASgJEhAKCGtleWZyYW1lGAMgASgNEigKBmJlZm9yZRgEIAEoCzIYLnRyb3VwZS52MS5LZXlmcmFtZUVycm9yEicKBWFmdGVyGAUgASgLMhgudHJvdXBlLnYxLktleWZyYW1lRXJyb3ISFAoMZWFybHlfZnJhbWVzGAYgASgNIjIKDk9iamVjdEF0dGFjaGVkEhAKCGluc3RhbmNlGAEgASgJEg4KBnNvY2tldBgCIAEoCSJoCg5PYmplY3RSZWxlYXNlZBIQCghpbnN0YW5jZRgBIAEoCRIhCghwb3NpdGlvbhgCIAEoCzIPLnRyb3VwZS52MS5WZWMzEiEKCHJvdGF0aW9uGAMgASgLMg8udHJvdXBlLnYxLlF1YXQiIwoPSW50ZXJhY3Rpb25Eb25lEhAKCGluc3RhbmNlGAEgASgJIkYKEUludGVyYWN0aW9uRmFpbGVkEhAKCGluc3RhbmNlGAEgASgJEg4KBnJlYXNvbhgCIAEoCRIPCgdtZXNzYWdlGAMgASgJIioKFkludGVyYWN0aW9uSW50ZXJydXB0ZWQSEAoIaW5zdGFuY2UYASABKAkiLwoNQ2hhcmFjdGVyRmVsbBITCgZoZWlnaHQYASABKAJIAIgBAUIJCgdfaGVpZ2h0IjAKD0NoYXJhY3RlckxhbmRlZBIOCgZoZWlnaHQYASABKAISDQoFc3BlZWQYAiABKAIiKAoLUGF0aEFycml2ZWQSDAoEbGF0ZRgBIAEoAhILCgNvZmYYAiABKAIiVQoOQ29tbWFuZEJvdW5kZWQSFAoMd2FudGVkX3NwZWVkGAEgASgCEg0KBXNwZWVkGAIgASgCEhMKBmZhY2luZxgDIAEoAkgAiAEBQgkKB19mYWNpbmciWQoSUGVyZm9ybWFuY2VTdGFydGVkEhAKCHNlcXVlbmNlGAEgASgEEgwKBHRleHQYAiABKAkSDAoEcGFjaxgDIAEoCRIVCg11bmtub3duX3dvcmRzGAQgAygJIkUKEFBlcmZvcm1hbmNlRW5kZWQSEAoIc2VxdWVuY2UYASABKAQSDgoGcmVhc29uGAIgASgJEg8KB21lc3NhZ2UYAyABKAkivAUKDFNlc3Npb25FdmVudBINCgVmcmFtZRgBIAEoBBIwCgdzdGFydGVkGAIgASgLMh0udHJvdXBlLnYxLkludGVyYWN0aW9uU3RhcnRlZEgAEigKB2VudGVyZWQYAyABKAsyFS50cm91cGUudjEuU2V0RW50ZXJlZEgAEi0KB3JlYWNoZWQYBCABKAsyGi50cm91cGUudjEuS2V5ZnJhbWVSZWFjaGVkSAASLQoIYXR0YWNoZWQYBSABKAsyGS50cm91cGUudjEuT2JqZWN0QXR0YWNoZWRIABItCghyZWxlYXNlZBgGIAEoCzIZLnRyb3VwZS52MS5PYmplY3RSZWxlYXNlZEgAEioKBGRvbmUYByABKAsyGi50cm91cGUudjEuSW50ZXJhY3Rpb25Eb25lSAASLgoGZmFpbGVkGAggASgLMhwudHJvdXBlLnYxLkludGVyYWN0aW9uRmFpbGVkSAASOAoLaW50ZXJydXB0ZWQYCSABKAsyIS50cm91cGUudjEuSW50ZXJhY3Rpb25JbnRlcnJ1cHRlZEgAEigKBGZlbGwYCiABKAsyGC50cm91cGUudjEuQ2hhcmFjdGVyRmVsbEgAEiwKBmxhbmRlZBgLIAEoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJMYW5kZWRIABIpCgdhcnJpdmVkGAwgASgLMhYudHJvdXBlLnYxLlBhdGhBcnJpdmVkSAASMwoKcGVyZm9ybWluZxgNIAEoCzIdLnRyb3VwZS52MS5QZXJmb3JtYW5jZVN0YXJ0ZWRIABIwCglwZXJmb3JtZWQYDiABKAsyGy50cm91cGUudjEuUGVyZm9ybWFuY2VFbmRlZEgAEiwKB2JvdW5kZWQYDyABKAsyGS50cm91cGUudjEuQ29tbWFuZEJvdW5kZWRIAEIGCgRraW5kInIKDVNlc3Npb25FdmVudHMSDAoEc2xvdBgBIAEoDRISCgpzZXNzaW9uX2lkGAIgASgJEicKBmV2ZW50cxgDIAMoCzIXLnRyb3VwZS52MS5TZXNzaW9uRXZlbnQSFgoOZXZlbnRzX2Ryb3BwZWQYBCABKAQquwEKDEFjdGl2aXR5S2luZBIcChhBQ1RJVklUWV9LSU5EX0xPQ09NT1RJT04QABIdChlBQ1RJVklUWV9LSU5EX0FQUFJPQUNISU5HEAESHQoZQUNUSVZJVFlfS0lORF9JTlRFUkFDVElORxACEhYKEkFDVElWSVRZX0tJTkRfSEVMRBADEhkKFUFDVElWSVRZX0tJTkRfRkFMTElORxAEEhwKGEFDVElWSVRZX0tJTkRfUEVSRk9STUlORxAFYgZwcm90bzM", [file_troupe_v1_motion]);
 
 /**
  * What a character is about.
@@ -494,6 +494,41 @@ export const PathArrivedSchema: GenMessage<PathArrived> = /*@__PURE__*/
   messageDesc(file_troupe_v1_event, 13);
 
 /**
+ * A locomote command asks for more than the style can do; the nearest is done instead. It comes when the command is taken up.
+ *
+ * @generated from message troupe.v1.CommandBounded
+ */
+export type CommandBounded = Message<"troupe.v1.CommandBounded"> & {
+  /**
+   * Speed that was asked for, m/s.
+   *
+   * @generated from field: float wanted_speed = 1;
+   */
+  wantedSpeed: number;
+
+  /**
+   * Speed that the character goes at instead, m/s.
+   *
+   * @generated from field: float speed = 2;
+   */
+  speed: number;
+
+  /**
+   * Where it faces instead, radians, in the session's convention. Left out: it faces as it was told, or was told nothing.
+   *
+   * @generated from field: optional float facing = 3;
+   */
+  facing?: number | undefined;
+};
+
+/**
+ * Describes the message troupe.v1.CommandBounded.
+ * Use `create(CommandBoundedSchema)` to create a new message.
+ */
+export const CommandBoundedSchema: GenMessage<CommandBounded> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_event, 14);
+
+/**
  * A character began to act out a sentence: its first frames are shown.
  *
  * @generated from message troupe.v1.PerformanceStarted
@@ -533,7 +568,7 @@ export type PerformanceStarted = Message<"troupe.v1.PerformanceStarted"> & {
  * Use `create(PerformanceStartedSchema)` to create a new message.
  */
 export const PerformanceStartedSchema: GenMessage<PerformanceStarted> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_event, 14);
+  messageDesc(file_troupe_v1_event, 15);
 
 /**
  * A performance came to its end, or to nothing. Every perform that holds has one of these, whether it started or not.
@@ -569,7 +604,7 @@ export type PerformanceEnded = Message<"troupe.v1.PerformanceEnded"> & {
  * Use `create(PerformanceEndedSchema)` to create a new message.
  */
 export const PerformanceEndedSchema: GenMessage<PerformanceEnded> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_event, 15);
+  messageDesc(file_troupe_v1_event, 16);
 
 /**
  * Something that happened to a character.
@@ -693,6 +728,14 @@ export type SessionEvent = Message<"troupe.v1.SessionEvent"> & {
      */
     value: PerformanceEnded;
     case: "performed";
+  } | {
+    /**
+     * A command asks for more than the style can do.
+     *
+     * @generated from field: troupe.v1.CommandBounded bounded = 15;
+     */
+    value: CommandBounded;
+    case: "bounded";
   } | { case: undefined; value?: undefined };
 };
 
@@ -701,7 +744,7 @@ export type SessionEvent = Message<"troupe.v1.SessionEvent"> & {
  * Use `create(SessionEventSchema)` to create a new message.
  */
 export const SessionEventSchema: GenMessage<SessionEvent> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_event, 16);
+  messageDesc(file_troupe_v1_event, 17);
 
 /**
  * What happened to one session since events of it were last handed out. At most 64 wait; the oldest are dropped.
@@ -743,7 +786,7 @@ export type SessionEvents = Message<"troupe.v1.SessionEvents"> & {
  * Use `create(SessionEventsSchema)` to create a new message.
  */
 export const SessionEventsSchema: GenMessage<SessionEvents> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_event, 17);
+  messageDesc(file_troupe_v1_event, 18);
 
 /**
  * What a character is about.

@@ -8,15 +8,15 @@
 // @generated from file troupe/v1/motion.proto (package troupe.v1, syntax proto3)
 /* eslint-disable */
 
-import type { GenFile, GenMessage, GenService } from "@bufbuild/protobuf/codegenv2";
-import { fileDesc, messageDesc, serviceDesc } from "@bufbuild/protobuf/codegenv2";
+import type { GenEnum, GenFile, GenMessage, GenService } from "@bufbuild/protobuf/codegenv2";
+import { enumDesc, fileDesc, messageDesc, serviceDesc } from "@bufbuild/protobuf/codegenv2";
 import type { Message } from "@bufbuild/protobuf";
 
 /**
  * Describes the file troupe/v1/motion.proto.
  */
 export const file_troupe_v1_motion: GenFile = /*@__PURE__*/
-  fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiL/AgoJQ2hhcmFjdGVyEgoKAmlkGAEgASgJEiQKB2NvbnRleHQYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJAoHdGFyZ2V0cxgDIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIYCgtmcmFtZV9jb3VudBgEIAEoDUgAiAEBEhwKFGFsbG93ZWRfdG9rZW5fY291bnRzGAUgAygNEgwKBHNlZWQYBiABKAQSEwoLdGVtcGVyYXR1cmUYByABKAISFwoKcG9zZV9zdGVwcxgIIAEoDUgBiAEBEhwKFHJldHVybl9pbnRlcm1lZGlhdGVzGAkgASgIEhgKEHJldHVybl9wb3NpdGlvbnMYCiABKAgSFAoMcmV0dXJuX3NpeF9kGAsgASgIEhMKC3JldHVybl9xcG9zGAwgASgIEhYKCWhvbGRfZmVldBgNIAEoCEgCiAEBQg4KDF9mcmFtZV9jb3VudEINCgtfcG9zZV9zdGVwc0IMCgpfaG9sZF9mZWV0IkoKEEluQmV0d2VlblJlcXVlc3QSDAoEcGFjaxgBIAEoCRIoCgpjaGFyYWN0ZXJzGAIgAygLMhQudHJvdXBlLnYxLkNoYXJhY3RlciK7AQoGRnJhbWVzEhMKC2ZyYW1lX2NvdW50GAEgASgNEhYKDnJvb3RfcG9zaXRpb25zGAIgAygCEhEKCXJvdGF0aW9ucxgDIAMoAhIQCghjb250YWN0cxgEIAMoAhIRCglwb3NpdGlvbnMYBSADKAISDQoFc2l4X2QYBiADKAISDAoEcXBvcxgHIAMoAhIXCg9oaW5nZV9yZXNpZHVhbHMYCCADKAISFgoOY2xhbXBlZF9oaW5nZXMYCSADKA0ihwEKDUludGVybWVkaWF0ZXMSHQoVcHJlZGljdGVkX2ZyYW1lX2NvdW50GAEgASgNEiEKGXRva2VuX2NvdW50X3Byb2JhYmlsaXRpZXMYAiADKAISEQoJcm9vdF9yX2czGAMgAygCEg4KBnRva2VucxgEIAMoDRIRCglyb290X3JfZzQYBSADKAIicQoPQ2hhcmFjdGVyUmVzdWx0EgoKAmlkGAEgASgJEiEKBmZyYW1lcxgCIAEoCzIRLnRyb3VwZS52MS5GcmFtZXMSLwoNaW50ZXJtZWRpYXRlcxgDIAEoCzIYLnRyb3VwZS52MS5JbnRlcm1lZGlhdGVzIuABCg9HZW5lcmF0ZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZwcm9tcHQYAiABKAsyES50cm91cGUudjEuUHJvbXB0SAASJwoIZGVzY3JpYmUYAyABKAsyEy50cm91cGUudjEuRGVzY3JpYmVIABIjCgRwYXRoGAcgASgLMhMudHJvdXBlLnYxLlBhdGhHb2FsSAASIQoEcGFzdBgEIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIMCgRzZWVkGAUgASgEEhMKC3RlbXBlcmF0dXJlGAYgASgCQgYKBGdvYWwiQAoGUHJvbXB0EgwKBHRleHQYASABKAkSGAoLZnJhbWVfY291bnQYAiABKA1IAIgBAUIOCgxfZnJhbWVfY291bnQiyAIKCFBhdGhHb2FsEgwKBGJvZHkYASABKAkSLgoIc2tlbGV0b24YAiABKAsyFy50cm91cGUudjEuQm9keVNrZWxldG9uSACIAQESJAoGcG9pbnRzGAMgAygLMhQudHJvdXBlLnYxLlBhdGhQb2ludBIUCgdzZWNvbmRzGAQgASgCSAGIAQESEgoFc3BlZWQYBSABKAJIAogBARIjCgVzdHlsZRgGIAMoCzIULnRyb3VwZS52MS5TdHlsZVdvcmQSEgoFc3RlcHMYByABKA1IA4gBARIVCghndWlkYW5jZRgIIAEoAkgEiAEBEiQKB3RhcmdldHMYCSADKAsyEy50cm91cGUudjEuS2V5ZnJhbWVCCwoJX3NrZWxldG9uQgoKCF9zZWNvbmRzQggKBl9zcGVlZEIICgZfc3RlcHNCCwoJX2d1aWRhbmNlIjkKCVN0eWxlV29yZBIMCgR3b3JkGAEgASgJEhMKBndlaWdodBgCIAEoAkgAiAEBQgkKB193ZWlnaHQibAoJUGF0aFBvaW50EiEKCHBvc2l0aW9uGAEgASgLMg8udHJvdXBlLnYxLlZlYzMSFAoHaGVhZGluZxgCIAEoAkgAiAEBEhEKBHRpbWUYAyABKAJIAYgBAUIKCghfaGVhZGluZ0IHCgVfdGltZSKlAQoMQm9keVNrZWxldG9uEiQKBmpvaW50cxgBIAMoCzIULnRyb3VwZS52MS5Cb2R5Sm9pbnQSJwoJbGVmdF9heGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzNIAIgBARIWCg5jb250YWN0X2pvaW50cxgDIAMoCRIgCgduZXV0cmFsGAQgAygLMg8udHJvdXBlLnYxLlF1YXRCDAoKX2xlZnRfYXhpcyJKCglCb2R5Sm9pbnQSDAoEbmFtZRgBIAEoCRIOCgZwYXJlbnQYAiABKAkSHwoGb2Zmc2V0GAMgASgLMg8udHJvdXBlLnYxLlZlYzMiLwoIRGVzY3JpYmUSIwoGZnJhbWVzGAEgAygLMhMudHJvdXBlLnYxLktleWZyYW1lIm8KEEdlbmVyYXRlUmVzcG9uc2USIwoGZnJhbWVzGAEgASgLMhEudHJvdXBlLnYxLkZyYW1lc0gAEg4KBHRleHQYAiABKAlIABIPCgdpc19sYXN0GAMgASgIEg0KBW5vdGVzGAQgAygJQgYKBHBhcnQifwoGVGltaW5nEhAKCHF1ZXVlX3VzGAEgASgEEhMKC2Fzc2VtYmxlX3VzGAIgASgEEhQKDGluZmVyZW5jZV91cxgDIAEoBBISCgpzY2F0dGVyX3VzGAQgASgEEhAKCHRvdGFsX3VzGAUgASgEEhIKCmJhdGNoX3NpemUYBiABKA0iigEKEUluQmV0d2VlblJlc3BvbnNlEgwKBHBhY2sYASABKAkSFAoMcGFja192ZXJzaW9uGAIgASgJEi4KCmNoYXJhY3RlcnMYAyADKAsyGi50cm91cGUudjEuQ2hhcmFjdGVyUmVzdWx0EiEKBnRpbWluZxgEIAEoCzIRLnRyb3VwZS52MS5UaW1pbmciEgoQTGlzdFBhY2tzUmVxdWVzdCIzChFMaXN0UGFja3NSZXNwb25zZRIeCgVwYWNrcxgBIAMoCzIPLnRyb3VwZS52MS5QYWNrIh4KDkdldFBhY2tSZXF1ZXN0EgwKBG5hbWUYASABKAkiRgoFSm9pbnQSDAoEbmFtZRgBIAEoCRIOCgZwYXJlbnQYAiABKAUSHwoGb2Zmc2V0GAMgASgLMg8udHJvdXBlLnYxLlZlYzMiSAoMQ29udGFjdFJ1bGVzEhIKCm1heF9oZWlnaHQYASADKAISEQoJbWF4X3NwZWVkGAIgASgCEhEKCWNsZWFyYW5jZRgDIAMoAiKFAQoFSGluZ2USDQoFam9pbnQYASABKAkSHQoEYXhpcxgCIAEoCzIPLnRyb3VwZS52MS5WZWMzEh0KBHJlc3QYAyABKAsyDy50cm91cGUudjEuUXVhdBINCgVsb3dlchgEIAEoAhINCgV1cHBlchgFIAEoAhIRCgltYXhfc3BlZWQYBiABKAIiSgoFUm9ib3QSDAoEbmFtZRgBIAEoCRIgCgZoaW5nZXMYAiADKAsyEC50cm91cGUudjEuSGluZ2USEQoJcXBvc19zaXplGAMgASgNIpAFCgRQYWNrEgwKBG5hbWUYASABKAkSDwoHdmVyc2lvbhgCIAEoCRIPCgdsaWNlbmNlGAMgASgJEg8KB2NyZWRpdHMYBCADKAkSCwoDZnBzGAUgASgCEiAKBmpvaW50cxgGIAMoCzIQLnRyb3VwZS52MS5Kb2ludBIWCg5jb250YWN0X2pvaW50cxgHIAMoCRIWCg5jb250ZXh0X2ZyYW1lcxgIIAEoDRITCgttYXhfdGFyZ2V0cxgJIAEoDRISCgptaW5fZnJhbWVzGAogASgNEhIKCm1heF9mcmFtZXMYCyABKA0SGAoQZnJhbWVzX3Blcl90b2tlbhgMIAEoDRINCgVoZWFkcxgNIAEoDRINCgVjb2RlcxgOIAEoDRIUCgxjb250ZW50X2hhc2gYDyABKAkSEgoKaXNfZGVmYXVsdBgQIAEoCBISCgpwYXJhbWV0ZXJzGBEgASgEEhQKDGZpZ3VyZXNfanNvbhgSIAEoCRIiCglsZWZ0X2F4aXMYEyABKAsyDy50cm91cGUudjEuVmVjMxIQCghncm91bmRfeRgUIAEoAhIuCg1jb250YWN0X3J1bGVzGBUgASgLMhcudHJvdXBlLnYxLkNvbnRhY3RSdWxlcxIOCgZlbmdpbmUYFiABKAkSHwoFcm9ib3QYFyABKAsyEC50cm91cGUudjEuUm9ib3QSDgoGZmFtaWx5GBggASgJEhQKDGNhcGFiaWxpdGllcxgZIAMoCRIjCgZib2RpZXMYGiADKAsyEy50cm91cGUudjEuUGFja0JvZHkSDQoFd29yZHMYGyADKAkSFQoNc2FtcGxlcl9zdGVwcxgcIAEoDRIXCg9kaWZmdXNpb25fc3RlcHMYHSABKA0itgEKCFBhY2tCb2R5EgwKBG5hbWUYASABKAkSIAoGam9pbnRzGAIgAygLMhAudHJvdXBlLnYxLkpvaW50EhYKDmNvbnRhY3Rfam9pbnRzGAMgAygJEiIKCWxlZnRfYXhpcxgEIAEoCzIPLnRyb3VwZS52MS5WZWMzEh8KBXJvYm90GAUgASgLMhAudHJvdXBlLnYxLlJvYm90Eg4KBmhlaWdodBgGIAEoAhINCgV3b3JkcxgHIAMoCTKWAgoGTW90aW9uEkYKCUluQmV0d2VlbhIbLnRyb3VwZS52MS5JbkJldHdlZW5SZXF1ZXN0GhwudHJvdXBlLnYxLkluQmV0d2VlblJlc3BvbnNlEkUKCEdlbmVyYXRlEhoudHJvdXBlLnYxLkdlbmVyYXRlUmVxdWVzdBobLnRyb3VwZS52MS5HZW5lcmF0ZVJlc3BvbnNlMAESRgoJTGlzdFBhY2tzEhsudHJvdXBlLnYxLkxpc3RQYWNrc1JlcXVlc3QaHC50cm91cGUudjEuTGlzdFBhY2tzUmVzcG9uc2USNQoHR2V0UGFjaxIZLnRyb3VwZS52MS5HZXRQYWNrUmVxdWVzdBoPLnRyb3VwZS52MS5QYWNrYgZwcm90bzM");
+  fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiKPAwoJQ2hhcmFjdGVyEgoKAmlkGAEgASgJEiQKB2NvbnRleHQYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJAoHdGFyZ2V0cxgDIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIYCgtmcmFtZV9jb3VudBgEIAEoDUgAiAEBEhwKFGFsbG93ZWRfdG9rZW5fY291bnRzGAUgAygNEgwKBHNlZWQYBiABKAQSEwoLdGVtcGVyYXR1cmUYByABKAISFwoKcG9zZV9zdGVwcxgIIAEoDUgBiAEBEhwKFHJldHVybl9pbnRlcm1lZGlhdGVzGAkgASgIEhgKEHJldHVybl9wb3NpdGlvbnMYCiABKAgSFAoMcmV0dXJuX3NpeF9kGAsgASgIEhMKC3JldHVybl9xcG9zGAwgASgIEhYKCWhvbGRfZmVldBgNIAEoCEgCiAEBEg4KBnN0cmljdBgOIAEoCEIOCgxfZnJhbWVfY291bnRCDQoLX3Bvc2Vfc3RlcHNCDAoKX2hvbGRfZmVldCJKChBJbkJldHdlZW5SZXF1ZXN0EgwKBHBhY2sYASABKAkSKAoKY2hhcmFjdGVycxgCIAMoCzIULnRyb3VwZS52MS5DaGFyYWN0ZXIiuwEKBkZyYW1lcxITCgtmcmFtZV9jb3VudBgBIAEoDRIWCg5yb290X3Bvc2l0aW9ucxgCIAMoAhIRCglyb3RhdGlvbnMYAyADKAISEAoIY29udGFjdHMYBCADKAISEQoJcG9zaXRpb25zGAUgAygCEg0KBXNpeF9kGAYgAygCEgwKBHFwb3MYByADKAISFwoPaGluZ2VfcmVzaWR1YWxzGAggAygCEhYKDmNsYW1wZWRfaGluZ2VzGAkgAygNIocBCg1JbnRlcm1lZGlhdGVzEh0KFXByZWRpY3RlZF9mcmFtZV9jb3VudBgBIAEoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAIgAygCEhEKCXJvb3Rfcl9nMxgDIAMoAhIOCgZ0b2tlbnMYBCADKA0SEQoJcm9vdF9yX2c0GAUgAygCIl4KEUZlYXNpYmlsaXR5RmlndXJlEg0KBXZhbHVlGAEgASgCEg0KBWxpbWl0GAIgASgCEg0KBWZyYW1lGAMgASgNEhIKBWpvaW50GAQgASgNSACIAQFCCAoGX2pvaW50IpgFCgtGZWFzaWJpbGl0eRIQCghmZWFzaWJsZRgBIAEoCBINCgV3b3JzdBgCIAEoCRINCgVyYXRpbxgDIAEoAhIwCgpyb290X3NwZWVkGAQgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjcKEXJvb3RfYWNjZWxlcmF0aW9uGAUgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEi0KB3R1cm5pbmcYBiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMQoLam9pbnRfc3BlZWQYByABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSOAoSam9pbnRfYWNjZWxlcmF0aW9uGAggASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjIKDGJlbG93X2dyb3VuZBgJIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpvZmZfZ3JvdW5kGAogASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEioKBHRpbHQYCyABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSKgoEYmVuZBgMIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpyb290X3JlYWNoGA0gASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjAKCnR1cm5fcmVhY2gYDiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMAoKcG9zZV9yZWFjaBgPIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZSKeAQoPQ2hhcmFjdGVyUmVzdWx0EgoKAmlkGAEgASgJEiEKBmZyYW1lcxgCIAEoCzIRLnRyb3VwZS52MS5GcmFtZXMSLwoNaW50ZXJtZWRpYXRlcxgDIAEoCzIYLnRyb3VwZS52MS5JbnRlcm1lZGlhdGVzEisKC2ZlYXNpYmlsaXR5GAQgASgLMhYudHJvdXBlLnYxLkZlYXNpYmlsaXR5IuwBCg9HZW5lcmF0ZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZwcm9tcHQYAiABKAsyES50cm91cGUudjEuUHJvbXB0SAASIwoEcGF0aBgHIAEoCzITLnRyb3VwZS52MS5QYXRoR29hbEgAEiEKBHBhc3QYBCADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDAoEc2VlZBgFIAEoBBIlCghzYW1wbGluZxgIIAEoCzITLnRyb3VwZS52MS5TYW1wbGluZ0IGCgRnb2FsSgQIAxAESgQIBhAHUghkZXNjcmliZVILdGVtcGVyYXR1cmUimAEKCFNhbXBsaW5nEhgKC3RlbXBlcmF0dXJlGAEgASgCSACIAQESEgoFdG9wX2sYAiABKA1IAYgBARISCgV0b3BfcBgDIAEoAkgCiAEBEhcKCnJlcGV0aXRpb24YBCABKAJIA4gBAUIOCgxfdGVtcGVyYXR1cmVCCAoGX3RvcF9rQggKBl90b3BfcEINCgtfcmVwZXRpdGlvbiLzAQoGUHJvbXB0EgwKBHRleHQYASABKAkSGAoLZnJhbWVfY291bnQYAiABKA1IAIgBARIUCgdzZWNvbmRzGAMgASgCSAGIAQESJAoHdGFyZ2V0cxgEIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIgCgZvdGhlcnMYBSADKAsyEC50cm91cGUudjEuQWdlbnQSHwoFYXVkaW8YBiABKAsyEC50cm91cGUudjEuQXVkaW8SFwoKZmxvd19zdGVwcxgHIAEoDUgCiAEBQg4KDF9mcmFtZV9jb3VudEIKCghfc2Vjb25kc0INCgtfZmxvd19zdGVwcyI4CgVBZ2VudBIMCgR0ZXh0GAEgASgJEiEKBHBhc3QYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUiNwoFQXVkaW8SHwoFc291bmQYASABKA4yEC50cm91cGUudjEuU291bmQSDQoFY29kZXMYAiADKA0i2AIKCFBhdGhHb2FsEgwKBGJvZHkYASABKAkSLgoIc2tlbGV0b24YAiABKAsyFy50cm91cGUudjEuQm9keVNrZWxldG9uSACIAQESJAoGcG9pbnRzGAMgAygLMhQudHJvdXBlLnYxLlBhdGhQb2ludBIUCgdzZWNvbmRzGAQgASgCSAGIAQESEgoFc3BlZWQYBSABKAJIAogBARIjCgVzdHlsZRgGIAMoCzIULnRyb3VwZS52MS5TdHlsZVdvcmQSEgoFc3RlcHMYByABKA1IA4gBARIVCghndWlkYW5jZRgIIAEoAkgEiAEBEiQKB3RhcmdldHMYCSADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDgoGc3RyaWN0GAogASgIQgsKCV9za2VsZXRvbkIKCghfc2Vjb25kc0IICgZfc3BlZWRCCAoGX3N0ZXBzQgsKCV9ndWlkYW5jZSI5CglTdHlsZVdvcmQSDAoEd29yZBgBIAEoCRITCgZ3ZWlnaHQYAiABKAJIAIgBAUIJCgdfd2VpZ2h0ImwKCVBhdGhQb2ludBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBARIRCgR0aW1lGAMgASgCSAGIAQFCCgoIX2hlYWRpbmdCBwoFX3RpbWUipQEKDEJvZHlTa2VsZXRvbhIkCgZqb2ludHMYASADKAsyFC50cm91cGUudjEuQm9keUpvaW50EicKCWxlZnRfYXhpcxgCIAEoCzIPLnRyb3VwZS52MS5WZWMzSACIAQESFgoOY29udGFjdF9qb2ludHMYAyADKAkSIAoHbmV1dHJhbBgEIAMoCzIPLnRyb3VwZS52MS5RdWF0QgwKCl9sZWZ0X2F4aXMiSgoJQm9keUpvaW50EgwKBG5hbWUYASABKAkSDgoGcGFyZW50GAIgASgJEh8KBm9mZnNldBgDIAEoCzIPLnRyb3VwZS52MS5WZWMzIqsBChBHZW5lcmF0ZVJlc3BvbnNlEiMKBmZyYW1lcxgBIAEoCzIRLnRyb3VwZS52MS5GcmFtZXNIABIPCgdpc19sYXN0GAMgASgIEg0KBW5vdGVzGAQgAygJEhEKCWNoYXJhY3RlchgFIAEoDRIrCgtmZWFzaWJpbGl0eRgGIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eUIGCgRwYXJ0SgQIAhADUgR0ZXh0IsMBCg9EZXNjcmliZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZmcmFtZXMYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJgoGb3RoZXJzGAMgAygLMhYudHJvdXBlLnYxLk90aGVyTW90aW9uEiAKBGludG8YBCABKA4yEi50cm91cGUudjEuVGVsbGluZxIMCgRzZWVkGAUgASgEEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIjIKC090aGVyTW90aW9uEiMKBmZyYW1lcxgBIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSJtChBEZXNjcmliZVJlc3BvbnNlEg4KBHRleHQYASABKAlIABIhCgVhdWRpbxgCIAEoCzIQLnRyb3VwZS52MS5BdWRpb0gAEg8KB2lzX2xhc3QYAyABKAgSDQoFbm90ZXMYBCADKAlCBgoEcGFydCJ/CgZUaW1pbmcSEAoIcXVldWVfdXMYASABKAQSEwoLYXNzZW1ibGVfdXMYAiABKAQSFAoMaW5mZXJlbmNlX3VzGAMgASgEEhIKCnNjYXR0ZXJfdXMYBCABKAQSEAoIdG90YWxfdXMYBSABKAQSEgoKYmF0Y2hfc2l6ZRgGIAEoDSKKAQoRSW5CZXR3ZWVuUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIUCgxwYWNrX3ZlcnNpb24YAiABKAkSLgoKY2hhcmFjdGVycxgDIAMoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJSZXN1bHQSIQoGdGltaW5nGAQgASgLMhEudHJvdXBlLnYxLlRpbWluZyISChBMaXN0UGFja3NSZXF1ZXN0IjMKEUxpc3RQYWNrc1Jlc3BvbnNlEh4KBXBhY2tzGAEgAygLMg8udHJvdXBlLnYxLlBhY2siHgoOR2V0UGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCSJGCgVKb2ludBIMCgRuYW1lGAEgASgJEg4KBnBhcmVudBgCIAEoBRIfCgZvZmZzZXQYAyABKAsyDy50cm91cGUudjEuVmVjMyJICgxDb250YWN0UnVsZXMSEgoKbWF4X2hlaWdodBgBIAMoAhIRCgltYXhfc3BlZWQYAiABKAISEQoJY2xlYXJhbmNlGAMgAygCIoUBCgVIaW5nZRINCgVqb2ludBgBIAEoCRIdCgRheGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzMSHQoEcmVzdBgDIAEoCzIPLnRyb3VwZS52MS5RdWF0Eg0KBWxvd2VyGAQgASgCEg0KBXVwcGVyGAUgASgCEhEKCW1heF9zcGVlZBgGIAEoAiJKCgVSb2JvdBIMCgRuYW1lGAEgASgJEiAKBmhpbmdlcxgCIAMoCzIQLnRyb3VwZS52MS5IaW5nZRIRCglxcG9zX3NpemUYAyABKA0itwUKBFBhY2sSDAoEbmFtZRgBIAEoCRIPCgd2ZXJzaW9uGAIgASgJEg8KB2xpY2VuY2UYAyABKAkSDwoHY3JlZGl0cxgEIAMoCRILCgNmcHMYBSABKAISIAoGam9pbnRzGAYgAygLMhAudHJvdXBlLnYxLkpvaW50EhYKDmNvbnRhY3Rfam9pbnRzGAcgAygJEhYKDmNvbnRleHRfZnJhbWVzGAggASgNEhMKC21heF90YXJnZXRzGAkgASgNEhIKCm1pbl9mcmFtZXMYCiABKA0SEgoKbWF4X2ZyYW1lcxgLIAEoDRIYChBmcmFtZXNfcGVyX3Rva2VuGAwgASgNEg0KBWhlYWRzGA0gASgNEg0KBWNvZGVzGA4gASgNEhQKDGNvbnRlbnRfaGFzaBgPIAEoCRISCgppc19kZWZhdWx0GBAgASgIEhIKCnBhcmFtZXRlcnMYESABKAQSFAoMZmlndXJlc19qc29uGBIgASgJEiIKCWxlZnRfYXhpcxgTIAEoCzIPLnRyb3VwZS52MS5WZWMzEhAKCGdyb3VuZF95GBQgASgCEi4KDWNvbnRhY3RfcnVsZXMYFSABKAsyFy50cm91cGUudjEuQ29udGFjdFJ1bGVzEg4KBmVuZ2luZRgWIAEoCRIfCgVyb2JvdBgXIAEoCzIQLnRyb3VwZS52MS5Sb2JvdBIOCgZmYW1pbHkYGCABKAkSFAoMY2FwYWJpbGl0aWVzGBkgAygJEiMKBmJvZGllcxgaIAMoCzITLnRyb3VwZS52MS5QYWNrQm9keRINCgV3b3JkcxgbIAMoCRIVCg1zYW1wbGVyX3N0ZXBzGBwgASgNEhcKD2RpZmZ1c2lvbl9zdGVwcxgdIAEoDRIlCghsYW5ndWFnZRgeIAEoCzITLnRyb3VwZS52MS5MYW5ndWFnZSKYAQoITGFuZ3VhZ2USDQoFdGFza3MYASADKAkSGQoRbWF4X3Byb21wdF9waWVjZXMYAiABKA0SEgoKbWF4X2FnZW50cxgDIAEoDRITCgthdWRpb19jb2RlcxgEIAEoDRISCgpmbG93X3N0ZXBzGAUgASgNEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIrYBCghQYWNrQm9keRIMCgRuYW1lGAEgASgJEiAKBmpvaW50cxgCIAMoCzIQLnRyb3VwZS52MS5Kb2ludBIWCg5jb250YWN0X2pvaW50cxgDIAMoCRIiCglsZWZ0X2F4aXMYBCABKAsyDy50cm91cGUudjEuVmVjMxIfCgVyb2JvdBgFIAEoCzIQLnRyb3VwZS52MS5Sb2JvdBIOCgZoZWlnaHQYBiABKAISDQoFd29yZHMYByADKAkqKgoFU291bmQSDwoLU09VTkRfTVVTSUMQABIQCgxTT1VORF9TUEVFQ0gQASpDCgdUZWxsaW5nEhEKDVRFTExJTkdfV09SRFMQABIRCg1URUxMSU5HX01VU0lDEAESEgoOVEVMTElOR19TUEVFQ0gQAjLdAgoGTW90aW9uEkYKCUluQmV0d2VlbhIbLnRyb3VwZS52MS5JbkJldHdlZW5SZXF1ZXN0GhwudHJvdXBlLnYxLkluQmV0d2VlblJlc3BvbnNlEkUKCEdlbmVyYXRlEhoudHJvdXBlLnYxLkdlbmVyYXRlUmVxdWVzdBobLnRyb3VwZS52MS5HZW5lcmF0ZVJlc3BvbnNlMAESRQoIRGVzY3JpYmUSGi50cm91cGUudjEuRGVzY3JpYmVSZXF1ZXN0GhsudHJvdXBlLnYxLkRlc2NyaWJlUmVzcG9uc2UwARJGCglMaXN0UGFja3MSGy50cm91cGUudjEuTGlzdFBhY2tzUmVxdWVzdBocLnRyb3VwZS52MS5MaXN0UGFja3NSZXNwb25zZRI1CgdHZXRQYWNrEhkudHJvdXBlLnYxLkdldFBhY2tSZXF1ZXN0Gg8udHJvdXBlLnYxLlBhY2tiBnByb3RvMw");
 
 /**
  * A vector, in metres where nothing else is said.
@@ -343,6 +343,14 @@ export type Character = Message<"troupe.v1.Character"> & {
    * @generated from field: optional bool hold_feet = 13;
    */
   holdFeet?: boolean | undefined;
+
+  /**
+   * Refuse the request (reason NOT_FEASIBLE) where the answer would not be feasible: at once where the keyframes alone show it. The
+   * error names the field, and what would be possible. Packs without limits refuse it.
+   *
+   * @generated from field: bool strict = 14;
+   */
+  strict: boolean;
 };
 
 /**
@@ -508,6 +516,169 @@ export const IntermediatesSchema: GenMessage<Intermediates> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 9);
 
 /**
+ * A figure of a motion beside its limit. Its unit is that of its field in Feasibility.
+ *
+ * @generated from message troupe.v1.FeasibilityFigure
+ */
+export type FeasibilityFigure = Message<"troupe.v1.FeasibilityFigure"> & {
+  /**
+   * The largest value.
+   *
+   * @generated from field: float value = 1;
+   */
+  value: number;
+
+  /**
+   * What all but 0.1 % of the windows of the pack's training data stay within.
+   *
+   * @generated from field: float limit = 2;
+   */
+  limit: number;
+
+  /**
+   * The frame that has the value.
+   *
+   * @generated from field: uint32 frame = 3;
+   */
+  frame: number;
+
+  /**
+   * Index of the joint that has it, in the order of the pack's joints, where it is a joint's.
+   *
+   * @generated from field: optional uint32 joint = 4;
+   */
+  joint?: number | undefined;
+};
+
+/**
+ * Describes the message troupe.v1.FeasibilityFigure.
+ * Use `create(FeasibilityFigureSchema)` to create a new message.
+ */
+export const FeasibilityFigureSchema: GenMessage<FeasibilityFigure> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 10);
+
+/**
+ * Whether a motion stays within what the pack's data does. The first nine figures are of the frames and of the keyframes that were
+ * asked for, the last three of the way from the context to the targets.
+ *
+ * @generated from message troupe.v1.Feasibility
+ */
+export type Feasibility = Message<"troupe.v1.Feasibility"> & {
+  /**
+   * Whether no figure is beyond its limit.
+   *
+   * @generated from field: bool feasible = 1;
+   */
+  feasible: boolean;
+
+  /**
+   * Name of the figure that is farthest beyond its limit, or nearest to it.
+   *
+   * @generated from field: string worst = 2;
+   */
+  worst: string;
+
+  /**
+   * Its value divided by its limit.
+   *
+   * @generated from field: float ratio = 3;
+   */
+  ratio: number;
+
+  /**
+   * Speed of the root over the ground, m/s.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure root_speed = 4;
+   */
+  rootSpeed?: FeasibilityFigure | undefined;
+
+  /**
+   * Acceleration of the root, m/s². A velocity that a target asks for counts as the step that leads to it.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure root_acceleration = 5;
+   */
+  rootAcceleration?: FeasibilityFigure | undefined;
+
+  /**
+   * How fast the pelvis turns about any axis, rad/s.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure turning = 6;
+   */
+  turning?: FeasibilityFigure | undefined;
+
+  /**
+   * Speed of the fastest joint relative to the root, m/s.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure joint_speed = 7;
+   */
+  jointSpeed?: FeasibilityFigure | undefined;
+
+  /**
+   * Largest acceleration of a joint relative to the root, m/s².
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure joint_acceleration = 8;
+   */
+  jointAcceleration?: FeasibilityFigure | undefined;
+
+  /**
+   * How far the lowest joint is below the ground, metres.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure below_ground = 9;
+   */
+  belowGround?: FeasibilityFigure | undefined;
+
+  /**
+   * How high the lowest joint is over the ground, metres.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure off_ground = 10;
+   */
+  offGround?: FeasibilityFigure | undefined;
+
+  /**
+   * Angle of the pelvis from how it usually stands, radians.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure tilt = 11;
+   */
+  tilt?: FeasibilityFigure | undefined;
+
+  /**
+   * How far a joint is bent beyond its range in the data, radians.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure bend = 12;
+   */
+  bend?: FeasibilityFigure | undefined;
+
+  /**
+   * How far a target is from where the context's velocity leads, over the ground, metres; the limit is that of as many frames.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure root_reach = 13;
+   */
+  rootReach?: FeasibilityFigure | undefined;
+
+  /**
+   * How far the pelvis turns from the context to a target, radians; the limit is that of as many frames.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure turn_reach = 14;
+   */
+  turnReach?: FeasibilityFigure | undefined;
+
+  /**
+   * How far the joints get from the context to a target, over the root's place on the ground, metres in the mean; the limit is
+   * that of as many frames.
+   *
+   * @generated from field: troupe.v1.FeasibilityFigure pose_reach = 15;
+   */
+  poseReach?: FeasibilityFigure | undefined;
+};
+
+/**
+ * Describes the message troupe.v1.Feasibility.
+ * Use `create(FeasibilitySchema)` to create a new message.
+ */
+export const FeasibilitySchema: GenMessage<Feasibility> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 11);
+
+/**
  * One character's answer.
  *
  * @generated from message troupe.v1.CharacterResult
@@ -533,6 +704,13 @@ export type CharacterResult = Message<"troupe.v1.CharacterResult"> & {
    * @generated from field: troupe.v1.Intermediates intermediates = 3;
    */
   intermediates?: Intermediates | undefined;
+
+  /**
+   * Whether the motion stays within what the pack's data does. Left out where the pack has no limits.
+   *
+   * @generated from field: troupe.v1.Feasibility feasibility = 4;
+   */
+  feasibility?: Feasibility | undefined;
 };
 
 /**
@@ -540,10 +718,10 @@ export type CharacterResult = Message<"troupe.v1.CharacterResult"> & {
  * Use `create(CharacterResultSchema)` to create a new message.
  */
 export const CharacterResultSchema: GenMessage<CharacterResult> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 10);
+  messageDesc(file_troupe_v1_motion, 12);
 
 /**
- * A motion to make of words, or words to make of a motion.
+ * A motion to make.
  *
  * @generated from message troupe.v1.GenerateRequest
  */
@@ -570,14 +748,6 @@ export type GenerateRequest = Message<"troupe.v1.GenerateRequest"> & {
     case: "prompt";
   } | {
     /**
-     * Put a motion into words. Needs the capability `describe`.
-     *
-     * @generated from field: troupe.v1.Describe describe = 3;
-     */
-    value: Describe;
-    case: "describe";
-  } | {
-    /**
      * Follow a path, with a body of any skeleton. Needs the capability `path`.
      *
      * @generated from field: troupe.v1.PathGoal path = 7;
@@ -587,8 +757,8 @@ export type GenerateRequest = Message<"troupe.v1.GenerateRequest"> & {
   } | { case: undefined; value?: undefined };
 
   /**
-   * Frames that go before, oldest first, each with root position and pose: none, or as many as Pack.context_frames. Without
-   * them the motion begins at the origin and faces +Z.
+   * Frames that go before, oldest first, each with root position and pose: none, or as many as Pack.context_frames; beside a prompt
+   * up to Pack.max_frames, where the pack has a language model. Without them the motion begins at the origin and faces +Z.
    *
    * @generated from field: repeated troupe.v1.Keyframe past = 4;
    */
@@ -602,11 +772,11 @@ export type GenerateRequest = Message<"troupe.v1.GenerateRequest"> & {
   seed: bigint;
 
   /**
-   * 0 takes the most likely choices; above 0 they are sampled with the seed. 0 to 2, default 0.
+   * How tokens of a prompt's motion are chosen. Left out: as the pack says. A path refuses it.
    *
-   * @generated from field: float temperature = 6;
+   * @generated from field: troupe.v1.Sampling sampling = 8;
    */
-  temperature: number;
+  sampling?: Sampling | undefined;
 };
 
 /**
@@ -614,7 +784,49 @@ export type GenerateRequest = Message<"troupe.v1.GenerateRequest"> & {
  * Use `create(GenerateRequestSchema)` to create a new message.
  */
 export const GenerateRequestSchema: GenMessage<GenerateRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 11);
+  messageDesc(file_troupe_v1_motion, 13);
+
+/**
+ * How a language model chooses the next token. What is left out is as the pack says (Language.sampling).
+ *
+ * @generated from message troupe.v1.Sampling
+ */
+export type Sampling = Message<"troupe.v1.Sampling"> & {
+  /**
+   * 0 takes the most likely token; above 0 one is drawn with the seed. 0 to 2.
+   *
+   * @generated from field: optional float temperature = 1;
+   */
+  temperature?: number | undefined;
+
+  /**
+   * How many of the likeliest tokens may be drawn; 0 for all of them.
+   *
+   * @generated from field: optional uint32 top_k = 2;
+   */
+  topK?: number | undefined;
+
+  /**
+   * The likeliest tokens that may be drawn are together at least so likely: above 0, at most 1. 1 for all of them.
+   *
+   * @generated from field: optional float top_p = 3;
+   */
+  topP?: number | undefined;
+
+  /**
+   * What the logits of the last 8 tokens are weakened by: 1 to 10. 1 for nothing.
+   *
+   * @generated from field: optional float repetition = 4;
+   */
+  repetition?: number | undefined;
+};
+
+/**
+ * Describes the message troupe.v1.Sampling.
+ * Use `create(SamplingSchema)` to create a new message.
+ */
+export const SamplingSchema: GenMessage<Sampling> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 14);
 
 /**
  * Words to act out.
@@ -623,18 +835,57 @@ export const GenerateRequestSchema: GenMessage<GenerateRequest> = /*@__PURE__*/
  */
 export type Prompt = Message<"troupe.v1.Prompt"> & {
   /**
-   * What to do: 1 to 1000 characters.
+   * What to do: 1 to 1000 characters. Empty beside `past`, `targets` or `audio`: the model decides.
    *
    * @generated from field: string text = 1;
    */
   text: string;
 
   /**
-   * Frames to make: 1 to 1024. Left out: the model decides.
+   * Frames to make: 1 to 1024. Left out: the model decides. Beside `targets` one of `frame_count` and `seconds` is needed, and the
+   * frames are a multiple of Pack.frames_per_token.
    *
    * @generated from field: optional uint32 frame_count = 2;
    */
   frameCount?: number | undefined;
+
+  /**
+   * Length of the motion in seconds, in the place of `frame_count`: above 0, and at most 1024 frames. It is rounded to frames, beside
+   * `targets` to multiples of Pack.frames_per_token.
+   *
+   * @generated from field: optional float seconds = 3;
+   */
+  seconds?: number | undefined;
+
+  /**
+   * Frames that come after, oldest first, each with root position and pose: Pack.frames_per_token to Pack.max_frames, beside a `past`
+   * of the request. The motion that is made lies between the two, and comes in one part.
+   *
+   * @generated from field: repeated troupe.v1.Keyframe targets = 4;
+   */
+  targets: Keyframe[];
+
+  /**
+   * Other characters of the same motion. Needs the capability `agents`; at most Language.max_agents characters in all.
+   *
+   * @generated from field: repeated troupe.v1.Agent others = 5;
+   */
+  others: Agent[];
+
+  /**
+   * What to dance or to speak to. For packs with the task `music_to_dance` or `speech_to_gesture`.
+   *
+   * @generated from field: troupe.v1.Audio audio = 6;
+   */
+  audio?: Audio | undefined;
+
+  /**
+   * Steps of the pack's flow decoder, whose frames are finer and come in one part: up to 256, for packs where Language.flow_steps is not
+   * 0. 0 or left out: the plain decoder.
+   *
+   * @generated from field: optional uint32 flow_steps = 7;
+   */
+  flowSteps?: number | undefined;
 };
 
 /**
@@ -642,7 +893,64 @@ export type Prompt = Message<"troupe.v1.Prompt"> & {
  * Use `create(PromptSchema)` to create a new message.
  */
 export const PromptSchema: GenMessage<Prompt> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 12);
+  messageDesc(file_troupe_v1_motion, 15);
+
+/**
+ * A second character of a motion, and more.
+ *
+ * @generated from message troupe.v1.Agent
+ */
+export type Agent = Message<"troupe.v1.Agent"> & {
+  /**
+   * What it is to do: as Prompt.text. All characters have words, or none has.
+   *
+   * @generated from field: string text = 1;
+   */
+  text: string;
+
+  /**
+   * Frames that go before, oldest first, each with root position and pose: as many as those of the first character. Without them
+   * characters begin side by side, 1 m apart along +X.
+   *
+   * @generated from field: repeated troupe.v1.Keyframe past = 2;
+   */
+  past: Keyframe[];
+};
+
+/**
+ * Describes the message troupe.v1.Agent.
+ * Use `create(AgentSchema)` to create a new message.
+ */
+export const AgentSchema: GenMessage<Agent> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 16);
+
+/**
+ * Audio as the codes of a pack.
+ *
+ * @generated from message troupe.v1.Audio
+ */
+export type Audio = Message<"troupe.v1.Audio"> & {
+  /**
+   * What sounds.
+   *
+   * @generated from field: troupe.v1.Sound sound = 1;
+   */
+  sound: Sound;
+
+  /**
+   * Its codes, oldest first, each below Language.audio_codes.
+   *
+   * @generated from field: repeated uint32 codes = 2;
+   */
+  codes: number[];
+};
+
+/**
+ * Describes the message troupe.v1.Audio.
+ * Use `create(AudioSchema)` to create a new message.
+ */
+export const AudioSchema: GenMessage<Audio> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 17);
 
 /**
  * A path to follow.
@@ -714,6 +1022,14 @@ export type PathGoal = Message<"troupe.v1.PathGoal"> & {
    * @generated from field: repeated troupe.v1.Keyframe targets = 9;
    */
   targets: Keyframe[];
+
+  /**
+   * Refuse the request (reason NOT_FEASIBLE) where the path, the past and the targets alone show that the motion would not be feasible,
+   * and end the answer where its frames do. Bodies without limits refuse it.
+   *
+   * @generated from field: bool strict = 10;
+   */
+  strict: boolean;
 };
 
 /**
@@ -721,7 +1037,7 @@ export type PathGoal = Message<"troupe.v1.PathGoal"> & {
  * Use `create(PathGoalSchema)` to create a new message.
  */
 export const PathGoalSchema: GenMessage<PathGoal> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 13);
+  messageDesc(file_troupe_v1_motion, 18);
 
 /**
  * How much of a word a style has.
@@ -749,7 +1065,7 @@ export type StyleWord = Message<"troupe.v1.StyleWord"> & {
  * Use `create(StyleWordSchema)` to create a new message.
  */
 export const StyleWordSchema: GenMessage<StyleWord> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 14);
+  messageDesc(file_troupe_v1_motion, 19);
 
 /**
  * Where to be, and when.
@@ -785,7 +1101,7 @@ export type PathPoint = Message<"troupe.v1.PathPoint"> & {
  * Use `create(PathPointSchema)` to create a new message.
  */
 export const PathPointSchema: GenMessage<PathPoint> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 15);
+  messageDesc(file_troupe_v1_motion, 20);
 
 /**
  * A skeleton of the caller's own, which stands upright in its neutral pose, heads along +Z and lets its limbs hang down.
@@ -827,7 +1143,7 @@ export type BodySkeleton = Message<"troupe.v1.BodySkeleton"> & {
  * Use `create(BodySkeletonSchema)` to create a new message.
  */
 export const BodySkeletonSchema: GenMessage<BodySkeleton> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 16);
+  messageDesc(file_troupe_v1_motion, 21);
 
 /**
  * A joint of such a skeleton.
@@ -862,31 +1178,10 @@ export type BodyJoint = Message<"troupe.v1.BodyJoint"> & {
  * Use `create(BodyJointSchema)` to create a new message.
  */
 export const BodyJointSchema: GenMessage<BodyJoint> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 17);
+  messageDesc(file_troupe_v1_motion, 22);
 
 /**
- * A motion to put into words.
- *
- * @generated from message troupe.v1.Describe
- */
-export type Describe = Message<"troupe.v1.Describe"> & {
-  /**
-   * Consecutive frames at the pack's frame rate, each with root position and pose: 2 to 1024.
-   *
-   * @generated from field: repeated troupe.v1.Keyframe frames = 1;
-   */
-  frames: Keyframe[];
-};
-
-/**
- * Describes the message troupe.v1.Describe.
- * Use `create(DescribeSchema)` to create a new message.
- */
-export const DescribeSchema: GenMessage<Describe> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 18);
-
-/**
- * A part of an answer, which follows those before.
+ * A part of a motion, which follows those before.
  *
  * @generated from message troupe.v1.GenerateResponse
  */
@@ -898,20 +1193,156 @@ export type GenerateResponse = Message<"troupe.v1.GenerateResponse"> & {
    */
   part: {
     /**
-     * Frames.
+     * Frames of one character.
      *
      * @generated from field: troupe.v1.Frames frames = 1;
      */
     value: Frames;
     case: "frames";
-  } | {
+  } | { case: undefined; value?: undefined };
+
+  /**
+   * Whether the answer ends with it.
+   *
+   * @generated from field: bool is_last = 3;
+   */
+  isLast: boolean;
+
+  /**
+   * What the model was asked for that it may not do well. They come with the first part.
+   *
+   * @generated from field: repeated string notes = 4;
+   */
+  notes: string[];
+
+  /**
+   * Whose frames they are: 0 for the first character, 1 and more for those of Prompt.others.
+   *
+   * @generated from field: uint32 character = 5;
+   */
+  character: number;
+
+  /**
+   * Of frames along a path: whether they stay within what the data of the body does. Frames count from the answer's first. Left out
+   * where the body has no limits.
+   *
+   * @generated from field: troupe.v1.Feasibility feasibility = 6;
+   */
+  feasibility?: Feasibility | undefined;
+};
+
+/**
+ * Describes the message troupe.v1.GenerateResponse.
+ * Use `create(GenerateResponseSchema)` to create a new message.
+ */
+export const GenerateResponseSchema: GenMessage<GenerateResponse> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 23);
+
+/**
+ * A motion to put into words.
+ *
+ * @generated from message troupe.v1.DescribeRequest
+ */
+export type DescribeRequest = Message<"troupe.v1.DescribeRequest"> & {
+  /**
+   * Name of the pack, with the capability `describe`. Empty: the server's default pack.
+   *
+   * @generated from field: string pack = 1;
+   */
+  pack: string;
+
+  /**
+   * Consecutive frames at the pack's frame rate, each with root position and pose: 2 to 1024, and as many as a message of the pack
+   * takes (Pack.frames_per_token to Pack.max_frames, and some that do not fill a token).
+   *
+   * @generated from field: repeated troupe.v1.Keyframe frames = 2;
+   */
+  frames: Keyframe[];
+
+  /**
+   * Other characters of the same motion; at most Language.max_agents characters in all.
+   *
+   * @generated from field: repeated troupe.v1.OtherMotion others = 3;
+   */
+  others: OtherMotion[];
+
+  /**
+   * What to put it into.
+   *
+   * @generated from field: troupe.v1.Telling into = 4;
+   */
+  into: Telling;
+
+  /**
+   * The same seed, input and pack give the same answer. As JSON it is a number: JavaScript clients stay below 2^53.
+   *
+   * @generated from field: uint64 seed = 5;
+   */
+  seed: bigint;
+
+  /**
+   * How tokens are chosen. Left out: as the pack says.
+   *
+   * @generated from field: troupe.v1.Sampling sampling = 6;
+   */
+  sampling?: Sampling | undefined;
+};
+
+/**
+ * Describes the message troupe.v1.DescribeRequest.
+ * Use `create(DescribeRequestSchema)` to create a new message.
+ */
+export const DescribeRequestSchema: GenMessage<DescribeRequest> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 24);
+
+/**
+ * The motion of a second character, and more.
+ *
+ * @generated from message troupe.v1.OtherMotion
+ */
+export type OtherMotion = Message<"troupe.v1.OtherMotion"> & {
+  /**
+   * Its frames, as many as those of the first character.
+   *
+   * @generated from field: repeated troupe.v1.Keyframe frames = 1;
+   */
+  frames: Keyframe[];
+};
+
+/**
+ * Describes the message troupe.v1.OtherMotion.
+ * Use `create(OtherMotionSchema)` to create a new message.
+ */
+export const OtherMotionSchema: GenMessage<OtherMotion> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 25);
+
+/**
+ * A part of a description, which follows those before.
+ *
+ * @generated from message troupe.v1.DescribeResponse
+ */
+export type DescribeResponse = Message<"troupe.v1.DescribeResponse"> & {
+  /**
+   * What it is.
+   *
+   * @generated from oneof troupe.v1.DescribeResponse.part
+   */
+  part: {
     /**
-     * Words.
+     * Words; spaces between parts are in them.
      *
-     * @generated from field: string text = 2;
+     * @generated from field: string text = 1;
      */
     value: string;
     case: "text";
+  } | {
+    /**
+     * Codes of audio.
+     *
+     * @generated from field: troupe.v1.Audio audio = 2;
+     */
+    value: Audio;
+    case: "audio";
   } | { case: undefined; value?: undefined };
 
   /**
@@ -930,11 +1361,11 @@ export type GenerateResponse = Message<"troupe.v1.GenerateResponse"> & {
 };
 
 /**
- * Describes the message troupe.v1.GenerateResponse.
- * Use `create(GenerateResponseSchema)` to create a new message.
+ * Describes the message troupe.v1.DescribeResponse.
+ * Use `create(DescribeResponseSchema)` to create a new message.
  */
-export const GenerateResponseSchema: GenMessage<GenerateResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 19);
+export const DescribeResponseSchema: GenMessage<DescribeResponse> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 26);
 
 /**
  * Where the time went, in microseconds, by the server's clock.
@@ -990,7 +1421,7 @@ export type Timing = Message<"troupe.v1.Timing"> & {
  * Use `create(TimingSchema)` to create a new message.
  */
 export const TimingSchema: GenMessage<Timing> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 20);
+  messageDesc(file_troupe_v1_motion, 27);
 
 /**
  * The generated motion.
@@ -1032,7 +1463,7 @@ export type InBetweenResponse = Message<"troupe.v1.InBetweenResponse"> & {
  * Use `create(InBetweenResponseSchema)` to create a new message.
  */
 export const InBetweenResponseSchema: GenMessage<InBetweenResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 21);
+  messageDesc(file_troupe_v1_motion, 28);
 
 /**
  * Asks for all packs.
@@ -1047,7 +1478,7 @@ export type ListPacksRequest = Message<"troupe.v1.ListPacksRequest"> & {
  * Use `create(ListPacksRequestSchema)` to create a new message.
  */
 export const ListPacksRequestSchema: GenMessage<ListPacksRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 22);
+  messageDesc(file_troupe_v1_motion, 29);
 
 /**
  * The packs that the server has loaded.
@@ -1068,7 +1499,7 @@ export type ListPacksResponse = Message<"troupe.v1.ListPacksResponse"> & {
  * Use `create(ListPacksResponseSchema)` to create a new message.
  */
 export const ListPacksResponseSchema: GenMessage<ListPacksResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 23);
+  messageDesc(file_troupe_v1_motion, 30);
 
 /**
  * Asks for one pack.
@@ -1089,7 +1520,7 @@ export type GetPackRequest = Message<"troupe.v1.GetPackRequest"> & {
  * Use `create(GetPackRequestSchema)` to create a new message.
  */
 export const GetPackRequestSchema: GenMessage<GetPackRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 24);
+  messageDesc(file_troupe_v1_motion, 31);
 
 /**
  * One joint of a skeleton.
@@ -1124,7 +1555,7 @@ export type Joint = Message<"troupe.v1.Joint"> & {
  * Use `create(JointSchema)` to create a new message.
  */
 export const JointSchema: GenMessage<Joint> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 25);
+  messageDesc(file_troupe_v1_motion, 32);
 
 /**
  * How ground contacts are told from positions and speeds, a number for each contact joint, in the order of
@@ -1160,7 +1591,7 @@ export type ContactRules = Message<"troupe.v1.ContactRules"> & {
  * Use `create(ContactRulesSchema)` to create a new message.
  */
 export const ContactRulesSchema: GenMessage<ContactRules> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 26);
+  messageDesc(file_troupe_v1_motion, 33);
 
 /**
  * A joint that turns about one axis. Its rotation relative to its parent is `rest`, then the turn by its angle about `axis`.
@@ -1216,7 +1647,7 @@ export type Hinge = Message<"troupe.v1.Hinge"> & {
  * Use `create(HingeSchema)` to create a new message.
  */
 export const HingeSchema: GenMessage<Hinge> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 27);
+  messageDesc(file_troupe_v1_motion, 34);
 
 /**
  * The robot that a pack animates: all its joints are hinges, but for the root, which floats, and those that are fixed to their
@@ -1252,7 +1683,7 @@ export type Robot = Message<"troupe.v1.Robot"> & {
  * Use `create(RobotSchema)` to create a new message.
  */
 export const RobotSchema: GenMessage<Robot> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 28);
+  messageDesc(file_troupe_v1_motion, 35);
 
 /**
  * A model pack: what it animates, its limits and where it comes from.
@@ -1462,6 +1893,13 @@ export type Pack = Message<"troupe.v1.Pack"> & {
    * @generated from field: uint32 diffusion_steps = 29;
    */
   diffusionSteps: number;
+
+  /**
+   * The language model of a pack that understands words. Left out: it has none.
+   *
+   * @generated from field: troupe.v1.Language language = 30;
+   */
+  language?: Language | undefined;
 };
 
 /**
@@ -1469,7 +1907,64 @@ export type Pack = Message<"troupe.v1.Pack"> & {
  * Use `create(PackSchema)` to create a new message.
  */
 export const PackSchema: GenMessage<Pack> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 29);
+  messageDesc(file_troupe_v1_motion, 36);
+
+/**
+ * What a pack's language model reads and writes.
+ *
+ * @generated from message troupe.v1.Language
+ */
+export type Language = Message<"troupe.v1.Language"> & {
+  /**
+   * What it was trained to do: text_to_motion, motion_to_text, prediction, inbetween, continuation, unconditional, music_to_dance,
+   * dance_to_music, speech_to_gesture, gesture_to_speech.
+   *
+   * @generated from field: repeated string tasks = 1;
+   */
+  tasks: string[];
+
+  /**
+   * Most text pieces of a prompt, those of all characters together.
+   *
+   * @generated from field: uint32 max_prompt_pieces = 2;
+   */
+  maxPromptPieces: number;
+
+  /**
+   * Most characters of a motion.
+   *
+   * @generated from field: uint32 max_agents = 3;
+   */
+  maxAgents: number;
+
+  /**
+   * Codes of audio; 0 where it has none.
+   *
+   * @generated from field: uint32 audio_codes = 4;
+   */
+  audioCodes: number;
+
+  /**
+   * Steps that the flow decoder was made for; 0 where the pack has none.
+   *
+   * @generated from field: uint32 flow_steps = 5;
+   */
+  flowSteps: number;
+
+  /**
+   * How tokens are chosen where a request does not say.
+   *
+   * @generated from field: troupe.v1.Sampling sampling = 6;
+   */
+  sampling?: Sampling | undefined;
+};
+
+/**
+ * Describes the message troupe.v1.Language.
+ * Use `create(LanguageSchema)` to create a new message.
+ */
+export const LanguageSchema: GenMessage<Language> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 37);
 
 /**
  * A body of a pack.
@@ -1532,7 +2027,68 @@ export type PackBody = Message<"troupe.v1.PackBody"> & {
  * Use `create(PackBodySchema)` to create a new message.
  */
 export const PackBodySchema: GenMessage<PackBody> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 30);
+  messageDesc(file_troupe_v1_motion, 38);
+
+/**
+ * What sounds.
+ *
+ * @generated from enum troupe.v1.Sound
+ */
+export enum Sound {
+  /**
+   * Music, for dances.
+   *
+   * @generated from enum value: SOUND_MUSIC = 0;
+   */
+  MUSIC = 0,
+
+  /**
+   * Speech, for gestures.
+   *
+   * @generated from enum value: SOUND_SPEECH = 1;
+   */
+  SPEECH = 1,
+}
+
+/**
+ * Describes the enum troupe.v1.Sound.
+ */
+export const SoundSchema: GenEnum<Sound> = /*@__PURE__*/
+  enumDesc(file_troupe_v1_motion, 0);
+
+/**
+ * What a motion is put into.
+ *
+ * @generated from enum troupe.v1.Telling
+ */
+export enum Telling {
+  /**
+   * Words.
+   *
+   * @generated from enum value: TELLING_WORDS = 0;
+   */
+  WORDS = 0,
+
+  /**
+   * Codes of music that it dances to. For packs with the task `dance_to_music`.
+   *
+   * @generated from enum value: TELLING_MUSIC = 1;
+   */
+  MUSIC = 1,
+
+  /**
+   * Codes of speech that its gestures go with. For packs with the task `gesture_to_speech`.
+   *
+   * @generated from enum value: TELLING_SPEECH = 2;
+   */
+  SPEECH = 2,
+}
+
+/**
+ * Describes the enum troupe.v1.Telling.
+ */
+export const TellingSchema: GenEnum<Telling> = /*@__PURE__*/
+  enumDesc(file_troupe_v1_motion, 1);
 
 /**
  * @generated from service troupe.v1.Motion
@@ -1549,8 +2105,7 @@ export const Motion: GenService<{
     output: typeof InBetweenResponseSchema;
   },
   /**
-   * Acts out words, or puts a motion into words, for packs that can (Pack.capabilities). The answer comes part by part while
-   * it is made.
+   * Acts out words or follows a path, for packs that can (Pack.capabilities). The answer comes part by part while it is made.
    *
    * @generated from rpc troupe.v1.Motion.Generate
    */
@@ -1558,6 +2113,16 @@ export const Motion: GenService<{
     methodKind: "server_streaming";
     input: typeof GenerateRequestSchema;
     output: typeof GenerateResponseSchema;
+  },
+  /**
+   * Puts a motion into words, or into audio that goes with it, for packs that can. The answer comes part by part while it is made.
+   *
+   * @generated from rpc troupe.v1.Motion.Describe
+   */
+  describe: {
+    methodKind: "server_streaming";
+    input: typeof DescribeRequestSchema;
+    output: typeof DescribeResponseSchema;
   },
   /**
    * Lists the model packs that this server has loaded.
