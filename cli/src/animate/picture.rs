@@ -178,21 +178,21 @@ enum Piece<'a, 'b> {
 }
 
 impl Actor<'_> {
-    /// Writes the style above the head.
+    /// Writes the style above the head, or what it acts out.
     fn draw_label(&self, canvas: &mut Canvas, view: &View, at: usize) {
-        let styles = &self.recorded.styles;
-        let after = styles.partition_point(|(frame, _)| *frame <= at);
-        let Some((_, style)) = after.checked_sub(1).map(|nth| &styles[nth]) else {
+        let labels = &self.recorded.labels;
+        let after = labels.partition_point(|(frame, _)| *frame <= at);
+        let Some((_, label)) = after.checked_sub(1).map(|nth| &labels[nth]) else {
             return;
         };
         let head = self.body.head(self.motion.positions_at(at));
         let above = view.pixel(head + Vec3::Y * LABEL_M);
         let ink = self.ink.mix(DARK, 0.3);
         let letters = regular(LABEL_SIZE, ink, Align::Centre);
-        let size = Point::new(canvas.fonts().width(style, letters) + 8.0, LABEL_SIZE + 3.0);
+        let size = Point::new(canvas.fonts().width(label, letters) + 8.0, LABEL_SIZE + 3.0);
         let corner = above.round() - Point::new(size.x / 2.0, LABEL_SIZE - 1.0);
         canvas.panel(corner, size, 4.0, PANEL.alpha(0.8));
-        canvas.text(style, above.round(), letters);
+        canvas.text(label, above.round(), letters);
     }
 }
 

@@ -16,7 +16,7 @@ fn walker(from: Vec3, frames: usize) -> Recorded {
     Recorded {
         clip: Clip::new(skeleton, 60.0, roots.collect(), rotations).unwrap(),
         pack: "human".to_owned(),
-        styles: vec![(0, "proud".to_owned()), (80, "sad".to_owned())],
+        labels: vec![(0, "proud".to_owned()), (80, "sad".to_owned())],
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 use troupe_client::{
-    AnswerError, ClientError, Crowd, CrowdOptions, Frames, MemberId, Rate, Recording, SessionOptions,
+    Act, AnswerError, ClientError, Crowd, CrowdOptions, Frames, MemberId, Rate, Recording, SessionOptions,
 };
 use troupe_motion::GlobalRoot;
 use troupe_motion::clip::Clip;
@@ -39,8 +39,8 @@ pub(crate) struct Recorded {
     pub(crate) clip: Clip,
     /// Its pack.
     pub(crate) pack: String,
-    /// Its styles, each with its first frame.
-    pub(crate) styles: Vec<(usize, String)>,
+    /// Its styles and the sentences that it acts out, each with its first frame.
+    pub(crate) labels: Vec<(usize, String)>,
 }
 
 /// A character on its way.
@@ -50,7 +50,7 @@ struct Member<'a> {
     troupe: usize,
     player: Player<'a>,
     recording: Recording,
-    styles: Vec<(usize, String)>,
+    labels: Vec<(usize, String)>,
     place: Vec2,
 }
 
@@ -93,7 +93,7 @@ pub(crate) async fn follow_together(
             troupe,
             player: Player::new(path),
             recording: Recording::new(&pack, Convention::Native, RATE),
-            styles: Vec::new(),
+            labels: Vec::new(),
             place: path.start,
         }));
     }
@@ -151,12 +151,15 @@ impl Member<'_> {
                 intent.clone_from(now);
             }
             if let Some(style) = &now.style
-                && self.styles.last().is_none_or(|(_, last)| last != style)
+                && self.labels.last().is_none_or(|(_, last)| last != style)
             {
-                self.styles.push((self.recording.len(), style.clone()));
+                self.labels.push((self.recording.len(), style.clone()));
             }
         }
         for act in self.player.take_acts() {
+            if let Act::Perform(sentence) = act {
+                self.labels.push((self.recording.len(), sentence.text.clone()));
+            }
             crowd.act(self.id, act);
         }
     }
@@ -174,7 +177,7 @@ impl Member<'_> {
         Ok(Recorded {
             clip: clip.map_err(|e| ClientError::from(AnswerError::Frames(e)))?,
             pack,
-            styles: self.styles,
+            labels: self.labels,
         })
     }
 }
