@@ -202,7 +202,7 @@ async fn live_characters_are_measured() {
     let gaits = report["gaits"].as_array().unwrap();
     let walk = gaits.iter().find(|g| g["gait"] == "walk").unwrap();
     assert!(walk["steady_error"].as_f64().unwrap().abs() < 0.15, "{walk}");
-    assert_eq!(report["turns"].as_array().unwrap().len(), 3);
+    assert_eq!(report["turns"].as_array().unwrap().len(), 4);
     assert_eq!(report["underruns"], 0);
     // The same once more, frame for frame.
     let again = folder.file("again.json");
