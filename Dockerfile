@@ -78,4 +78,5 @@ LABEL org.opencontainers.image.revision="${REVISION}" \
       troupe.weights="Non-commercial use only: the licences of the packs' weights are below, their credits in /opt/troupe/NOTICE" \
       troupe.weights.human="CC BY-NC 4.0, non-commercial" \
       troupe.weights.g1="CC BY-NC-ND 4.0, non-commercial, no derivatives" \
-      troupe.weights.unimogen="CC BY-NC-ND 4.0, non-commercial, no derivatives"
+      troupe.weights.unimogen="CC BY-NC-ND 4.0, non-commercial, no derivatives" \
+      troupe.weights.vermo="CC BY-NC 4.0, non-commercial"
