@@ -27,6 +27,8 @@ pub(crate) struct Player<'a> {
     came_s: Option<f32>,
     /// It uses an object, and its locomotion is left alone.
     uses: bool,
+    /// It acts out a sentence, until the next command.
+    performs: bool,
     /// It holds a keyframe until it is told to go on.
     holds: bool,
     /// What it was told to do beside moving, to be taken by [`Self::take_acts`].
@@ -47,6 +49,7 @@ impl<'a> Player<'a> {
             given_s: 0.0,
             came_s: None,
             uses: false,
+            performs: false,
             holds: false,
             acts: Vec::new(),
             waits_until_s: None,
@@ -63,14 +66,15 @@ impl<'a> Player<'a> {
         player
     }
 
-    /// How the character should move at a time, being at a place (x, z); nothing while it uses an object. What it should do
-    /// beside moving is in [`Self::take_acts`] then. Times must not go back.
+    /// How the character should move at a time, being at a place (x, z); nothing while it uses an object or acts out a sentence.
+    /// What it should do beside moving is in [`Self::take_acts`] then. Times must not go back.
     pub(crate) fn intent(&mut self, time_s: f32, place: Vec2) -> Option<&Locomotion> {
         while let Some(command) = self.path.commands.get(self.next_command) {
             // A ten-thousandth of a second of slack, so that frame times that are rounded down count.
             if self.next_command_s().is_none_or(|due_s| due_s > time_s + 1e-4) {
                 break;
             }
+            self.performs = false;
             match &command.act {
                 Some(act) => self.act(act),
                 None => self.uses = false,
@@ -86,6 +90,10 @@ impl<'a> Player<'a> {
         }
         if self.uses {
             self.end_after(time_s, self.holds);
+            return None;
+        }
+        if self.performs {
+            self.end_after(time_s, true);
             return None;
         }
         if self.path.waypoints.is_empty() {
@@ -111,8 +119,8 @@ impl<'a> Player<'a> {
             }
             // It moves by itself, as far as the player knows.
             Act::FollowPath(_) => self.velocity.speed_mps = 0.0,
-            // It goes on afterwards as it was told before.
-            Act::Perform(_) => {}
+            // A command to move would end it.
+            Act::Perform(_) => self.performs = true,
             Act::Drop => {}
         }
         self.acts.push(act);

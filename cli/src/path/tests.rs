@@ -305,3 +305,29 @@ fn waypoints_wait_while_an_object_is_used() {
     player.intent(7.0, Vec2::new(0.0, 3.9));
     assert_eq!(player.ends_s(), 9.0);
 }
+
+#[test]
+fn a_sentence_is_acted_out_until_the_next_command() {
+    let path = parse(
+        "[[command]]\ntime_s = 0\nspeed = 1\n\
+         [[command]]\ntime_s = 1\nperform = 'a person bows'\n\
+         [[command]]\ntime_s = 4\nspeed = 2\n",
+    );
+    let mut player = Player::new(&path);
+    assert!(player.intent(0.5, Vec2::ZERO).is_some());
+    assert_eq!(player.take_acts().count(), 0);
+    for time_s in [1.0, 2.0, 3.9] {
+        assert!(
+            player.intent(time_s, Vec2::ZERO).is_none(),
+            "a command would end it"
+        );
+        let acts: Vec<&Act> = player.take_acts().collect();
+        let bows = Act::from(troupe_client::Performance::of("a person bows"));
+        assert_eq!(acts, [&bows][..usize::from(time_s == 1.0)]);
+    }
+    assert!(
+        player
+            .intent(4.0, Vec2::ZERO)
+            .is_some_and(|intent| intent.velocity.length() > 1.9)
+    );
+}
