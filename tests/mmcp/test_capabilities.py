@@ -13,11 +13,12 @@ def test_every_model_is_one_of_the_protocol(ours):
     ids = [model["id"] for model in capabilities["models"]]
     assert len(set(ids)) == len(ids)
     assert ids[0] == "human", "the default pack comes first: clients take the first"
-    assert {"g1", "unimogen/human", "unimogen/horse"} <= set(ids)
+    assert {"g1", "unimogen/human", "unimogen/horse", "vermo"} <= set(ids)
     for model in capabilities["models"]:
         spec = ModelSpec.model_validate(model)
         assert spec.canonical_skeleton.root.name == model["canonical_skeleton"]["joints"][0]["name"]
-        assert model_supported_segments(model) == ["unconditioned"], "no pack that ships knows words"
+        segments = ["text", "motion_reference"] if model["id"] == "vermo" else ["unconditioned"]
+        assert model_supported_segments(model) == segments, model["id"]
 
 
 def test_the_older_client_reads_it_too(ours):
