@@ -24,7 +24,7 @@ pub use finish::{finish, finish_judged};
 pub use parts::{PartWriter, write_description};
 pub use path::{MAX_PATH_POINTS, PathPlan};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};
-pub use prompt::{MAX_GENERATED_FRAMES, MAX_PROMPT_CHARS, Prepared, prepare_prompt};
+pub use prompt::{MAX_GENERATED_FRAMES, Prepared, prepare_prompt};
 pub use sampling::no_sampling;
 pub use words::{check_description, check_words, fitting, most_past};
 

@@ -38,7 +38,7 @@ impl PartWriter {
         }
     }
 
-    /// The same, with a judge of the first character's frames.
+    /// The same, with a judge of its frames, which are those of one character.
     #[must_use]
     pub fn judged_by(self, judge: Option<Judge>) -> Self {
         Self { judge, ..self }

@@ -11,9 +11,8 @@ use super::prepare::check_keyframes;
 use super::sampling::check_sampling;
 use super::words::{check_prompt, most_past};
 use crate::wire::keyframe::{Role, check_reach};
+use crate::wire::units;
 
-/// Most characters of a prompt's text.
-pub const MAX_PROMPT_CHARS: usize = 1000;
 /// Most frames that a prompt asks for, and that a motion to describe has.
 pub const MAX_GENERATED_FRAMES: usize = 1024;
 
@@ -135,16 +134,8 @@ impl Texts {
 }
 
 fn check_text(path: &Path<'_>, text: &str) -> Result<String, FieldError> {
-    let path = path.field("text");
-    let allowed = format!("1 to {MAX_PROMPT_CHARS} characters");
-    if text.trim().is_empty() {
-        return Err(path.error("is empty", allowed));
-    }
-    let count = text.chars().count();
-    match count > MAX_PROMPT_CHARS {
-        true => Err(path.error(format!("has {count} characters"), allowed)),
-        false => Ok(text.to_owned()),
-    }
+    units::sentence(&path.field("text"), text)?;
+    Ok(text.to_owned())
 }
 
 /// Frames that are asked for, of a count or of seconds.

@@ -1,5 +1,6 @@
 //! What a pack that understands text takes, before a task is admitted to it.
 
+use troupe_character::live::MAX_UNKNOWN_WORDS;
 use troupe_character::{FieldError, Path};
 use troupe_engine::EngineError;
 use troupe_engine::pack::Pack;
@@ -7,10 +8,8 @@ use troupe_engine::vermo;
 use troupe_motion::model::{PromptTask, Task};
 use troupe_proto::v1;
 
-use super::MAX_PROMPT_CHARS;
+use crate::wire::MAX_PROMPT_CHARS;
 
-/// Most words that a note names.
-const MAX_NAMED: usize = 8;
 /// Most characters of a word that a note names.
 const MAX_WORD_CHARS: usize = 32;
 
@@ -101,11 +100,11 @@ fn unknown_note(unknown: &[String]) -> Option<String> {
     if unknown.is_empty() {
         return None;
     }
-    let named = unknown.iter().take(MAX_NAMED);
+    let named = unknown.iter().take(MAX_UNKNOWN_WORDS);
     let named: Vec<String> = named
         .map(|word| word.chars().take(MAX_WORD_CHARS).collect())
         .collect();
-    let more = if unknown.len() > MAX_NAMED {
+    let more = if unknown.len() > MAX_UNKNOWN_WORDS {
         ", and others"
     } else {
         ""

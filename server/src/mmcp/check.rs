@@ -16,7 +16,8 @@ use super::schema::{
 };
 use super::take::{Clock, Look, Note, Part, Prompt, Take};
 use super::{reference, skeleton};
-use crate::inbetween::{MAX_PROMPT_CHARS, check_words};
+use crate::inbetween::check_words;
+use crate::wire::MAX_PROMPT_CHARS;
 use crate::wire::cut;
 
 /// The types of segments that the protocol knows.

@@ -15,8 +15,9 @@ use super::limits::{
 };
 use super::schema::{Joint, Skeleton, coordinates, units};
 use super::skeleton::Axes;
-use crate::inbetween::{MAX_PROMPT_CHARS, fitting};
+use crate::inbetween::fitting;
 use crate::packs::{LoadedPack, PackTable};
+use crate::wire::MAX_PROMPT_CHARS;
 
 /// The version that is spoken.
 pub const VERSION: &str = "1.4";

@@ -88,10 +88,11 @@ impl Generation {
         self.writer.move_to(way.frame);
         let (fresh, is_last) = way.plan.take(motion, &way.frame);
         let parts = self.writer.write(Output::Motion(fresh), is_last)?;
-        for part in &parts {
-            if let Some(found) = part.feasibility.as_ref().filter(|_| way.strict) {
-                refuse_frames(found)?;
-            }
+        if way.strict {
+            parts
+                .iter()
+                .filter_map(|part| part.feasibility.as_ref())
+                .try_for_each(refuse_frames)?;
         }
         if let Some((task, frame)) = way.plan.next() {
             way.frame = frame;

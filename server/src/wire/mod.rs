@@ -20,6 +20,8 @@ pub const MAX_VELOCITY: f32 = 1e3;
 pub const ANGLE_TOLERANCE_RAD: f32 = 0.01;
 /// Highest sampling temperature.
 pub const MAX_TEMPERATURE: f32 = 2.0;
+/// Most characters of a sentence to act out.
+pub const MAX_PROMPT_CHARS: usize = 1000;
 /// Most characters of a message that may echo the request.
 pub const MAX_MESSAGE: usize = 512;
 /// Most characters of a field's path that may echo the request.

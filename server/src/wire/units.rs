@@ -5,6 +5,7 @@ use troupe_motion::rotation::to_wxyz;
 use troupe_motion::{Quat, Vec3};
 use troupe_proto::v1;
 
+use super::MAX_PROMPT_CHARS;
 use troupe_character::{FieldError, Path};
 
 /// Largest heading either way, radians: beyond it a 32-bit float is coarse.
@@ -31,6 +32,18 @@ pub fn convention_name(convention: Convention) -> v1::Convention {
         Convention::Unreal => v1::Convention::Unreal,
         Convention::Unity => v1::Convention::Unity,
         Convention::Ros => v1::Convention::Ros,
+    }
+}
+
+/// A sentence to act out: 1 to [`MAX_PROMPT_CHARS`] characters, and not all of them blank.
+pub fn sentence(path: &Path<'_>, text: &str) -> Result<(), FieldError> {
+    let allowed = format!("1 to {MAX_PROMPT_CHARS} characters");
+    if text.trim().is_empty() {
+        return Err(path.error("is empty", allowed));
+    }
+    match text.chars().count() {
+        count if count > MAX_PROMPT_CHARS => Err(path.error(format!("has {count} characters"), allowed)),
+        _ => Ok(()),
     }
 }
 

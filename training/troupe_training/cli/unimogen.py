@@ -76,7 +76,7 @@ OPTIONS["--beside"] = {
 }
 OPTIONS["--other-steps"] = {"type": int, "nargs": "+", "default": [], "help": "also measure with as many sampler steps"}
 OPTIONS["--other-guidance"] = {"type": float, "nargs": "+", "default": [], "help": "also measure with such guidance"}
-OPTIONS["--evaluations"] = {"type": Path, "nargs": "+", "help": "what `unimogen evaluate --json FILE` wrote"}
+OPTIONS["--evaluations"] = {"type": Path, "nargs": "+", "help": "what the family's `evaluate --json FILE` wrote"}
 OPTIONS["--sweeps"] = {
     "type": Path,
     "nargs": "+",

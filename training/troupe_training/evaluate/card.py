@@ -129,6 +129,12 @@ def write_readme(pack: Path, parts: Sequence[str]) -> None:
     (pack / "README.md").write_text("\n\n".join(p for p in parts if p) + "\n")
 
 
+def figure_row(key: str, figures: dict[str, float]) -> str:
+    """A line of TOML: an inline table of figures."""
+    values = ", ".join(f"{name} = {value:.6g}" for name, value in figures.items())
+    return f"{json.dumps(key)} = {{ {values} }}"
+
+
 def write_figures(manifest_path: Path, rows: Sequence[str]) -> None:
     """Replaces the manifest's ``[evaluation]`` table by one of these lines of TOML."""
     lines, keep = [], True

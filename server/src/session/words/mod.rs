@@ -10,7 +10,7 @@ use troupe_proto::v1;
 
 use super::SessionError;
 use crate::packs::{CannotDo, LoadedPack, PackTable, UnknownPack};
-use crate::wire::units;
+use crate::wire::{MAX_TEMPERATURE, units};
 use troupe_character::live::{
     MAX_PAST_FRAMES, MAX_PERFORMANCE_FRAMES, MAX_UNKNOWN_WORDS, OtherSkeleton, PartReader, PerformCommand,
 };
@@ -18,12 +18,8 @@ use troupe_character::{FieldError, Path};
 use troupe_engine::{EngineError, vermo};
 use troupe_motion::model::{Capability, GLOBAL_ROOT, KeyTensors, PromptTask, Rig, SamplingTask, Task};
 
-/// Most characters of a sentence.
-pub const MAX_TEXT_CHARS: usize = 1000;
 /// Shortest and longest performance that may be asked for, seconds.
 const SECONDS: (f32, f32) = (0.5, 30.0);
-/// Highest temperature.
-const MAX_TEMPERATURE: f32 = 2.0;
 /// Most characters of all tenants that perform at a time; one more is told so.
 pub const MAX_PERFORMERS: usize = 512;
 /// About the most memory that one of them takes beside its session, bytes: its frames wait there.
@@ -151,7 +147,7 @@ impl WordsPacks {
     /// # Errors
     /// [`SessionError`] for the first value that is not accepted.
     pub fn command(&self, path: &Path<'_>, asked: &v1::Perform) -> Result<PerformCommand, SessionError> {
-        check_text(&path.field("text"), &asked.text)?;
+        units::sentence(&path.field("text"), &asked.text)?;
         let pack = self.find(&path.field("pack"), &asked.pack)?;
         let (shortest, longest) = SECONDS;
         let seconds = |value| units::within(&path.field("seconds"), value, shortest, longest);
@@ -182,17 +178,6 @@ fn words_pack(loaded: &Arc<LoadedPack>, own: &Arc<Rig>) -> Result<WordsPack, Why
         reader: PartReader::new(rig, own).map_err(WhyNot::Skeleton)?,
         loaded: loaded.clone(),
     })
-}
-
-fn check_text(path: &Path<'_>, text: &str) -> Result<(), FieldError> {
-    let allowed = format!("1 to {MAX_TEXT_CHARS} characters");
-    if text.trim().is_empty() {
-        return Err(path.error("is empty", allowed));
-    }
-    match text.chars().count() {
-        count if count > MAX_TEXT_CHARS => Err(path.error(format!("has {count} characters"), allowed)),
-        _ => Ok(()),
-    }
 }
 
 /// The task of a command, which goes on from `past`.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from troupe_training.data.conventions import FPS
-from troupe_training.evaluate.card import training_rows, write_figures, write_readme
+from troupe_training.evaluate.card import figure_row, training_rows, write_figures, write_readme
 from troupe_training.evaluate.tables import Measure
 from troupe_training.evaluate.unimogen.measure import Figures
 from troupe_training.evaluate.unimogen.style import blend_table
@@ -165,6 +165,5 @@ def _figure_rows(report: dict[str, dict[str, Figures]]) -> list[str]:
     for what, methods in report.items():
         for method, figures in methods.items():
             key = f"{what}, {method}".replace(", ", "_").replace(" ", "_")
-            values = ", ".join(f"{name} = {value:.6g}" for name, value in figures.items())
-            rows.append(f"{json.dumps(key)} = {{ {values} }}")
+            rows.append(figure_row(key, figures))
     return rows

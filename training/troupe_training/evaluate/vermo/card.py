@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from troupe_training.data.conventions import FPS
-from troupe_training.evaluate.card import training_rows, write_figures, write_readme
+from troupe_training.evaluate.card import figure_row, training_rows, write_figures, write_readme
 from troupe_training.evaluate.vermo.continuation import continuation_table
 from troupe_training.evaluate.vermo.nearest import nearest_table
 from troupe_training.evaluate.vermo.reconstruction import reconstruction_table
@@ -108,6 +108,5 @@ def _figure_rows(report: dict[str, dict[str, dict[str, float]]]) -> list[str]:
     for part, figures in report.items():
         for what, one in figures.items():
             key = f"{part} {what}".translate(str.maketrans(" ", "_", ",:"))
-            values = ", ".join(f"{name} = {value:.6g}" for name, value in one.items())
-            rows.append(f"{json.dumps(key)} = {{ {values} }}")
+            rows.append(figure_row(key, one))
     return rows

@@ -29,8 +29,17 @@ def load_networks(run: Path, store: ClipStore, task: str | None = None) -> tuple
 
 def steps_of(run: Path, stage: str) -> dict[str, int]:
     """How far the stages of a run are that a pack is made of, by the manifest's names; ``stage`` is the language model's."""
-    stages = [name for name in (TOKENIZER.name, REFINE.name, stage, FLOW.name) if (run / f"{name}.pt").exists()]
-    return {f"{name.replace('-', '_')}_steps": read_checkpoint(run / f"{name}.pt")["step"] for name in stages}
+    return {f"{_key(name)}_steps": read_checkpoint(run / f"{name}.pt")["step"] for name in _stages(run, stage)}
+
+
+def _stages(run: Path, stage: str) -> list[str]:
+    """The stages of a run that a pack is made of."""
+    return [name for name in (TOKENIZER.name, REFINE.name, stage, FLOW.name) if (run / f"{name}.pt").exists()]
+
+
+def _key(stage: str) -> str:
+    """A stage as the manifest names it."""
+    return stage.replace("-", "_")
 
 
 def export_run(run: Path, cache: Path, out: Path, about: About, task: str | None = None) -> None:
@@ -39,10 +48,10 @@ def export_run(run: Path, cache: Path, out: Path, about: About, task: str | None
     networks, stage = load_networks(run, store, task)
     seen = [c for c in store.clips if not c.get("mirrored")]
     training: dict[str, Any] = {"clips": len(seen), "frames": sum(c["frames"] for c in seen)}
-    stages = [name for name in (TOKENIZER.name, REFINE.name, stage, FLOW.name) if (run / f"{name}.pt").exists()]
+    stages = _stages(run, stage)
     for name in stages:
         state = read_checkpoint(run / f"{name}.pt")
-        key = name.replace("-", "_")
+        key = _key(name)
         training[f"{key}_steps"] = state["step"]
         training[f"{key}_minutes"] = round(state["seconds"] / 60, 1)
         if state["history"]:
