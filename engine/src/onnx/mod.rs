@@ -203,15 +203,20 @@ fn open(
     stage: Stage,
     options: SessionOptions,
 ) -> Result<ort::session::Session, EngineError> {
-    session::open(runtime, options, &pack.stage_file(stage), None).map_err(|reason| EngineError::Load {
+    session::open(runtime, options, &pack.stage_file(stage), None).map_err(|reason| unloaded(stage, reason))
+}
+
+fn unloaded(stage: Stage, reason: String) -> EngineError {
+    EngineError::Load {
         file: stage.file_name(),
         reason,
-    })
+    }
 }
 
 /// Checks a stage's tensors, without making it ready to run. Answers whether it takes segments of any length.
 fn look(runtime: &Runtime, pack: &Pack, stage: Stage) -> Result<bool, EngineError> {
-    let session = open(runtime, pack, stage, SessionOptions::LOOK)?;
+    let session =
+        session::look(runtime, &pack.stage_file(stage)).map_err(|reason| unloaded(stage, reason))?;
     looks(pack, stage, &session)
 }
 

@@ -37,15 +37,12 @@ pub enum Growth {
     AtOnce,
 }
 
-impl SessionOptions {
-    /// For a session that is looked at and does not run.
-    pub(super) const LOOK: Self = Self {
-        engine: EngineKind::Cpu,
-        threads: 1,
-        spin: false,
-        fixed_shapes: false,
-        growth: Growth::None,
-    };
+/// Opens the graph in `path` to look at its tensors, not to run it: nothing is optimised.
+pub(super) fn look(runtime: &Runtime, path: &Path) -> Result<Session, String> {
+    Session::builder(runtime.environment())
+        .and_then(|builder| Ok(builder.with_optimization_level(GraphOptimizationLevel::Disable)?))
+        .and_then(|mut builder| builder.commit_from_file(path))
+        .map_err(|error| one_line(&error))
 }
 
 /// Opens the graph in `path`. OpenVINO keeps the kernels that it makes for each shape, `kernels` of them, or as many as it does by
@@ -58,10 +55,7 @@ pub(super) fn open(
 ) -> Result<Session, String> {
     let builder = Session::builder(runtime.environment())
         .map_err(|error| one_line(&error))?
-        .with_optimization_level(match options {
-            SessionOptions::LOOK => GraphOptimizationLevel::Disable,
-            _ => GraphOptimizationLevel::All,
-        })
+        .with_optimization_level(GraphOptimizationLevel::All)
         .map_err(|error| one_line(&error))?
         // A plan of the memory for each of many shapes: measured to gain nothing, and to slow small batches down.
         .with_memory_pattern(false)
