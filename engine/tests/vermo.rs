@@ -210,7 +210,7 @@ fn frames_are_encoded_and_decoded_as_in_the_reference() {
         assert_eq!(networks.encode(&frames).unwrap(), *tokens);
     }
     for (clip, tokens) in decoder.tokens.iter().enumerate() {
-        let frames = networks.decode(tokens).unwrap();
+        let frames = networks.decode(&[tokens]).unwrap().remove(0);
         assert_near(&frames.pose, &decoder.pose[clip].concat(), 1e-4);
         assert_near(&frames.root, &decoder.root[clip].concat(), 1e-4);
     }
@@ -243,7 +243,7 @@ fn run(vermo: &mut VerMo, mut between: impl FnMut(&mut VerMo, usize)) -> BTreeMa
 /// Frames of decoded random tokens.
 fn keys(networks: &mut OnnxVerMo, tokens: usize, rng: &mut ChaCha8Rng) -> Vec<KeyTensors> {
     let codes: Vec<u32> = (0..tokens).map(|_| rng.random_range(0..4375)).collect();
-    let frames = networks.decode(&codes).unwrap();
+    let frames = networks.decode(&[&codes]).unwrap().remove(0);
     let width = frames.pose.len() / frames.len();
     let poses = frames.pose.chunks_exact(width);
     let roots = frames.root.as_chunks::<5>().0;

@@ -229,11 +229,13 @@ impl Networks for OnnxVerMo {
         })
     }
 
-    fn decode(&mut self, codes: &[u32]) -> Result<Frames, EngineError> {
-        let (tokens, pose) = (ids(codes), self.pose);
-        let inputs = view("tokens", &[1, tokens.len()], &tokens).map(|input| vec![input]);
+    fn decode(&mut self, windows: &[&[u32]]) -> Result<Vec<Frames>, EngineError> {
+        let (tokens, pose) = (ids(&windows.concat()), self.pose);
+        let (rows, length) = (windows.len(), tokens.len() / windows.len().max(1));
+        let inputs = view("tokens", &[rows, length], &tokens).map(|input| vec![input]);
         self.decoder.run(inputs, |outputs| {
-            outputs.frames(codes.len() * FRAMES_PER_TOKEN, pose)
+            let all = outputs.frames(tokens.len() * FRAMES_PER_TOKEN, pose)?;
+            Ok(all.split(length * FRAMES_PER_TOKEN))
         })
     }
 

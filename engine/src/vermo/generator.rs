@@ -11,6 +11,7 @@ use super::motion::Frames;
 use super::network::{FlowCall, LanguageAnswer, LanguageCall, Networks};
 use super::plan::Planner;
 use super::sequences::{Said, Sequences};
+use super::windows::Windows;
 use crate::generator::{Generator, JobId, Progress, StepReport};
 use crate::pack::{DECODER_FILE, LANGUAGE_FILE, MessageTask, Pack};
 use crate::{EngineError, TrialRun};
@@ -63,7 +64,7 @@ impl VerMo {
     pub fn warm_up(&mut self) -> Result<(), EngineError> {
         let (jobs, tokens) = TRIAL;
         let tokens = tokens.clamp(self.planner.dims.min_tokens, self.planner.dims.max_tokens);
-        let frames = self.networks.inner.decode(&vec![0; tokens])?;
+        let frames = decode_one(&mut *self.networks.inner, &vec![0; tokens])?;
         self.networks.inner.encode(&frames)?;
         if let Some(width) = self.networks.inner.flow_width() {
             let call = FlowCall {
@@ -125,9 +126,8 @@ impl VerMo {
         if !tasks.contains(&MessageTask::MotionToText) {
             return Ok(None);
         }
-        let told = self
-            .networks
-            .decode(&vec![0; self.planner.dims.tokens_for(frames)])?;
+        let tokens = vec![0; self.planner.dims.tokens_for(frames)];
+        let told = decode_one(&mut self.networks, &tokens)?;
         Ok(Some(Task::Describe(DescribeTask {
             frames: told.keys(self.rig.dims.joints).collect(),
             ..DescribeTask::default()
@@ -187,7 +187,7 @@ impl VerMo {
         Ok(rows)
     }
 
-    /// Gives what is ready. Of those with the flow decoder, the oldest takes a step.
+    /// Decodes what is ready, and gives it. Of those with the flow decoder, the oldest takes a step.
     fn give(&mut self, out: &mut dyn FnMut(JobId, Progress)) -> Result<(), EngineError> {
         let Self {
             jobs,
@@ -196,12 +196,15 @@ impl VerMo {
             ..
         } = self;
         let mut over = Vec::new();
-        let mut flows = false;
-        for job in jobs.iter_mut().filter(|job| job.stage != Stage::Prompt) {
-            if job.flows() && std::mem::replace(&mut flows, true) {
-                continue;
-            }
-            let (output, is_last) = match job.take(planner, networks)? {
+        let oldest = jobs.iter().find(|job| job.flows()).map(|job| job.id);
+        let mut windows = Windows::default();
+        let has_turn = |job: &Job| job.stage != Stage::Prompt && (!job.flows() || Some(job.id) == oldest);
+        for job in jobs.iter_mut().filter(|job| has_turn(job)) {
+            job.want(networks, &mut windows)?;
+        }
+        windows.decode(networks)?;
+        for job in jobs.iter_mut().filter(|job| has_turn(job)) {
+            let (output, is_last) = match job.take(planner, &mut windows)? {
                 Taken::Nothing => continue,
                 Taken::Part(output) => (output, false),
                 Taken::Last(output) => (output, true),
@@ -297,6 +300,10 @@ fn trial_id(request: usize) -> JobId {
     }
 }
 
+fn decode_one(networks: &mut dyn Networks, codes: &[u32]) -> Result<Frames, EngineError> {
+    Ok(networks.decode(&[codes])?.pop().unwrap_or_default())
+}
+
 fn is_finite(output: &Output) -> bool {
     match output {
         Output::Motion(motion) => all_finite(&motion.root) && all_finite(&motion.rotations),
@@ -355,8 +362,8 @@ impl Networks for Timed {
         self.timed(1, |networks| networks.encode(frames))
     }
 
-    fn decode(&mut self, codes: &[u32]) -> Result<Frames, EngineError> {
-        self.timed(2, |networks| networks.decode(codes))
+    fn decode(&mut self, windows: &[&[u32]]) -> Result<Vec<Frames>, EngineError> {
+        self.timed(2, |networks| networks.decode(windows))
     }
 
     fn flow_width(&self) -> Option<usize> {

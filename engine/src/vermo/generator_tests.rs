@@ -91,7 +91,7 @@ pub(super) fn prompt(text: &str, frames: Option<usize>) -> PromptTask {
 
 /// Frames of a walk on a curve, from a place of its own.
 pub(super) fn keys(codes: &[u32], x: f32) -> Vec<KeyTensors> {
-    let mut frames = toy(&pack()).decode(codes).unwrap();
+    let mut frames = toy(&pack()).decoded(codes);
     frames.root.chunks_exact_mut(5).for_each(|root| root[0] += x);
     frames.keys(2).collect()
 }

@@ -11,6 +11,7 @@ use super::network::Networks;
 use super::plan::{Planner, Share, Speech};
 use super::sequences::Prompt;
 use super::vocabulary::{AGENT_SEP, Kind};
+use super::windows::Windows;
 use crate::EngineError;
 use crate::generator::JobId;
 use crate::pack::{FRAMES_PER_TOKEN, LANGUAGE_FILE};
@@ -220,12 +221,27 @@ impl Job {
         }
     }
 
-    /// What it has to give now; `Whole` says whether that is the last. A motion that is to go on writes another message after it.
-    pub(super) fn take(
+    /// Adds what is to be decoded for the frames that it has to give now. A job of the flow decoder takes a step of it.
+    pub(super) fn want(
         &mut self,
-        planner: &Planner,
         networks: &mut dyn Networks,
-    ) -> Result<Taken, EngineError> {
+        windows: &mut Windows,
+    ) -> Result<(), EngineError> {
+        let is_whole = self.stage == Stage::Whole;
+        let Answer::Motion(motion) = &mut self.reply else {
+            return Ok(());
+        };
+        if is_whole && motion.flow_steps > 0 {
+            motion.flow(networks)
+        } else {
+            motion.want(self.id, is_whole, windows);
+            Ok(())
+        }
+    }
+
+    /// What it has to give now, of windows that are decoded; `Whole` says whether that is the last. A motion that is to go on writes
+    /// another message after it.
+    pub(super) fn take(&mut self, planner: &Planner, windows: &mut Windows) -> Result<Taken, EngineError> {
         let is_whole = self.stage == Stage::Whole;
         match &mut self.reply {
             Answer::Text { pieces, sent } => {
@@ -252,10 +268,10 @@ impl Job {
                 Ok(Taken::of(Output::Audio(fresh), is_empty, is_whole))
             }
             Answer::Motion(motion) => {
-                if !motion.is_ready(is_whole, networks)? {
+                if !motion.is_ready(is_whole) {
                     return Ok(Taken::Nothing);
                 }
-                let motions = motion.take(is_whole, networks)?;
+                let motions = motion.take(self.id, is_whole, windows);
                 let goes_on = is_whole
                     && motion
                         .agents
@@ -319,11 +335,8 @@ impl Agents {
         }
     }
 
-    /// Whether there are frames to give, after a step of the flow decoder where that makes them.
-    fn is_ready(&mut self, is_whole: bool, networks: &mut dyn Networks) -> Result<bool, EngineError> {
-        if !is_whole || self.flow_steps == 0 {
-            return Ok(is_whole || self.in_parts);
-        }
+    /// Takes a step of the flow decoder, for the first agent that is not done.
+    fn flow(&mut self, networks: &mut dyn Networks) -> Result<(), EngineError> {
         let (seed, steps) = (self.seed, self.flow_steps);
         let behind = self.behind.as_ref().map_or(&[][..], |(codes, _)| codes);
         for (index, agent) in self.agents.iter_mut().enumerate() {
@@ -331,68 +344,92 @@ impl Agents {
             let new = || Flow::new([codes, behind].concat(), step64(seed, index as u64), steps);
             let flow = agent.flow.get_or_insert_with(new);
             if !flow.is_done() {
-                flow.step(networks)?;
-                return Ok(false);
+                return flow.step(networks);
             }
         }
-        Ok(true)
+        Ok(())
+    }
+
+    /// Whether frames may leave now.
+    fn is_ready(&self, is_whole: bool) -> bool {
+        let is_made = |agent: &Agent| agent.flow.as_ref().is_some_and(Flow::is_done);
+        match (is_whole, self.flow_steps) {
+            (true, 0) => true,
+            (true, _) => self.agents.iter().all(is_made),
+            (false, _) => self.in_parts,
+        }
+    }
+
+    /// Adds the window of each agent whose frames are to leave now.
+    fn want(&self, id: JobId, is_whole: bool, windows: &mut Windows) {
+        if !self.is_ready(is_whole) {
+            return;
+        }
+        let behind = self.behind.as_ref().map_or(&[][..], |(codes, _)| codes);
+        for (index, agent) in self.agents.iter().enumerate() {
+            if agent.ready(is_whole || index < self.current).is_some() {
+                windows.add(id, index, [&agent.codes[agent.lead()..], behind].concat());
+            }
+        }
     }
 
     /// Frames of each agent that are ready.
-    fn take(&mut self, is_whole: bool, networks: &mut dyn Networks) -> Result<Vec<Motion>, EngineError> {
-        let mut motions = Vec::with_capacity(self.agents.len());
-        for (index, agent) in self.agents.iter_mut().enumerate() {
-            let ends = is_whole || index < self.current;
-            motions.push(agent.take(ends, self.behind.as_ref(), networks)?);
-        }
-        Ok(motions)
+    fn take(&mut self, id: JobId, is_whole: bool, windows: &mut Windows) -> Vec<Motion> {
+        let Self {
+            agents,
+            current,
+            behind,
+            ..
+        } = self;
+        let target = behind.as_ref().map(|(_, body)| body);
+        let agents = agents.iter_mut().enumerate();
+        agents
+            .map(|(index, agent)| {
+                let window = windows.take(id, index);
+                agent.take(is_whole || index < *current, window, target)
+            })
+            .collect()
     }
 }
 
 impl Agent {
-    /// Frames of the tokens that are ready: all but those held back, or all where no more will come.
-    fn take(
-        &mut self,
-        ends: bool,
-        behind: Option<&(Vec<u32>, Body)>,
-        networks: &mut dyn Networks,
-    ) -> Result<Motion, EngineError> {
+    /// How many of the reply's tokens may leave now: all but those held back, or all where no more will come. None where that is too few
+    /// for a part.
+    fn ready(&self, ends: bool) -> Option<usize> {
         let written = self.codes.len() - self.told;
-        let ready = if ends {
-            written
-        } else {
-            written.saturating_sub(HELD_BACK)
-        };
+        let held_back = if ends { 0 } else { HELD_BACK };
         let least = match (ends, self.sent) {
             (true, _) => 1,
             (false, 0) => FIRST_PART,
             (false, _) => LATER_PART,
         };
-        if ready < self.sent + least {
-            return Ok(Motion::default());
-        }
-        let from = self.told + self.sent;
+        let ready = written.saturating_sub(held_back);
+        (ready >= self.sent + least).then_some(ready)
+    }
+
+    /// The first token that is decoded for the next part.
+    fn lead(&self) -> usize {
+        (self.told + self.sent).saturating_sub(LEAD)
+    }
+
+    /// Frames of the tokens that are ready, of their decoded window.
+    fn take(&mut self, ends: bool, window: Option<Frames>, target: Option<&Body>) -> Motion {
+        let Some(ready) = self.ready(ends) else {
+            return Motion::default();
+        };
         // The flow decoder has made all frames at once.
-        let lead = if self.flow.is_some() {
-            0
-        } else {
-            from.saturating_sub(LEAD)
+        let (lead, window) = match (&self.flow, window) {
+            (Some(flow), _) => (0, flow.frames().clone()),
+            (None, Some(window)) => (self.lead(), window),
+            (None, None) => return Motion::default(),
         };
-        let window = match &self.flow {
-            Some(flow) => flow.frames().clone(),
-            None => match behind {
-                Some((codes, _)) => networks.decode(&[&self.codes[lead..], codes].concat())?,
-                None => networks.decode(&self.codes[lead..])?,
-            },
-        };
-        let first = (from - lead) * FRAMES_PER_TOKEN;
+        let first = (self.told + self.sent - lead) * FRAMES_PER_TOKEN;
         let made = (ready - self.sent) * FRAMES_PER_TOKEN;
         let wanted = self.left.map_or(made, |left| left.min(made));
         self.sent = ready;
         if let Some(left) = &mut self.left {
             *left -= wanted;
         }
-        let target = behind.map(|(_, body)| body);
-        Ok(self.stitcher.join(&window, first, first + wanted, target))
+        self.stitcher.join(&window, first, first + wanted, target)
     }
 }

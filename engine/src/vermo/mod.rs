@@ -16,6 +16,7 @@ mod sampler;
 mod sequences;
 mod vocabulary;
 mod wanted;
+mod windows;
 
 pub use arena::Shape;
 pub use generator::{SLOTS, VerMo};

@@ -37,6 +37,20 @@ impl Frames {
         self.root.is_empty()
     }
 
+    /// In parts of so many frames.
+    pub(crate) fn split(&self, frames: usize) -> Vec<Self> {
+        let root = self.root.chunks_exact((frames * GLOBAL_ROOT).max(1));
+        let pose = self
+            .pose
+            .chunks_exact((self.pose.len() / self.len().max(1) * frames).max(1));
+        (pose.zip(root))
+            .map(|(pose, root)| Self {
+                pose: pose.to_vec(),
+                root: root.to_vec(),
+            })
+            .collect()
+    }
+
     /// Of keyframes; none where one of them lacks its root, or has no pose of so many joints.
     pub(super) fn of_keys(keys: &[KeyTensors], joints: usize) -> Option<Self> {
         let mut frames = Self::default();

@@ -46,7 +46,7 @@ pub struct FlowCall<'a> {
 
 /// Runs the networks of one pack.
 ///
-/// A sequence's answer must not depend on the others of a call, nor on its place among them, to the last bit.
+/// A sequence's answer, and a window's, must not depend on the others of a call, nor on its place among them, to the last bit.
 pub trait Networks: Send {
     /// Logits after the last tokens, and their columns for the cache. Both have the right length when it is called.
     ///
@@ -60,11 +60,11 @@ pub trait Networks: Send {
     /// [`EngineError`] where the engine fails, or gives codes that the pack does not have.
     fn encode(&mut self, frames: &Frames) -> Result<Vec<u32>, EngineError>;
 
-    /// Frames of motion codes, in the frame of the first root.
+    /// Frames of each of some windows of motion codes, in the frame of its first root. All windows are of one length.
     ///
     /// # Errors
     /// [`EngineError`] where the engine fails.
-    fn decode(&mut self, codes: &[u32]) -> Result<Frames, EngineError>;
+    fn decode(&mut self, windows: &[&[u32]]) -> Result<Vec<Frames>, EngineError>;
 
     /// Numbers D of a frame in the flow decoder's state; none for a pack without one.
     fn flow_width(&self) -> Option<usize>;

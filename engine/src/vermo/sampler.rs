@@ -1,10 +1,14 @@
 //! The choice of a token. It depends on logits, seed and the token's place in the reply alone, never on other sequences.
 
+use std::cmp::Ordering;
+
 use super::reply::Allowed;
 use crate::random::step64;
 
 /// Tokens that repetition looks back at.
 const RECENT: usize = 8;
+/// Candidates that are sorted before more are looked at.
+const SORTED_AT_ONCE: usize = 64;
 
 /// How tokens are chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,20 +41,22 @@ impl Sampler {
         sampling: &Sampling,
         (seed, index): (u64, u64),
     ) -> Option<u32> {
-        let recent = &reply[reply.len().saturating_sub(RECENT)..];
-        let codes = &allowed.codes;
-        self.candidates.clear();
+        let Allowed { codes, mark } = allowed;
+        let candidates = &mut self.candidates;
+        candidates.clear();
         for id in allowed.ids() {
             let logit = *logits.get(id as usize).filter(|logit| logit.is_finite())?;
-            let repeats = sampling.repetition != 1.0 && codes.contains(&id) && recent.contains(&id);
-            self.candidates.push((
-                if repeats {
-                    weakened(logit, sampling.repetition)
-                } else {
-                    logit
-                },
-                id,
-            ));
+            candidates.push((logit, id));
+        }
+        if sampling.repetition != 1.0 {
+            let recent = &reply[reply.len().saturating_sub(RECENT)..];
+            for (n, id) in recent.iter().enumerate() {
+                if codes.contains(id) && !recent[..n].contains(id) {
+                    let at = usize::from(mark.is_some()) + (id - codes.start) as usize;
+                    let logit = &mut candidates[at].0;
+                    *logit = weakened(*logit, sampling.repetition);
+                }
+            }
         }
         match sampling.temperature > 0.0 {
             true => self.draw(sampling, unit(seed, index)),
@@ -72,37 +78,51 @@ impl Sampler {
     /// Cuts to the likeliest by number, then by probability, and draws at `unit` in [0, 1).
     fn draw(&mut self, sampling: &Sampling, unit: f64) -> Option<u32> {
         let candidates = &mut self.candidates;
-        // Descending; ids part equals, so that the order is always the same.
-        let order = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
         if (1..candidates.len()).contains(&sampling.top_k) {
-            candidates.select_nth_unstable_by(sampling.top_k - 1, order);
+            candidates.select_nth_unstable_by(sampling.top_k - 1, by_likelihood);
             candidates.truncate(sampling.top_k);
         }
-        candidates.sort_unstable_by(order);
-        let top = candidates.first()?.0;
+        let top = candidates.iter().copied().min_by(by_likelihood)?.0;
         let weight = |logit: f32| f64::from((logit - top) / sampling.temperature).exp();
-        let mut total: f64 = candidates.iter().map(|&(logit, _)| weight(logit)).sum();
-        if sampling.top_p < 1.0 {
-            let wanted = f64::from(sampling.top_p) * total;
-            let mut sum = 0.0;
-            let enough = candidates.iter().position(|&(logit, _)| {
-                sum += weight(logit);
-                sum >= wanted
-            });
-            if let Some(last) = enough {
-                candidates.truncate(last + 1);
-                total = sum;
-            }
-        }
-        let mut left = unit * total;
-        for &(logit, id) in &*candidates {
-            left -= weight(logit);
-            if left < 0.0 {
-                return Some(id);
-            }
-        }
-        candidates.last().map(|&(_, id)| id)
+        let all: f64 = candidates.iter().map(|&(logit, _)| weight(logit)).sum();
+        let drawn_from = match sampling.top_p < 1.0 {
+            true => self.likeliest_until(f64::from(sampling.top_p) * all, weight).1,
+            false => all,
+        };
+        let (last, _) = self.likeliest_until(unit * drawn_from, weight);
+        Some(self.candidates.get(last)?.1)
     }
+
+    /// Goes through the candidates, the likeliest first, until their weights are together `wanted`. Gives the index of the last
+    /// one, behind which nothing is in order, and the sum.
+    ///
+    /// A few are nearly all of it, so that no more than those are sorted.
+    fn likeliest_until(&mut self, wanted: f64, weight: impl Fn(f32) -> f64) -> (usize, f64) {
+        let candidates = &mut self.candidates;
+        let mut sum = 0.0;
+        let mut sorted = 0;
+        while sorted < candidates.len() {
+            let rest = &mut candidates[sorted..];
+            let more = SORTED_AT_ONCE.max(sorted).min(rest.len());
+            if more < rest.len() {
+                rest.select_nth_unstable_by(more, by_likelihood);
+            }
+            rest[..more].sort_unstable_by(by_likelihood);
+            for (index, &(logit, _)) in rest[..more].iter().enumerate() {
+                sum += weight(logit);
+                if sum >= wanted {
+                    return (sorted + index, sum);
+                }
+            }
+            sorted += more;
+        }
+        (candidates.len().saturating_sub(1), sum)
+    }
+}
+
+/// Descending by logit; ids part equals, so that the order is always the same.
+fn by_likelihood(a: &(f32, u32), b: &(f32, u32)) -> Ordering {
+    b.0.total_cmp(&a.0).then(a.1.cmp(&b.1))
 }
 
 fn weakened(logit: f32, repetition: f32) -> f32 {

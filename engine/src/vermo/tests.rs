@@ -249,7 +249,7 @@ fn stitcher(past: &Frames, start: Vec3) -> Stitcher {
 }
 
 fn decoded(codes: &[u32]) -> Frames {
-    toy(&pack()).decode(codes).unwrap()
+    toy(&pack()).decoded(codes)
 }
 
 fn root(motion: &[f32], frame: usize) -> [f32; 5] {

@@ -29,6 +29,29 @@ pub(super) struct Toy {
     pub broken: Option<u32>,
 }
 
+impl Toy {
+    /// A code goes ahead by as many centimetres a frame, and turns left by as many hundredths.
+    pub(super) fn decoded(&self, codes: &[u32]) -> Frames {
+        let mut frames = Frames::default();
+        let (mut x, mut z, mut heading) = (0.0_f32, 0.0_f32, 0.0_f32);
+        for frame in 0..codes.len() * 4 {
+            if frame > 0 {
+                let code = codes[frame / 4] as f32;
+                heading += 0.01 * code;
+                x += 0.01 * code * heading.sin();
+                z += 0.01 * code * heading.cos();
+            }
+            frames.root.extend([x, 0.9, z, heading.cos(), heading.sin()]);
+            for _ in 0..self.joints {
+                frames.pose.extend([0.0, 0.9, 0.0]);
+                frames.pose.extend(six_d(yaw(heading)));
+            }
+        }
+        assert_eq!(frames.pose.len(), frames.len() * self.joints * FEATURES_PER_JOINT);
+        frames
+    }
+}
+
 /// Whole numbers of a token at a place, as wide as a column.
 fn column(token: i64, place: i64, width: usize) -> impl Iterator<Item = f32> {
     let key = step64(token as u64, place as u64);
@@ -93,25 +116,8 @@ impl Networks for Toy {
             .collect())
     }
 
-    /// A code goes ahead by as many centimetres a frame, and turns left by as many hundredths.
-    fn decode(&mut self, codes: &[u32]) -> Result<Frames, EngineError> {
-        let mut frames = Frames::default();
-        let (mut x, mut z, mut heading) = (0.0_f32, 0.0_f32, 0.0_f32);
-        for frame in 0..codes.len() * 4 {
-            if frame > 0 {
-                let code = codes[frame / 4] as f32;
-                heading += 0.01 * code;
-                x += 0.01 * code * heading.sin();
-                z += 0.01 * code * heading.cos();
-            }
-            frames.root.extend([x, 0.9, z, heading.cos(), heading.sin()]);
-            for _ in 0..self.joints {
-                frames.pose.extend([0.0, 0.9, 0.0]);
-                frames.pose.extend(six_d(yaw(heading)));
-            }
-        }
-        assert_eq!(frames.pose.len(), frames.len() * self.joints * FEATURES_PER_JOINT);
-        Ok(frames)
+    fn decode(&mut self, windows: &[&[u32]]) -> Result<Vec<Frames>, EngineError> {
+        Ok(windows.iter().map(|codes| self.decoded(codes)).collect())
     }
 
     fn flow_width(&self) -> Option<usize> {
@@ -124,7 +130,7 @@ impl Networks for Toy {
         let next: Vec<f32> = (call.state.iter())
             .map(|state| state + call.delta / left * (1.0 - state))
             .collect();
-        let mut frames = self.decode(call.codes)?;
+        let mut frames = self.decoded(call.codes);
         for (root, state) in frames.root.chunks_exact_mut(5).zip(next.chunks_exact(3)) {
             root[1] = state[0];
         }
