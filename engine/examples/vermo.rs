@@ -53,19 +53,46 @@ fn main() -> Result<(), Failed> {
         note("bare loop, 1 sequence (tokens/s)", bench.bare(1)?);
         note("generator, 1 sequence (tokens/s)", bench.written(&[most])?);
         note("bare loop, 32 sequences (tokens/s)", bench.bare(CROWD)?);
-        note(
-            "generator, 32 sequences (tokens/s)",
-            bench.written(&[most; CROWD])?,
-        );
         let lengths: Vec<usize> = LENGTHS.iter().copied().cycle().take(REQUESTS).collect();
-        note(
-            "96 requests of mixed lengths, continuous (tokens/s)",
-            bench.written(&lengths)?,
-        );
-        note(
-            "the same, static batches of 32 (tokens/s)",
-            bench.in_batches(&lengths)?,
-        );
+        let wanted = lengths.iter().sum::<usize>();
+        // Every row goes on as long as the longest one does.
+        let padded = [most; REQUESTS];
+        let all = &padded[..CROWD];
+        let runs: [(&str, &[usize], usize, usize); 4] = [
+            ("generator, 32 sequences", all, CROWD, CROWD * most),
+            (
+                "96 requests of mixed lengths, continuous",
+                &lengths,
+                REQUESTS,
+                wanted,
+            ),
+            (
+                "the same, batches of 32, rows leave when they end",
+                &lengths,
+                CROWD,
+                wanted,
+            ),
+            (
+                "the same, batches of 32, rows stay for the longest",
+                &padded,
+                CROWD,
+                wanted,
+            ),
+        ];
+        for (name, lengths, together, wanted) in runs {
+            bench.shares.clear();
+            bench.ended_ms.clear();
+            let took_s = bench.in_batches(lengths, together)?;
+            let written = wanted as f64 / took_s;
+            note(&format!("{name} (tokens/s)"), written);
+            note(
+                &format!("{name}: a request is whole after, mean (ms)"),
+                bench.whole_ms(),
+            );
+            for (part, took_ms) in std::mem::take(&mut bench.shares) {
+                note(&format!("{name}: time of {part} (%)"), took_ms / took_s / 10.0);
+            }
+        }
         note("first frames after a prompt (ms)", bench.first_frames()?);
     }
     for (name, figures) in &mut found {
@@ -84,6 +111,10 @@ struct Bench {
     networks: OnnxVerMo,
     generator: VerMo,
     text: String,
+    /// Milliseconds of the generator's parts since it was last cleared.
+    shares: Vec<(&'static str, f64)>,
+    /// When requests were whole, milliseconds since the first ones came.
+    ended_ms: Vec<f64>,
 }
 
 impl Bench {
@@ -105,6 +136,8 @@ impl Bench {
         Ok(Self {
             networks: session()?,
             generator,
+            shares: Vec::new(),
+            ended_ms: Vec::new(),
             text: options.text.clone(),
             pack,
         })
@@ -152,31 +185,45 @@ impl Bench {
     /// Tokens a second of so many requests of these lengths, which all come at once; prompts are read and frames decoded.
     fn written(&mut self, lengths: &[usize]) -> Result<f64, Failed> {
         let started = Instant::now();
+        self.write(lengths, started)?;
+        Ok(lengths.iter().sum::<usize>() as f64 / started.elapsed().as_secs_f64())
+    }
+
+    /// Seconds that so many requests of these lengths take, so many at a time: the next ones begin only when all of those before are done.
+    fn in_batches(&mut self, lengths: &[usize], together: usize) -> Result<f64, Failed> {
+        let started = Instant::now();
+        for batch in lengths.chunks(together) {
+            self.write(batch, started)?;
+        }
+        Ok(started.elapsed().as_secs_f64())
+    }
+
+    fn whole_ms(&self) -> f64 {
+        self.ended_ms.iter().sum::<f64>() / self.ended_ms.len() as f64
+    }
+
+    /// Has requests of these lengths answered.
+    fn write(&mut self, lengths: &[usize], started: Instant) -> Result<(), EngineError> {
         for (request, &tokens) in lengths.iter().enumerate() {
             let task = self.task(tokens, request);
             self.generator.admit(id(request), task);
         }
-        self.finish()?;
-        Ok(lengths.iter().sum::<usize>() as f64 / started.elapsed().as_secs_f64())
-    }
-
-    /// The same, where a batch begins only when all of the one before are done.
-    fn in_batches(&mut self, lengths: &[usize]) -> Result<f64, Failed> {
-        let started = Instant::now();
-        for batch in lengths.chunks(CROWD) {
-            self.written(batch)?;
-        }
-        Ok(lengths.iter().sum::<usize>() as f64 / started.elapsed().as_secs_f64())
-    }
-
-    fn finish(&mut self) -> Result<(), EngineError> {
         let mut failed = None;
         while !self.generator.is_idle() {
-            self.generator.step(&mut |_, progress| {
-                if let Progress::Failed(error) = progress {
-                    failed = Some(error);
-                }
+            let ended_ms = &mut self.ended_ms;
+            let report = self.generator.step(&mut |_, progress| match progress {
+                Progress::Failed(error) => failed = Some(error),
+                Progress::Done(_) => ended_ms.push(started.elapsed().as_secs_f64() * 1e3),
+                Progress::Part(_) => {}
             })?;
+            let parts = [("assemble", report.assemble), ("scatter", report.scatter)];
+            for (name, took) in parts.into_iter().chain(report.networks) {
+                let took_ms = took.as_secs_f64() * 1e3;
+                match self.shares.iter_mut().find(|(known, _)| *known == name) {
+                    Some((_, sum)) => *sum += took_ms,
+                    None => self.shares.push((name, took_ms)),
+                }
+            }
         }
         failed.map_or(Ok(()), Err)
     }
