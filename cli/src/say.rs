@@ -1,6 +1,6 @@
 //! `troupe say`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::json;
@@ -27,7 +27,8 @@ const PICTURE_WIDTH: u32 = 1600;
 Examples:
   troupe say \"an elderly man waves\" --out wave.glb
   troupe say \"a person walks in a circle\" --seconds 6 --seed 3 --out circle.bvh --picture circle.png
-  troupe say \"he sits down\" --past walk.bvh --out sit.glb --temperature 0.8 --top-p 0.9")]
+  troupe say \"he sits down\" --past walk.bvh --out sit.glb --temperature 0.8 --top-p 0.9
+  troupe say \"a person waves\" --beside \"a person bows\" --out meeting.glb")]
 pub(crate) struct Say {
     /// What to do.
     #[arg(value_name = "WORDS")]
@@ -48,6 +49,11 @@ pub(crate) struct Say {
     /// Go on from the end of this clip: .bvh, .glb or .npz, or a robot's .csv or .npy. horse.glb#Walk names one animation of several.
     #[arg(long, value_name = "FILE")]
     pub(crate) past: Option<PathBuf>,
+
+    /// What another character does in the same motion; again for a third one. Each has a file of its own: wave.glb, wave-2.glb. For packs
+    /// with the capability `agents`.
+    #[arg(long, value_name = "WORDS", conflicts_with = "past")]
+    pub(crate) beside: Vec<String>,
 
     #[command(flatten)]
     pub(crate) tokens: Tokens,
@@ -72,18 +78,23 @@ pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure>
     let making = client.say(&pack, &prompt(context, command, &pack)?).await?;
     let made = making.whole().await?;
     let took_ms = asked.elapsed().as_secs_f64() * 1e3;
-    format.write(&made.clip, &command.out, command.scale)?;
+    let outs = outs(&command.out, made.others.len());
+    for (clip, out) in [&made.clip].into_iter().chain(&made.others).zip(&outs) {
+        format.write(clip, out, command.scale)?;
+    }
     if let Some(file) = &command.picture {
         let png = draw(command, &pack, &made.clip).map_err(Failure::Other)?;
         std::fs::write(file, png).map_err(|e| Failure::output(file, e))?;
     }
 
-    let (out, frames) = (command.out.display(), made.clip.frames());
+    let frames = made.clip.frames();
+    let outs: Vec<String> = outs.iter().map(|out| out.display().to_string()).collect();
     if command.json {
         return print(&format!(
             "{:#}",
             json!({
-                "out": out.to_string(),
+                "out": outs[0],
+                "beside": outs[1..],
                 "text": command.text,
                 "frames": frames,
                 "pack": pack.name(),
@@ -97,11 +108,20 @@ pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure>
         context.term.note(format_args!("note: {note}"));
     }
     context.term.note(format_args!(
-        "{frames} frames by {} {} written to {out}",
+        "{frames} frames by {} {} written to {}",
         pack.name(),
-        pack.description().version
+        pack.description().version,
+        outs.join(", ")
     ));
     Ok(())
+}
+
+/// A file for each character: the first has the name that was given, others have their number in it.
+fn outs(out: &Path, others: usize) -> Vec<PathBuf> {
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = out.extension().unwrap_or_default().to_string_lossy();
+    let numbered = (2..others + 2).map(|number| out.with_file_name(format!("{stem}-{number}.{ending}")));
+    std::iter::once(out.to_owned()).chain(numbered).collect()
 }
 
 /// What the options ask for.
@@ -109,6 +129,9 @@ fn prompt(context: &Context, command: &Say, pack: &Pack) -> Result<Prompt, Failu
     let mut prompt = Prompt::new(&*command.text)
         .seed(command.tokens.seed)
         .sampling(command.tokens.sampling());
+    for text in &command.beside {
+        prompt = prompt.beside(&**text, &[]);
+    }
     if let Some(seconds) = command.seconds {
         prompt = prompt.seconds(std::time::Duration::from(seconds).as_secs_f32());
     }
@@ -145,6 +168,13 @@ mod tests {
     use troupe_proto::v1;
 
     use super::*;
+
+    #[test]
+    fn each_character_has_a_file() {
+        let names = ["takes/wave.glb", "takes/wave-2.glb", "takes/wave-3.glb"];
+        assert_eq!(outs(Path::new("takes/wave.glb"), 2), names.map(PathBuf::from));
+        assert_eq!(outs(Path::new("wave"), 0), [PathBuf::from("wave")]);
+    }
 
     #[test]
     fn a_language_model_takes_more_of_the_past() {
