@@ -167,6 +167,11 @@ impl Pipeline {
         }
     }
 
+    /// Most characters of a batch.
+    pub fn max_batch(&self) -> usize {
+        self.sizes.largest()
+    }
+
     /// How long a batch took when everything was warm. None before [`Pipeline::warm_up`].
     pub fn trial(&self) -> Option<TrialRun> {
         self.trial

@@ -150,7 +150,7 @@ impl Runner {
     }
 
     fn plan(&mut self, asked: Vec<(usize, PlanRequest)>, runs: &mut [&mut Run<'_>]) -> anyhow::Result<()> {
-        for some in asked.chunks(32) {
+        for some in asked.chunks(self.pipeline.max_batch()) {
             let items: Vec<_> = some
                 .iter()
                 .filter_map(|(_, request)| request.item.keyframes().cloned())
