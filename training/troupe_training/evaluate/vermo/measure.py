@@ -128,10 +128,7 @@ class Measured:
         fill = of_pack(setting.motionbricks, self.train.store.skeleton, torch.get_num_threads())
         seeds = range(setting.seed, setting.seed + setting.samples)
         drawn = [fill(motions, windows, bench.Sampling(temperature=1.0, seed=seed)) for seed in seeds]
-        return {
-            "motionbricks": [fill(motions, windows, bench.Sampling())],
-            "motionbricks, drawn": drawn,
-        }
+        return {"motionbricks": [fill(motions, windows, bench.Sampling())], "motionbricks, drawn": drawn}
 
     def text(self) -> tuple[dict[str, Any], str]:
         """Text to motion beside captured motion, and beside the nearest training caption's clip."""
