@@ -38,6 +38,10 @@ OVERLOAD = (
     ("live_frames_missing", "frames of live characters missing", 1.0, 0),
 )
 
+WORDS_NAMES = {"troupe": "**Troupe**", "fastapi": "FastAPI, in parts", "fastapi-whole": "FastAPI, at the end"}
+WORDS_RATIOS = {"frames_per_s": "tokens/s", "first_frames_ms": "time to the first frames", "answer_ms": "time to all frames"}
+FRAMES_PER_TOKEN = 4
+
 Machine = dict[str, Any]
 Row = dict[str, Any]
 Key = tuple[Any, ...]
@@ -216,6 +220,47 @@ def overload(machines: list[Machine]) -> list[str]:
 
 def _scaled(values: list[float] | None, scale: float) -> list[float] | None:
     return None if values is None else [value * scale for value in values]
+
+
+def words(machines: list[Machine]) -> list[str]:
+    """Motion of words by every target and load."""
+    rows = []
+    for title, row in sorted(each(machines, "words"), key=lambda pair: (pair[1]["clients"], [*WORDS_NAMES].index(pair[1]["target"]))):
+        times = [
+            f"{number(row[f'{what}_p50'])} / {number(row[f'{what}_p99'])}" for what in ("first_frames_ms", "answer_ms")
+        ]
+        rows.append(
+            [
+                WORDS_NAMES[row["target"]],
+                title,
+                str(row["clients"]),
+                number((row["frames_per_s"] or 0.0) / FRAMES_PER_TOKEN),
+                *times,
+                number(row["client_cpus_busy"], 2),
+            ]
+        )
+    heads = ["target", "machine", "requests at once", "tokens/s", "first frames (ms)", "all frames (ms)"]
+    return table([*heads, "cores of the clients"], rows, 2)
+
+
+def words_ratios(machines: list[Machine]) -> list[str]:
+    """Troupe's figures of words by those of FastAPI."""
+    rows = []
+    for title, row in sorted(
+        each(machines, "words", "ratios"), key=lambda pair: (pair[1]["target"], [*WORDS_RATIOS].index(pair[1]["what"]))
+    ):
+        name = f"{WORDS_RATIOS[row['what']]} ÷ those of {WORDS_NAMES[row['target']]}"
+        rows.append([name, title, str(row["clients"]), median_of(row["spread"], 2, " ×")])
+    return table(["", "machine", "requests at once", "ratio"], rows, 2)
+
+
+def words_tuned(machines: list[Machine]) -> list[str]:
+    """Settings of the FastAPI server of words that were tried."""
+    rows = []
+    for title, row in each(machines, "words", "tuned"):
+        text = ", ".join(f"{name} {value}" for name, value in row["options"].items())
+        rows.append([text, title, number(row["frames_per_s"] / FRAMES_PER_TOKEN)])
+    return table(["settings", "machine", "tokens/s"], rows, 2)
 
 
 def ceiling(machines: list[Machine]) -> list[str]:
