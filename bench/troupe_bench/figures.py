@@ -288,12 +288,15 @@ def words(store: Store) -> dict[str, Any]:
         if target == "troupe":
             continue
         ours = key | {"target": "troupe"}
-        for what, path in {"frames_per_s": ("frames_per_s",)} | {name: (name, "p50") for name in WORDS_TIMES}.items():
-            ratios = [mine / its for mine, its in store.turns((ours, *path), (key, *path)) if its]
-            if ratios:
-                shares.append({"engine": "cpu"} | key | {"what": what, "spread": spread(ratios)})
+        for what in ("frames_per_s", *WORDS_TIMES):
+            path = (what, "p50") if what in WORDS_TIMES else (what,)
+            found = [mine / its for mine, its in store.turns((ours, *path), (key, *path)) if its]
+            if found:
+                shares.append({"engine": "cpu"} | key | {"what": what, "spread": spread(found)})
     tried = [key["options"] for key in store.every_key() if "options" in key]
-    tuned = [{"engine": "cpu", "options": o, "frames_per_s": store.median({"options": o}, "frames_per_s")} for o in tried]
+    tuned = [
+        {"engine": "cpu", "options": o, "frames_per_s": store.median({"options": o}, "frames_per_s")} for o in tried
+    ]
     agreed = store.of({"check": "greedy"})
     repeats = len({key["repeat"] for key in store.every_key() if "repeat" in key})
     return {"repeats": repeats, "greedy": agreed[0] if agreed else {}, "rows": rows, "ratios": shares, "tuned": tuned}

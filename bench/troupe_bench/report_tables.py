@@ -39,7 +39,12 @@ OVERLOAD = (
 )
 
 WORDS_NAMES = {"troupe": "**Troupe**", "fastapi": "FastAPI, in parts", "fastapi-whole": "FastAPI, at the end"}
-WORDS_RATIOS = {"frames_per_s": "tokens/s", "first_frames_ms": "time to the first frames", "answer_ms": "time to all frames"}
+WORDS_RATIOS = {
+    "frames_per_s": "tokens/s",
+    "first_frames_ms": "time to the first frames",
+    "answer_ms": "time to all frames",
+}
+WORDS_OTHERS = {"fastapi": "FastAPI's in parts", "fastapi-whole": "FastAPI's at the end"}
 FRAMES_PER_TOKEN = 4
 
 Machine = dict[str, Any]
@@ -225,7 +230,9 @@ def _scaled(values: list[float] | None, scale: float) -> list[float] | None:
 def words(machines: list[Machine]) -> list[str]:
     """Motion of words by every target and load."""
     rows = []
-    for title, row in sorted(each(machines, "words"), key=lambda pair: (pair[1]["clients"], [*WORDS_NAMES].index(pair[1]["target"]))):
+    for title, row in sorted(
+        each(machines, "words"), key=lambda pair: (pair[1]["clients"], [*WORDS_NAMES].index(pair[1]["target"]))
+    ):
         times = [
             f"{number(row[f'{what}_p50'])} / {number(row[f'{what}_p99'])}" for what in ("first_frames_ms", "answer_ms")
         ]
@@ -249,9 +256,15 @@ def words_ratios(machines: list[Machine]) -> list[str]:
     for title, row in sorted(
         each(machines, "words", "ratios"), key=lambda pair: (pair[1]["target"], [*WORDS_RATIOS].index(pair[1]["what"]))
     ):
-        name = f"{WORDS_RATIOS[row['what']]} ÷ those of {WORDS_NAMES[row['target']]}"
+        name = f"{WORDS_RATIOS[row['what']]} ÷ {WORDS_OTHERS[row['target']]}"
         rows.append([name, title, str(row["clients"]), median_of(row["spread"], 2, " ×")])
-    return table(["", "machine", "requests at once", "ratio"], rows, 2)
+    lines = table(["", "machine", "requests at once", "Troupe's ÷ FastAPI's"], rows, 2)
+    for machine in machines:
+        if lines and (greedy := machine["parts"].get("words", {}).get("greedy")):
+            same = f"{greedy['same']} of {greedy['compared']} motions are the same in both"
+            far = f"{number(greedy['largest_m'] * 1e6, 1)} µm"
+            lines += ["", f"{machine['title']}: at temperature 0 {same}; their joints are {far} apart at most."]
+    return lines
 
 
 def words_tuned(machines: list[Machine]) -> list[str]:

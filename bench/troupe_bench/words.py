@@ -34,13 +34,14 @@ def measure(settings: Settings) -> None:
     for repeat in range(settings.repeats):
         # Each turn begins with another target, so that none is always behind the same one.
         for target in (*TARGETS[repeat % len(TARGETS) :], *TARGETS[: repeat % len(TARGETS)]):
-            keys = [{"target": target, "clients": clients, "repeat": repeat} for clients in settings.words_clients]
-            keys = [key for key in keys if not store.of(key)]
-            if not keys:
+            turn: Json = {"target": target, "repeat": repeat}
+            counts = [clients for clients in settings.words_clients if not store.of(turn | {"clients": clients})]
+            if not counts:
                 continue
             with served(target, settings.words_pack, options) as (server, asked):
-                for key in keys:
-                    store.add(key, _loaded(server, asked, key["clients"], settings.warmup_s, settings.measured_s))
+                for clients in counts:
+                    key = turn | {"clients": clients}
+                    store.add(key, _loaded(server, asked, clients, settings.warmup_s, settings.measured_s))
                     say(f"{key}: {_summary(store.of(key)[0])}")
 
 

@@ -142,7 +142,7 @@ def percentiles(values: list[float]) -> Json:
 
 
 def load(target: Target, clients: int, warmup_s: float, measured_s: float) -> Json:
-    """Every client sends its next request when it has its answer, until the time is over; requests on their way are waited for."""
+    """Every client sends its next request when it has its answer, until the time is over. The last answers are waited for."""
     seen, numbers = Seen(), itertools.count()
     begin = time.monotonic() + warmup_s
     end = begin + measured_s

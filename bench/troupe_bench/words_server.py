@@ -1,7 +1,7 @@
 """The plain Python server of words: FastAPI on uvicorn, every request token by token on its own, in a thread pool.
 
-Frames leave in parts while tokens come, or as a whole. Reads its settings from the environment, because uvicorn's worker processes
-import it by name; `main` sets them.
+Frames leave in parts while tokens come, or as a whole. Reads its settings from the environment, because uvicorn's worker
+processes import it by name; `main` sets them.
 """
 
 import argparse
