@@ -7,8 +7,8 @@ given ``[keys, 3]``, local root ``[keys, 4]``, global root ``[keys, 5]``, pose `
 An answer: ``TBA1``, tokens and frames as 32-bit integers, then 32-bit floats: rotations ``[frames, joints, 6]``, root
 ``[frames, 5]``, contacts ``[frames, contacts]``.
 
-A part of a motion of words: ``TBW1``, frames and the bytes that follow as 32-bit integers, then 32-bit floats: root ``[frames, 5]``,
-world rotations ``[frames, joints * 6]``. A part without frames ends the answer.
+A part of a motion of words: ``TBW1``, frames and the bytes that follow as 32-bit integers, then 32-bit floats: root
+``[frames, 5]``, world rotations ``[frames, joints * 6]``. A part without frames ends the answer.
 """
 
 import struct

@@ -284,11 +284,11 @@ def words(store: Store) -> dict[str, Any]:
         row: Row = {"engine": "cpu"} | key | {"frames_per_s": store.median(key, "frames_per_s")}
         for what in WORDS_TIMES:
             row |= {f"{what}_{part}": store.median(key, what, part) for part in LATENCIES}
-        rows.append(row | {"client_cpus_busy": store.median(key, "client_cpus_busy")})
+        rows.append(row | {what: store.median(key, what) for what in ("frames_per_cpu_s", "client_cpus_busy")})
         if target == "troupe":
             continue
         ours = key | {"target": "troupe"}
-        for what in ("frames_per_s", *WORDS_TIMES):
+        for what in ("frames_per_s", "frames_per_cpu_s", *WORDS_TIMES):
             path = (what, "p50") if what in WORDS_TIMES else (what,)
             found = [mine / its for mine, its in store.turns((ours, *path), (key, *path)) if its]
             if found:

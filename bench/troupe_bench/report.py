@@ -69,7 +69,8 @@ run beside them. Before it the load is 90 % of the capacity, after it 50 %.""",
         "words",
         """`models/vermo` in f32: 25 sentences, 60 to 180 frames each, drawn with the pack's own sampling. Each client sends its next request when
 it has its answer. Both servers load the same graphs and the same ONNX Runtime library, and have as many threads for the networks as there
-are cores. Times are p50 / p99 in ms.
+are cores. Times are p50 / p99 in ms. A CPU second is one of the server alone. Troupe's queue has no limit of time here, as FastAPI's has
+none.
 
 [Troupe](words.md) writes all requests together, and sends JSON with rotations of joints and contacts. FastAPI writes each request on its
 own, with its own key-value cache, in a pool of threads, with the fastest [settings](#which-settings-of-fastapi-were-tried-for-words) that

@@ -41,6 +41,7 @@ OVERLOAD = (
 WORDS_NAMES = {"troupe": "**Troupe**", "fastapi": "FastAPI, in parts", "fastapi-whole": "FastAPI, at the end"}
 WORDS_RATIOS = {
     "frames_per_s": "tokens/s",
+    "frames_per_cpu_s": "tokens per CPU second",
     "first_frames_ms": "time to the first frames",
     "answer_ms": "time to all frames",
 }
@@ -241,13 +242,13 @@ def words(machines: list[Machine]) -> list[str]:
                 WORDS_NAMES[row["target"]],
                 title,
                 str(row["clients"]),
-                number((row["frames_per_s"] or 0.0) / FRAMES_PER_TOKEN),
+                *(number((row[what] or 0.0) / FRAMES_PER_TOKEN) for what in ("frames_per_s", "frames_per_cpu_s")),
                 *times,
                 number(row["client_cpus_busy"], 2),
             ]
         )
-    heads = ["target", "machine", "requests at once", "tokens/s", "first frames (ms)", "all frames (ms)"]
-    return table([*heads, "cores of the clients"], rows, 2)
+    heads = ["target", "machine", "requests at once", "tokens/s", "tokens per CPU second"]
+    return table([*heads, "first frames (ms)", "all frames (ms)", "cores of the clients"], rows, 2)
 
 
 def words_ratios(machines: list[Machine]) -> list[str]:

@@ -1,7 +1,7 @@
 """A VerMo pack in Python, one sequence at a time: words to tokens to frames, with numpy and ONNX Runtime.
 
-`docs/vermo-pack.md` says how messages are written and what the graphs read. Motion leaves in the parts that a Troupe server gives: 4
-tokens, then 8 at a time. Each is decoded with the 4 tokens before it, and 2 are held back while more may come.
+`docs/vermo-pack.md` says how messages are written and what the graphs read. Motion leaves in parts, as a Troupe server gives it:
+4 tokens, then 8 at a time. Each is decoded with the 4 tokens before it, and 2 are held back while more may come.
 """
 
 import tomllib

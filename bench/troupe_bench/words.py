@@ -46,15 +46,16 @@ def measure(settings: Settings) -> None:
 
 
 @contextlib.contextmanager
-def served(target: str, pack: Path, options: Json) -> Iterator[tuple[programs.Running, Target]]:
-    """A target that runs, with as many threads for its networks as there are cores."""
+def served(target: str, pack: Path, settings: Json) -> Iterator[tuple[programs.Running, Target]]:
+    """A target that runs: Troupe with as many threads for its networks as there are cores, FastAPI with `settings`."""
     if target == "troupe":
-        threads = ("--threads", str(max(1, int(cores()))))
-        with programs.troupe("cpu", pack, *threads, "--store", "") as server:
+        # FastAPI lets requests wait as long as they have to, so Troupe is to do the same.
+        options = ("--threads", str(max(1, int(cores()))), "--max-queue-ms", "0", "--store", "")
+        with programs.troupe("cpu", pack, *options) as server:
             yield server, Troupe(server.url, tomllib.loads((pack / "pack.toml").read_text())["name"])
         return
     whole = {"whole": True} if target == "fastapi-whole" else {}
-    with programs.words_server(pack, options | whole) as server:
+    with programs.words_server(pack, settings | whole) as server:
         yield server, Target(server.url)
 
 
@@ -88,7 +89,8 @@ def _loaded(server: programs.Running, asked: Target, clients: int, warmup_s: flo
     run = load(asked, clients, warmup_s, measured_s)
     if run["failed"]:
         raise Failed(f"{run['failed']} requests to {server.name} failed: {run['examples']}")
-    return run | {"server_cpu_s": cpu_seconds(server.pid) - before}
+    # A busy machine changes this less than it changes what came in the time.
+    return run | {"frames_per_cpu_s": run["frames"] / (cpu_seconds(server.pid) - before)}
 
 
 def _summary(run: Json) -> str:

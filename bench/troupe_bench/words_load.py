@@ -129,6 +129,7 @@ class Seen:
             "answer_ms": [1e3 * (last - start) for start, _, last in sent],
         }
         return {
+            "frames": sum(count for _, count in self.parts),
             "frames_per_s": frames / (end - begin),
             "requests": len(sent),
             "failed": len(self.failed),
