@@ -293,13 +293,14 @@ def words(store: Store) -> dict[str, Any]:
             found = [mine / its for mine, its in store.turns((ours, *path), (key, *path)) if its]
             if found:
                 shares.append({"engine": "cpu"} | key | {"what": what, "spread": spread(found)})
-    tried = [key["options"] for key in store.every_key() if "options" in key]
-    tuned = [
-        {"engine": "cpu", "options": o, "frames_per_s": store.median({"options": o}, "frames_per_s")} for o in tried
-    ]
-    agreed = store.of({"check": "greedy"})
+    tuned: list[Row] = []
+    for key in (key for key in store.every_key() if "options" in key):
+        times = {what: store.median(key, what, "p50") for what in WORDS_TIMES}
+        row = {"engine": "cpu", "options": key["options"], "frames_per_s": store.median(key, "frames_per_s")}
+        tuned.append(row | times)
+    checks = [key | store.of(key)[0] for key in store.every_key() if "check" in key]
     repeats = len({key["repeat"] for key in store.every_key() if "repeat" in key})
-    return {"repeats": repeats, "greedy": agreed[0] if agreed else {}, "rows": rows, "ratios": shares, "tuned": tuned}
+    return {"repeats": repeats, "checks": checks, "rows": rows, "ratios": shares, "tuned": tuned}
 
 
 PARTS = {

@@ -82,7 +82,7 @@ once.""",
     (
         "Which settings of FastAPI were tried for words?",
         "words",
-        """Tokens/s with 32 requests at once, frames in parts. `cache_unit`: the language model reads as many columns of the cache as are
+        """With 32 requests at once, frames in parts. The fastest by tokens/s was measured above. `cache_unit`: the language model reads as many columns of the cache as are
 filled, rounded up to a multiple of this (16 where it is not named; 128 is all).""",
         tables.words_tuned,
     ),

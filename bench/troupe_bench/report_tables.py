@@ -252,19 +252,27 @@ def words(machines: list[Machine]) -> list[str]:
 
 
 def words_ratios(machines: list[Machine]) -> list[str]:
-    """Troupe's figures of words by those of FastAPI."""
+    """Troupe's figures of words by those of FastAPI, and how alike the motions are."""
+    found = each(machines, "words", "ratios")
+    loads = sorted({row["clients"] for _, row in found})
     rows = []
-    for title, row in sorted(
-        each(machines, "words", "ratios"), key=lambda pair: (pair[1]["target"], [*WORDS_RATIOS].index(pair[1]["what"]))
-    ):
-        name = f"{WORDS_RATIOS[row['what']]} ÷ {WORDS_OTHERS[row['target']]}"
-        rows.append([name, title, str(row["clients"]), median_of(row["spread"], 2, " ×")])
-    lines = table(["", "machine", "requests at once", "Troupe's ÷ FastAPI's"], rows, 2)
+    for target, other in WORDS_OTHERS.items():
+        for what, text in WORDS_RATIOS.items():
+            for title in dict.fromkeys(title for title, _ in found):
+                at = {
+                    row["clients"]: row["spread"]
+                    for name, row in found
+                    if (name, row["target"], row["what"]) == (title, target, what)
+                }
+                if at:
+                    cells = (median_of(at.get(clients), 2, " ×") for clients in loads)
+                    rows.append([f"{text} ÷ {other}", title, *cells])
+    lines = table(["", "machine", *(f"{clients} at once" for clients in loads)], rows, 2)
     for machine in machines:
-        if lines and (greedy := machine["parts"].get("words", {}).get("greedy")):
-            same = f"{greedy['same']} of {greedy['compared']} motions are the same in both"
-            far = f"{number(greedy['largest_m'] * 1e6, 1)} µm"
-            lines += ["", f"{machine['title']}: at temperature 0 {same}; their joints are {far} apart at most."]
+        for row in rows_of(machine, "words", "checks") if lines else []:
+            same = f"{row['same']} of {row['compared']} {row['check']} motions are the same in both"
+            far = f"{number(row['largest_m'] * 1e6, 1)} µm"
+            lines += ["", f"{machine['title']}: {same}; their joints are {far} apart at most."]
     return lines
 
 
@@ -273,8 +281,9 @@ def words_tuned(machines: list[Machine]) -> list[str]:
     rows = []
     for title, row in each(machines, "words", "tuned"):
         text = ", ".join(f"{name} {value}" for name, value in row["options"].items())
-        rows.append([text, title, number(row["frames_per_s"] / FRAMES_PER_TOKEN)])
-    return table(["settings", "machine", "tokens/s"], rows, 2)
+        speed = number((row["frames_per_s"] or 0.0) / FRAMES_PER_TOKEN)
+        rows.append([text, title, speed, number(row["first_frames_ms"]), number(row["answer_ms"])])
+    return table(["settings", "machine", "tokens/s", "first frames, p50 (ms)", "all frames, p50 (ms)"], rows, 2)
 
 
 def ceiling(machines: list[Machine]) -> list[str]:

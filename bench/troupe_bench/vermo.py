@@ -18,6 +18,7 @@ BOS, EOS, INSTRUCTION, REPLY = 1, 2, 3, 5
 TEXT_TO_MOTION, SPECIALS = 8, 18
 HELD_BACK, LEAD, FIRST_PART, LATER_PART = 2, 4, 4, 8
 RECENT = 8  # tokens that repetition looks back at
+GOLDEN, MASK = 0x9E3779B97F4A7C15, 2**64 - 1
 NUCLEUS = 256  # likeliest tokens that are looked at first: most often they are all that may be drawn
 
 
@@ -52,8 +53,16 @@ class Part:
         return len(self.root)
 
 
-def choose(logits: np.ndarray, recent: np.ndarray, sampling: Sampling, generator: np.random.Generator) -> int:
-    """The next code from the logits ``[codes]``, where codes of `recent` are weakened."""
+def step64(base: int, index: int) -> int:
+    """A random number of 64 bits for a base and an index, as a Troupe server has them (splitmix64)."""
+    bits = (base + GOLDEN * (index + 1)) & MASK
+    bits = ((bits ^ (bits >> 30)) * 0xBF58476D1CE4E5B9) & MASK
+    bits = ((bits ^ (bits >> 27)) * 0x94D049BB133111EB) & MASK
+    return bits ^ (bits >> 31)
+
+
+def choose(logits: np.ndarray, recent: np.ndarray, sampling: Sampling, unit: float) -> int:
+    """The next code from the logits ``[codes]``, where codes of `recent` are weakened. `unit` in [0, 1) decides the draw."""
     if sampling.repetition != 1.0 and len(recent):
         logits = logits.copy()
         seen = np.unique(recent)
@@ -61,7 +70,7 @@ def choose(logits: np.ndarray, recent: np.ndarray, sampling: Sampling, generator
         logits[seen] = np.where(weak > 0, weak / sampling.repetition, weak * sampling.repetition)
     if sampling.temperature == 0.0:
         return int(logits.argmax())
-    weights = np.exp((logits - logits.max()).astype(np.float64) / sampling.temperature)
+    weights = np.exp(((logits - logits.max()) / np.float32(sampling.temperature)).astype(np.float64))
     total = weights.sum()
     count = sampling.top_k or len(weights)
     if sampling.top_k and count < len(weights):
@@ -72,7 +81,7 @@ def choose(logits: np.ndarray, recent: np.ndarray, sampling: Sampling, generator
         order = likeliest(weights, count)
         sums = weights[order].cumsum()
     kept = min(int(np.searchsorted(sums, sampling.top_p * total)) + 1, len(order))
-    return int(order[min(int(np.searchsorted(sums[:kept], generator.random() * sums[kept - 1], "right")), kept - 1)])
+    return int(order[min(int(np.searchsorted(sums[:kept], unit * sums[kept - 1], "right")), kept - 1)])
 
 
 def likeliest(weights: np.ndarray, count: int) -> np.ndarray:
@@ -126,14 +135,16 @@ class VerMo:
     def tokens(self, asked: Asked) -> Iterator[int]:
         """Codes of the reply, one by one."""
         wanted = -(-asked.frames // self.per_token)
-        generator = np.random.default_rng(asked.seed)
+        key = step64(asked.seed, 0)
         cache = np.zeros(self.shape, np.float32)
         fresh, start = self.prompt(asked.text, wanted), 0
         made = np.empty(wanted, np.int64)
         for place in range(wanted):
             logits = self._read(cache, fresh, start)[self.codes]
             start += len(fresh)
-            made[place] = choose(logits, made[max(0, place - RECENT) : place], asked.sampling, generator)
+            made[place] = choose(
+                logits, made[max(0, place - RECENT) : place], asked.sampling, (step64(key, place) >> 11) / 2**53
+            )
             fresh = [self.codes.start + int(made[place])]
             yield int(made[place])
 

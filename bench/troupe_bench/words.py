@@ -18,6 +18,8 @@ from troupe_bench.words_load import Target, Troupe, Words, load, words
 
 TARGETS = ("troupe", "fastapi", "fastapi-whole")
 """`fastapi` gives frames in parts, as Troupe does; `fastapi-whole` decodes a motion once, at its end."""
+CHECKS: dict[str, float | None] = {"greedy": 0.0, "drawn": None}
+"""Temperatures at which both servers are to give the same motion; None is the pack's own."""
 COMPARED = 100
 NEAR_M = 1e-3
 LEAST_SHARE = 0.99
@@ -27,8 +29,10 @@ TUNED_CLIENTS = 32
 def measure(settings: Settings) -> None:
     """Checks, tunes, and measures every target at each number of clients, in turns."""
     store = Store(settings.results, "words")
-    if not store.of({"check": "greedy"}):
-        store.add({"check": "greedy"}, agreement(settings.words_pack, COMPARED // 5 if settings.quick else COMPARED))
+    for name, temperature in CHECKS.items():
+        if not store.of({"check": name}):
+            compared = COMPARED // 5 if settings.quick else COMPARED
+            store.add({"check": name}, agreement(settings.words_pack, name, temperature, compared))
     tune(settings, store)
     options = best_options(store)
     for repeat in range(settings.repeats):
@@ -98,20 +102,20 @@ def _summary(run: Json) -> str:
     return f"{run['frames_per_s'] / 4:,.0f} tokens/s, first frames after {first:.0f} ms, all after {whole:.0f} ms"
 
 
-def agreement(pack: Path, count: int) -> Json:
-    """Asks both servers the same with temperature 0: how many motions are the same, and how far apart joints of those are.
+def agreement(pack: Path, name: str, temperature: float | None, count: int) -> Json:
+    """Asks both servers the same: how many motions are the same, and how far apart joints of those are.
 
     Raises Failed where fewer than 99 of 100 are.
     """
     asked = [words(index) for index in range(count)]
     skeleton = Skeleton(pack)
     with served("troupe", pack, {}) as (_, target):
-        theirs = [skeleton.of_troupe(list(target.ask(one, 0.0))) for one in asked]
+        theirs = [skeleton.of_troupe(list(target.ask(one, temperature))) for one in asked]
     with served("fastapi", pack, python_settings("words", True)[0]) as (_, target):
-        ours = [skeleton.of_python(list(target.ask(one, 0.0))) for one in asked]
+        ours = [skeleton.of_python(list(target.ask(one, temperature))) for one in asked]
     gaps = [gap(a, b, one) for a, b, one in zip(theirs, ours, asked, strict=True)]
     same = [found for found in gaps if found <= NEAR_M]
-    say(f"greedy: {len(same)} of {count} motions are the same; joints of those differ by {max(same, default=0):.1e} m")
+    say(f"{name}: {len(same)} of {count} motions are the same; joints of those differ by {max(same, default=0):.1e} m")
     if len(same) < LEAST_SHARE * count:
         raise Failed(f"only {len(same)} of {count} motions of the Python server are those of the server")
     return {"compared": count, "same": len(same), "largest_m": max(same)}
