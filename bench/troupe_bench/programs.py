@@ -119,8 +119,15 @@ def python_server(kind: str, engine: str, pack: Path, bodies: Path, settings: Js
 
 @contextlib.contextmanager
 def words_server(pack: Path, settings: Json) -> Iterator[Running]:
-    """The Python server of words with ``settings`` as its options."""
-    with _python_served("words", "cpu", ["--pack", str(pack)], settings) as running:
+    """The Python server of words with ``settings`` as its options, once all its processes are ready."""
+    ready = HOME / "logs" / "words.ready"
+    ready.unlink(missing_ok=True)
+    with _python_served("words", "cpu", ["--pack", str(pack), "--ready", str(ready)], settings) as running:
+        end = time.monotonic() + READY_WITHIN_S
+        while len(ready.read_text().split()) < settings.get("workers", 1):
+            if time.monotonic() > end:
+                raise Failed(f"not all processes of the server were ready within {READY_WITHIN_S} s")
+            time.sleep(0.1)
         yield running
 
 

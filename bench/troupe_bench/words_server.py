@@ -45,6 +45,8 @@ async def lifespan(app: FastAPI) -> AsyncIterator[None]:
     app.state.model.warm_up()
     app.state.is_whole = settings.whole
     app.state.pool = ThreadPoolExecutor(settings.pool)
+    with Path(settings.ready).open("a") as ready:
+        ready.write(f"{os.getpid()}\n")
     yield
     app.state.pool.shutdown(cancel_futures=True)
 
@@ -104,6 +106,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--port", type=int, required=True)
     parser.add_argument("--pack", type=Path, default=Path("models/vermo"))
+    parser.add_argument("--ready", type=Path, required=True, help="file that gets a line of each process that is ready")
     parser.add_argument("--threads", type=int, default=1, help="threads of each network")
     parser.add_argument("--no-spin", dest="spin", action="store_false", help="idle threads sleep at once")
     parser.add_argument("--workers", type=int, default=1, help="uvicorn processes, each with its own networks")
