@@ -1,6 +1,7 @@
 """Motion of words, by Troupe and by FastAPI over the same graphs: they agree, FastAPI is tuned, then they take turns."""
 
 import contextlib
+import http.client
 import json
 import tomllib
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ from troupe_bench.machine import cores, cpu_seconds
 from troupe_bench.programs import Failed, say
 from troupe_bench.settings import Settings, python_settings
 from troupe_bench.store import Json, Store
-from troupe_bench.words_load import Target, Troupe, Words, load, words
+from troupe_bench.words_load import TIMEOUT_S, Target, Troupe, Words, load, words
 
 TARGETS = ("troupe", "fastapi", "fastapi-whole")
 """`fastapi` gives frames in parts, as Troupe does; `fastapi-whole` decodes a motion once, at its end."""
@@ -54,8 +55,9 @@ def served(target: str, pack: Path, settings: Json) -> Iterator[tuple[programs.R
     """A target that runs: Troupe with as many threads for its networks as there are cores, FastAPI with `settings`."""
     if target == "troupe":
         # FastAPI lets requests wait as long as they have to, so Troupe is to do the same.
-        options = ("--threads", str(max(1, int(cores()))), "--max-queue-ms", "0", "--store", "")
-        with programs.troupe("cpu", pack, *options) as server:
+        patience = ("--max-queue-ms", "0", "--request-timeout-ms", str(1000 * TIMEOUT_S))
+        threads = ("--threads", str(max(1, int(cores()))))
+        with programs.troupe("cpu", pack, *threads, *patience, "--store", "") as server:
             yield server, Troupe(server.url, tomllib.loads((pack / "pack.toml").read_text())["name"])
         return
     whole = {"whole": True} if target == "fastapi-whole" else {}
@@ -110,15 +112,26 @@ def agreement(pack: Path, name: str, temperature: float | None, count: int) -> J
     asked = [words(index) for index in range(count)]
     skeleton = Skeleton(pack)
     with served("troupe", pack, {}) as (_, target):
-        theirs = [skeleton.of_troupe(list(target.ask(one, temperature))) for one in asked]
+        theirs = [skeleton.of_troupe(answer(target, one, temperature)) for one in asked]
     with served("fastapi", pack, python_settings("words", True)[0]) as (_, target):
-        ours = [skeleton.of_python(list(target.ask(one, temperature))) for one in asked]
+        ours = [skeleton.of_python(answer(target, one, temperature)) for one in asked]
     gaps = [gap(a, b, one) for a, b, one in zip(theirs, ours, asked, strict=True)]
     same = [found for found in gaps if found <= NEAR_M]
     say(f"{name}: {len(same)} of {count} motions are the same; joints of those differ by {max(same, default=0):.1e} m")
     if len(same) < LEAST_SHARE * count:
         raise Failed(f"only {len(same)} of {count} motions of the Python server are those of the server")
     return {"compared": count, "same": len(same), "largest_m": max(same)}
+
+
+def answer(target: Target, asked: Words, temperature: float | None) -> list[tuple[int, bytes]]:
+    """All parts of an answer.
+
+    Raises Failed where the server gives none.
+    """
+    try:
+        return list(target.ask(asked, temperature))
+    except (OSError, ValueError, http.client.HTTPException) as error:
+        raise Failed(f"{asked}: {error}") from error
 
 
 def gap(theirs: np.ndarray, ours: np.ndarray, asked: Words) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 from troupe_bench.body import PART, read_frames_header
 from troupe_bench.store import Json
 
-TIMEOUT_S = 120
+TIMEOUT_S = 300
 SUBJECTS = ("an elderly person", "a happy person", "an angry person", "a proud person", "someone")
 VERBS = ("walks", "waves with the left hand", "dances", "kicks", "bows")
 SENTENCES = tuple(f"{subject} {verb}" for verb, subject in itertools.product(VERBS, SUBJECTS))
