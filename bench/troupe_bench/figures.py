@@ -296,8 +296,8 @@ def words(store: Store) -> dict[str, Any]:
     tuned: list[Row] = []
     for key in (key for key in store.every_key() if "options" in key):
         times = {what: store.median(key, what, "p50") for what in WORDS_TIMES}
-        row = {"engine": "cpu", "options": key["options"], "frames_per_s": store.median(key, "frames_per_s")}
-        tuned.append(row | times)
+        speeds = {what: store.median(key, what) for what in ("frames_per_s", "frames_per_cpu_s")}
+        tuned.append({"engine": "cpu", "options": key["options"]} | speeds | times)
     checks = [key | store.of(key)[0] for key in store.every_key() if "check" in key]
     repeats = len({key["repeat"] for key in store.every_key() if "repeat" in key})
     return {"repeats": repeats, "checks": checks, "rows": rows, "ratios": shares, "tuned": tuned}
