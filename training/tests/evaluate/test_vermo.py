@@ -138,6 +138,7 @@ def test_every_part_is_measured(vermo_run: Path, cache: Path, tmp_path: Path):
     gaps = figures["continuation"]
     assert gaps["prediction, train: vermo"]["diversity"] > 0.0
     assert "prediction, train: motionbricks" not in gaps
+    assert {row["windows"] for row in gaps.values()} == {3}
     # Its gaps end at the frame that it is given; the last velocity does not lead there.
     assert gaps["inbetween, train: motionbricks"]["fde"] < gaps["inbetween, train: last velocity"]["fde"]
     assert gaps["inbetween, train: motionbricks, drawn"]["diversity"] > 0.0
@@ -152,7 +153,7 @@ def test_every_part_is_measured(vermo_run: Path, cache: Path, tmp_path: Path):
     told = tomllib.loads((pack / "pack.toml").read_text())["evaluation"]
     assert told["nearest_train_captured"] == pytest.approx(figures["nearest"]["train: captured"], rel=1e-4)
     report = json.loads(out.read_text())
-    assert "inbetween, train: motionbricks, drawn |" in card
+    assert "inbetween, train: motionbricks, drawn | 3 |" in card
     report["steps"]["tokenizer_steps"] += 1
     out.write_text(json.dumps(report))
     with pytest.raises(SystemExit, match="the figures are of tokenizer_steps"):
