@@ -43,7 +43,7 @@ def test_more_instructions_than_allowed_are_reported(capsys: pytest.CaptureFixtu
 
 
 def test_every_setting_is_tried_once():
-    for kind in ("litserve", "fastapi"):
+    for kind in ("litserve", "fastapi", "words"):
         tried = python_settings(kind, quick=False)
         assert all(tried.count(options) == 1 for options in tried) and len(tried) > 3
 

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from troupe_bench import crowd, machine, parts, programs, serving
+from troupe_bench import crowd, machine, parts, programs, serving, words
 from troupe_bench.programs import Failed, say
 from troupe_bench.report import write_report
 from troupe_bench.settings import Settings
@@ -21,6 +21,7 @@ PARTS: dict[str, tuple[str, Callable[[Settings], None] | None]] = {
     "mixed": ("server and LitServe with segments of all lengths", serving.mixed),
     "live": ("live characters for minutes", crowd.live),
     "overload": ("five times what the server can do", crowd.overload),
+    "words": ("motion of words: server and FastAPI in turns", words.measure),
     "ceiling": ("operations of a segment, and the machine's peak", parts.ceiling),
     "operators": ("time of the networks by kind of operator", parts.operators),
     "paper": ("packs of the paper's size", parts.paper),
@@ -98,7 +99,8 @@ def begin(part: str, settings: Settings, fresh: bool) -> None:
     store = Store(settings.results, part)
     if fresh:
         store.clear()
-    if part not in WITHOUT_PACK and store.of_pack(facts["pack"]):
+    pack = machine.pack_id(settings.words_pack) if part == "words" else facts["pack"]
+    if part not in WITHOUT_PACK and store.of_pack(pack):
         say("what was measured of another pack is forgotten")
 
 

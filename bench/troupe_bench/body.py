@@ -6,6 +6,9 @@ given ``[keys, 3]``, local root ``[keys, 4]``, global root ``[keys, 5]``, pose `
 
 An answer: ``TBA1``, tokens and frames as 32-bit integers, then 32-bit floats: rotations ``[frames, joints, 6]``, root
 ``[frames, 5]``, contacts ``[frames, contacts]``.
+
+A part of a motion of words: ``TBW1``, frames and the bytes that follow as 32-bit integers, then 32-bit floats: root
+``[frames, 5]``, world rotations ``[frames, joints * 6]``. A part without frames ends the answer.
 """
 
 import struct
@@ -15,6 +18,7 @@ import numpy as np
 
 REQUEST = struct.Struct("<4sIII")
 ANSWER = struct.Struct("<4sII")
+PART = struct.Struct("<4sII")
 CONTEXT_FRAMES = 4
 
 
@@ -54,3 +58,30 @@ def write_answer(tokens: int, rotations: np.ndarray, root: np.ndarray, contacts:
     """Writes an answer of one row of each output."""
     header = ANSWER.pack(b"TBA1", tokens, len(root))
     return b"".join((header, rotations.tobytes(), root.tobytes(), contacts.tobytes()))
+
+
+def write_frames(root: np.ndarray | None, rotations: np.ndarray | None) -> bytes:
+    """Writes a part of a motion of words, or its end."""
+    if root is None or rotations is None:
+        return PART.pack(b"TBW1", 0, 0)
+    bodies = root.astype("<f4", copy=False).tobytes() + rotations.astype("<f4", copy=False).tobytes()
+    return PART.pack(b"TBW1", len(root), len(bodies)) + bodies
+
+
+def read_frames_header(header: bytes) -> tuple[int, int]:
+    """Frames of a part, and the bytes behind its header.
+
+    Raises ValueError where it is none.
+    """
+    if len(header) != PART.size:
+        raise ValueError(f"the answer ends inside a part, after {len(header)} bytes of its header")
+    magic, frames, size = PART.unpack(header)
+    if magic != b"TBW1":
+        raise ValueError("the answer is none of frames")
+    return frames, size
+
+
+def read_frames(body: bytes, frames: int) -> tuple[np.ndarray, np.ndarray]:
+    """Roots ``[frames, 5]`` and rotations ``[frames, joints * 6]`` of a part."""
+    numbers = np.frombuffer(body, "<f4")
+    return numbers[: 5 * frames].reshape(frames, 5), numbers[5 * frames :].reshape(frames, -1)

@@ -47,6 +47,8 @@ LIVE = {
     "memory_bytes": ("server", "rss_peak_bytes"),
 }
 
+WORDS_TIMES = ("first_frames_ms", "answer_ms")
+
 Row = dict[str, Any]
 
 
@@ -272,11 +274,41 @@ def tune(store: Store) -> dict[str, Any]:
     return {"rows": [key | {"frames_per_s": store.median(key, *FRAMES)} for key in store.every_key()]}
 
 
+def words(store: Store) -> dict[str, Any]:
+    """Motion of words: every target and load, ratios to FastAPI within each turn, and the settings of FastAPI that were tried."""
+    rows: list[Row] = []
+    shares: list[Row] = []
+    loads = dict.fromkeys((key["target"], key["clients"]) for key in store.every_key() if "clients" in key)
+    for target, clients in loads:
+        key = {"target": target, "clients": clients}
+        row: Row = {"engine": "cpu"} | key | {"frames_per_s": store.median(key, "frames_per_s")}
+        for what in WORDS_TIMES:
+            row |= {f"{what}_{part}": store.median(key, what, part) for part in LATENCIES}
+        rows.append(row | {what: store.median(key, what) for what in ("frames_per_cpu_s", "client_cpus_busy")})
+        if target == "troupe":
+            continue
+        ours = key | {"target": "troupe"}
+        for what in ("frames_per_s", "frames_per_cpu_s", *WORDS_TIMES):
+            path = (what, "p50") if what in WORDS_TIMES else (what,)
+            found = [mine / its for mine, its in store.turns((ours, *path), (key, *path)) if its]
+            if found:
+                shares.append({"engine": "cpu"} | key | {"what": what, "spread": spread(found)})
+    tuned: list[Row] = []
+    for key in (key for key in store.every_key() if "options" in key):
+        times = {what: store.median(key, what, "p50") for what in WORDS_TIMES}
+        speeds = {what: store.median(key, what) for what in ("frames_per_s", "frames_per_cpu_s")}
+        tuned.append({"engine": "cpu", "options": key["options"]} | speeds | times)
+    checks = [key | store.of(key)[0] for key in store.every_key() if "check" in key]
+    repeats = len({key["repeat"] for key in store.every_key() if "repeat" in key})
+    return {"repeats": repeats, "checks": checks, "rows": rows, "ratios": shares, "tuned": tuned}
+
+
 PARTS = {
     "serving": serving,
     "mixed": mixed,
     "live": live,
     "overload": overload,
+    "words": words,
     "ceiling": ceiling,
     "operators": operators,
     "paper": paper,

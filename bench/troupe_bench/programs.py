@@ -25,6 +25,7 @@ RAW_LOOP_JEMALLOC = "engine_throughput_jemalloc"
 """The same with the allocator of the server."""
 CLIP = ROOT / "examples" / "walk.bvh"
 PYTHON_SERVERS = {"litserve": "troupe_bench.litserve_server", "fastapi": "troupe_bench.fastapi_server"}
+PYTHON_SERVERS |= {"words": "troupe_bench.words_server"}
 RUNTIMES = {"cpu": "ort-cpu", "openvino-bf16": "ort-openvino"}
 
 
@@ -110,10 +111,31 @@ def troupe(engine: str, packs: Path, *options: str) -> Iterator[Running]:
 @contextlib.contextmanager
 def python_server(kind: str, engine: str, pack: Path, bodies: Path, settings: Json) -> Iterator[Running]:
     """A Python server with ``settings`` as its options."""
+    options = ["--engine", engine, "--pack", str(pack), "--requests", str(bodies)]
+    with _python_served(kind, engine, options, settings) as running:
+        running.url += "/inbetween"
+        yield running
+
+
+@contextlib.contextmanager
+def words_server(pack: Path, settings: Json) -> Iterator[Running]:
+    """The Python server of words with ``settings`` as its options, once all its processes are ready."""
+    ready = HOME / "logs" / "words.ready"
+    ready.unlink(missing_ok=True)
+    with _python_served("words", "cpu", ["--pack", str(pack), "--ready", str(ready)], settings) as running:
+        end = time.monotonic() + READY_WITHIN_S
+        while len(ready.read_text().split()) < settings.get("workers", 1):
+            if time.monotonic() > end:
+                raise Failed(f"not all processes of the server were ready within {READY_WITHIN_S} s")
+            time.sleep(0.1)
+        yield running
+
+
+@contextlib.contextmanager
+def _python_served(kind: str, engine: str, options: list[str], settings: Json) -> Iterator[Running]:
     port = free_port()
     python, environment = python_of(engine)
-    command = [str(python), "-m", PYTHON_SERVERS[kind], "--port", str(port)]
-    command += ["--engine", engine, "--pack", str(pack), "--requests", str(bodies)]
+    command = [str(python), "-m", PYTHON_SERVERS[kind], "--port", str(port), *options]
     for name, value in settings.items():
         flag = "--" + name.replace("_", "-")
         if value is True:
@@ -122,7 +144,6 @@ def python_server(kind: str, engine: str, pack: Path, bodies: Path, settings: Js
             command += [flag, str(value)]
     environment |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     with _served(kind, command, environment, port, "/health") as running:
-        running.url += "/inbetween"
         yield running
 
 

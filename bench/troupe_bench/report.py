@@ -65,6 +65,28 @@ run beside them. Before it the load is 90 % of the capacity, after it 50 %.""",
         tables.overload,
     ),
     (
+        "How fast is motion of words?",
+        "words",
+        """`models/vermo` in f32: 25 sentences, 60 to 180 frames each, drawn with the pack's own sampling. Each client sends its next request when
+it has its answer. Both servers load the same graphs and the same ONNX Runtime library, and have as many threads for the networks as there
+are cores. Times are p50 / p99 in ms. A CPU second is one of the server alone. Troupe's queue has no limit of time here, as FastAPI's has
+none.
+
+[Troupe](words.md) writes all requests together, and sends JSON with rotations of joints and contacts. FastAPI writes each request on its
+own, with its own key-value cache, in a pool of threads, with the fastest [settings](#which-settings-of-fastapi-were-tried-for-words) that
+were tried. It sends raw arrays as the decoder gives them. *In parts* it decodes as Troupe does, while tokens come. *At the end* it decodes
+once.""",
+        tables.words,
+    ),
+    ("How does that compare with FastAPI?", "words", "", tables.words_ratios),
+    (
+        "Which settings of FastAPI were tried for words?",
+        "words",
+        """With 32 requests at once, frames in parts. The fastest by tokens/s was measured above. `cache_unit`: the language model reads as many columns of the cache as are
+filled, rounded up to a multiple of this (16 where it is not named; 128 is all).""",
+        tables.words_tuned,
+    ),
+    (
         "What is the ceiling?",
         "ceiling",
         """Operations of a segment of 64 frames: two for each multiplication in matrix products and convolutions. The peak is the

@@ -38,6 +38,16 @@ OVERLOAD = (
     ("live_frames_missing", "frames of live characters missing", 1.0, 0),
 )
 
+WORDS_NAMES = {"troupe": "**Troupe**", "fastapi": "FastAPI, in parts", "fastapi-whole": "FastAPI, at the end"}
+WORDS_RATIOS = {
+    "frames_per_s": "tokens/s",
+    "frames_per_cpu_s": "tokens per CPU second",
+    "first_frames_ms": "time to the first frames",
+    "answer_ms": "time to all frames",
+}
+WORDS_OTHERS = {"fastapi": "FastAPI's in parts", "fastapi-whole": "FastAPI's at the end"}
+FRAMES_PER_TOKEN = 4
+
 Machine = dict[str, Any]
 Row = dict[str, Any]
 Key = tuple[Any, ...]
@@ -216,6 +226,65 @@ def overload(machines: list[Machine]) -> list[str]:
 
 def _scaled(values: list[float] | None, scale: float) -> list[float] | None:
     return None if values is None else [value * scale for value in values]
+
+
+def words(machines: list[Machine]) -> list[str]:
+    """Motion of words by every target and load."""
+    rows = []
+    for title, row in sorted(
+        each(machines, "words"), key=lambda pair: (pair[1]["clients"], [*WORDS_NAMES].index(pair[1]["target"]))
+    ):
+        times = [
+            f"{number(row[f'{what}_p50'])} / {number(row[f'{what}_p99'])}" for what in ("first_frames_ms", "answer_ms")
+        ]
+        rows.append(
+            [
+                WORDS_NAMES[row["target"]],
+                title,
+                str(row["clients"]),
+                *(number((row[what] or 0.0) / FRAMES_PER_TOKEN) for what in ("frames_per_s", "frames_per_cpu_s")),
+                *times,
+                number(row["client_cpus_busy"], 2),
+            ]
+        )
+    heads = ["target", "machine", "requests at once", "tokens/s", "tokens per CPU second"]
+    return table([*heads, "first frames (ms)", "all frames (ms)", "cores of the clients"], rows, 2)
+
+
+def words_ratios(machines: list[Machine]) -> list[str]:
+    """Troupe's figures of words by those of FastAPI, and how alike the motions are."""
+    found = each(machines, "words", "ratios")
+    loads = sorted({row["clients"] for _, row in found})
+    rows = []
+    for target, other in WORDS_OTHERS.items():
+        for what, text in WORDS_RATIOS.items():
+            for title in dict.fromkeys(title for title, _ in found):
+                at = {
+                    row["clients"]: row["spread"]
+                    for name, row in found
+                    if (name, row["target"], row["what"]) == (title, target, what)
+                }
+                if at:
+                    cells = (median_of(at.get(clients), 2, " ×") for clients in loads)
+                    rows.append([f"{text} ÷ {other}", title, *cells])
+    lines = table(["", "machine", *(f"{clients} at once" for clients in loads)], rows, 2)
+    for machine in machines:
+        for row in rows_of(machine, "words", "checks") if lines else []:
+            same = f"{row['same']} of {row['compared']} {row['check']} motions are the same in both"
+            far = f"{number(row['largest_m'] * 1e6, 1)} µm"
+            lines += ["", f"{machine['title']}: {same}; their joints are {far} apart at most."]
+    return lines
+
+
+def words_tuned(machines: list[Machine]) -> list[str]:
+    """Settings of the FastAPI server of words that were tried."""
+    rows = []
+    for title, row in each(machines, "words", "tuned"):
+        text = ", ".join(f"{name} {value}" for name, value in row["options"].items())
+        speeds = (number((row[what] or 0.0) / FRAMES_PER_TOKEN) for what in ("frames_per_s", "frames_per_cpu_s"))
+        rows.append([text, title, *speeds, number(row["first_frames_ms"]), number(row["answer_ms"])])
+    heads = ["settings", "machine", "tokens/s", "tokens per CPU second"]
+    return table([*heads, "first frames, p50 (ms)", "all frames, p50 (ms)"], rows, 2)
 
 
 def ceiling(machines: list[Machine]) -> list[str]:

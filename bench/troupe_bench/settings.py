@@ -41,6 +41,8 @@ class Settings:
     request_count: int = 64
     engines: tuple[str, ...] = ("cpu", "openvino-bf16")
     pack: Path = ROOT / "models" / "human"
+    words_clients: tuple[int, ...] = (1, 8, 32)
+    words_pack: Path = ROOT / "models" / "vermo"
     results: Path = field(default=HOME / "results")
     train_python: Path = ROOT / ".venv" / "bin" / "python"
 
@@ -50,12 +52,25 @@ class Settings:
         self.warmup_s, self.measured_s, self.raw_s, self.tune_s = 1.0, 3.0, 0.5, 2.0
         self.idle_s, self.idle_sessions, self.clients = 5.0, 500, (1, 32)
         self.live_characters, self.live_s, self.overload_s = 100, 10.0, 10.0
+        self.words_clients = (1, 8)
 
 
 def python_settings(kind: str, quick: bool) -> list[Json]:
     """What is tried for a Python server; the fastest at 32 clients is measured."""
     many = max(1, math.floor(cores()))
-    if kind == "fastapi":
+    if kind == "words":
+        tried = [
+            {"workers": many, "threads": 1, "pool": 1},
+            {"workers": 1, "threads": 1, "pool": many},
+            {"workers": many, "threads": 1, "pool": 2},
+            {"workers": 1, "threads": 1, "pool": 32},
+            {"workers": many, "threads": 1, "pool": 16},
+            {"workers": 1, "threads": many, "pool": 1},
+            {"workers": 1, "threads": many, "pool": 1, "no_spin": True},
+            {"workers": many, "threads": 1, "pool": 1, "cache_unit": 128},
+            {"workers": many, "threads": 1, "pool": 1, "cache_unit": 1},
+        ]
+    elif kind == "fastapi":
         tried = [
             {"workers": 1, "threads": 1, "pool": many},
             {"workers": 1, "threads": 1, "pool": 2 * many},

@@ -9,13 +9,18 @@ import torch
 
 from troupe_training.cli.main import main
 from troupe_training.data.captions import plain_captions
+from troupe_training.data.motion import Motion
 from troupe_training.data.skeleton import Skeleton
+from troupe_training.data.store import ClipStore, Segments
+from troupe_training.evaluate.bench import Sampling
 from troupe_training.evaluate.vermo.answers import Clip, world
 from troupe_training.evaluate.vermo.continuation import Window, interpolated, joined, last_velocity, moved
+from troupe_training.evaluate.vermo.continuation import windows_of as gaps_of
+from troupe_training.evaluate.vermo.motionbricks import filled, of_pack
 from troupe_training.evaluate.vermo.nearest import WINDOW, nearest, windows_of
 from troupe_training.evaluate.vermo.text import named_by
 from troupe_training.models.vermo.frames import Body
-from troupe_training.train.vermo.corpus import Crop
+from troupe_training.train.vermo.corpus import Crop, Motions
 
 BODY = Body(
     Skeleton(
@@ -68,6 +73,40 @@ def test_interpolation_ends_where_the_gap_does_and_a_joined_motion_too():
     assert torch.allclose(steps, steps[:1].expand_as(steps), atol=1e-5)
 
 
+def test_a_gap_that_is_filled_with_the_captured_segment_is_the_captured_clip(cache: Path):
+    store = ClipStore(cache, "train")
+    motions = Motions(store, None, store.clips)
+    windows = gaps_of(motions, "inbetween", 3)
+    shapes: list[tuple[int, ...]] = []
+
+    def captured_again(segments: Segments, frames: int, _: Sampling) -> Motion:
+        shapes.append((frames, *segments.pose.shape[:2]))
+        return Motion.of(segments)
+
+    clips = filled(captured_again, motions, windows, Sampling())
+    assert shapes == [(4 + 48 + 1, 3, 53)]
+    for clip, window in zip(clips, windows, strict=True):
+        assert clip.pose.shape == window.truth.pose.shape
+        assert torch.allclose(world(clip), world(window.truth), atol=1e-4)
+        assert torch.allclose(clip.root, window.truth.root, atol=1e-4)
+
+
+def test_a_gap_is_pinned_to_what_is_given_on_either_side(cache: Path):
+    store = ClipStore(cache, "train")
+    motions = Motions(store, None, store.clips)
+    windows = gaps_of(motions, "inbetween", 2)
+
+    def astray(segments: Segments, _: int, __: Sampling) -> Motion:
+        truth = Motion.of(segments)
+        return Motion(truth.root + torch.tensor([0.5, 0.0, 0.2]), truth.rotations)
+
+    for clip, window in zip(filled(astray, motions, windows, Sampling()), windows, strict=True):
+        error = (world(clip) - world(window.truth)).norm(dim=-1).mean(-1)
+        assert torch.equal(error[:16], torch.zeros(16)) and torch.equal(error[64:], torch.zeros(16))
+        # The offset is the same at both ends, so pins take it out of every frame between.
+        assert float(error.max()) < 1e-4
+
+
 def test_a_training_clip_is_at_distance_zero_and_another_is_not():
     seen, other = windows_of(walk(80, 1.2, 0.1), 4), windows_of(walk(60, 2.4, 0.1), 8)
     assert seen.shape[1:] == (4, 3, 3) and len(seen) == (80 - WINDOW) // 4 + 1
@@ -86,26 +125,41 @@ def test_a_text_names_what_its_plain_captions_say():
 
 def test_every_part_is_measured(vermo_run: Path, cache: Path, tmp_path: Path):
     out = tmp_path / "figures.json"
+    pack = tmp_path / "pack"
+    where = ["--run", str(vermo_run), "--cache", str(cache), "--out", str(pack)]
+    assert main(["vermo", "export", *where, "--licence", "CC0-1.0", "--name", "tiny"]) == 0
+    bricks = tmp_path / "bricks"
+    assert main(["random-pack", "--preset", "test", "--out", str(bricks), "--like", str(pack)]) == 0
     sizes = ["--max-windows", "3", "--samples", "2", "--json", str(out), "--markdown", str(tmp_path / "figures.md")]
+    sizes += ["--motionbricks", str(bricks)]
     assert main(["vermo", "evaluate", "--run", str(vermo_run), "--cache", str(cache), "--parts", "train", *sizes]) == 0
     figures = json.loads(out.read_text())["figures"]
     assert set(figures["reconstruction"]) == {"train, first stage", "train, flow of 4 steps", "train, flow of 28 steps"}
-    assert figures["continuation"]["prediction, train: vermo"]["diversity"] > 0.0
+    gaps = figures["continuation"]
+    assert gaps["prediction, train: vermo"]["diversity"] > 0.0
+    assert "prediction, train: motionbricks" not in gaps
+    assert {row["windows"] for row in gaps.values()} == {3}
+    # Its gaps end at the frame that it is given; the last velocity does not lead there.
+    assert gaps["inbetween, train: motionbricks"]["fde"] < gaps["inbetween, train: last velocity"]["fde"]
+    assert gaps["inbetween, train: motionbricks, drawn"]["diversity"] > 0.0
     assert figures["text"]["train: captured"]["fid"] == pytest.approx(0.0, abs=1e-6)
     assert 0.0 <= figures["description"]["train"]["content"] <= 1.0
     assert figures["nearest"]["train: captured"]["mean"] >= 0.0
     assert "R@1, pool 32" in (tmp_path / "figures.md").read_text()
 
-    pack = tmp_path / "pack"
-    where = ["--run", str(vermo_run), "--cache", str(cache), "--out", str(pack)]
-    assert main(["vermo", "export", *where, "--licence", "CC0-1.0", "--name", "tiny"]) == 0
     assert main(["vermo", "card", "--pack", str(pack), "--evaluations", str(out)]) == 0
     card = (pack / "README.md").read_text()
     assert "| train, flow of 4 steps |" in card and "### Distance to training clips" in card
     told = tomllib.loads((pack / "pack.toml").read_text())["evaluation"]
     assert told["nearest_train_captured"] == pytest.approx(figures["nearest"]["train: captured"], rel=1e-4)
     report = json.loads(out.read_text())
+    assert "inbetween, train: motionbricks, drawn | 3 |" in card
     report["steps"]["tokenizer_steps"] += 1
     out.write_text(json.dumps(report))
     with pytest.raises(SystemExit, match="the figures are of tokenizer_steps"):
         main(["vermo", "card", "--pack", str(pack), "--evaluations", str(out)])
+
+
+def test_a_pack_of_another_body_is_refused(cache: Path):
+    with pytest.raises(SystemExit, match="moves another body"):
+        of_pack(Path(__file__).parents[3] / "models" / "human", ClipStore(cache, "train").skeleton, 1)

@@ -67,6 +67,11 @@ OPTIONS["--repetition"] = {
 }
 OPTIONS["--samples"] = {"type": int, "default": 4, "help": "answers to each window, for diversity"}
 OPTIONS["--flow-steps"] = {"type": int, "default": 0, "help": "of the flow decoder; 0: the first stage's decoder"}
+OPTIONS["--motionbricks"] = {
+    "type": Path,
+    "metavar": "PACK",
+    "help": "also fill the gaps of the part continuation with this pack of MotionBricks, of the same body",
+}
 OPTIONS["--vermo-preset"] = {"choices": PRESETS, "default": "default", "help": "network sizes"}
 
 
@@ -142,6 +147,7 @@ def export(args: argparse.Namespace) -> int:
         "--top-p",
         "--repetition",
         "--evaluator",
+        "--motionbricks",
         "--seed",
         "--threads",
         "--json",
@@ -160,6 +166,7 @@ def evaluate(args: argparse.Namespace) -> int:
         *(args.run, args.cache, args.parts, sampling, args.max_windows, args.samples, args.flow_steps, args.seed),
         args.evaluator,
         args.task,
+        args.motionbricks,
     )
     measured, text = measure(setting, args.measured)
     if args.markdown:

@@ -27,7 +27,12 @@ the place: tokens hold steps, not places. Codes in use are of the tokens of that
         "Prediction and in-between",
         """\
 Of 80 frames 40 % are given and 60 % made, or 20 % are given on either side of 60 %. Diversity is the distance between samples.
-*Joined* spreads what is missing to the place behind the gap evenly over it.""",
+*Joined* spreads what is missing to the place behind the gap evenly over it.
+
+*MotionBricks* is the pack of `--motionbricks`. It reads four frames before the gap and the first one behind it, and its answer is
+pinned to them, as a server does it. *Drawn* draws its codes at temperature 1. VerMo reads 16 frames on either side. MotionBricks
+needs a frame to lead to, so it has no answer to a prediction. `models/human` was trained on clips of the cells: its rows of
+*cell* are of motion that it has seen.""",
         continuation_table,
     ),
     "text": (

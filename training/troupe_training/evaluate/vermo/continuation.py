@@ -146,7 +146,8 @@ def figures_of(windows: list[Window], samples: list[list[Clip]], encode: Latents
         for window, clip in zip(windows, clips, strict=True):
             error = (world(window.made(clip)) - world(window.made(window.truth))).norm(dim=-1).mean(-1)
             errors.append([float(error.mean()), float(error[-1])])
-    figures = dict(zip(("ade", "fde"), np.mean(errors, 0).tolist(), strict=True))
+    figures: Figures = {"windows": len(windows)}
+    figures |= zip(("ade", "fde"), np.mean(errors, 0).tolist(), strict=True)
     if encode is not None:
         truth = Gaussian(latents(encode, windows, [w.truth for w in windows]))
         figures["fid"] = float(
@@ -162,9 +163,10 @@ def figures_of(windows: list[Window], samples: list[list[Clip]], encode: Latents
 
 def continuation_table(figures: dict[str, Figures]) -> str:
     """Rows by task, split and method."""
-    header = ["", "ADE (mm)", "FDE (mm)", "FID", "diversity (mm)"]
+    header = ["", "windows", "ADE (mm)", "FDE (mm)", "FID", "diversity (mm)"]
     rows = []
     for name, f in figures.items():
-        row = [name, f"{1e3 * f['ade']:.0f}", f"{1e3 * f['fde']:.0f}", f"{f['fid']:.3f}" if "fid" in f else ""]
+        row = [name, f"{f['windows']:.0f}", f"{1e3 * f['ade']:.0f}", f"{1e3 * f['fde']:.0f}"]
+        row.append(f"{f['fid']:.3f}" if "fid" in f else "")
         rows.append([*row, f"{1e3 * f['diversity']:.0f}" if "diversity" in f else ""])
     return markdown(header, rows)

@@ -6,11 +6,13 @@ from typing import Any
 
 import torch
 
+from troupe_training.evaluate import bench
 from troupe_training.evaluate.bench import Latents
-from troupe_training.evaluate.vermo.answers import Model, captured
+from troupe_training.evaluate.vermo.answers import Clip, Model, captured
 from troupe_training.evaluate.vermo.continuation import (
     SPLITS,
     Method,
+    Window,
     answered,
     continuation_table,
     figures_of,
@@ -19,6 +21,7 @@ from troupe_training.evaluate.vermo.continuation import (
     last_velocity,
     windows_of,
 )
+from troupe_training.evaluate.vermo.motionbricks import of_pack
 from troupe_training.evaluate.vermo.nearest import nearest, nearest_table, training_windows
 from troupe_training.evaluate.vermo.nearest import windows_of as motion_windows
 from troupe_training.evaluate.vermo.reconstruction import reconstruction, reconstruction_table, whole_crops
@@ -60,6 +63,7 @@ class Setting:
     seed: int = 1
     evaluator: Path | None = None  # evaluator.onnx, for the FID of continuations
     task: str | None = None  # the specialist to measure
+    motionbricks: Path | None = None  # pack that fills the same gaps
 
 
 class Measured:
@@ -103,7 +107,7 @@ class Measured:
                     continue
                 simple: dict[str, Method] = {"last velocity": last_velocity(body)}
                 if task == "inbetween":
-                    simple = {"interpolated": interpolated(body)}
+                    simple["interpolated"] = interpolated(body)
                 for name, method in simple.items():
                     figures[f"{task}, {split}: {name}"] = figures_of(windows, [[method(w, 0) for w in windows]], encode)
                 seeds = range(setting.seed, setting.seed + setting.samples)
@@ -112,7 +116,19 @@ class Measured:
                 if task == "inbetween":
                     closed = [[joined(c, w) for c, w in zip(clips, windows, strict=True)] for clips in samples]
                     figures[f"{task}, {split}: vermo, joined"] = figures_of(windows, closed, encode)
+                    for name, filled in self.motionbricks(motions, windows).items():
+                        figures[f"{task}, {split}: {name}"] = figures_of(windows, filled, encode)
         return figures, continuation_table(figures)
+
+    def motionbricks(self, motions: Motions, windows: list[Window]) -> dict[str, list[list[Clip]]]:
+        """Gaps as the pack beside fills them, where there is one: with the likeliest codes, and with codes that are drawn."""
+        setting = self.setting
+        if setting.motionbricks is None:
+            return {}
+        fill = of_pack(setting.motionbricks, self.train.store.skeleton, torch.get_num_threads())
+        seeds = range(setting.seed, setting.seed + setting.samples)
+        drawn = [fill(motions, windows, bench.Sampling(temperature=1.0, seed=seed)) for seed in seeds]
+        return {"motionbricks": [fill(motions, windows, bench.Sampling())], "motionbricks, drawn": drawn}
 
     def text(self) -> tuple[dict[str, Any], str]:
         """Text to motion beside captured motion, and beside the nearest training caption's clip."""
