@@ -3,7 +3,6 @@
 All language models are trained over the tokenizer of one run, with its pieces and its judge.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -106,20 +105,6 @@ def planned(seeds: Sequence[int]) -> list[Planned]:
     runs.append(Planned(ONE_STAGE, first, (Part(INSTRUCT, 1.0, scratch=True),)))
     runs += [Planned(task + ALONE, first, (Part(SPECIALIST, 1.0, task, scratch=True),)) for task in TASKS]
     return runs + [Planned(name, first, (Part(TOKENIZER.name, TOKENIZING, quantizer=name),)) for name in QUANTIZERS]
-
-
-def keep_terms(folder: Path, terms: dict[str, Any]) -> None:
-    """Notes what all runs of a study share; ends the command where the study was begun with other terms."""
-    path = folder / "study.json"
-    if path.exists():
-        begun = json.loads(path.read_text())
-        changed = [key for key, value in terms.items() if begun.get(key) != value]
-        if changed:
-            told = ", ".join(f"{key} {begun.get(key)}" for key in changed)
-            raise SystemExit(f"{folder} was begun with {told}: give the same, or another --run")
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(terms, indent=1) + "\n")
 
 
 def begun_with(terms: Terms) -> dict[str, Any]:

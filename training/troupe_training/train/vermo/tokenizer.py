@@ -140,7 +140,9 @@ def train_tokenizer(job: Job, preset: str, quantizer: str = "fsq") -> bool:
     if STAGE.path(job.run).exists():
         begun = config_of(**STAGE.read(job.run)["meta"]["model"]).quantizer
         if begun != quantizer:
-            raise SystemExit(f"{STAGE.path(job.run)} was begun with --quantizer {begun}: give the same, or another --run")
+            raise SystemExit(
+                f"{STAGE.path(job.run)} was begun with --quantizer {begun}: give the same, or another --run"
+            )
     store = ClipStore(job.cache, "train", job.device, job.balance, CROPS)
     config = replace(PRESETS[preset].tokenizer, quantizer=quantizer)
     model = build_tokenizer(config, store)
