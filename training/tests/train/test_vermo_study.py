@@ -65,6 +65,8 @@ def test_a_stopped_study_goes_on_and_ends_in_tables(
     assert not (tmp_path / "text_to_motion-alone").exists() and not (tmp_path / "figures.md").exists()
     first = (tmp_path / "stages-1" / "language-instruct.pt").stat().st_mtime_ns
 
+    with pytest.raises(SystemExit, match="the cache has 0 clips of the part 'cell'"):
+        ablate(vermo_run, cache, tmp_path, "--measure-only", "--parts", "cell")
     assert ablate(vermo_run, cache, tmp_path, "--measure-only", "--only", "stages-2", "one-stage") == 0
     models = json.loads((tmp_path / "figures.json").read_text())["models"]
     assert list(models) == ["stages-2/language-pretrain", "stages-2/language-instruct"]

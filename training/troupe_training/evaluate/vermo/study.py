@@ -135,6 +135,8 @@ class Study:
 
     def _tested(self, split: str) -> Tested:
         motions = Motions(self.store, self.tokenizer, motions_of(None, self.setting.cache, split).clips)
+        if len(motions.clips) < 2:
+            raise SystemExit(f"the cache has {len(motions.clips)} clips of the part '{split}': leave it out of --parts")
         crops = whole_crops(motions, self.setting.most)
         return Tested(motions, crops, [captured(motions, crop) for crop in crops])
 
