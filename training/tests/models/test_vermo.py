@@ -1,5 +1,7 @@
 """VerMo's networks and messages: frames, codes, reach, masks, sampling, and a cache that changes nothing."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -85,6 +87,25 @@ def test_codes_are_levels_and_back():
     assert len(torch.unique(levels[0], dim=0)) == 4375
     bounded = torch.atanh((levels * 0.999).clamp(-0.999, 0.999))
     assert (tokenizer.quantizer.tokens(bounded)[..., 0] == codes).all()
+
+
+def test_a_codebook_gives_the_nearest_of_as_many_codes_and_follows_the_latents():
+    torch.manual_seed(1)
+    config = replace(TINY.tokenizer, quantizer="vq")
+    tokenizer = Tokenizer(config, SKELETON).train()
+    pose, root = motion(4, 64)
+    latent = tokenizer.latent(pose, root).detach()
+    assert latent.shape == (4, 16, config.book_dim) and config.codes == TINY.tokenizer.codes
+    before = torch.cdist(latent.flatten(0, 1), tokenizer.embed(tokenizer.encode(pose, root)).flatten(0, 1)).diagonal()
+    for _ in range(3):
+        tokenizer.quantizer(latent)
+    tokens = tokenizer.encode(pose, root)
+    distance = torch.cdist(latent.flatten(0, 1), tokenizer.quantizer.book[0])
+    chosen = distance.gather(1, tokens.flatten()[:, None])[:, 0]  # codes that begin with the same latent are as near
+    assert torch.allclose(chosen, distance.min(-1).values, atol=1e-3)
+    assert float(chosen.mean()) < 0.5 * float(before.mean())
+    shown, shown_root = tokenizer.decode(tokens)
+    assert shown.shape == pose.shape and shown_root.shape == root.shape
 
 
 def test_a_frame_depends_on_two_tokens_either_side_and_no_more():

@@ -14,9 +14,10 @@ from troupe_training.data.bodies_store import Corpus
 from troupe_training.evaluate.unimogen.networks import load_network
 from troupe_training.evaluate.unimogen.study import measure_study, study_table, told_of
 from troupe_training.models.unimogen.config import PRESETS
+from troupe_training.train.study import keep_terms, picked
 from troupe_training.train.trainer import Budget
 from troupe_training.train.unimogen.stage import Training
-from troupe_training.train.unimogen.study import done, keep_terms, planned, train_all
+from troupe_training.train.unimogen.study import done, planned, train_all
 
 OPTIONS["--alone"] = {"nargs": "*", "default": ["human", "g1", "h1_2"], "help": "bodies to train one network each on"}
 OPTIONS["--unseen"] = {"nargs": "*", "default": ["h1_2", "g1"], "help": "bodies to leave out of one training each"}
@@ -42,12 +43,7 @@ def ablate(args: argparse.Namespace) -> int:
     """Ablations, single and unseen bodies: trains one after another, then measures all. The same command goes on."""
     torch.set_num_threads(args.threads)
     corpus = Corpus(args.cache, "train")
-    runs = planned(corpus.names, args.seeds, args.alone, args.unseen)
-    if args.only:
-        unknown = set(args.only) - {run.name for run in runs}
-        if unknown:
-            raise SystemExit(f"no run {', '.join(sorted(unknown))}; there are {', '.join(run.name for run in runs)}")
-        runs = [run for run in runs if run.name in args.only]
+    runs = picked(planned(corpus.names, args.seeds, args.alone, args.unseen), args.only)
     minutes = args.minutes if args.minutes or args.steps else 60.0
     budget = Budget(minutes=minutes, steps=args.steps, learning_rate=args.rate)
     terms: dict[str, Any] = {

@@ -15,7 +15,7 @@ from troupe_training.export.vermo.pack import SAMPLING
 from troupe_training.export.vermo.random_pack import random_pack as export_random
 from troupe_training.export.vermo.random_pack import write_reference
 from troupe_training.export.vermo.run import export_run
-from troupe_training.models.vermo.config import PRESETS
+from troupe_training.models.vermo.config import PRESETS, QUANTIZERS
 from troupe_training.models.vermo.pieces import Pieces, train_pieces, words_of
 from troupe_training.models.vermo.sampler import Sampling
 from troupe_training.train.trainer import Budget, Job
@@ -49,10 +49,16 @@ DEFAULTS = {
     JUDGE.name: (15.0, 46, 1e-3, 4096),
 }
 CAPTIONS = "captions.json"
+SAMPLED = ("--temperature", "--top-k", "--top-p", "--repetition")
 OPTIONS["vermo_stage"] = {"choices": DEFAULTS, "metavar": "STAGE", "help": ", ".join(DEFAULTS)}
 OPTIONS["--per-step"] = {
     "type": int,
     "help": "frames in one update, tokens for the language model; the stage's own if left out",
+}
+OPTIONS["--quantizer"] = {
+    "choices": QUANTIZERS,
+    "default": "fsq",
+    "help": "the tokenizer's codes: fixed levels, or a codebook, which nothing else works with",
 }
 OPTIONS["--task"] = {"choices": SHARES, "help": f"what a {SPECIALIST} is for"}
 OPTIONS["--each"] = {"type": int, "default": 8, "help": "captions of every clip"}
@@ -94,8 +100,8 @@ def captions(args: argparse.Namespace) -> int:
 
 
 @command(
-    *("vermo_stage", "--cache", "--run", "--vermo-preset", "--balance", "--minutes", "--steps", "--per-step", "--task"),
-    *("--rate", "--fresh-schedule", "--seed", "--device", "--threads"),
+    *("vermo_stage", "--cache", "--run", "--vermo-preset", "--balance", "--quantizer", "--minutes", "--steps"),
+    *("--per-step", "--task", "--rate", "--fresh-schedule", "--seed", "--device", "--threads"),
     group=GROUP,
     run=RUN,
 )
@@ -107,12 +113,14 @@ def train(args: argparse.Namespace) -> int:
     minutes = args.minutes if args.minutes or args.steps else minutes
     if (stage == SPECIALIST) != (args.task is not None):
         raise SystemExit(f"--task is for the stage {SPECIALIST}, which needs it")
+    if args.quantizer != "fsq" and stage != TOKENIZER.name:
+        raise SystemExit(f"--quantizer is for the stage {TOKENIZER.name}: {stage} takes the tokenizer as it is")
     budget = Budget(minutes=minutes, steps=args.steps, learning_rate=args.rate or rate)
     seed = seed if args.seed is None else args.seed
     size = args.per_step or per_step
     job = Job(args.cache, args.run, budget, size, seed, args.device, args.balance, args.fresh_schedule)
     if stage == TOKENIZER.name:
-        done = train_tokenizer(job, args.vermo_preset)
+        done = train_tokenizer(job, args.vermo_preset, args.quantizer)
     elif stage == REFINE.name:
         done = refine_tokenizer(job)
     elif stage == FLOW.name:
@@ -141,18 +149,7 @@ def export(args: argparse.Namespace) -> int:
 
 @command(
     *("--run", "--cache", "--task", "--measured", "--parts", "--max-windows", "--samples", "--flow-steps"),
-    *(
-        "--temperature",
-        "--top-k",
-        "--top-p",
-        "--repetition",
-        "--evaluator",
-        "--motionbricks",
-        "--seed",
-        "--threads",
-        "--json",
-        "--markdown",
-    ),
+    *(*SAMPLED, "--evaluator", "--motionbricks", "--seed", "--threads", "--json", "--markdown"),
     group=GROUP,
     run=RUN,
     seed=1,

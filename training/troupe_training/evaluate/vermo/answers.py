@@ -7,14 +7,14 @@ import torch
 from torch import Tensor
 
 from troupe_training.data.store import ClipStore
-from troupe_training.export.vermo.graphs import Networks
 from troupe_training.export.vermo.run import load_networks
 from troupe_training.models.vermo.config import RATE
-from troupe_training.models.vermo.flow import flow_sample
+from troupe_training.models.vermo.flow import FlowDecoder, flow_sample
 from troupe_training.models.vermo.frames import seen_from_first, world_joints
 from troupe_training.models.vermo.messages import AGENT_SEP, Message
 from troupe_training.models.vermo.pieces import Pieces
 from troupe_training.models.vermo.sampler import Asked, Sampling, replies
+from troupe_training.models.vermo.tokenizer import Tokenizer
 from troupe_training.train.vermo.corpus import Crop, Motions
 from troupe_training.train.vermo.language import PIECES
 
@@ -41,8 +41,10 @@ class Clip:
 class Model:
     """Networks of a run with their pieces, and how they are sampled."""
 
-    def __init__(self, run: Path, store: ClipStore, sampling: Sampling, task: str | None = None):
-        self.networks, self.stage = load_networks(run, store, task)
+    def __init__(
+        self, run: Path, store: ClipStore, sampling: Sampling, task: str | None = None, stage: str | None = None
+    ):
+        self.networks, self.stage = load_networks(run, store, task, stage)
         self.pieces = Pieces.read(run / PIECES)
         self.sampling = sampling
 
@@ -59,26 +61,32 @@ class Model:
                 made.append([token - start for token in ids if token != AGENT_SEP])
         return made
 
+    def motions(self, codes: list[list[int]], flow_steps: int, seed: int) -> list[Clip]:
+        """Motions of codes."""
+        return decoded(self.networks.tokenizer, self.networks.flow, codes, flow_steps, seed)
+
     def texts(self, messages: list[Message]) -> list[str]:
         """Replies of `motion_to_text`, by the largest logit."""
         return [self.pieces.text(pieces) for pieces in self.replies(messages, 0, greedy=True)]
 
 
 @torch.no_grad()
-def decoded(networks: Networks, codes: list[list[int]], flow_steps: int = 0, seed: int = 1) -> list[Clip]:
+def decoded(
+    tokenizer: Tokenizer, flow: FlowDecoder | None, codes: list[list[int]], flow_steps: int = 0, seed: int = 1
+) -> list[Clip]:
     """Motions of codes, by the flow decoder where it has steps."""
     clips = []
     for row, one in enumerate(codes):
         tokens = torch.tensor([one])
         if flow_steps:
-            if networks.flow is None:
+            if flow is None:
                 raise SystemExit("the run has no flow decoder: train the stage 'flow' first")
-            shape = (1, len(one) * RATE, networks.tokenizer.body.state_width)
+            shape = (1, len(one) * RATE, tokenizer.body.state_width)
             noise = torch.randn(shape, generator=torch.Generator().manual_seed(seed + row))
-            state = flow_sample(networks.flow, networks.tokenizer, tokens, noise, flow_steps)
+            state = flow_sample(flow, tokenizer, tokens, noise, flow_steps)
         else:
-            state = networks.tokenizer.state(networks.tokenizer.embed(tokens))
-        pose, root = networks.tokenizer.body.frames(state)
+            state = tokenizer.state(tokenizer.embed(tokens))
+        pose, root = tokenizer.body.frames(state)
         clips.append(Clip(pose[0], root[0]))
     return clips
 

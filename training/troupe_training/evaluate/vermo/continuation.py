@@ -14,7 +14,7 @@ from torch import Tensor
 
 from troupe_training.data.rotations import matrix_to_six_d, six_d_to_matrix
 from troupe_training.evaluate.distribution import Gaussian, frechet, pairwise_distance
-from troupe_training.evaluate.vermo.answers import Clip, Model, captured, decoded, markdown, world
+from troupe_training.evaluate.vermo.answers import Clip, Model, captured, markdown, world
 from troupe_training.models.vermo.config import RATE
 from troupe_training.models.vermo.frames import Body, features, state_of, turned
 from troupe_training.models.vermo.messages import Message
@@ -126,7 +126,7 @@ def answered(model: Model, motions: Motions, task: str, windows: list[Window], s
     codes = [
         m.condition[0][0] + row + (m.condition[0][1] if behind else []) for m, row in zip(messages, made, strict=True)
     ]
-    clips = decoded(model.networks, codes, steps, seed)
+    clips = model.motions(codes, steps, seed)
     return [moved(clip, w.before - 1, w.truth.root[w.before - 1]) for clip, w in zip(clips, windows, strict=True)]
 
 

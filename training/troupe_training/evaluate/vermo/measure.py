@@ -92,7 +92,7 @@ class Measured:
             crops = whole_crops(motions, self.setting.most)
             for count in steps:
                 name = f"{split}, flow of {count} steps" if count else f"{split}, first stage"
-                figures[name] = reconstruction(networks, motions, crops, count)
+                figures[name] = reconstruction(networks.tokenizer, networks.flow, motions, crops, count)
         return figures, reconstruction_table(figures)
 
     def continuation(self) -> tuple[dict[str, Any], str]:

@@ -3,8 +3,9 @@
 import torch
 
 from troupe_training.evaluate.vermo.answers import captured, decoded, markdown
-from troupe_training.export.vermo.graphs import Networks
 from troupe_training.models.vermo.config import MAX_TOKENS, RATE
+from troupe_training.models.vermo.flow import FlowDecoder
+from troupe_training.models.vermo.tokenizer import Tokenizer
 from troupe_training.train.vermo.corpus import Crop, Motions
 
 Figures = dict[str, float]
@@ -18,7 +19,9 @@ def whole_crops(motions: Motions, most: int | None = None, tokens: int = MAX_TOK
     return [Crop(n, clip["start"], min(tokens, clip["frames"] // RATE)) for n, clip in clips]
 
 
-def reconstruction(networks: Networks, motions: Motions, crops: list[Crop], flow_steps: int) -> Figures:
+def reconstruction(
+    tokenizer: Tokenizer, flow: FlowDecoder | None, motions: Motions, crops: list[Crop], flow_steps: int
+) -> Figures:
     """Means over crops, metres.
 
     ``mpjpe``: joints in the world, both from the same first root. ``local``: joints about the root. ``ade``, ``fde``: the root,
@@ -26,7 +29,7 @@ def reconstruction(networks: Networks, motions: Motions, crops: list[Crop], flow
     """
     sums: dict[str, float] = {}
     codes = [motions.codes(crop.start, crop.tokens) for crop in crops]
-    for crop, made in zip(crops, decoded(networks, codes, flow_steps), strict=True):
+    for crop, made in zip(crops, decoded(tokenizer, flow, codes, flow_steps), strict=True):
         truth = captured(motions, crop)
         error = (made.joints - truth.joints).norm(dim=-1)
         place = error[:, 0]
@@ -39,13 +42,17 @@ def reconstruction(networks: Networks, motions: Motions, crops: list[Crop], flow
         }
         for name, value in terms.items():
             sums[name] = sums.get(name, 0.0) + value / len(crops)
-    used = torch.bincount(
-        torch.tensor([code for row in codes for code in row]), minlength=networks.tokenizer.config.codes
-    )
+    return sums | codes_used(codes, tokenizer.config.codes)
+
+
+def codes_used(codes: list[list[int]], count: int) -> Figures:
+    """The share of ``count`` codes that occur, and the exponential of the entropy of all that are said."""
+    used = torch.bincount(torch.tensor([code for row in codes for code in row]), minlength=count)
     share = used / used.sum()
-    sums["codes"] = float((used > 0).float().mean())
-    sums["perplexity"] = float(torch.exp(-(share * torch.log(share + 1e-12)).sum()))
-    return sums
+    return {
+        "codes": float((used > 0).float().mean()),
+        "perplexity": float(torch.exp(-(share * torch.log(share + 1e-12)).sum())),
+    }
 
 
 def reconstruction_table(figures: dict[str, Figures]) -> str:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from troupe_training.data.captions import caption, plain_captions
 from troupe_training.evaluate.distribution import Gaussian, frechet
-from troupe_training.evaluate.vermo.answers import Clip, Model, captured, decoded, markdown
+from troupe_training.evaluate.vermo.answers import Clip, Model, captured, markdown
 from troupe_training.models.vermo.config import RATE
 from troupe_training.models.vermo.judge import Judge
 from troupe_training.models.vermo.messages import Message
@@ -81,7 +81,7 @@ def text_figures(judge: Judge, hidden: Tensor, real: Tensor, asked: list[Asked],
 def generated(model: Model, asked: list[Asked], seed: int, flow_steps: int = 0) -> list[Clip]:
     """Motions for captions, as long as the captured ones."""
     messages = [Message("text_to_motion", [model.pieces.ids(a.text)], length=a.crop.tokens) for a in asked]
-    return decoded(model.networks, model.replies(messages, seed), flow_steps, seed)
+    return model.motions(model.replies(messages, seed), flow_steps, seed)
 
 
 def multimodality(judge: Judge, model: Model, asked: list[Asked], samples: int, flow_steps: int = 0) -> float:

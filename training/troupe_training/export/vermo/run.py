@@ -20,9 +20,11 @@ from troupe_training.train.vermo.tokenizer import STAGE as TOKENIZER
 METHOD = "VerMo (Ling et al. 2025) for the method"
 
 
-def load_networks(run: Path, store: ClipStore, task: str | None = None) -> tuple[Networks, str]:
-    """The networks of a run, and the name of the language model's stage."""
-    stage = latest_stage(run, task)
+def load_networks(
+    run: Path, store: ClipStore, task: str | None = None, stage: str | None = None
+) -> tuple[Networks, str]:
+    """The networks of a run, and the name of the language model's stage: the latest one, of a task's where one is given."""
+    stage = stage or latest_stage(run, task)
     flow = FLOW.load(run, store) if FLOW.path(run).exists() else None
     return Networks(load_tokenizer(run, store), load_language(run, stage), flow), stage
 

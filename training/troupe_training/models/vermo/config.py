@@ -7,21 +7,32 @@ RATE = 4  # frames of a token
 DECODER_REACH = 2  # tokens on either side that a frame of the stage-1 decoder depends on
 MAX_TOKENS = 64  # of motion, for each body: 256 frames, the longest crop of the tokenizer's training
 MIN_TOKENS = 2
+QUANTIZERS = ("fsq", "vq")  # fixed levels, or a learned codebook
 FLOW_STEPS = 28  # Euler steps of the flow decoder (paper, section 4.2)
 
 
 @dataclass(frozen=True)
 class TokenizerConfig:
-    """Widths of the tokenizer's convolutions and levels of its codes (paper: width 512, the same levels)."""
+    """Widths of the tokenizer's convolutions and levels of its codes (paper: width 512, the same levels).
+
+    ``quantizer`` "vq" is a learned codebook of as many codes, for comparison: nothing but the tokenizer works with it.
+    """
 
     width: int = 256
     token_blocks: int = 3  # residual blocks of the encoder at a quarter of the frame rate
     levels: tuple[int, ...] = (7, 5, 5, 5, 5)
+    quantizer: str = "fsq"  # of `QUANTIZERS`
+    book_dim: int = 32  # dimensions of a codebook's codes
 
     @property
     def codes(self) -> int:
         """Number of motion codes."""
         return prod(self.levels)
+
+    @property
+    def code_dim(self) -> int:
+        """Dimensions of what the encoder gives for a token and the decoder takes."""
+        return len(self.levels) if self.quantizer == "fsq" else self.book_dim
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""FlowVQ's first stage (paper, section 4.2): residual convolutions over time, and codes of fixed levels.
+"""FlowVQ's first stage (paper, section 4.2): residual convolutions over time, and codes of fixed levels or of a codebook.
 
 Four frames are a token. There are no normalisation layers, and nothing is causal. A frame of the decoder depends on
 `DECODER_REACH` tokens on either side, exactly, so a stream can decode the end of its tokens again and again.
@@ -12,7 +12,7 @@ from troupe_training.data.precision import full_precision
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.models.layers import FrameConv, Standardiser, stack_frames, unstack_frames
 from troupe_training.models.motionbricks.config import ModelConfig
-from troupe_training.models.motionbricks.quantizers import FiniteScalarQuantizer
+from troupe_training.models.motionbricks.quantizers import quantizer_of
 from troupe_training.models.vermo.config import TokenizerConfig
 from troupe_training.models.vermo.frames import Body, features
 
@@ -50,7 +50,7 @@ class WideBlock(Block):
 
 
 class Encoder(nn.Module):
-    """Standardised features ``[B, F, 9 J + 4]`` to latents ``[B, T, levels]``."""
+    """Standardised features ``[B, F, 9 J + 4]`` to latents ``[B, T, C]``."""
 
     def __init__(self, config: TokenizerConfig, inputs: int):
         super().__init__()
@@ -61,7 +61,7 @@ class Encoder(nn.Module):
         self.pairs = WideBlock(width)
         self.down_token = nn.Linear(2 * width, width)
         self.quads = nn.Sequential(*(WideBlock(width) for _ in range(config.token_blocks)))
-        self.leave = nn.Linear(width, len(config.levels))
+        self.leave = nn.Linear(width, config.code_dim)
 
     def forward(self, x: Tensor) -> Tensor:
         """Latents, of a whole number of tokens."""
@@ -71,12 +71,12 @@ class Encoder(nn.Module):
 
 
 class Decoder(nn.Module):
-    """Levels ``[B, T, levels]`` to standardised states ``[B, F, D]``."""
+    """Levels ``[B, T, C]`` to standardised states ``[B, F, D]``."""
 
     def __init__(self, config: TokenizerConfig, outputs: int):
         super().__init__()
         width = config.width
-        self.enter = nn.Linear(len(config.levels), width)
+        self.enter = nn.Linear(config.code_dim, width)
         self.quads = WideBlock(width)
         self.up_half = nn.Linear(width, 2 * width)
         self.pairs = WideBlock(width)
@@ -101,12 +101,14 @@ class Tokenizer(nn.Module):
         self.feature_scale = Standardiser(9 * self.body.joints + 4)
         self.state_scale = Standardiser(self.body.state_width)
         self.encoder = Encoder(config, 9 * self.body.joints + 4)
-        levels = ModelConfig(heads=1, codes=config.codes, code_dim=len(config.levels), fsq_levels=config.levels)
-        self.quantizer = FiniteScalarQuantizer(levels)
+        levels = config.levels if config.quantizer == "fsq" else ()
+        self.quantizer = quantizer_of(
+            ModelConfig(heads=1, codes=config.codes, code_dim=config.code_dim, fsq_levels=levels)
+        )
         self.decoder = Decoder(config, self.body.state_width)
 
     def latent(self, pose: Tensor, root: Tensor) -> Tensor:
-        """Latents ``[B, T, levels]`` of pose features ``[B, F, 9 J]`` and roots ``[B, F, 5]``."""
+        """Latents ``[B, T, C]`` of pose features ``[B, F, 9 J]`` and roots ``[B, F, 5]``."""
         return self.encoder(self.feature_scale(features(pose, root)))
 
     def encode(self, pose: Tensor, root: Tensor) -> Tensor:
@@ -114,7 +116,7 @@ class Tokenizer(nn.Module):
         return self.quantizer.tokens(self.latent(pose, root))[..., 0]
 
     def embed(self, tokens: Tensor) -> Tensor:
-        """The levels ``[B, T, levels]`` of codes ``[B, T]``, -1 to 1."""
+        """What the decoder takes ``[B, T, C]`` of codes ``[B, T]``; levels are -1 to 1."""
         return self.quantizer.embed(tokens[..., None])
 
     @full_precision

@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from troupe_training.train.trainer import Budget
 from troupe_training.train.unimogen.ablations import ABLATIONS
@@ -49,20 +48,6 @@ def done(run: Path, budget: Budget) -> bool:
         return False
     told = json.loads(path.read_text())
     return budget.progress(told["step"], told["seconds"]) >= 1.0
-
-
-def keep_terms(folder: Path, terms: dict[str, Any]) -> None:
-    """Notes what all runs of a study share; ends the command where the study was begun with other terms."""
-    path = folder / "study.json"
-    if path.exists():
-        begun = json.loads(path.read_text())
-        changed = [key for key, value in terms.items() if begun.get(key) != value]
-        if changed:
-            told = ", ".join(f"{key} {begun.get(key)}" for key in changed)
-            raise SystemExit(f"{folder} was begun with {told}: give the same, or another --run")
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(terms, indent=1) + "\n")
 
 
 def train_all(folder: Path, runs: Sequence[Planned], terms: Training) -> bool:

@@ -182,8 +182,11 @@ def motions_of(run: Path | None, cache: Path, split: str) -> Motions:
     return Motions(store, load_tokenizer(run, store) if run else None, clips)
 
 
-def train_language(job: Job, stage: str, preset: str, task: str | None = None) -> bool:
-    """Trains one stage, resuming its checkpoint; true when the budget is spent or nothing gets better."""
+def train_language(job: Job, stage: str, preset: str, task: str | None = None, scratch: bool = False) -> bool:
+    """Trains one stage, resuming its checkpoint; true when the budget is spent or nothing gets better.
+
+    ``scratch``: it begins with random weights and not with those of the stage before.
+    """
     torch.manual_seed(job.seed)
     pieces = Pieces.read(job.run / PIECES)
     motions = motions_of(job.run, job.cache, "train")
@@ -193,7 +196,7 @@ def train_language(job: Job, stage: str, preset: str, task: str | None = None) -
     sizes = PRESETS[preset]
     tokenizer = motions.tokenizer.config
     vocabulary = Vocabulary(pieces.count, tokenizer.codes, 0, MAX_TOKENS)
-    before = BEFORE.get(stage)
+    before = None if scratch else BEFORE.get(stage)
     if before is None:
         model = LanguageModel(sizes.language, vocabulary, tokenizer.levels, DROPOUT)
     else:

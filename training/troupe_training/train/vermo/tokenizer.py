@@ -4,8 +4,9 @@ Most of a reconstruction's error is drift: small errors of velocity and turn tha
 it has been integrated, over several horizons and over the whole crop.
 """
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Generator, Tensor
@@ -35,6 +36,7 @@ HORIZONS = (4, 16, 64)  # frames over which steps are added up
 # Smallest deviations by which features are divided: metres and parts of unit vectors, then of the local root.
 POSE_FLOOR, ROOT_FLOOR = 0.03, (0.1, 0.1, 0.1, 0.03)
 WEIGHTS = {"rotation": 1.0, "position": 8.0, "root": 0.5, "speed": 0.4, "horizon": 4.0, "heading": 1.0, "world": 3.0}
+COMMITMENT = 0.25  # weight of the distance from latents to a codebook's codes
 BEND = 0.02  # metres below which an error counts by its square
 
 
@@ -54,9 +56,9 @@ def build_tokenizer(config: TokenizerConfig, store: ClipStore) -> Tokenizer:
     return Tokenizer(config, store.skeleton).to(store.device)
 
 
-def config_of(width: int, token_blocks: int, levels: list[int]) -> TokenizerConfig:
+def config_of(levels: list[int], **sizes: Any) -> TokenizerConfig:
     """Sizes as a checkpoint notes them."""
-    return TokenizerConfig(width, token_blocks, tuple(levels))
+    return TokenizerConfig(levels=tuple(levels), **sizes)
 
 
 STAGE = Stage("tokenizer", config_of, build_tokenizer)
@@ -64,8 +66,15 @@ REFINE = Stage("refine", config_of, build_tokenizer)  # the tokenizer again, its
 
 
 def load_tokenizer(run: Path, store: ClipStore) -> Tokenizer:
-    """The tokenizer of a run, its decoder refined where it has been. The codes of a motion are the same."""
-    return (REFINE if REFINE.path(run).exists() else STAGE).load(run, store)
+    """The tokenizer of a run, its decoder refined where it has been. The codes of a motion are the same.
+
+    Ends the command where it has a codebook: language models and packs build on the grid of levels.
+    """
+    stage = REFINE if REFINE.path(run).exists() else STAGE
+    tokenizer = stage.load(run, store)
+    if tokenizer.config.quantizer != "fsq":
+        raise SystemExit(f"{stage.path(run)} has a codebook: all but the tokenizer's training needs --quantizer fsq")
+    return tokenizer
 
 
 def travelled(root: Tensor, frames: int) -> Tensor:
@@ -112,19 +121,30 @@ def tokenizer_loss(store: ClipStore, frames_budget: int, refine: bool = False) -
         batch = store.batch(frames_budget, generator)
         pose, root = batch.pose, batch.global_root
         with torch.set_grad_enabled(not refine):
-            levels, tokens, _ = model.quantizer(model.latent(pose, root))
-        terms = reconstruction_losses(model, model.state(levels), pose, root)
+            embedded, tokens, commitment = model.quantizer(model.latent(pose, root))
+        terms = reconstruction_losses(model, model.state(embedded), pose, root)
+        if model.config.quantizer == "vq":
+            terms["commitment"] = COMMITMENT * commitment
         used = torch.unique(tokens).numel() / tokens.numel()
         return terms | {"_different": torch.tensor(used)}
 
     return loss
 
 
-def train_tokenizer(job: Job, preset: str) -> bool:
-    """Trains the tokenizer, resuming its checkpoint; true when the budget is spent."""
+def train_tokenizer(job: Job, preset: str, quantizer: str = "fsq") -> bool:
+    """Trains the tokenizer, resuming its checkpoint; true when the budget is spent.
+
+    What the checkpoint was begun with, it goes on with: another quantizer ends the command.
+    """
     torch.manual_seed(job.seed)
+    if STAGE.path(job.run).exists():
+        begun = config_of(**STAGE.read(job.run)["meta"]["model"]).quantizer
+        if begun != quantizer:
+            raise SystemExit(
+                f"{STAGE.path(job.run)} was begun with --quantizer {begun}: give the same, or another --run"
+            )
     store = ClipStore(job.cache, "train", job.device, job.balance, CROPS)
-    config = PRESETS[preset].tokenizer
+    config = replace(PRESETS[preset].tokenizer, quantizer=quantizer)
     model = build_tokenizer(config, store)
     set_scale(model.feature_scale, store)
     set_scale(model.state_scale, store, of_state=True)
@@ -136,6 +156,8 @@ def refine_tokenizer(job: Job) -> bool:
     """Trains the decoder of the run's tokenizer further, while its codes stay; true when the budget is spent."""
     torch.manual_seed(job.seed)
     store = ClipStore(job.cache, "train", job.device, job.balance, CROPS)
+    if config_of(**STAGE.read(job.run)["meta"]["model"]).quantizer != "fsq":
+        raise SystemExit(f"{STAGE.path(job.run)} has a codebook: the stage 'refine' needs --quantizer fsq")
     model = STAGE.load(job.run, store)
     model.decoder.requires_grad_(True)
     return job.fit(REFINE.name, model, STAGE.read(job.run)["meta"], tokenizer_loss(store, job.frames_per_step, True))
