@@ -121,6 +121,7 @@ fn prepare_character(
         temperature: character.temperature,
         pose_steps: character.pose_steps.unwrap_or(1),
         root_guide: None,
+        root_override: None,
         gap_poses: Vec::new(),
     };
     let plan = Plan {

@@ -70,6 +70,7 @@ fn item(pack: &Pack, seed: u64) -> KeyframeTask {
         temperature: [0.0, 0.0, 1.0][seed as usize % 3],
         pose_steps: 1 + u32::from(seed.is_multiple_of(7)) * 3,
         root_guide: None,
+        root_override: None,
         gap_poses: Vec::new(),
     }
 }
