@@ -350,7 +350,10 @@ fn the_decoder_alone_sees_an_overridden_root() {
     assert_eq!(motions[1].rotations, [4.0; 24 * 12]);
     let root = |frame: usize| &motions[1].root[frame * 5..][..3];
     assert_eq!(root(3), [3.0; 3]);
-    assert_eq!((root(10), root(23)), ([4.0, 3.0, 1.0].as_slice(), [4.0, 3.0, 1.0].as_slice()));
+    assert_eq!(
+        (root(10), root(23)),
+        ([4.0, 3.0, 1.0].as_slice(), [4.0, 3.0, 1.0].as_slice())
+    );
     assert!(root(7)[0] > 3.5 && root(7)[0] < 4.0);
 }
 

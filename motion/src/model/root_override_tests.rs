@@ -106,7 +106,10 @@ fn headings_turn_the_short_way() {
         heading: Some(heading),
         ..RootKey::default()
     };
-    let made = drawn(&[heading(10, 3.0), heading(16, -3.0), heading(22, 3.0 + 2.0 * PI)], 24);
+    let made = drawn(
+        &[heading(10, 3.0), heading(16, -3.0), heading(22, 3.0 + 2.0 * PI)],
+        24,
+    );
     for (frame, wanted) in [(10, 3.0), (16, -3.0), (22, 3.0)] {
         assert!(wrap_angle(made[frame].heading - wanted).abs() < 1e-5, "{frame}");
     }
