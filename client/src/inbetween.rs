@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use glam::{Quat, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use troupe_motion::clip::Clip;
 use troupe_motion::robot::Robot;
 use troupe_motion::rotation::{from_wxyz, to_wxyz};
@@ -112,6 +112,52 @@ impl Key {
                 root_height,
             }),
             qpos: self.qpos.clone(),
+        }
+    }
+}
+
+/// What the root is to be in a frame of a segment, for [`InBetween::root`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RootKey {
+    frame: u32,
+    ground_m: Vec2,
+    height_m: Option<f32>,
+    heading: Option<f32>,
+}
+
+impl RootKey {
+    /// A place over the ground, world X and Z in metres. The first context frame is frame 0. Height and heading stay as the networks
+    /// make them.
+    pub fn new(frame: u32, ground_m: Vec2) -> Self {
+        Self {
+            frame,
+            ground_m,
+            height_m: None,
+            heading: None,
+        }
+    }
+
+    /// Fixes the height of the root joint too, metres.
+    #[must_use]
+    pub fn height(mut self, height_m: f32) -> Self {
+        self.height_m = Some(height_m);
+        self
+    }
+
+    /// Fixes which way it faces too, radians about +Y.
+    #[must_use]
+    pub fn heading(mut self, heading: f32) -> Self {
+        self.heading = Some(heading);
+        self
+    }
+
+    fn to_message(self) -> v1::RootKey {
+        v1::RootKey {
+            frame: self.frame,
+            x: self.ground_m.x,
+            z: self.ground_m.y,
+            height: self.height_m,
+            heading: self.heading,
         }
     }
 }
@@ -272,6 +318,15 @@ impl InBetween {
         self
     }
 
+    /// Where the root is to be in some frames, in rising order, or in every one. Between them the predicted way is moved along by a smooth
+    /// curve; the pose tokens stay those of the predicted way. The segment's length must be given ([`SegmentLength::Frames`], or that of a
+    /// clip).
+    #[must_use]
+    pub fn root(mut self, keys: impl IntoIterator<Item = RootKey>) -> Self {
+        self.character.root = keys.into_iter().map(RootKey::to_message).collect();
+        self
+    }
+
     /// The task on the wire.
     ///
     /// # Errors
@@ -429,6 +484,20 @@ mod tests {
         assert_eq!(
             gap.context[0].pose.as_ref().unwrap().rotations,
             [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+        );
+    }
+
+    #[test]
+    fn given_roots_are_on_the_wire() {
+        let gap = InBetween::from_clip(&clip(60), 10, 30).unwrap().root([
+            RootKey::new(8, Vec2::new(0.5, 1.0)),
+            RootKey::new(12, Vec2::new(0.6, 1.5)).height(0.9).heading(-0.2),
+        ]);
+        let roots = gap.to_message(&pack()).unwrap().root;
+        let all = roots.iter().map(|root| (root.frame, root.x, root.z, root.height, root.heading));
+        assert_eq!(
+            all.collect::<Vec<_>>(),
+            [(8, 0.5, 1.0, None, None), (12, 0.6, 1.5, Some(0.9), Some(-0.2))]
         );
     }
 

@@ -52,7 +52,7 @@ mod words;
 pub use connection::{ApiKey, Bearer, Client, ConnectOptions, InBetweenAnswers, KeyedChannel, channel};
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
 pub use generate::{FollowPath, Generated, GeneratedPart, Generating};
-pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
+pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, RootKey, SegmentLength};
 pub use live::{
     Act, Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, Frame, FrameOptions, Frames,
     LivePath, Locomotion, MemberId, PathPoint, Performance, Rate, Recording, Session, SessionOptions,
