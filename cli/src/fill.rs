@@ -34,7 +34,8 @@ pub(crate) struct Gap {
     #[arg(long, default_value_t = 1, value_name = "1-4", value_parser = clap::value_parser!(u8).range(1..=4))]
     pub(crate) target_frames: u8,
 
-    /// TOML file of roots that the motion is to pass: [[root]] with a frame, counted as FROM and TO, and a place [x, z] in metres.
+    /// TOML file of roots that the motion is to pass: [[root]] with a `frame`, counted as FROM and TO, and any of
+    /// `at` ([x, z] in metres), `height_m` and `heading_deg`.
     #[arg(long, value_name = "FILE")]
     pub(crate) roots: Option<PathBuf>,
 
@@ -94,7 +95,11 @@ pub(super) async fn fill(
     length: Option<SegmentLength>,
 ) -> Result<Filled, Failure> {
     // Before any work is done for nothing.
-    let roots = gap.roots.as_deref().map(|file| read_roots(file, gap.from)).transpose()?;
+    let roots = gap
+        .roots
+        .as_deref()
+        .map(|file| read_roots(file, gap.from))
+        .transpose()?;
     let (client, pack) = context.connect_to_pack(&gap.sampling.pack).await?;
     let clip = read_clip(&gap.clip, &pack, gap.scale, &context.term)?;
     let targets = usize::from(gap.target_frames);

@@ -20,7 +20,7 @@ struct File {
 #[serde(deny_unknown_fields)]
 struct Entry {
     frame: Spanned<usize>,
-    at: [f32; 2],
+    at: Option<[f32; 2]>,
     height_m: Option<f32>,
     heading_deg: Option<f32>,
 }
@@ -36,12 +36,19 @@ fn parse(text: &str, from: usize) -> Result<Vec<RootKey>, String> {
     let start = (from + 1).saturating_sub(CONTEXT_FRAMES);
     let key = |entry: &Entry| {
         let frame = *entry.frame.get_ref();
-        let inside = frame.checked_sub(start).and_then(|frame| u32::try_from(frame).ok());
+        let inside = frame
+            .checked_sub(start)
+            .and_then(|frame| u32::try_from(frame).ok());
         let Some(inside) = inside else {
             let line = text[..entry.frame.span().start].matches('\n').count() + 1;
-            return Err(format!("line {line}: frame {frame} is before the segment; allowed: {start} and more"));
+            return Err(format!(
+                "line {line}: frame {frame} is before the segment; allowed: {start} and more"
+            ));
         };
-        let mut key = RootKey::new(inside, Vec2::from(entry.at));
+        let mut key = RootKey::new(inside);
+        if let Some(at) = entry.at {
+            key = key.ground(Vec2::from(at));
+        }
         if let Some(height_m) = entry.height_m {
             key = key.height(height_m);
         }
@@ -71,8 +78,9 @@ mod tests {
             heading_deg = 90
         ";
         let wanted = [
-            RootKey::new(13, Vec2::new(0.3, 1.5)),
-            RootKey::new(23, Vec2::new(0.4, 2.0))
+            RootKey::new(13).ground(Vec2::new(0.3, 1.5)),
+            RootKey::new(23)
+                .ground(Vec2::new(0.4, 2.0))
                 .height(0.9)
                 .heading(std::f32::consts::FRAC_PI_2),
         ];
@@ -83,12 +91,18 @@ mod tests {
     #[test]
     fn what_is_wrong_is_told_with_its_line() {
         let early = parse("[[root]]\nframe = 26\nat = [0, 0]", 30).unwrap_err();
-        assert_eq!(early, "line 2: frame 26 is before the segment; allowed: 27 and more");
+        assert_eq!(
+            early,
+            "line 2: frame 26 is before the segment; allowed: 27 and more"
+        );
         for (text, told) in [
-            ("[[root]]\nframe = 40", "missing field `at`"),
+            ("[[root]]\nat = [0, 0]", "missing field `frame`"),
             ("[[root]]\nframe = -1\nat = [0, 0]", "line 2"),
             ("[[root]]\nframe = 40\nat = [0, 0, 0]", "line 3"),
-            ("[[root]]\nframe = 40\nat = [0, 0]\nheight = 1", "unknown field `height`"),
+            (
+                "[[root]]\nframe = 40\nat = [0, 0]\nheight = 1",
+                "unknown field `height`",
+            ),
         ] {
             let why = parse(text, 30).unwrap_err();
             assert!(why.contains(told), "{why}");
@@ -97,7 +111,10 @@ mod tests {
 
     #[test]
     fn the_example_is_read() {
-        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/roots/bend.toml"));
+        let file = Path::new(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../examples/roots/bend.toml"
+        ));
         assert!(!read_roots(file, 30).unwrap().is_empty());
     }
 }

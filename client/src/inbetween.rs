@@ -116,49 +116,52 @@ impl Key {
     }
 }
 
-/// What the root is to be in a frame of a segment, for [`InBetween::root`].
+/// What the root is to be in a frame of a segment, for [`InBetween::root`]: any part of place, height and heading. The rest stays as
+/// the networks make it.
+///
+/// ```
+/// use glam::Vec2;
+/// use troupe_client::RootKey;
+///
+/// // Half a metre to the left of the origin in frame 20, counted from the first context frame.
+/// let key = RootKey::new(20).ground(Vec2::new(0.5, 0.0));
+/// # assert_ne!(key, RootKey::new(20));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RootKey {
-    frame: u32,
-    ground_m: Vec2,
-    height_m: Option<f32>,
-    heading: Option<f32>,
+    message: v1::RootKey,
 }
 
 impl RootKey {
-    /// A place over the ground, world X and Z in metres. The first context frame is frame 0. Height and heading stay as the networks
-    /// make them.
-    pub fn new(frame: u32, ground_m: Vec2) -> Self {
+    /// Of a frame; the first context frame is frame 0.
+    pub fn new(frame: u32) -> Self {
         Self {
-            frame,
-            ground_m,
-            height_m: None,
-            heading: None,
+            message: v1::RootKey {
+                frame,
+                ..v1::RootKey::default()
+            },
         }
     }
 
-    /// Fixes the height of the root joint too, metres.
+    /// Fixes its place over the ground: world X and Z, metres.
+    #[must_use]
+    pub fn ground(mut self, place_m: Vec2) -> Self {
+        (self.message.x, self.message.z) = (Some(place_m.x), Some(place_m.y));
+        self
+    }
+
+    /// Fixes the height of the root joint, metres.
     #[must_use]
     pub fn height(mut self, height_m: f32) -> Self {
-        self.height_m = Some(height_m);
+        self.message.height = Some(height_m);
         self
     }
 
-    /// Fixes which way it faces too, radians about +Y.
+    /// Fixes which way it faces, radians about +Y.
     #[must_use]
     pub fn heading(mut self, heading: f32) -> Self {
-        self.heading = Some(heading);
+        self.message.heading = Some(heading);
         self
-    }
-
-    fn to_message(self) -> v1::RootKey {
-        v1::RootKey {
-            frame: self.frame,
-            x: self.ground_m.x,
-            z: self.ground_m.y,
-            height: self.height_m,
-            heading: self.heading,
-        }
     }
 }
 
@@ -323,7 +326,7 @@ impl InBetween {
     /// clip).
     #[must_use]
     pub fn root(mut self, keys: impl IntoIterator<Item = RootKey>) -> Self {
-        self.character.root = keys.into_iter().map(RootKey::to_message).collect();
+        self.character.root = keys.into_iter().map(|key| key.message).collect();
         self
     }
 
@@ -490,14 +493,19 @@ mod tests {
     #[test]
     fn given_roots_are_on_the_wire() {
         let gap = InBetween::from_clip(&clip(60), 10, 30).unwrap().root([
-            RootKey::new(8, Vec2::new(0.5, 1.0)),
-            RootKey::new(12, Vec2::new(0.6, 1.5)).height(0.9).heading(-0.2),
+            RootKey::new(8).ground(Vec2::new(0.5, 1.0)),
+            RootKey::new(12).height(0.9).heading(-0.2),
         ]);
         let roots = gap.to_message(&pack()).unwrap().root;
-        let all = roots.iter().map(|root| (root.frame, root.x, root.z, root.height, root.heading));
+        let all = roots
+            .iter()
+            .map(|root| (root.frame, root.x, root.z, root.height, root.heading));
         assert_eq!(
             all.collect::<Vec<_>>(),
-            [(8, 0.5, 1.0, None, None), (12, 0.6, 1.5, Some(0.9), Some(-0.2))]
+            [
+                (8, Some(0.5), Some(1.0), None, None),
+                (12, None, None, Some(0.9), Some(-0.2))
+            ]
         );
     }
 

@@ -17,18 +17,18 @@ from troupe.v1 import motion_pb2
 
 @dataclass(frozen=True)
 class RootKey:
-    """What the root is to be in a frame of a segment."""
+    """What the root is to be in a frame of a segment: any part of place, height and heading. The rest is as the networks make it."""
 
     frame: int
     """Counted from the first context frame, which is 0."""
-    x: float
-    """World X of the root joint, metres."""
-    z: float
+    x: float | None = None
+    """World X of the root joint, metres; with `z`, or neither."""
+    z: float | None = None
     """World Z of the root joint, metres."""
     height: float | None = None
-    """Height of the root joint, metres. None: as the networks make it."""
+    """Height of the root joint, metres."""
     heading: float | None = None
-    """Radians about +Y. None: as the networks make it."""
+    """Radians about +Y."""
 
     def to_message(self) -> motion_pb2.RootKey:
         """The root on the wire."""

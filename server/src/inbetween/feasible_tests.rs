@@ -109,8 +109,8 @@ fn a_target_in_reach_passes() {
 fn aside(frame: u32, x: f32, z: f32) -> v1::RootKey {
     v1::RootKey {
         frame,
-        x,
-        z,
+        x: Some(x),
+        z: Some(z),
         ..v1::RootKey::default()
     }
 }

@@ -39,12 +39,12 @@ pub(super) struct Around<'a> {
 /// [`FieldError`] for the first value that is not accepted.
 pub(super) fn check_root(
     path: &Path<'_>,
-    given: &[v1::RootKey],
+    asked: &[v1::RootKey],
     around: &Around<'_>,
     segment: &SegmentFrame,
     rig: &Rig,
 ) -> Result<Option<GivenRoot>, FieldError> {
-    if given.is_empty() {
+    if asked.is_empty() {
         return Ok(None);
     }
     let Some(frames) = around.frames else {
@@ -55,23 +55,24 @@ pub(super) fn check_root(
         ));
     };
     let first_target = frames - around.targets.len();
-    let mut keys: Vec<RootKey> = Vec::with_capacity(given.len() + around.targets.len());
+    let mut keys: Vec<RootKey> = Vec::with_capacity(asked.len() + around.targets.len());
     let mut earliest = 0;
-    for (index, root) in given.iter().enumerate() {
+    for (index, root) in asked.iter().enumerate() {
         let path = path.element("root", index);
         let frame = check_frame(&path, root.frame, earliest, frames)?;
         earliest = frame + 1;
-        check_values(&path, root, segment, &rig.skeleton)?;
+        let given = check_values(&path, frame, root, &rig.skeleton)?;
+        check_reach(&path, &given, segment)?;
         let met = match frame.checked_sub(first_target) {
             None => around.context.get(frame).map(|key| ("context", frame, key)),
             Some(target) => around.targets.get(target).map(|key| ("targets", target, key)),
         };
         if let Some((list, nth, key)) = met {
-            check_same(&path, root, key, &format!("{list}[{nth}]"), &rig.skeleton)?;
+            check_same(&path, &given, key, &format!("{list}[{nth}]"), &rig.skeleton)?;
         }
-        keys.push(in_segment(frame, root, segment));
+        keys.push(in_segment(&given, segment));
     }
-    let given = keys.iter().map(|key| key.frame).collect();
+    let entries = keys.iter().map(|key| key.frame).collect();
     for (target, key) in around.targets.iter().enumerate() {
         let Some(root) = key.root else { continue };
         let whole = RootKey::whole(first_target + target, segment.to_segment_root(root));
@@ -82,7 +83,7 @@ pub(super) fn check_root(
     }
     Ok(Some(GivenRoot {
         over: RootOverride::new(keys, around.context.len() - 1),
-        frames: given,
+        frames: entries,
     }))
 }
 
@@ -103,21 +104,44 @@ fn check_frame(path: &Path<'_>, frame: u32, earliest: usize, frames: usize) -> R
     Ok(found)
 }
 
+/// What an entry gives, in the world.
 fn check_values(
     path: &Path<'_>,
+    frame: usize,
     root: &v1::RootKey,
-    segment: &SegmentFrame,
     skeleton: &Skeleton,
-) -> Result<(), FieldError> {
-    finite(&path.field("x"), root.x)?;
-    finite(&path.field("z"), root.z)?;
+) -> Result<RootKey, FieldError> {
+    let ground = match (root.x, root.z) {
+        (Some(x), Some(z)) => Some([finite(&path.field("x"), x)?, finite(&path.field("z"), z)?]),
+        (None, None) => None,
+        (x, _) => {
+            let (missing, given) = if x.is_none() { ("x", "z") } else { ("z", "x") };
+            let message = format!("is missing, and {given} is given");
+            return Err(path.field(missing).error(message, "both x and z, or neither"));
+        }
+    };
+    if ground.is_none() && root.height.is_none() && root.heading.is_none() {
+        return Err(path.error("is empty", "at least one of x and z, height and heading"));
+    }
     if let Some(height) = root.height {
         check_height(&path.field("height"), height, skeleton.ground_y_m)?;
     }
     if let Some(heading) = root.heading {
         finite(&path.field("heading"), heading)?;
     }
-    let distance = (root.x - segment.origin.x).hypot(root.z - segment.origin.z);
+    Ok(RootKey {
+        frame,
+        ground,
+        height: root.height,
+        heading: root.heading,
+    })
+}
+
+fn check_reach(path: &Path<'_>, given: &RootKey, segment: &SegmentFrame) -> Result<(), FieldError> {
+    let Some([x, z]) = given.ground else {
+        return Ok(());
+    };
+    let distance = (x - segment.origin.x).hypot(z - segment.origin.z);
     match distance <= MAX_DISTANCE_M {
         true => Ok(()),
         false => Err(path.error(
@@ -130,13 +154,13 @@ fn check_values(
 /// Checks that a root agrees with the keyframe `name` of the same frame.
 fn check_same(
     path: &Path<'_>,
-    root: &v1::RootKey,
+    root: &RootKey,
     key: &Checked,
     name: &str,
     skeleton: &Skeleton,
 ) -> Result<(), FieldError> {
-    if let Some(at) = key.root.map(|root| root.position) {
-        let off = (root.x - at.x).hypot(root.z - at.z);
+    if let (Some([x, z]), Some(at)) = (root.ground, key.root.map(|root| root.position)) {
+        let off = (x - at.x).hypot(z - at.z);
         if off > PLACE_TOLERANCE_M {
             return Err(path.error(
                 format!("is {off} m over the ground from the root of {name}, which has the same frame"),
@@ -167,13 +191,15 @@ fn check_same(
     Ok(())
 }
 
-fn in_segment(frame: usize, root: &v1::RootKey, segment: &SegmentFrame) -> RootKey {
-    let place = segment.to_segment_position(Vec3::new(root.x, 0.0, root.z));
+fn in_segment(root: &RootKey, segment: &SegmentFrame) -> RootKey {
+    let place = |[x, z]: [f32; 2]| {
+        let place = segment.to_segment_position(Vec3::new(x, 0.0, z));
+        [place.x, place.z]
+    };
     RootKey {
-        frame,
-        ground: Some([place.x, place.z]),
-        height: root.height,
+        ground: root.ground.map(place),
         heading: root.heading.map(|heading| wrap_angle(heading - segment.heading)),
+        ..*root
     }
 }
 

@@ -9,8 +9,8 @@ use crate::inbetween::{Plan, RequestLimits, prepare};
 fn root(frame: u32, x: f32, z: f32) -> v1::RootKey {
     v1::RootKey {
         frame,
-        x,
-        z,
+        x: Some(x),
+        z: Some(z),
         ..v1::RootKey::default()
     }
 }
@@ -97,6 +97,18 @@ fn every_frame_may_have_a_root_that_repeats_the_keyframes() {
 }
 
 #[test]
+fn an_entry_may_give_a_part_alone() {
+    let part = v1::RootKey {
+        frame: 12,
+        heading: Some(0.0),
+        ..v1::RootKey::default()
+    };
+    let over = prepared(character(vec![part])).unwrap().0.root_override.unwrap();
+    assert_eq!((over.keys()[0].ground, over.keys()[0].height), (None, None));
+    assert!((over.keys()[0].heading.unwrap() + FRAC_PI_2).abs() < 1e-5);
+}
+
+#[test]
 fn a_target_without_a_root_takes_the_given_one() {
     let mut posed = character(vec![root(29, 7.0, 3.0)]);
     posed.targets[0].root = None;
@@ -117,13 +129,16 @@ const CASES: &[Case] = &[
     (|c| c.root[1].frame = u32::MAX, "root[1].frame", "11 to 29"),
     (|c| c.root[1].frame = 10, "root[1].frame", "frames that rise from entry to entry"),
     (|c| c.root[1].frame = 0, "root[1].frame", "frames that rise from entry to entry"),
-    (|c| c.root[0].x = f32::NAN, "root[0].x", "a finite number"),
-    (|c| c.root[0].z = f32::INFINITY, "root[0].z", "a finite number"),
+    (|c| c.root[0].x = Some(f32::NAN), "root[0].x", "a finite number"),
+    (|c| c.root[0].z = Some(f32::INFINITY), "root[0].z", "a finite number"),
+    (|c| c.root[0].x = None, "root[0].x", "both x and z, or neither"),
+    (|c| c.root[1].z = None, "root[1].z", "both x and z, or neither"),
+    (|c| c.root[1] = v1::RootKey { frame: 15, ..Default::default() }, "root[1]", "at least one of x and z, height and heading"),
     (|c| c.root[1].height = Some(f32::NAN), "root[1].height", "a finite number"),
     (|c| c.root[1].height = Some(100.5), "root[1].height", "-100 to 100"),
     (|c| c.root[1].heading = Some(f32::NEG_INFINITY), "root[1].heading", "a finite number"),
-    (|c| c.root[0].x = 1.1e4, "root[0]", "at most 10000 m from the last context frame"),
-    (|c| c.root[0].z = f32::MAX, "root[0]", "at most 10000 m from the last context frame"),
+    (|c| c.root[0].x = Some(1.1e4), "root[0]", "at most 10000 m from the last context frame"),
+    (|c| c.root[0].z = Some(f32::MAX), "root[0]", "at most 10000 m from the last context frame"),
     (|c| c.root[0] = root(3, 5.4, 2.0), "root[0]", "x and z within 0.001 m of 5.3 and 2"),
     (|c| c.root[1] = root(29, 7.9, 2.5), "root[1]", "x and z within 0.001 m of 7.9 and 2"),
     (|c| c.root[1] = v1::RootKey { height: Some(0.8), ..root(29, 7.9, 2.0) }, "root[1].height", "within 0.001 m of 0.9, or left out"),

@@ -27,7 +27,16 @@ fn rotations(key: &mut v1::Keyframe) -> &mut Vec<f32> {
     &mut key.pose.as_mut().unwrap().rotations
 }
 
-const CASES: [Case; 24] = [
+fn root(frame: u32, x: f32) -> v1::RootKey {
+    v1::RootKey {
+        frame,
+        x: Some(x),
+        z: Some(0.0),
+        ..v1::RootKey::default()
+    }
+}
+
+const CASES: [Case; 28] = [
     Case {
         what: "a joint too few in the context",
         spoil: |r| rotations(&mut first(r).context[2]).truncate(80),
@@ -204,6 +213,30 @@ const CASES: [Case; 24] = [
         allowed: "1 to 10",
     },
     Case {
+        what: "a given root behind the end",
+        spoil: |r| first(r).root = vec![root(10, 0.0), root(30, 0.0)],
+        field: "characters[0].root[1].frame",
+        allowed: "11 to 29",
+    },
+    Case {
+        what: "given roots out of order",
+        spoil: |r| first(r).root = vec![root(20, 0.0), root(10, 0.0)],
+        field: "characters[0].root[1].frame",
+        allowed: "frames that rise",
+    },
+    Case {
+        what: "an infinite given root",
+        spoil: |r| first(r).root = vec![root(10, f32::INFINITY)],
+        field: "characters[0].root[0].x",
+        allowed: "finite",
+    },
+    Case {
+        what: "a given root that contradicts the target",
+        spoil: |r| first(r).root = vec![root(29, -300.0)],
+        field: "characters[0].root[0]",
+        allowed: "within 0.001 m",
+    },
+    Case {
         what: "a long id",
         spoil: |r| first(r).id = "x".repeat(129),
         field: "characters[0].id",
@@ -273,9 +306,12 @@ fn nulls_to_infinity(value: &mut Value) {
     match value {
         Value::Null => *value = 1e39.into(),
         Value::Array(items) => items.iter_mut().for_each(nulls_to_infinity),
-        // A switch that was left out is null too, and holds no number.
+        // A switch that was left out is null too, and holds no number; so are the rest of a root that gives a place.
         Value::Object(entries) => {
-            let numbers = entries.iter_mut().filter(|(name, _)| *name != "hold_feet");
+            let is_root = entries.contains_key("frame");
+            let left_out =
+                |name: &str| name == "hold_feet" || is_root && ["height", "heading"].contains(&name);
+            let numbers = entries.iter_mut().filter(|(name, _)| !left_out(name));
             numbers.for_each(|(_, value)| nulls_to_infinity(value));
         }
         _ => {}

@@ -255,7 +255,7 @@ fn beside(clip: &Clip, task: Task, metres: f32) -> RootKey {
     let root = clip.root_at(frame);
     let (sin, cos) = root.heading.sin_cos();
     let left = Vec2::new(cos, -sin);
-    RootKey::new(frame as u32, Vec2::new(root.position.x, root.position.z) + metres * left)
+    RootKey::new(frame as u32).ground(Vec2::new(root.position.x, root.position.z) + metres * left)
 }
 
 /// Adds FID and MMD of each method to ground truth; of ground truth between its own halves.

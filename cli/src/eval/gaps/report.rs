@@ -166,7 +166,9 @@ impl Report {
             let bend_m = self.bend_m;
             line(
                 &mut text,
-                format_args!("The pack's motions pass {bend_m} m to the left of their own way in the middle of the gap.\n"),
+                format_args!(
+                    "The pack's motions pass {bend_m} m to the left of their own way in the middle of the gap.\n"
+                ),
             );
         }
         match (&self.evaluator, self.no_evaluator) {
