@@ -306,12 +306,9 @@ fn nulls_to_infinity(value: &mut Value) {
     match value {
         Value::Null => *value = 1e39.into(),
         Value::Array(items) => items.iter_mut().for_each(nulls_to_infinity),
-        // A switch that was left out is null too, and holds no number; so are the rest of a root that gives a place.
+        // A switch that was left out is null too, and holds no number.
         Value::Object(entries) => {
-            let is_root = entries.contains_key("frame");
-            let left_out =
-                |name: &str| name == "hold_feet" || is_root && ["height", "heading"].contains(&name);
-            let numbers = entries.iter_mut().filter(|(name, _)| !left_out(name));
+            let numbers = entries.iter_mut().filter(|(name, _)| *name != "hold_feet");
             numbers.for_each(|(_, value)| nulls_to_infinity(value));
         }
         _ => {}
