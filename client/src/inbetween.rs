@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{Quat, Vec3};
 use troupe_motion::clip::Clip;
 use troupe_motion::robot::Robot;
 use troupe_motion::rotation::{from_wxyz, to_wxyz};
@@ -10,6 +10,7 @@ use troupe_proto::v1;
 
 use crate::error::{AnswerError, RequestError};
 use crate::pack::Pack;
+use crate::root_key::RootKey;
 
 /// Context frames in front of a gap.
 pub const CONTEXT_FRAMES: usize = 4;
@@ -113,55 +114,6 @@ impl Key {
             }),
             qpos: self.qpos.clone(),
         }
-    }
-}
-
-/// What the root is to be in a frame of a segment, for [`InBetween::root`]: any part of place, height and heading. The rest stays as
-/// the networks make it.
-///
-/// ```
-/// use glam::Vec2;
-/// use troupe_client::RootKey;
-///
-/// // Half a metre to the left of the origin in frame 20, counted from the first context frame.
-/// let key = RootKey::new(20).ground(Vec2::new(0.5, 0.0));
-/// # assert_ne!(key, RootKey::new(20));
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RootKey {
-    message: v1::RootKey,
-}
-
-impl RootKey {
-    /// Of a frame; the first context frame is frame 0.
-    pub fn new(frame: u32) -> Self {
-        Self {
-            message: v1::RootKey {
-                frame,
-                ..v1::RootKey::default()
-            },
-        }
-    }
-
-    /// Fixes its place over the ground: world X and Z, metres.
-    #[must_use]
-    pub fn ground(mut self, place_m: Vec2) -> Self {
-        (self.message.x, self.message.z) = (Some(place_m.x), Some(place_m.y));
-        self
-    }
-
-    /// Fixes the height of the root joint, metres.
-    #[must_use]
-    pub fn height(mut self, height_m: f32) -> Self {
-        self.message.height = Some(height_m);
-        self
-    }
-
-    /// Fixes which way it faces, radians about +Y.
-    #[must_use]
-    pub fn heading(mut self, heading: f32) -> Self {
-        self.message.heading = Some(heading);
-        self
     }
 }
 
@@ -326,7 +278,7 @@ impl InBetween {
     /// clip).
     #[must_use]
     pub fn root(mut self, keys: impl IntoIterator<Item = RootKey>) -> Self {
-        self.character.root = keys.into_iter().map(|key| key.message).collect();
+        self.character.root = keys.into_iter().map(RootKey::to_message).collect();
         self
     }
 
@@ -450,6 +402,8 @@ fn check_length<T>(field: &'static str, numbers: &[T], expected: usize) -> Resul
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec2;
+
     use super::*;
     use crate::pack::tests::message;
 

@@ -44,6 +44,7 @@ pub mod live;
 mod metrics;
 mod pack;
 mod problem;
+mod root_key;
 mod scenes;
 mod styles;
 mod tls;
@@ -52,12 +53,13 @@ mod words;
 pub use connection::{ApiKey, Bearer, Client, ConnectOptions, InBetweenAnswers, KeyedChannel, channel};
 pub use error::{AnswerError, ClientError, Refusal, RequestError, Violation};
 pub use generate::{FollowPath, Generated, GeneratedPart, Generating};
-pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, RootKey, SegmentLength};
+pub use inbetween::{CONTEXT_FRAMES, InBetween, InBetweenAnswer, Key, SegmentLength};
 pub use live::{
     Act, Crowd, CrowdOptions, Drive, DriveEvent, DriveOptions, Encoding, Frame, FrameOptions, Frames,
     LivePath, Locomotion, MemberId, PathPoint, Performance, Rate, Recording, Session, SessionOptions,
 };
 pub use pack::Pack;
 pub use problem::{Problem, ProblemKind, SessionError};
+pub use root_key::RootKey;
 pub use tls::{ClientCertificate, TlsOptions};
 pub use words::{Describe, Describing, Description, Prompt, TokenSampling, Told};
