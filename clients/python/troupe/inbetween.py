@@ -17,7 +17,10 @@ from troupe.v1 import motion_pb2
 
 @dataclass(frozen=True)
 class RootKey:
-    """What the root is to be in a frame of a segment: any part of place, height and heading. The rest is as the networks make it."""
+    """What the root is to be in a frame of a segment: any part of place, height and heading.
+
+    The rest is as the networks make it.
+    """
 
     frame: int
     """Counted from the first context frame, which is 0."""
@@ -62,8 +65,11 @@ class InBetween:
     strict: bool = False
     """Whether the server is to refuse the gap where its answer would not be feasible, and to say what would be."""
     root: Sequence[RootKey] = ()
-    """Where the root is to be in some frames, in rising order, or in every one. In between the predicted way is moved along by a smooth
-    curve; the pose tokens stay those of the predicted way. Needs `frames`."""
+    """Where the root is to be in some frames, in rising order, or in every one.
+
+    In between the predicted way is moved along by a smooth curve. The pose tokens stay those of the predicted way. It needs
+    `frames`.
+    """
 
     @staticmethod
     def from_clip(clip: Clip, after: int, until: int, **options: object) -> InBetween:
