@@ -287,6 +287,12 @@ mod tests {
             refused("InBetween", &request(1, 257)),
             at("characters[0].targets", "1 to 256")
         );
+        let mut rooted = request(1, 1);
+        rooted.characters[0].root = vec![v1::RootKey::default(); 257];
+        assert_eq!(
+            refused("InBetween", &rooted),
+            at("characters[0].root", "1 to 256")
+        );
     }
 
     #[test]

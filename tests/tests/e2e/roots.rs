@@ -107,10 +107,13 @@ async fn tokens_are_those_of_the_predicted_root() {
     let [plain, bent] = [plain, bent].map(|answer| answer.intermediates.unwrap());
     assert_eq!(plain.tokens, bent.tokens);
     assert_eq!(plain.root_r_g3, bent.root_r_g3);
-    // The decoder was given the other root, and stays near it.
-    let near = |root: &[f32]| Vec2::new(root[25 * 5], root[25 * 5 + 2]).distance(place);
-    assert!(near(&plain.root_r_g4) > 0.25, "{}", near(&plain.root_r_g4));
-    assert!(near(&bent.root_r_g4) < 0.05, "{}", near(&bent.root_r_g4));
+    // The decoder was given the other root, and goes more than half of the way to it.
+    let [without, with] = [&plain, &bent]
+        .map(|parts| Vec2::new(parts.root_r_g4[25 * 5], parts.root_r_g4[25 * 5 + 2]).distance(place));
+    assert!(
+        without > 0.25 && with < 0.5 * without,
+        "{without} m without, {with} m with"
+    );
 }
 
 #[tokio::test]
