@@ -20,7 +20,7 @@ struct File {
 #[serde(deny_unknown_fields)]
 struct Entry {
     frame: Spanned<usize>,
-    at: Option<[f32; 2]>,
+    at: Option<Spanned<Vec<f32>>>,
     height_m: Option<f32>,
     heading_deg: Option<f32>,
 }
@@ -34,20 +34,27 @@ pub(super) fn read_roots(path: &Path, from: usize) -> Result<Vec<RootKey>, Failu
 fn parse(text: &str, from: usize) -> Result<Vec<RootKey>, String> {
     let file: File = toml::from_str(text).map_err(|e| e.to_string())?;
     let start = (from + 1).saturating_sub(CONTEXT_FRAMES);
+    let line = |at: usize| text[..at].matches('\n').count() + 1;
     let key = |entry: &Entry| {
         let frame = *entry.frame.get_ref();
         let inside = frame
             .checked_sub(start)
             .and_then(|frame| u32::try_from(frame).ok());
         let Some(inside) = inside else {
-            let line = text[..entry.frame.span().start].matches('\n').count() + 1;
+            let line = line(entry.frame.span().start);
             return Err(format!(
                 "line {line}: frame {frame} is before the segment; allowed: {start} and more"
             ));
         };
         let mut key = RootKey::new(inside);
-        if let Some(at) = entry.at {
-            key = key.ground(Vec2::from(at));
+        if let Some(at) = &entry.at {
+            let &[x, z] = &**at.get_ref() else {
+                let line = line(at.span().start);
+                return Err(format!(
+                    "line {line}: `at` is not a place; allowed: [x, z] in metres"
+                ));
+            };
+            key = key.ground(Vec2::new(x, z));
         }
         if let Some(height_m) = entry.height_m {
             key = key.height(height_m);
