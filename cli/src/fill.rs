@@ -9,6 +9,7 @@ use troupe_motion::clip::Clip;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::{Scale, read_clip};
+use crate::roots::read_roots;
 use crate::splice::gap_of;
 
 const SAMPLING: &str = "Pack and sampling";
@@ -32,6 +33,11 @@ pub(crate) struct Gap {
     /// How many consecutive frames from TO on are target keyframes.
     #[arg(long, default_value_t = 1, value_name = "1-4", value_parser = clap::value_parser!(u8).range(1..=4))]
     pub(crate) target_frames: u8,
+
+    /// TOML file of roots that the motion is to pass: [[root]] with a `frame`, counted as FROM and TO, and any of
+    /// `at` ([x, z] in metres), `height_m` and `heading_deg`.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) roots: Option<PathBuf>,
 
     /// Refuse a gap that cannot be filled with motion as the pack's data shows, and say what would be possible.
     #[arg(long)]
@@ -88,6 +94,12 @@ pub(super) async fn fill(
     gap: &Gap,
     length: Option<SegmentLength>,
 ) -> Result<Filled, Failure> {
+    // Before any work is done for nothing.
+    let roots = gap
+        .roots
+        .as_deref()
+        .map(|file| read_roots(file, gap.from))
+        .transpose()?;
     let (client, pack) = context.connect_to_pack(&gap.sampling.pack).await?;
     let clip = read_clip(&gap.clip, &pack, gap.scale, &context.term)?;
     let targets = usize::from(gap.target_frames);
@@ -97,7 +109,8 @@ pub(super) async fn fill(
         .temperature(gap.sampling.temperature)
         .pose_steps(gap.sampling.pose_steps)
         .hold_feet(!gap.sampling.free_feet)
-        .strict(gap.strict);
+        .strict(gap.strict)
+        .root(roots.unwrap_or_default());
     let task = match length {
         Some(length) => task.length(length),
         None => {

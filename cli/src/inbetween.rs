@@ -24,7 +24,8 @@ use crate::splice::splice;
 Examples:
   troupe inbetween --clip walk.bvh --from 60 --to 95 --out filled.bvh
   troupe inbetween --clip walk.bvh --from 60 --to 95 --out filled.glb --temperature 0.8 --seed 3
-  troupe inbetween --clip walk.bvh --from 60 --to 95 --out gap.bvh --free-timing --only-gap")]
+  troupe inbetween --clip walk.bvh --from 60 --to 95 --out gap.bvh --free-timing --only-gap
+  troupe inbetween --clip examples/walk.bvh --from 30 --to 65 --roots examples/roots/bend.toml --out bent.glb")]
 pub(crate) struct Inbetween {
     #[command(flatten)]
     pub(crate) gap: Gap,
@@ -39,7 +40,7 @@ pub(crate) struct Inbetween {
     pub(crate) frame_count: Option<u32>,
 
     /// Let the model choose how many frames the gap takes.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "roots")]
     pub(crate) free_timing: bool,
 
     /// Write the generated frames alone, without the clip before and after.

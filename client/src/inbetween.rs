@@ -10,6 +10,7 @@ use troupe_proto::v1;
 
 use crate::error::{AnswerError, RequestError};
 use crate::pack::Pack;
+use crate::root_key::RootKey;
 
 /// Context frames in front of a gap.
 pub const CONTEXT_FRAMES: usize = 4;
@@ -272,6 +273,15 @@ impl InBetween {
         self
     }
 
+    /// Where the root is to be in some frames, in rising order, or in every one. Between them the predicted way is moved along by a smooth
+    /// curve; the pose tokens stay those of the predicted way. The segment's length must be given ([`SegmentLength::Frames`], or that of a
+    /// clip).
+    #[must_use]
+    pub fn root(mut self, keys: impl IntoIterator<Item = RootKey>) -> Self {
+        self.character.root = keys.into_iter().map(RootKey::to_message).collect();
+        self
+    }
+
     /// The task on the wire.
     ///
     /// # Errors
@@ -392,6 +402,8 @@ fn check_length<T>(field: &'static str, numbers: &[T], expected: usize) -> Resul
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec2;
+
     use super::*;
     use crate::pack::tests::message;
 
@@ -429,6 +441,25 @@ mod tests {
         assert_eq!(
             gap.context[0].pose.as_ref().unwrap().rotations,
             [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+        );
+    }
+
+    #[test]
+    fn given_roots_are_on_the_wire() {
+        let gap = InBetween::from_clip(&clip(60), 10, 30).unwrap().root([
+            RootKey::new(8).ground(Vec2::new(0.5, 1.0)),
+            RootKey::new(12).height(0.9).heading(-0.2),
+        ]);
+        let roots = gap.to_message(&pack()).unwrap().root;
+        let all = roots
+            .iter()
+            .map(|root| (root.frame, root.x, root.z, root.height, root.heading));
+        assert_eq!(
+            all.collect::<Vec<_>>(),
+            [
+                (8, Some(0.5), Some(1.0), None, None),
+                (12, None, None, Some(0.9), Some(-0.2))
+            ]
         );
     }
 

@@ -44,6 +44,7 @@ pub mod live;
 mod metrics;
 mod pack;
 mod problem;
+mod root_key;
 mod scenes;
 mod styles;
 mod tls;
@@ -59,5 +60,6 @@ pub use live::{
 };
 pub use pack::Pack;
 pub use problem::{Problem, ProblemKind, SessionError};
+pub use root_key::RootKey;
 pub use tls::{ClientCertificate, TlsOptions};
 pub use words::{Describe, Describing, Description, Prompt, TokenSampling, Told};

@@ -35,6 +35,7 @@ fn item(targets: usize, frames: Option<usize>) -> KeyframeTask {
         temperature: 0.0,
         pose_steps: 1,
         root_guide: None,
+        root_override: None,
         gap_poses: Vec::new(),
     }
 }

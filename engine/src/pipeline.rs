@@ -242,6 +242,7 @@ impl Pipeline {
         let bucket = self.sizes.for_rows(group.len());
         timed(&mut times.assemble, || self.fill_tokens(group, bucket));
         let chosen = self.choose_tokens(group, times)?;
+        timed(&mut times.assemble, || self.override_roots(group));
         timed(&mut times.decoder, || {
             self.stages
                 .decoder(bucket, &self.token_input, &mut self.decoder_output)
@@ -294,6 +295,16 @@ impl Pipeline {
         }
         for row in bucket..bucket.next_multiple_of(ROOM_MULTIPLE) {
             self.token_input.spare_row(row, self.dims.min_tokens);
+        }
+    }
+
+    /// Gives the decoder the roots of those that override them. The pose stage has run on the predicted ones.
+    fn override_roots(&mut self, group: &[Member<'_>]) {
+        for (row, member) in group.iter().enumerate() {
+            if let Some(given) = &member.item.root_override {
+                let numbers = member.tokens * self.dims.frames_per_token * GLOBAL_ROOT;
+                given.draw(&mut self.token_input.global_root.row_mut(row)[..numbers]);
+            }
         }
     }
 

@@ -1,7 +1,7 @@
 use std::sync::{Arc, Mutex};
 
 use super::*;
-use troupe_motion::model::{KeyTensors, RootGuide};
+use troupe_motion::model::{KeyTensors, RootGuide, RootKey, RootOverride};
 
 const DIMS: Dims = Dims {
     joints: 2,
@@ -141,6 +141,7 @@ fn item_of(mark: f32, tokens: usize, pose_steps: u32) -> KeyframeTask {
         temperature: 0.0,
         pose_steps,
         root_guide: None,
+        root_override: None,
         gap_poses: Vec::new(),
     }
 }
@@ -325,6 +326,35 @@ fn the_stages_behind_the_root_see_the_guided_trajectory() {
             assert_eq!(root[..3], [if frame < 4 { 3.0 } else { x }, 3.0, 3.0]);
         }
     }
+}
+
+#[test]
+fn the_decoder_alone_sees_an_overridden_root() {
+    let mut bent = item(3.0, 2);
+    let key = RootKey {
+        frame: 10,
+        ground: Some([4.0, 1.0]),
+        ..RootKey::default()
+    };
+    bent.root_override = Some(RootOverride::new([key], DIMS.context_frames - 1));
+    let items = [item(3.0, 1), bent.clone(), item(3.0, 2)];
+    let motions = run(&mut pipeline(Echo::default()), &items);
+    assert_eq!(run(&mut pipeline(Echo::default()), &[bent]), motions[1..2]);
+    for motion in &motions {
+        let trace = motion.trace.as_deref().unwrap();
+        assert_eq!(trace.root_r_g3, [3.0; 24 * 5]);
+        assert_eq!(trace.tokens, [3; 12], "tokens of the predicted root");
+    }
+    // The toy decoder writes where it ends into the rotations, and answers the roots that it was given.
+    assert_eq!(motions[0].rotations, [3.0; 24 * 12]);
+    assert_eq!(motions[1].rotations, [4.0; 24 * 12]);
+    let root = |frame: usize| &motions[1].root[frame * 5..][..3];
+    assert_eq!(root(3), [3.0; 3]);
+    assert_eq!(
+        (root(10), root(23)),
+        ([4.0, 3.0, 1.0].as_slice(), [4.0, 3.0, 1.0].as_slice())
+    );
+    assert!(root(7)[0] > 3.5 && root(7)[0] < 4.0);
 }
 
 #[test]

@@ -128,6 +128,7 @@ pub fn straight_walk(dims: &Dims, frames: usize) -> KeyframeTask {
         temperature: 0.0,
         pose_steps: 1,
         root_guide: None,
+        root_override: None,
         gap_poses: Vec::new(),
     }
 }

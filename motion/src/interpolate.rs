@@ -26,6 +26,28 @@ pub fn min_jerk(t: f32) -> f32 {
     t * t * t * (10.0 - t * (15.0 - 6.0 * t))
 }
 
+/// Cubic Hermite: from one value to another `span` later, each with its slope; `t` goes from 0 to 1.
+#[inline]
+pub fn hermite(t: f32, span: f32, (from, leaving): (f32, f32), (to, arriving): (f32, f32)) -> f32 {
+    let (t2, t3) = (t * t, t * t * t);
+    (2.0 * t3 - 3.0 * t2 + 1.0) * from
+        + (t3 - 2.0 * t2 + t) * span * leaving
+        + (3.0 * t2 - 2.0 * t3) * to
+        + (t3 - t2) * span * arriving
+}
+
+/// The slope of such a curve at a knot: that of the parabola through it and its neighbours. `slopes` lead to the knot and away from
+/// it, over `spans`. Limited as by Fritsch and Carlson (1980), so that the curve never passes a knot and comes back.
+#[inline]
+pub fn knot_slope([before, after]: [f32; 2], spans: [f32; 2]) -> f32 {
+    let share = spans[0] / (spans[0] + spans[1]);
+    let most = 3.0 * before.abs().min(after.abs());
+    match before * after > 0.0 {
+        true => ((1.0 - share) * before + share * after).clamp(-most, most),
+        false => 0.0,
+    }
+}
+
 /// A copy of `clip` whose frames strictly between `from` and `to` are interpolated between these two.
 ///
 /// # Errors

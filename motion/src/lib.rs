@@ -50,4 +50,4 @@ pub use root::{GlobalRoot, LocalRoot};
 pub use segment::SegmentFrame;
 pub use skeleton::{ContactParams, Joint, Skeleton};
 
-pub use glam::{Quat, Vec3};
+pub use glam::{Quat, Vec2, Vec3};

@@ -1,5 +1,6 @@
 //! Paths over the ground: points by time, and a smooth way between them.
 
+use crate::interpolate::{hermite, knot_slope};
 use crate::root::wrap_angle;
 
 /// Slower than this the way has no direction to head along, metres a second.
@@ -68,14 +69,8 @@ impl GroundPath {
         let (a, b) = (&self.points[before], &self.points[after]);
         let span = b.time_s - a.time_s;
         let t = (time_s - a.time_s) / span;
-        let (t2, t3) = (t * t, t * t * t);
         let (from, to) = (self.velocity_at(before), self.velocity_at(after));
-        std::array::from_fn(|axis| {
-            (2.0 * t3 - 3.0 * t2 + 1.0) * a.place[axis]
-                + (t3 - 2.0 * t2 + t) * span * from[axis]
-                + (3.0 * t2 - 2.0 * t3) * b.place[axis]
-                + (t3 - t2) * span * to[axis]
-        })
+        std::array::from_fn(|axis| hermite(t, span, (a.place[axis], from[axis]), (b.place[axis], to[axis])))
     }
 
     /// Velocity at a point: that of the parabola through it and its neighbours, metres a second.
@@ -90,16 +85,7 @@ impl GroundPath {
             _ => {
                 let (before, after) = (slope(index - 1, index), slope(index, index + 1));
                 let spans = [index - 1, index].map(|at| self.points[at + 1].time_s - self.points[at].time_s);
-                let share = spans[0] / (spans[0] + spans[1]);
-                // Limited as by Fritsch and Carlson (1980), so that the curve never passes a point and comes back.
-                [0, 1].map(|axis| {
-                    let (a, b) = (before[axis], after[axis]);
-                    let most = 3.0 * a.abs().min(b.abs());
-                    match a * b > 0.0 {
-                        true => ((1.0 - share) * a + share * b).clamp(-most, most),
-                        false => 0.0,
-                    }
-                })
+                [0, 1].map(|axis| knot_slope([before[axis], after[axis]], spans))
             }
         }
     }

@@ -68,6 +68,7 @@ pub fn build(
             temperature: options.temperature,
             pose_steps: 1,
             root_guide: targets.guide.as_ref().map(|guide| root_guide(&frame, guide)),
+            root_override: None,
             gap_poses: gap_poses(&mut writer, &frame, &targets.gap_poses),
         }),
     };

@@ -91,6 +91,22 @@ def test_a_gap_is_filled_and_its_ends_are_met(client: troupe.Client, walk: troup
     assert all(np.array_equal(one.clip.rotations, answer.clip.rotations) for one in again)
 
 
+def test_a_given_root_is_met(client: troupe.Client, walk: troupe.Clip) -> None:
+    pack = client.pack()
+    clip = walk.on(pack.skeleton)
+    x, _, z = clip.root[47]
+    aside = [troupe.RootKey(20, x + 0.25, z), troupe.RootKey(26, x + 0.3, z + 0.25, height=0.9, heading=0.2)]
+    gap = troupe.InBetween.from_clip(clip, 30, 65, root=aside)
+    made = client.in_between(gap, pack=pack).clip
+    for key in aside:
+        assert np.abs(made.root[key.frame, [0, 2]] - (key.x, key.z)).max() < 1e-3
+    assert abs(made.root[26, 1] - 0.9) < 1e-3
+    assert np.abs(made.root[-1] - clip.root[65]).max() < 1e-3
+    with pytest.raises(troupe.InvalidArgumentError) as caught:
+        client.in_between(troupe.InBetween.from_clip(clip, 30, 65, root=[troupe.RootKey(39, x, z)]), pack=pack)
+    assert caught.value.field == "characters[0].root[0].frame"
+
+
 def test_part_of_a_keyframe_is_enough(client: troupe.Client, walk: troupe.Clip) -> None:
     pack = client.pack()
     clip = walk.on(pack.skeleton)

@@ -39,7 +39,7 @@ from troupe.errors import (
 from troupe.events import Attached, Event, Fault, Left, NotAttached, Refused, Resumed, StreamEvent
 from troupe.frames import Frames
 from troupe.generate import FollowPath, Generated, GeneratedPart
-from troupe.inbetween import InBetween, InBetweenAnswer
+from troupe.inbetween import InBetween, InBetweenAnswer, RootKey
 from troupe.intent import Act, Locomotion, cancel, drop, end_interaction, follow_path, interact
 from troupe.keyframe import Keyframe
 from troupe.live import Crowd, Drive, Session
@@ -95,6 +95,7 @@ __all__ = [
     "ResourceExhaustedError",
     "Resumed",
     "Robot",
+    "RootKey",
     "Sampling",
     "Session",
     "SessionError",

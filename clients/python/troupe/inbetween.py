@@ -15,6 +15,29 @@ from troupe.pack import Pack
 from troupe.v1 import motion_pb2
 
 
+@dataclass(frozen=True)
+class RootKey:
+    """What the root is to be in a frame of a segment: any part of place, height and heading.
+
+    The rest is as the networks make it.
+    """
+
+    frame: int
+    """Counted from the first context frame, which is 0."""
+    x: float | None = None
+    """World X of the root joint, metres; with `z`, or neither."""
+    z: float | None = None
+    """World Z of the root joint, metres."""
+    height: float | None = None
+    """Height of the root joint, metres."""
+    heading: float | None = None
+    """Radians about +Y."""
+
+    def to_message(self) -> motion_pb2.RootKey:
+        """The root on the wire."""
+        return motion_pb2.RootKey(frame=self.frame, x=self.x, z=self.z, height=self.height, heading=self.heading)
+
+
 @dataclass(frozen=True, eq=False)
 class InBetween:
     """One character's gap: four context frames, one to four target keyframes, and how to fill what lies between."""
@@ -41,6 +64,12 @@ class InBetween:
     """Whether to return what each stage produced as well."""
     strict: bool = False
     """Whether the server is to refuse the gap where its answer would not be feasible, and to say what would be."""
+    root: Sequence[RootKey] = ()
+    """Where the root is to be in some frames, in rising order, or in every one.
+
+    In between the predicted way is moved along by a smooth curve. The pose tokens stay those of the predicted way. It needs
+    `frames`.
+    """
 
     @staticmethod
     def from_clip(clip: Clip, after: int, until: int, **options: object) -> InBetween:
@@ -73,6 +102,7 @@ class InBetween:
             return_qpos=pack.robot is not None,
             hold_feet=self.hold_feet,
             strict=self.strict,
+            root=[key.to_message() for key in self.root],
         )
 
 

@@ -113,6 +113,7 @@ fn task(
         temperature,
         pose_steps: 1,
         root_guide: None,
+        root_override: None,
         gap_poses: Vec::new(),
     }
 }

@@ -17,7 +17,7 @@ use crate::skeleton::Skeleton;
 pub struct Judge {
     pub(super) limits: Arc<Limits>,
     pub(super) skeleton: Arc<Skeleton>,
-    fps: f32,
+    pub(super) fps: f32,
     found: Feasibility,
     /// The frame before the next one, and the one before that.
     last: State,

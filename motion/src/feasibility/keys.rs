@@ -77,6 +77,20 @@ impl Judge {
         self.take()
     }
 
+    /// Judges places that the root is to be at, by their frames, which rise: how fast it is between them at the least.
+    pub fn places(&mut self, places: impl IntoIterator<Item = (usize, [f32; 2])>) -> Feasibility {
+        let mut before: Option<(usize, [f32; 2])> = None;
+        for (frame, [x, z]) in places {
+            if let Some((since, [from_x, from_z])) = before {
+                let frames = frame.saturating_sub(since).max(1) as f32;
+                let speed = (x - from_x).hypot(z - from_z) / frames * self.fps;
+                self.see(Figure::RootSpeed, frame, speed, None);
+            }
+            before = Some((frame, [x, z]));
+        }
+        self.take()
+    }
+
     /// Whether a target is within reach of a context in so many frames.
     pub fn is_within_reach(&mut self, context: &[Key<'_>], target: &Key<'_>, frames: usize) -> bool {
         let Some(last) = context.last() else { return true };

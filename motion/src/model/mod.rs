@@ -8,6 +8,7 @@ mod capability;
 mod dims;
 mod motion;
 mod rig;
+mod root_override;
 mod task;
 
 pub use body::{
@@ -17,6 +18,7 @@ pub use capability::{Capabilities, Capability};
 pub use dims::{Dims, GLOBAL_ROOT, LOCAL_ROOT, POSE_FEATURES, SIX_D};
 pub use motion::{Motion, Output, Trace, all_finite};
 pub use rig::{ByPath, Rig};
+pub use root_override::{RootKey, RootOverride};
 pub use task::{
     AgentTask, Audio, DescribeTask, GapPose, KeyTensors, KeyframeTask, PathTask, PromptTask, RootGuide,
     SamplingTask, Sound, Task, Telling,

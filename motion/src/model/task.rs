@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Body, Dims, GLOBAL_ROOT, LOCAL_ROOT};
+use super::{Body, Dims, GLOBAL_ROOT, LOCAL_ROOT, RootOverride};
 use crate::root::wrap_angle;
 
 /// One keyframe as networks read it, in the segment frame.
@@ -87,6 +87,8 @@ pub struct KeyframeTask {
     pub pose_steps: u32,
     /// Where to draw the root, if anywhere.
     pub root_guide: Option<RootGuide>,
+    /// Roots that the decoder gets in the place of the predicted ones, if any. The pose stage does not see them.
+    pub root_override: Option<RootOverride>,
     /// Poses between context and targets.
     pub gap_poses: Vec<GapPose>,
 }

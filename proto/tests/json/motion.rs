@@ -2,7 +2,7 @@
 
 use prost::Message as _;
 use troupe_proto::v1::{
-    Character, FILE_DESCRIPTOR_SET, InBetweenRequest, Keyframe, Pack, Pose, Root, RootVelocity, Vec3,
+    Character, FILE_DESCRIPTOR_SET, InBetweenRequest, Keyframe, Pack, Pose, Root, RootKey, RootVelocity, Vec3,
 };
 
 fn request() -> InBetweenRequest {
@@ -44,6 +44,12 @@ fn request() -> InBetweenRequest {
             temperature: 0.5,
             pose_steps: Some(3),
             return_positions: true,
+            root: vec![RootKey {
+                frame: 20,
+                x: Some(0.5),
+                z: Some(0.0),
+                ..RootKey::default()
+            }],
             ..Character::default()
         }],
     }

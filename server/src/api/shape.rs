@@ -33,7 +33,7 @@ impl Limit {
             json_parts,
         };
         Some(match (list.of, list.field) {
-            // A full one has some sixty objects and arrays; its id may hold more of their signs.
+            // A full one has some hundred and twenty objects and arrays; its id may hold more of their signs.
             ("Character", _) => limit("characters", limits.characters, 1024),
             ("SessionOptions", _) => limit("sessions", limits.sessions, 1024),
             ("SessionResume", _) => limit("sessions", limits.sessions, 16),
@@ -43,6 +43,7 @@ impl Limit {
             // With all its frames.
             ("OtherMotion", _) => limit("characters", 16, 16_384),
             ("Keyframe", _) => limit("keyframes", 256, 64),
+            ("RootKey", _) => limit("roots", 256, 1),
             ("Command", _) => limit("commands", MAX_COMMANDS, 64),
             ("Gait", _) => limit("gaits", 256, 256),
             ("GaitKey", _) => limit("keyframes", 256, 2),
@@ -285,6 +286,12 @@ mod tests {
         assert_eq!(
             refused("InBetween", &request(1, 257)),
             at("characters[0].targets", "1 to 256")
+        );
+        let mut rooted = request(1, 1);
+        rooted.characters[0].root = vec![v1::RootKey::default(); 257];
+        assert_eq!(
+            refused("InBetween", &rooted),
+            at("characters[0].root", "1 to 256")
         );
     }
 

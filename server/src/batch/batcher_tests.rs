@@ -224,6 +224,7 @@ pub(super) fn tasks(marks: Range<usize>) -> Vec<Task> {
         temperature: 0.0,
         pose_steps: 1,
         root_guide: None,
+        root_override: None,
         gap_poses: Vec::new(),
     };
     marks.map(|mark| task(mark).into()).collect()

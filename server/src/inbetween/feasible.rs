@@ -6,7 +6,7 @@ use troupe_motion::feasibility::{Feasibility, Figure, Judge, Key, Limits, Readin
 use troupe_motion::model::Rig;
 use troupe_proto::v1;
 
-use super::Plan;
+use super::{GivenRoot, Plan};
 
 /// A strict request whose answer would not be feasible, with the field at fault and what would be possible.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -66,7 +66,24 @@ pub fn refuse_keyframes(plans: &[Plan], rig: &Rig) -> Result<(), NotFeasible> {
 /// What the keyframes of a plan show, of a segment of so many frames.
 fn judge_keys(judge: &mut Judge, plan: &Plan, frames: usize) -> Feasibility {
     let [context, targets] = keys(plan);
-    judge.keys(&context, &targets, frames)
+    let found = judge.keys(&context, &targets, frames);
+    match &plan.root {
+        Some(given) => found.worse_of(&judge.places(way(plan, given))),
+        None => found,
+    }
+}
+
+/// The places that a given root passes, with that of the last context frame, by their frames.
+fn way(plan: &Plan, given: &GivenRoot) -> impl Iterator<Item = (usize, [f32; 2])> {
+    let last = plan.context.iter().enumerate().next_back();
+    let start = last.and_then(|(frame, key)| {
+        let place = key.root?.position;
+        Some((frame, [place.x, place.z]))
+    });
+    let keys = given.over.keys().iter();
+    start
+        .into_iter()
+        .chain(keys.filter_map(|key| Some((key.frame, key.ground?))))
 }
 
 /// The plan's keyframes.
@@ -134,6 +151,11 @@ impl Refusal<'_> {
             (Figure::RootReach | Figure::TurnReach | Figure::PoseReach, target) => {
                 self.out_of_reach(figure, reading, target.unwrap_or(0))
             }
+            (Figure::RootSpeed | Figure::RootAcceleration | Figure::Turning, Some(_))
+                if self.plan.root.is_some() =>
+            {
+                self.on_the_way(figure, reading)
+            }
             (_, Some(target)) => self.keyframe("targets", target, figure, reading),
             (_, None) if reading.frame < self.plan.context.len() => {
                 self.keyframe("context", reading.frame, figure, reading)
@@ -159,12 +181,26 @@ impl Refusal<'_> {
 
     /// What the motion between the keyframes comes to.
     fn on_the_way(&self, figure: Figure, reading: Reading) -> FieldError {
+        if let Some(given) = &self.plan.root {
+            return self.on_the_given_way(given, figure, reading);
+        }
         let what = told(figure, reading);
         let joint = of_joint(reading, &self.rig.skeleton);
         let message = format!("take a motion that {what} in frame {}{joint}", reading.frame);
         self.path
             .field("targets")
             .error(message, self.allowed(figure, reading))
+    }
+
+    /// What the motion comes to on the way that the request gives: the next entry is named.
+    fn on_the_given_way(&self, given: &GivenRoot, figure: Figure, reading: Reading) -> FieldError {
+        let next = given.frames.partition_point(|&frame| frame < reading.frame);
+        let index = next.min(given.frames.len().saturating_sub(1));
+        let what = told(figure, reading);
+        let joint = of_joint(reading, &self.rig.skeleton);
+        let message = format!("leads to a motion that {what} in frame {}{joint}", reading.frame);
+        let allowed = format!("at most {}", value(figure, reading.limit));
+        self.path.element("root", index).error(message, allowed)
     }
 
     /// The limit of a figure, and the frames in which it would be kept where more of them help.

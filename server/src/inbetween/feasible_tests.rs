@@ -106,6 +106,63 @@ fn a_target_in_reach_passes() {
     assert_eq!(refused(far), None, "nobody asked");
 }
 
+fn aside(frame: u32, x: f32, z: f32) -> v1::RootKey {
+    v1::RootKey {
+        frame,
+        x: Some(x),
+        z: Some(z),
+        ..v1::RootKey::default()
+    }
+}
+
+#[test]
+fn a_given_root_that_is_too_fast_is_refused_before_anything_is_made() {
+    let by = |root: Vec<v1::RootKey>| v1::Character {
+        root,
+        ..standing(vec![key(2.0, 2.4, Quat::IDENTITY)], Some(34))
+    };
+    assert_eq!(refused(by(vec![aside(10, 2.3, 1.2), aside(20, 2.3, 1.8)])), None);
+    // 3 m in 10 frames are 9 m/s, and so is the way back to the target for whatever entry is the last.
+    for (root, field) in [
+        (
+            vec![aside(10, 2.0, 1.2), aside(20, 5.0, 1.2)],
+            "characters[0].root[1]",
+        ),
+        (
+            vec![aside(10, 2.0, 1.2), aside(32, 2.0, 3.0)],
+            "characters[0].root[1]",
+        ),
+        (
+            vec![aside(4, 2.3, 1.0), aside(20, 2.0, 2.0)],
+            "characters[0].root[0]",
+        ),
+    ] {
+        let error = refused(by(root)).unwrap();
+        assert_eq!(
+            (error.field.as_str(), error.allowed.as_str()),
+            (field, "at most 5.00 m/s")
+        );
+        assert!(error.message.contains("moves the root at"), "{error}");
+    }
+}
+
+#[test]
+fn a_motion_along_a_given_root_names_its_next_entry() {
+    let rig = rig();
+    let character = v1::Character {
+        root: vec![aside(10, 2.0, 1.3), aside(20, 2.0, 1.9)],
+        ..standing(vec![key(2.0, 2.4, Quat::IDENTITY)], Some(34))
+    };
+    let plan = plan(character, &rig).unwrap();
+    let mut judge = Judge::new(&rig).unwrap();
+    // The networks jump between the entries.
+    let raw = raw(36, |frame| if frame < 16 { 0.0 } else { 1.0 });
+    let (_, found) = finish_judged(&raw, &plan, &rig, Some(&mut judge)).unwrap();
+    let error = refuse(0, &plan, &rig, &found.unwrap(), 34).unwrap_err().0;
+    assert_eq!(error.field, "characters[0].root[1]");
+    assert!(error.message.contains("in frame"), "{error}");
+}
+
 #[test]
 fn a_target_too_far_away_is_refused_with_the_distance_and_the_frames_that_would_do() {
     let error = refused(standing(vec![key(2.0, 2.98, Quat::IDENTITY)], Some(34))).unwrap();

@@ -154,6 +154,9 @@ fn pin(roots: &mut [GlobalRoot], rotations: &mut [Quat], plan: &Plan, skeleton: 
         *start = *root;
     }
     pin_targets(roots, rotations, joints, 0, &root_pins);
+    if let Some(given) = &plan.root {
+        given.over.pin(roots, rotations, joints);
+    }
 
     // Heights without a root come second: the pins of roots have moved the place on the ground that they keep.
     let height_pins: Vec<RootPin> = keys

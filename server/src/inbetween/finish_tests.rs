@@ -48,6 +48,7 @@ fn plan(frames: Option<usize>, target_roots: Vec<Option<GlobalRoot>>) -> Plan {
                 ..Given::default()
             })
             .collect(),
+        root: None,
         hold_feet: true,
         parts: Parts {
             intermediates: true,
@@ -113,6 +114,41 @@ fn the_root_is_pinned_to_the_targets() {
     assert_eq!((stages.predicted_frame_count, stages.tokens.len()), (16, 8));
     assert_near(&stages.root_r_g4[13 * 5..14 * 5], &[6.0, 0.9, 2.0, 0.0, 1.0]);
     assert_eq!(stages.root_r_g3, stages.root_r_g4);
+}
+
+#[test]
+fn given_roots_are_met_in_their_frames() {
+    use crate::inbetween::GivenRoot;
+    use troupe_motion::model::{RootKey, RootOverride};
+    let target = GlobalRoot::new(Vec3::new(0.3, 0.8, 1.5), 0.4);
+    let keys = [
+        RootKey {
+            frame: 8,
+            ground: Some([0.25, 0.6]),
+            height: None,
+            heading: Some(-0.3),
+        },
+        RootKey::whole(15, target),
+    ];
+    let over = RootOverride::new(keys, 3);
+    let plan = Plan {
+        root: Some(GivenRoot {
+            over,
+            frames: vec![8],
+        }),
+        ..plan(Some(16), vec![Some(target)])
+    };
+    let frames = finish(&raw(4, 0.0), &plan, &toy_rig()).unwrap().frames.unwrap();
+    // The segment's +Z is the world's +X, and its +X the world's -Z. The height is the network's, on its way to the target's.
+    let place = |frame: usize| &frames.root_positions[frame * 3..][..3];
+    assert_near(&[place(8)[0], place(8)[2]], &[5.6, 1.75]);
+    assert!(place(8)[1] < 0.9 && place(8)[1] > 0.8, "{}", place(8)[1]);
+    assert_near(place(15), &[6.5, 0.8, 1.7]);
+    for (frame, heading) in [(8, -0.3), (15, 0.4)] {
+        let pelvis = Quat::from_rotation_y(FRAC_PI_2 + heading);
+        let expected = [pelvis.w, pelvis.x, pelvis.y, pelvis.z];
+        assert_near(&frames.rotations[frame * 8..][..4], &expected);
+    }
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod parts;
 mod path;
 mod prepare;
 mod prompt;
+mod root;
 mod sampling;
 mod words;
 
@@ -25,6 +26,7 @@ pub use parts::{PartWriter, write_description};
 pub use path::{MAX_PATH_POINTS, PathPlan};
 pub use prepare::{Parts, Plan, RequestLimits, prepare};
 pub use prompt::{MAX_GENERATED_FRAMES, Prepared, prepare_prompt};
+pub use root::GivenRoot;
 pub use sampling::no_sampling;
 pub use words::{check_description, check_words, fitting, most_past};
 

@@ -6,6 +6,7 @@ use troupe_motion::SegmentFrame;
 use troupe_motion::model::{Dims, KeyframeTask, Rig};
 use troupe_proto::v1;
 
+use super::root::{Around, GivenRoot, check_root};
 use super::{MAX_ID_BYTES, MAX_POSE_STEPS};
 use crate::wire::keyframe::{self, Role};
 use crate::wire::{MAX_TEMPERATURE, units};
@@ -34,6 +35,8 @@ pub struct Plan {
     pub context: Vec<Given>,
     /// The target keyframes; the last is the segment's last frame.
     pub targets: Vec<Given>,
+    /// Roots that take the place of the predicted ones, where the request gives any.
+    pub root: Option<GivenRoot>,
     /// Whether feet that stand are held still.
     pub hold_feet: bool,
     /// What to return besides frames.
@@ -111,6 +114,12 @@ fn prepare_character(
     }
 
     let frame = SegmentFrame::from_root(anchor);
+    let around = Around {
+        context: &context,
+        targets: &targets,
+        frames,
+    };
+    let root = check_root(path, &character.root, &around, &frame, rig)?;
     let most_tokens = rig.dims.min_tokens + allowed_counts.iter().rposition(|&may| may).unwrap_or_default();
     let item = KeyframeTask {
         context: writer.write(&frame, &context),
@@ -121,6 +130,7 @@ fn prepare_character(
         temperature: character.temperature,
         pose_steps: character.pose_steps.unwrap_or(1),
         root_guide: None,
+        root_override: root.as_ref().map(|given| given.over.clone()),
         gap_poses: Vec::new(),
     };
     let plan = Plan {
@@ -131,6 +141,7 @@ fn prepare_character(
         strict: character.strict,
         context: context.iter().map(|key| key.given(&frame)).collect(),
         targets: targets.iter().map(|key| key.given(&frame)).collect(),
+        root,
         hold_feet: character.hold_feet.unwrap_or(true),
         parts: Parts {
             intermediates: character.return_intermediates,

@@ -149,7 +149,8 @@ fn check_heights(path: &Path<'_>, key: &v1::Keyframe, ground_y_m: f32) -> Result
     Ok(height)
 }
 
-fn check_height(path: &Path<'_>, value: f32, ground_y_m: f32) -> Result<(), FieldError> {
+/// Checks a height of the root joint.
+pub(crate) fn check_height(path: &Path<'_>, value: f32, ground_y_m: f32) -> Result<(), FieldError> {
     if (finite(path, value)? - ground_y_m).abs() > MAX_HEIGHT_M {
         let (low, high) = (ground_y_m - MAX_HEIGHT_M, ground_y_m + MAX_HEIGHT_M);
         return Err(path.error(format!("is {value:?} m"), format!("{low} to {high}")));
@@ -169,6 +170,12 @@ fn check_same_height(path: &Path<'_>, value: f32, height: f32) -> Result<(), Fie
     ))
 }
 
+/// The heading of a pelvis; none where it lies on its side.
+pub(crate) fn facing(pelvis: Quat, skeleton: &Skeleton) -> Option<f32> {
+    let left = pelvis * skeleton.left_axis;
+    (left.x.hypot(left.z) > MIN_GROUND_LEFT).then(|| heading_of(pelvis, skeleton.left_axis))
+}
+
 fn check_heading(
     path: &Path<'_>,
     root: &v1::Root,
@@ -181,10 +188,10 @@ fn check_heading(
     let given = root.heading.map(|heading| finite(&path, heading)).transpose()?;
     match (given, pelvis) {
         (Some(heading), Some(pelvis)) => {
-            let faces = heading_of(pelvis, skeleton.left_axis);
-            let left = pelvis * skeleton.left_axis;
-            let defined = left.x.hypot(left.z) > MIN_GROUND_LEFT;
-            if defined && wrap_angle(heading - faces).abs() > HEADING_TOLERANCE {
+            let faces = facing(pelvis, skeleton);
+            if let Some(faces) = faces
+                && wrap_angle(heading - faces).abs() > HEADING_TOLERANCE
+            {
                 return Err(path.error(
                     format!("is {heading}, but the pose faces {faces}"),
                     format!("within {HEADING_TOLERANCE} rad of {faces}, or left out"),
@@ -284,7 +291,8 @@ fn check_velocity(
     })
 }
 
-fn finite(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
+/// A number that is finite.
+pub(crate) fn finite(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
     if value.is_finite() {
         Ok(value)
     } else {

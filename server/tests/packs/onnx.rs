@@ -7,7 +7,7 @@ use std::sync::Arc;
 use troupe_engine::onnx::OnnxStages;
 use troupe_engine::pack::{Pack, Stage};
 use troupe_engine::{EngineError, EngineKind, Pipeline, Selector, StageTimes, Stages};
-use troupe_motion::model::{KeyTensors, KeyframeTask, Motion};
+use troupe_motion::model::{KeyTensors, KeyframeTask, Motion, RootKey, RootOverride};
 use troupe_server::config::Config;
 
 use crate::pack_folder;
@@ -70,6 +70,15 @@ fn item(pack: &Pack, seed: u64) -> KeyframeTask {
         temperature: [0.0, 0.0, 1.0][seed as usize % 3],
         pose_steps: 1 + u32::from(seed.is_multiple_of(7)) * 3,
         root_guide: None,
+        root_override: seed.is_multiple_of(4).then(|| {
+            let key = RootKey {
+                frame: 9,
+                ground: Some([0.3 * next(), 0.5 + 0.2 * next()]),
+                height: seed.is_multiple_of(8).then_some(0.85),
+                heading: seed.is_multiple_of(8).then_some(next()),
+            };
+            RootOverride::new([key], dims.context_frames - 1)
+        }),
         gap_poses: Vec::new(),
     }
 }

@@ -31,6 +31,15 @@ fn position(key: &mut v1::Keyframe) -> &mut v1::Vec3 {
     key.root.as_mut().unwrap().position.as_mut().unwrap()
 }
 
+fn root(frame: u32, x: f32, z: f32) -> v1::RootKey {
+    v1::RootKey {
+        frame,
+        x: Some(x),
+        z: Some(z),
+        ..v1::RootKey::default()
+    }
+}
+
 #[rustfmt::skip]
 const CASES: &[Case] = &[
     Case { name: "empty request", change: |r| r.characters.clear(), field: "characters", says: "1 to 256" },
@@ -55,6 +64,14 @@ const CASES: &[Case] = &[
     Case { name: "temperature", change: |r| first(r).temperature = 2.1, field: "characters[0].temperature", says: "0 to 2" },
     Case { name: "pose steps", change: |r| first(r).pose_steps = Some(0), field: "characters[0].pose_steps", says: "1 to 10" },
     Case { name: "later character", change: |r| r.characters[2].pose_steps = Some(11), field: "characters[2].pose_steps", says: "1 to 10" },
+    Case { name: "root behind the end", change: |r| first(r).root = vec![root(10, 0.0, 0.5), root(40, 0.0, 3.0)], field: "characters[0].root[1].frame", says: "11 to 39" },
+    Case { name: "roots out of order", change: |r| first(r).root = vec![root(10, 0.0, 0.5), root(10, 0.0, 0.5)], field: "characters[0].root[1].frame", says: "frames that rise" },
+    Case { name: "roots without a length", change: |r| { first(r).frame_count = None; first(r).root = vec![root(10, 0.0, 0.5)] }, field: "characters[0].frame_count", says: "12 to 64" },
+    Case { name: "root against the target", change: |r| first(r).root = vec![root(39, 0.0, 2.0)], field: "characters[0].root[0]", says: "x and z within 0.001 m of 0 and 3" },
+    Case { name: "root against the context", change: |r| first(r).root = vec![root(1, 0.1, -0.2)], field: "characters[0].root[0]", says: "within 0.001 m" },
+    Case { name: "root with half a place", change: |r| first(r).root = vec![v1::RootKey { z: None, ..root(20, 0.0, 0.0) }], field: "characters[0].root[0].z", says: "both x and z, or neither" },
+    Case { name: "root of nothing", change: |r| first(r).root = vec![v1::RootKey { frame: 20, ..Default::default() }], field: "characters[0].root[0]", says: "at least one of x and z, height and heading" },
+    Case { name: "root far away", change: |r| first(r).root = vec![root(20, 1e5, 0.0)], field: "characters[0].root[0]", says: "at most 10000 m" },
     Case { name: "velocity", change: |r| first(r).targets[0].velocity = Some(v1::RootVelocity { x: 1e6, ..Default::default() }), field: "characters[0].targets[0].velocity.x", says: "-1000 to 1000" },
 ];
 
@@ -65,6 +82,9 @@ const NOT_FINITE: &[Case] = &[
     Case { name: "infinite position", change: |r| position(&mut first(r).context[0]).z = f32::INFINITY, field: "characters[0].context[0].root.position.z", says: "a finite number" },
     Case { name: "NaN heading", change: |r| first(r).targets[0].root.as_mut().unwrap().heading = Some(f32::NAN), field: "characters[0].targets[0].root.heading", says: "a finite number" },
     Case { name: "infinite velocity", change: |r| first(r).targets[0].velocity = Some(v1::RootVelocity { angular: f32::NEG_INFINITY, ..Default::default() }), field: "characters[0].targets[0].velocity.angular", says: "a finite number" },
+    Case { name: "NaN root", change: |r| first(r).root = vec![root(20, f32::NAN, 0.0)], field: "characters[0].root[0].x", says: "a finite number" },
+    Case { name: "NaN root height", change: |r| first(r).root = vec![v1::RootKey { height: Some(f32::NAN), ..root(20, 0.0, 0.0) }], field: "characters[0].root[0].height", says: "a finite number" },
+    Case { name: "infinite root heading", change: |r| first(r).root = vec![v1::RootKey { heading: Some(f32::INFINITY), ..root(20, 0.0, 0.0) }], field: "characters[0].root[0].heading", says: "a finite number" },
     Case { name: "NaN temperature", change: |r| first(r).temperature = f32::NAN, field: "characters[0].temperature", says: "0 to 2" },
 ];
 

@@ -27,7 +27,16 @@ fn rotations(key: &mut v1::Keyframe) -> &mut Vec<f32> {
     &mut key.pose.as_mut().unwrap().rotations
 }
 
-const CASES: [Case; 24] = [
+fn root(frame: u32, x: f32) -> v1::RootKey {
+    v1::RootKey {
+        frame,
+        x: Some(x),
+        z: Some(0.0),
+        ..v1::RootKey::default()
+    }
+}
+
+const CASES: [Case; 28] = [
     Case {
         what: "a joint too few in the context",
         spoil: |r| rotations(&mut first(r).context[2]).truncate(80),
@@ -202,6 +211,30 @@ const CASES: [Case; 24] = [
         spoil: |r| first(r).pose_steps = Some(0),
         field: "characters[0].pose_steps",
         allowed: "1 to 10",
+    },
+    Case {
+        what: "a given root behind the end",
+        spoil: |r| first(r).root = vec![root(10, 0.0), root(30, 0.0)],
+        field: "characters[0].root[1].frame",
+        allowed: "11 to 29",
+    },
+    Case {
+        what: "given roots out of order",
+        spoil: |r| first(r).root = vec![root(20, 0.0), root(10, 0.0)],
+        field: "characters[0].root[1].frame",
+        allowed: "frames that rise",
+    },
+    Case {
+        what: "an infinite given root",
+        spoil: |r| first(r).root = vec![root(10, f32::INFINITY)],
+        field: "characters[0].root[0].x",
+        allowed: "finite",
+    },
+    Case {
+        what: "a given root that contradicts the target",
+        spoil: |r| first(r).root = vec![root(29, -300.0)],
+        field: "characters[0].root[0]",
+        allowed: "within 0.001 m",
     },
     Case {
         what: "a long id",

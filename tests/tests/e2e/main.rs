@@ -17,6 +17,7 @@ mod motion;
 mod object;
 mod real;
 mod robustness;
+mod roots;
 mod scene;
 mod server;
 mod style;

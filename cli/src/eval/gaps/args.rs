@@ -49,6 +49,16 @@ pub(crate) struct GapEval {
     #[arg(long, default_value_t = 100, value_name = "N", value_parser = positive)]
     pub(crate) diversity_windows: usize,
 
+    /// Have the pack's motion pass beside its own way: its root in the middle of the gap is moved to the left of the character by so
+    /// many metres (a root override), and what comes is measured. Diversity stays that of motions without.
+    #[arg(
+        long,
+        default_value_t = 0.0,
+        value_name = "METRES",
+        allow_negative_numbers = true
+    )]
+    pub(crate) bend: f32,
+
     /// Requests in flight at the same time.
     #[arg(long, default_value_t = 32, value_name = "N", value_parser = positive)]
     pub(crate) concurrency: usize,

@@ -1,8 +1,9 @@
 //! Has a pack fill gaps in clips, and measures what comes, beside ground truth and interpolation.
 
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
+use glam::Vec2;
 use indicatif::ProgressBar;
-use troupe_client::{CONTEXT_FRAMES, Client, InBetween, InBetweenAnswer, Pack};
+use troupe_client::{CONTEXT_FRAMES, Client, InBetween, InBetweenAnswer, Pack, RootKey};
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::interpolate::fill_gap;
@@ -113,7 +114,12 @@ impl Bench<'_> {
         let truth = cut(&self.clips, window, task)?;
         let sampling = &self.command.sampling;
         let seed = window_seed(sampling.seed, name, window.start);
-        let answer = self.take(&truth, task, seed, sampling.temperature).await?;
+        let mut answer = self.take(&truth, task, seed, sampling.temperature, None).await?;
+        if self.command.bend != 0.0 {
+            let beside = beside(&answer.clip, task, self.command.bend);
+            let bent = self.take(&truth, task, seed, sampling.temperature, Some(beside));
+            answer = bent.await?;
+        }
         let (from, to) = (CONTEXT_FRAMES - 1, task.frames() - 1);
         let interpolation = fill_gap(&truth, from, to).map_err(|e| Failure::Other(e.to_string()))?;
         bar.inc(1);
@@ -146,11 +152,13 @@ impl Bench<'_> {
         task: Task,
         seed: u64,
         temperature: f32,
+        root: Option<RootKey>,
     ) -> Result<InBetweenAnswer, Failure> {
         let gap = InBetween::from_clip(truth, CONTEXT_FRAMES - 1, task.frames() - 1)?
             .seed(seed)
             .temperature(temperature)
             .pose_steps(self.command.sampling.pose_steps)
+            .root(root)
             .hold_feet(!self.command.sampling.free_feet);
         Ok(self.client.in_between(&self.pack, &gap).await?)
     }
@@ -214,7 +222,7 @@ impl Bench<'_> {
             let truth = cut(&self.clips, window, task)?;
             let takes = (1..=seeds).map(|nth| {
                 let seed = window_seed(self.command.sampling.seed.wrapping_add(nth), name, window.start);
-                self.take(&truth, task, seed, DIVERSITY_TEMPERATURE)
+                self.take(&truth, task, seed, DIVERSITY_TEMPERATURE, None)
             });
             let takes = stream::iter(takes).buffered(self.command.concurrency);
             let takes = takes.map_ok(|answer| answer.clip).inspect(|_| bar.inc(1));
@@ -239,6 +247,15 @@ impl Bench<'_> {
         }
         Ok(windows.len())
     }
+}
+
+/// A place so many metres to the left of where a motion is in the middle of its gap.
+fn beside(clip: &Clip, task: Task, metres: f32) -> RootKey {
+    let frame = task.context_frames + task.gap_frames / 2;
+    let root = clip.root_at(frame);
+    let (sin, cos) = root.heading.sin_cos();
+    let left = Vec2::new(cos, -sin);
+    RootKey::new(frame as u32).ground(Vec2::new(root.position.x, root.position.z) + metres * left)
 }
 
 /// Adds FID and MMD of each method to ground truth; of ground truth between its own halves.

@@ -31,6 +31,8 @@ pub(super) struct Report {
     pose_steps: u32,
     /// Whether the server held feet that stand.
     feet_held: bool,
+    /// How far the pack's motions were bent to the left, metres.
+    bend_m: f32,
     /// Takes of each window that diversity was measured over.
     diversity_seeds: u32,
     /// None where none was at hand.
@@ -130,6 +132,7 @@ impl Report {
             temperature: command.sampling.temperature,
             pose_steps: command.sampling.pose_steps,
             feet_held: !command.sampling.free_feet,
+            bend_m: command.bend,
             diversity_seeds: command.seeds,
             evaluator: bench.evaluator.as_ref().ok().map(|e| e.origin().clone()),
             no_evaluator: bench.evaluator.as_ref().err().copied(),
@@ -159,6 +162,15 @@ impl Report {
             line(&mut text, format_args!("{}\n", self.table(gap, width)));
         }
         line(&mut text, format_args!("{LEGEND}\n"));
+        if self.bend_m != 0.0 {
+            let bend_m = self.bend_m;
+            line(
+                &mut text,
+                format_args!(
+                    "The pack's motions pass {bend_m} m to the left of their own way in the middle of the gap.\n"
+                ),
+            );
+        }
         match (&self.evaluator, self.no_evaluator) {
             (Some(evaluator), _) => {
                 let (file, digest) = (evaluator.file.display(), &evaluator.sha256);
@@ -274,6 +286,7 @@ mod tests {
             seed: 0,
             temperature: 0.0,
             feet_held: true,
+            bend_m: 0.0,
             pose_steps: 1,
             diversity_seeds: 20,
             evaluator: None,

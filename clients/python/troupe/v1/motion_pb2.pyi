@@ -85,8 +85,22 @@ class Keyframe(_message.Message):
     qpos: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, root: _Optional[_Union[Root, _Mapping]] = ..., velocity: _Optional[_Union[RootVelocity, _Mapping]] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., qpos: _Optional[_Iterable[float]] = ...) -> None: ...
 
+class RootKey(_message.Message):
+    __slots__ = ("frame", "x", "z", "height", "heading")
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    X_FIELD_NUMBER: _ClassVar[int]
+    Z_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    HEADING_FIELD_NUMBER: _ClassVar[int]
+    frame: int
+    x: float
+    z: float
+    height: float
+    heading: float
+    def __init__(self, frame: _Optional[int] = ..., x: _Optional[float] = ..., z: _Optional[float] = ..., height: _Optional[float] = ..., heading: _Optional[float] = ...) -> None: ...
+
 class Character(_message.Message):
-    __slots__ = ("id", "context", "targets", "frame_count", "allowed_token_counts", "seed", "temperature", "pose_steps", "return_intermediates", "return_positions", "return_six_d", "return_qpos", "hold_feet", "strict")
+    __slots__ = ("id", "context", "targets", "frame_count", "allowed_token_counts", "seed", "temperature", "pose_steps", "return_intermediates", "return_positions", "return_six_d", "return_qpos", "hold_feet", "strict", "root")
     ID_FIELD_NUMBER: _ClassVar[int]
     CONTEXT_FIELD_NUMBER: _ClassVar[int]
     TARGETS_FIELD_NUMBER: _ClassVar[int]
@@ -101,6 +115,7 @@ class Character(_message.Message):
     RETURN_QPOS_FIELD_NUMBER: _ClassVar[int]
     HOLD_FEET_FIELD_NUMBER: _ClassVar[int]
     STRICT_FIELD_NUMBER: _ClassVar[int]
+    ROOT_FIELD_NUMBER: _ClassVar[int]
     id: str
     context: _containers.RepeatedCompositeFieldContainer[Keyframe]
     targets: _containers.RepeatedCompositeFieldContainer[Keyframe]
@@ -115,7 +130,8 @@ class Character(_message.Message):
     return_qpos: bool
     hold_feet: bool
     strict: bool
-    def __init__(self, id: _Optional[str] = ..., context: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., frame_count: _Optional[int] = ..., allowed_token_counts: _Optional[_Iterable[int]] = ..., seed: _Optional[int] = ..., temperature: _Optional[float] = ..., pose_steps: _Optional[int] = ..., return_intermediates: _Optional[bool] = ..., return_positions: _Optional[bool] = ..., return_six_d: _Optional[bool] = ..., return_qpos: _Optional[bool] = ..., hold_feet: _Optional[bool] = ..., strict: _Optional[bool] = ...) -> None: ...
+    root: _containers.RepeatedCompositeFieldContainer[RootKey]
+    def __init__(self, id: _Optional[str] = ..., context: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., frame_count: _Optional[int] = ..., allowed_token_counts: _Optional[_Iterable[int]] = ..., seed: _Optional[int] = ..., temperature: _Optional[float] = ..., pose_steps: _Optional[int] = ..., return_intermediates: _Optional[bool] = ..., return_positions: _Optional[bool] = ..., return_six_d: _Optional[bool] = ..., return_qpos: _Optional[bool] = ..., hold_feet: _Optional[bool] = ..., strict: _Optional[bool] = ..., root: _Optional[_Iterable[_Union[RootKey, _Mapping]]] = ...) -> None: ...
 
 class InBetweenRequest(_message.Message):
     __slots__ = ("pack", "characters")

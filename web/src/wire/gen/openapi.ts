@@ -732,6 +732,14 @@ export interface components {
              */
             return_six_d: boolean;
             /**
+             * @description Where the root is to be: in some frames, or in every one. These frames have it exactly. Between them the predicted trajectory is
+             *     moved along: what it lacks is spread by a smooth curve, which starts at the last context frame and ends at a target's root, or stays
+             *     behind the last entry. The pose tokens stay those of the predicted trajectory; the decoder makes the motion of them and of the
+             *     given one. Needs frame_count.
+             * @default []
+             */
+            root: components["schemas"]["RootKey"][];
+            /**
              * Format: int64
              * @description The same seed, input and pack give the same frames. As JSON it is a number: JavaScript clients stay below 2^53.
              * @default 0
@@ -2020,7 +2028,7 @@ export interface components {
              */
             predicted_frame_count: number;
             /**
-             * @description r_g3, the root module's trajectory: predicted_frame_count x 5 (x, y, z, cos heading, sin heading).
+             * @description r_g3, the root module's trajectory, before any Character.root: predicted_frame_count x 5 (x, y, z, cos heading, sin heading).
              * @default []
              */
             root_r_g3: number[];
@@ -3113,6 +3121,43 @@ export interface components {
             heading: number | null;
             /** @default null */
             position: components["schemas"]["Vec3"] | null;
+        };
+        /**
+         * @description What the root is to be in a frame (root override, figure 4 of the paper): any subset of place, height and heading, but at least one.
+         *     What is left out is as the networks make it.
+         */
+        RootKey: {
+            /**
+             * Format: int32
+             * @description The frame, counted from 0, the first context frame; below frame_count, and later than that of the entry before. In a frame of a
+             *     context or target keyframe it repeats what the keyframe gives: places and heights within 1 mm, headings within 0.01 rad.
+             * @default 0
+             */
+            frame: number;
+            /**
+             * Format: float
+             * @description Heading in radians.
+             * @default null
+             */
+            heading: number | null;
+            /**
+             * Format: float
+             * @description Height of the root joint (y) in metres, at most 100 m above or below the ground.
+             * @default null
+             */
+            height: number | null;
+            /**
+             * Format: float
+             * @description World X of the root joint (the pelvis), in metres: over the ground at most 10000 m from the last context frame. With z, or neither.
+             * @default null
+             */
+            x: number | null;
+            /**
+             * Format: float
+             * @description World Z of the root joint, in metres.
+             * @default null
+             */
+            z: number | null;
         };
         /** @description The local root (r_l of the paper): how the pelvis moves over the ground. */
         RootVelocity: {

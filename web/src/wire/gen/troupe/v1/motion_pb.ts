@@ -16,7 +16,7 @@ import type { Message } from "@bufbuild/protobuf";
  * Describes the file troupe/v1/motion.proto.
  */
 export const file_troupe_v1_motion: GenFile = /*@__PURE__*/
-  fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiKPAwoJQ2hhcmFjdGVyEgoKAmlkGAEgASgJEiQKB2NvbnRleHQYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJAoHdGFyZ2V0cxgDIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIYCgtmcmFtZV9jb3VudBgEIAEoDUgAiAEBEhwKFGFsbG93ZWRfdG9rZW5fY291bnRzGAUgAygNEgwKBHNlZWQYBiABKAQSEwoLdGVtcGVyYXR1cmUYByABKAISFwoKcG9zZV9zdGVwcxgIIAEoDUgBiAEBEhwKFHJldHVybl9pbnRlcm1lZGlhdGVzGAkgASgIEhgKEHJldHVybl9wb3NpdGlvbnMYCiABKAgSFAoMcmV0dXJuX3NpeF9kGAsgASgIEhMKC3JldHVybl9xcG9zGAwgASgIEhYKCWhvbGRfZmVldBgNIAEoCEgCiAEBEg4KBnN0cmljdBgOIAEoCEIOCgxfZnJhbWVfY291bnRCDQoLX3Bvc2Vfc3RlcHNCDAoKX2hvbGRfZmVldCJKChBJbkJldHdlZW5SZXF1ZXN0EgwKBHBhY2sYASABKAkSKAoKY2hhcmFjdGVycxgCIAMoCzIULnRyb3VwZS52MS5DaGFyYWN0ZXIiuwEKBkZyYW1lcxITCgtmcmFtZV9jb3VudBgBIAEoDRIWCg5yb290X3Bvc2l0aW9ucxgCIAMoAhIRCglyb3RhdGlvbnMYAyADKAISEAoIY29udGFjdHMYBCADKAISEQoJcG9zaXRpb25zGAUgAygCEg0KBXNpeF9kGAYgAygCEgwKBHFwb3MYByADKAISFwoPaGluZ2VfcmVzaWR1YWxzGAggAygCEhYKDmNsYW1wZWRfaGluZ2VzGAkgAygNIocBCg1JbnRlcm1lZGlhdGVzEh0KFXByZWRpY3RlZF9mcmFtZV9jb3VudBgBIAEoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAIgAygCEhEKCXJvb3Rfcl9nMxgDIAMoAhIOCgZ0b2tlbnMYBCADKA0SEQoJcm9vdF9yX2c0GAUgAygCIl4KEUZlYXNpYmlsaXR5RmlndXJlEg0KBXZhbHVlGAEgASgCEg0KBWxpbWl0GAIgASgCEg0KBWZyYW1lGAMgASgNEhIKBWpvaW50GAQgASgNSACIAQFCCAoGX2pvaW50IpgFCgtGZWFzaWJpbGl0eRIQCghmZWFzaWJsZRgBIAEoCBINCgV3b3JzdBgCIAEoCRINCgVyYXRpbxgDIAEoAhIwCgpyb290X3NwZWVkGAQgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjcKEXJvb3RfYWNjZWxlcmF0aW9uGAUgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEi0KB3R1cm5pbmcYBiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMQoLam9pbnRfc3BlZWQYByABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSOAoSam9pbnRfYWNjZWxlcmF0aW9uGAggASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjIKDGJlbG93X2dyb3VuZBgJIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpvZmZfZ3JvdW5kGAogASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEioKBHRpbHQYCyABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSKgoEYmVuZBgMIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpyb290X3JlYWNoGA0gASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjAKCnR1cm5fcmVhY2gYDiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMAoKcG9zZV9yZWFjaBgPIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZSKeAQoPQ2hhcmFjdGVyUmVzdWx0EgoKAmlkGAEgASgJEiEKBmZyYW1lcxgCIAEoCzIRLnRyb3VwZS52MS5GcmFtZXMSLwoNaW50ZXJtZWRpYXRlcxgDIAEoCzIYLnRyb3VwZS52MS5JbnRlcm1lZGlhdGVzEisKC2ZlYXNpYmlsaXR5GAQgASgLMhYudHJvdXBlLnYxLkZlYXNpYmlsaXR5IuwBCg9HZW5lcmF0ZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZwcm9tcHQYAiABKAsyES50cm91cGUudjEuUHJvbXB0SAASIwoEcGF0aBgHIAEoCzITLnRyb3VwZS52MS5QYXRoR29hbEgAEiEKBHBhc3QYBCADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDAoEc2VlZBgFIAEoBBIlCghzYW1wbGluZxgIIAEoCzITLnRyb3VwZS52MS5TYW1wbGluZ0IGCgRnb2FsSgQIAxAESgQIBhAHUghkZXNjcmliZVILdGVtcGVyYXR1cmUimAEKCFNhbXBsaW5nEhgKC3RlbXBlcmF0dXJlGAEgASgCSACIAQESEgoFdG9wX2sYAiABKA1IAYgBARISCgV0b3BfcBgDIAEoAkgCiAEBEhcKCnJlcGV0aXRpb24YBCABKAJIA4gBAUIOCgxfdGVtcGVyYXR1cmVCCAoGX3RvcF9rQggKBl90b3BfcEINCgtfcmVwZXRpdGlvbiLzAQoGUHJvbXB0EgwKBHRleHQYASABKAkSGAoLZnJhbWVfY291bnQYAiABKA1IAIgBARIUCgdzZWNvbmRzGAMgASgCSAGIAQESJAoHdGFyZ2V0cxgEIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIgCgZvdGhlcnMYBSADKAsyEC50cm91cGUudjEuQWdlbnQSHwoFYXVkaW8YBiABKAsyEC50cm91cGUudjEuQXVkaW8SFwoKZmxvd19zdGVwcxgHIAEoDUgCiAEBQg4KDF9mcmFtZV9jb3VudEIKCghfc2Vjb25kc0INCgtfZmxvd19zdGVwcyI4CgVBZ2VudBIMCgR0ZXh0GAEgASgJEiEKBHBhc3QYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUiNwoFQXVkaW8SHwoFc291bmQYASABKA4yEC50cm91cGUudjEuU291bmQSDQoFY29kZXMYAiADKA0i2AIKCFBhdGhHb2FsEgwKBGJvZHkYASABKAkSLgoIc2tlbGV0b24YAiABKAsyFy50cm91cGUudjEuQm9keVNrZWxldG9uSACIAQESJAoGcG9pbnRzGAMgAygLMhQudHJvdXBlLnYxLlBhdGhQb2ludBIUCgdzZWNvbmRzGAQgASgCSAGIAQESEgoFc3BlZWQYBSABKAJIAogBARIjCgVzdHlsZRgGIAMoCzIULnRyb3VwZS52MS5TdHlsZVdvcmQSEgoFc3RlcHMYByABKA1IA4gBARIVCghndWlkYW5jZRgIIAEoAkgEiAEBEiQKB3RhcmdldHMYCSADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDgoGc3RyaWN0GAogASgIQgsKCV9za2VsZXRvbkIKCghfc2Vjb25kc0IICgZfc3BlZWRCCAoGX3N0ZXBzQgsKCV9ndWlkYW5jZSI5CglTdHlsZVdvcmQSDAoEd29yZBgBIAEoCRITCgZ3ZWlnaHQYAiABKAJIAIgBAUIJCgdfd2VpZ2h0ImwKCVBhdGhQb2ludBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBARIRCgR0aW1lGAMgASgCSAGIAQFCCgoIX2hlYWRpbmdCBwoFX3RpbWUipQEKDEJvZHlTa2VsZXRvbhIkCgZqb2ludHMYASADKAsyFC50cm91cGUudjEuQm9keUpvaW50EicKCWxlZnRfYXhpcxgCIAEoCzIPLnRyb3VwZS52MS5WZWMzSACIAQESFgoOY29udGFjdF9qb2ludHMYAyADKAkSIAoHbmV1dHJhbBgEIAMoCzIPLnRyb3VwZS52MS5RdWF0QgwKCl9sZWZ0X2F4aXMiSgoJQm9keUpvaW50EgwKBG5hbWUYASABKAkSDgoGcGFyZW50GAIgASgJEh8KBm9mZnNldBgDIAEoCzIPLnRyb3VwZS52MS5WZWMzIqsBChBHZW5lcmF0ZVJlc3BvbnNlEiMKBmZyYW1lcxgBIAEoCzIRLnRyb3VwZS52MS5GcmFtZXNIABIPCgdpc19sYXN0GAMgASgIEg0KBW5vdGVzGAQgAygJEhEKCWNoYXJhY3RlchgFIAEoDRIrCgtmZWFzaWJpbGl0eRgGIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eUIGCgRwYXJ0SgQIAhADUgR0ZXh0IsMBCg9EZXNjcmliZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZmcmFtZXMYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJgoGb3RoZXJzGAMgAygLMhYudHJvdXBlLnYxLk90aGVyTW90aW9uEiAKBGludG8YBCABKA4yEi50cm91cGUudjEuVGVsbGluZxIMCgRzZWVkGAUgASgEEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIjIKC090aGVyTW90aW9uEiMKBmZyYW1lcxgBIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSJtChBEZXNjcmliZVJlc3BvbnNlEg4KBHRleHQYASABKAlIABIhCgVhdWRpbxgCIAEoCzIQLnRyb3VwZS52MS5BdWRpb0gAEg8KB2lzX2xhc3QYAyABKAgSDQoFbm90ZXMYBCADKAlCBgoEcGFydCJ/CgZUaW1pbmcSEAoIcXVldWVfdXMYASABKAQSEwoLYXNzZW1ibGVfdXMYAiABKAQSFAoMaW5mZXJlbmNlX3VzGAMgASgEEhIKCnNjYXR0ZXJfdXMYBCABKAQSEAoIdG90YWxfdXMYBSABKAQSEgoKYmF0Y2hfc2l6ZRgGIAEoDSKKAQoRSW5CZXR3ZWVuUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIUCgxwYWNrX3ZlcnNpb24YAiABKAkSLgoKY2hhcmFjdGVycxgDIAMoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJSZXN1bHQSIQoGdGltaW5nGAQgASgLMhEudHJvdXBlLnYxLlRpbWluZyISChBMaXN0UGFja3NSZXF1ZXN0IjMKEUxpc3RQYWNrc1Jlc3BvbnNlEh4KBXBhY2tzGAEgAygLMg8udHJvdXBlLnYxLlBhY2siHgoOR2V0UGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCSJGCgVKb2ludBIMCgRuYW1lGAEgASgJEg4KBnBhcmVudBgCIAEoBRIfCgZvZmZzZXQYAyABKAsyDy50cm91cGUudjEuVmVjMyJICgxDb250YWN0UnVsZXMSEgoKbWF4X2hlaWdodBgBIAMoAhIRCgltYXhfc3BlZWQYAiABKAISEQoJY2xlYXJhbmNlGAMgAygCIoUBCgVIaW5nZRINCgVqb2ludBgBIAEoCRIdCgRheGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzMSHQoEcmVzdBgDIAEoCzIPLnRyb3VwZS52MS5RdWF0Eg0KBWxvd2VyGAQgASgCEg0KBXVwcGVyGAUgASgCEhEKCW1heF9zcGVlZBgGIAEoAiJKCgVSb2JvdBIMCgRuYW1lGAEgASgJEiAKBmhpbmdlcxgCIAMoCzIQLnRyb3VwZS52MS5IaW5nZRIRCglxcG9zX3NpemUYAyABKA0itwUKBFBhY2sSDAoEbmFtZRgBIAEoCRIPCgd2ZXJzaW9uGAIgASgJEg8KB2xpY2VuY2UYAyABKAkSDwoHY3JlZGl0cxgEIAMoCRILCgNmcHMYBSABKAISIAoGam9pbnRzGAYgAygLMhAudHJvdXBlLnYxLkpvaW50EhYKDmNvbnRhY3Rfam9pbnRzGAcgAygJEhYKDmNvbnRleHRfZnJhbWVzGAggASgNEhMKC21heF90YXJnZXRzGAkgASgNEhIKCm1pbl9mcmFtZXMYCiABKA0SEgoKbWF4X2ZyYW1lcxgLIAEoDRIYChBmcmFtZXNfcGVyX3Rva2VuGAwgASgNEg0KBWhlYWRzGA0gASgNEg0KBWNvZGVzGA4gASgNEhQKDGNvbnRlbnRfaGFzaBgPIAEoCRISCgppc19kZWZhdWx0GBAgASgIEhIKCnBhcmFtZXRlcnMYESABKAQSFAoMZmlndXJlc19qc29uGBIgASgJEiIKCWxlZnRfYXhpcxgTIAEoCzIPLnRyb3VwZS52MS5WZWMzEhAKCGdyb3VuZF95GBQgASgCEi4KDWNvbnRhY3RfcnVsZXMYFSABKAsyFy50cm91cGUudjEuQ29udGFjdFJ1bGVzEg4KBmVuZ2luZRgWIAEoCRIfCgVyb2JvdBgXIAEoCzIQLnRyb3VwZS52MS5Sb2JvdBIOCgZmYW1pbHkYGCABKAkSFAoMY2FwYWJpbGl0aWVzGBkgAygJEiMKBmJvZGllcxgaIAMoCzITLnRyb3VwZS52MS5QYWNrQm9keRINCgV3b3JkcxgbIAMoCRIVCg1zYW1wbGVyX3N0ZXBzGBwgASgNEhcKD2RpZmZ1c2lvbl9zdGVwcxgdIAEoDRIlCghsYW5ndWFnZRgeIAEoCzITLnRyb3VwZS52MS5MYW5ndWFnZSKYAQoITGFuZ3VhZ2USDQoFdGFza3MYASADKAkSGQoRbWF4X3Byb21wdF9waWVjZXMYAiABKA0SEgoKbWF4X2FnZW50cxgDIAEoDRITCgthdWRpb19jb2RlcxgEIAEoDRISCgpmbG93X3N0ZXBzGAUgASgNEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIrYBCghQYWNrQm9keRIMCgRuYW1lGAEgASgJEiAKBmpvaW50cxgCIAMoCzIQLnRyb3VwZS52MS5Kb2ludBIWCg5jb250YWN0X2pvaW50cxgDIAMoCRIiCglsZWZ0X2F4aXMYBCABKAsyDy50cm91cGUudjEuVmVjMxIfCgVyb2JvdBgFIAEoCzIQLnRyb3VwZS52MS5Sb2JvdBIOCgZoZWlnaHQYBiABKAISDQoFd29yZHMYByADKAkqKgoFU291bmQSDwoLU09VTkRfTVVTSUMQABIQCgxTT1VORF9TUEVFQ0gQASpDCgdUZWxsaW5nEhEKDVRFTExJTkdfV09SRFMQABIRCg1URUxMSU5HX01VU0lDEAESEgoOVEVMTElOR19TUEVFQ0gQAjLdAgoGTW90aW9uEkYKCUluQmV0d2VlbhIbLnRyb3VwZS52MS5JbkJldHdlZW5SZXF1ZXN0GhwudHJvdXBlLnYxLkluQmV0d2VlblJlc3BvbnNlEkUKCEdlbmVyYXRlEhoudHJvdXBlLnYxLkdlbmVyYXRlUmVxdWVzdBobLnRyb3VwZS52MS5HZW5lcmF0ZVJlc3BvbnNlMAESRQoIRGVzY3JpYmUSGi50cm91cGUudjEuRGVzY3JpYmVSZXF1ZXN0GhsudHJvdXBlLnYxLkRlc2NyaWJlUmVzcG9uc2UwARJGCglMaXN0UGFja3MSGy50cm91cGUudjEuTGlzdFBhY2tzUmVxdWVzdBocLnRyb3VwZS52MS5MaXN0UGFja3NSZXNwb25zZRI1CgdHZXRQYWNrEhkudHJvdXBlLnYxLkdldFBhY2tSZXF1ZXN0Gg8udHJvdXBlLnYxLlBhY2tiBnByb3RvMw");
+  fileDesc("ChZ0cm91cGUvdjEvbW90aW9uLnByb3RvEgl0cm91cGUudjEiJwoEVmVjMxIJCgF4GAEgASgCEgkKAXkYAiABKAISCQoBehgDIAEoAiIyCgRRdWF0EgkKAXcYASABKAISCQoBeBgCIAEoAhIJCgF5GAMgASgCEgkKAXoYBCABKAIiSwoEUm9vdBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBAUIKCghfaGVhZGluZyJVCgxSb290VmVsb2NpdHkSCQoBeBgBIAEoAhIJCgF6GAIgASgCEg8KB2FuZ3VsYXIYAyABKAISEwoGaGVpZ2h0GAQgASgCSACIAQFCCQoHX2hlaWdodCJDCgRQb3NlEhEKCXJvdGF0aW9ucxgBIAMoAhIYCgtyb290X2hlaWdodBgCIAEoAkgAiAEBQg4KDF9yb290X2hlaWdodCKBAQoIS2V5ZnJhbWUSHQoEcm9vdBgBIAEoCzIPLnRyb3VwZS52MS5Sb290EikKCHZlbG9jaXR5GAIgASgLMhcudHJvdXBlLnYxLlJvb3RWZWxvY2l0eRIdCgRwb3NlGAMgASgLMg8udHJvdXBlLnYxLlBvc2USDAoEcXBvcxgEIAMoAiKGAQoHUm9vdEtleRINCgVmcmFtZRgBIAEoDRIOCgF4GAIgASgCSACIAQESDgoBehgDIAEoAkgBiAEBEhMKBmhlaWdodBgEIAEoAkgCiAEBEhQKB2hlYWRpbmcYBSABKAJIA4gBAUIECgJfeEIECgJfekIJCgdfaGVpZ2h0QgoKCF9oZWFkaW5nIrEDCglDaGFyYWN0ZXISCgoCaWQYASABKAkSJAoHY29udGV4dBgCIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIkCgd0YXJnZXRzGAMgAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhgKC2ZyYW1lX2NvdW50GAQgASgNSACIAQESHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBSADKA0SDAoEc2VlZBgGIAEoBBITCgt0ZW1wZXJhdHVyZRgHIAEoAhIXCgpwb3NlX3N0ZXBzGAggASgNSAGIAQESHAoUcmV0dXJuX2ludGVybWVkaWF0ZXMYCSABKAgSGAoQcmV0dXJuX3Bvc2l0aW9ucxgKIAEoCBIUCgxyZXR1cm5fc2l4X2QYCyABKAgSEwoLcmV0dXJuX3Fwb3MYDCABKAgSFgoJaG9sZF9mZWV0GA0gASgISAKIAQESDgoGc3RyaWN0GA4gASgIEiAKBHJvb3QYDyADKAsyEi50cm91cGUudjEuUm9vdEtleUIOCgxfZnJhbWVfY291bnRCDQoLX3Bvc2Vfc3RlcHNCDAoKX2hvbGRfZmVldCJKChBJbkJldHdlZW5SZXF1ZXN0EgwKBHBhY2sYASABKAkSKAoKY2hhcmFjdGVycxgCIAMoCzIULnRyb3VwZS52MS5DaGFyYWN0ZXIiuwEKBkZyYW1lcxITCgtmcmFtZV9jb3VudBgBIAEoDRIWCg5yb290X3Bvc2l0aW9ucxgCIAMoAhIRCglyb3RhdGlvbnMYAyADKAISEAoIY29udGFjdHMYBCADKAISEQoJcG9zaXRpb25zGAUgAygCEg0KBXNpeF9kGAYgAygCEgwKBHFwb3MYByADKAISFwoPaGluZ2VfcmVzaWR1YWxzGAggAygCEhYKDmNsYW1wZWRfaGluZ2VzGAkgAygNIocBCg1JbnRlcm1lZGlhdGVzEh0KFXByZWRpY3RlZF9mcmFtZV9jb3VudBgBIAEoDRIhChl0b2tlbl9jb3VudF9wcm9iYWJpbGl0aWVzGAIgAygCEhEKCXJvb3Rfcl9nMxgDIAMoAhIOCgZ0b2tlbnMYBCADKA0SEQoJcm9vdF9yX2c0GAUgAygCIl4KEUZlYXNpYmlsaXR5RmlndXJlEg0KBXZhbHVlGAEgASgCEg0KBWxpbWl0GAIgASgCEg0KBWZyYW1lGAMgASgNEhIKBWpvaW50GAQgASgNSACIAQFCCAoGX2pvaW50IpgFCgtGZWFzaWJpbGl0eRIQCghmZWFzaWJsZRgBIAEoCBINCgV3b3JzdBgCIAEoCRINCgVyYXRpbxgDIAEoAhIwCgpyb290X3NwZWVkGAQgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjcKEXJvb3RfYWNjZWxlcmF0aW9uGAUgASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEi0KB3R1cm5pbmcYBiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMQoLam9pbnRfc3BlZWQYByABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSOAoSam9pbnRfYWNjZWxlcmF0aW9uGAggASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjIKDGJlbG93X2dyb3VuZBgJIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpvZmZfZ3JvdW5kGAogASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEioKBHRpbHQYCyABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSKgoEYmVuZBgMIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZRIwCgpyb290X3JlYWNoGA0gASgLMhwudHJvdXBlLnYxLkZlYXNpYmlsaXR5RmlndXJlEjAKCnR1cm5fcmVhY2gYDiABKAsyHC50cm91cGUudjEuRmVhc2liaWxpdHlGaWd1cmUSMAoKcG9zZV9yZWFjaBgPIAEoCzIcLnRyb3VwZS52MS5GZWFzaWJpbGl0eUZpZ3VyZSKeAQoPQ2hhcmFjdGVyUmVzdWx0EgoKAmlkGAEgASgJEiEKBmZyYW1lcxgCIAEoCzIRLnRyb3VwZS52MS5GcmFtZXMSLwoNaW50ZXJtZWRpYXRlcxgDIAEoCzIYLnRyb3VwZS52MS5JbnRlcm1lZGlhdGVzEisKC2ZlYXNpYmlsaXR5GAQgASgLMhYudHJvdXBlLnYxLkZlYXNpYmlsaXR5IuwBCg9HZW5lcmF0ZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZwcm9tcHQYAiABKAsyES50cm91cGUudjEuUHJvbXB0SAASIwoEcGF0aBgHIAEoCzITLnRyb3VwZS52MS5QYXRoR29hbEgAEiEKBHBhc3QYBCADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDAoEc2VlZBgFIAEoBBIlCghzYW1wbGluZxgIIAEoCzITLnRyb3VwZS52MS5TYW1wbGluZ0IGCgRnb2FsSgQIAxAESgQIBhAHUghkZXNjcmliZVILdGVtcGVyYXR1cmUimAEKCFNhbXBsaW5nEhgKC3RlbXBlcmF0dXJlGAEgASgCSACIAQESEgoFdG9wX2sYAiABKA1IAYgBARISCgV0b3BfcBgDIAEoAkgCiAEBEhcKCnJlcGV0aXRpb24YBCABKAJIA4gBAUIOCgxfdGVtcGVyYXR1cmVCCAoGX3RvcF9rQggKBl90b3BfcEINCgtfcmVwZXRpdGlvbiLzAQoGUHJvbXB0EgwKBHRleHQYASABKAkSGAoLZnJhbWVfY291bnQYAiABKA1IAIgBARIUCgdzZWNvbmRzGAMgASgCSAGIAQESJAoHdGFyZ2V0cxgEIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIgCgZvdGhlcnMYBSADKAsyEC50cm91cGUudjEuQWdlbnQSHwoFYXVkaW8YBiABKAsyEC50cm91cGUudjEuQXVkaW8SFwoKZmxvd19zdGVwcxgHIAEoDUgCiAEBQg4KDF9mcmFtZV9jb3VudEIKCghfc2Vjb25kc0INCgtfZmxvd19zdGVwcyI4CgVBZ2VudBIMCgR0ZXh0GAEgASgJEiEKBHBhc3QYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUiNwoFQXVkaW8SHwoFc291bmQYASABKA4yEC50cm91cGUudjEuU291bmQSDQoFY29kZXMYAiADKA0i2AIKCFBhdGhHb2FsEgwKBGJvZHkYASABKAkSLgoIc2tlbGV0b24YAiABKAsyFy50cm91cGUudjEuQm9keVNrZWxldG9uSACIAQESJAoGcG9pbnRzGAMgAygLMhQudHJvdXBlLnYxLlBhdGhQb2ludBIUCgdzZWNvbmRzGAQgASgCSAGIAQESEgoFc3BlZWQYBSABKAJIAogBARIjCgVzdHlsZRgGIAMoCzIULnRyb3VwZS52MS5TdHlsZVdvcmQSEgoFc3RlcHMYByABKA1IA4gBARIVCghndWlkYW5jZRgIIAEoAkgEiAEBEiQKB3RhcmdldHMYCSADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSDgoGc3RyaWN0GAogASgIQgsKCV9za2VsZXRvbkIKCghfc2Vjb25kc0IICgZfc3BlZWRCCAoGX3N0ZXBzQgsKCV9ndWlkYW5jZSI5CglTdHlsZVdvcmQSDAoEd29yZBgBIAEoCRITCgZ3ZWlnaHQYAiABKAJIAIgBAUIJCgdfd2VpZ2h0ImwKCVBhdGhQb2ludBIhCghwb3NpdGlvbhgBIAEoCzIPLnRyb3VwZS52MS5WZWMzEhQKB2hlYWRpbmcYAiABKAJIAIgBARIRCgR0aW1lGAMgASgCSAGIAQFCCgoIX2hlYWRpbmdCBwoFX3RpbWUipQEKDEJvZHlTa2VsZXRvbhIkCgZqb2ludHMYASADKAsyFC50cm91cGUudjEuQm9keUpvaW50EicKCWxlZnRfYXhpcxgCIAEoCzIPLnRyb3VwZS52MS5WZWMzSACIAQESFgoOY29udGFjdF9qb2ludHMYAyADKAkSIAoHbmV1dHJhbBgEIAMoCzIPLnRyb3VwZS52MS5RdWF0QgwKCl9sZWZ0X2F4aXMiSgoJQm9keUpvaW50EgwKBG5hbWUYASABKAkSDgoGcGFyZW50GAIgASgJEh8KBm9mZnNldBgDIAEoCzIPLnRyb3VwZS52MS5WZWMzIqsBChBHZW5lcmF0ZVJlc3BvbnNlEiMKBmZyYW1lcxgBIAEoCzIRLnRyb3VwZS52MS5GcmFtZXNIABIPCgdpc19sYXN0GAMgASgIEg0KBW5vdGVzGAQgAygJEhEKCWNoYXJhY3RlchgFIAEoDRIrCgtmZWFzaWJpbGl0eRgGIAEoCzIWLnRyb3VwZS52MS5GZWFzaWJpbGl0eUIGCgRwYXJ0SgQIAhADUgR0ZXh0IsMBCg9EZXNjcmliZVJlcXVlc3QSDAoEcGFjaxgBIAEoCRIjCgZmcmFtZXMYAiADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJgoGb3RoZXJzGAMgAygLMhYudHJvdXBlLnYxLk90aGVyTW90aW9uEiAKBGludG8YBCABKA4yEi50cm91cGUudjEuVGVsbGluZxIMCgRzZWVkGAUgASgEEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIjIKC090aGVyTW90aW9uEiMKBmZyYW1lcxgBIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZSJtChBEZXNjcmliZVJlc3BvbnNlEg4KBHRleHQYASABKAlIABIhCgVhdWRpbxgCIAEoCzIQLnRyb3VwZS52MS5BdWRpb0gAEg8KB2lzX2xhc3QYAyABKAgSDQoFbm90ZXMYBCADKAlCBgoEcGFydCJ/CgZUaW1pbmcSEAoIcXVldWVfdXMYASABKAQSEwoLYXNzZW1ibGVfdXMYAiABKAQSFAoMaW5mZXJlbmNlX3VzGAMgASgEEhIKCnNjYXR0ZXJfdXMYBCABKAQSEAoIdG90YWxfdXMYBSABKAQSEgoKYmF0Y2hfc2l6ZRgGIAEoDSKKAQoRSW5CZXR3ZWVuUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIUCgxwYWNrX3ZlcnNpb24YAiABKAkSLgoKY2hhcmFjdGVycxgDIAMoCzIaLnRyb3VwZS52MS5DaGFyYWN0ZXJSZXN1bHQSIQoGdGltaW5nGAQgASgLMhEudHJvdXBlLnYxLlRpbWluZyISChBMaXN0UGFja3NSZXF1ZXN0IjMKEUxpc3RQYWNrc1Jlc3BvbnNlEh4KBXBhY2tzGAEgAygLMg8udHJvdXBlLnYxLlBhY2siHgoOR2V0UGFja1JlcXVlc3QSDAoEbmFtZRgBIAEoCSJGCgVKb2ludBIMCgRuYW1lGAEgASgJEg4KBnBhcmVudBgCIAEoBRIfCgZvZmZzZXQYAyABKAsyDy50cm91cGUudjEuVmVjMyJICgxDb250YWN0UnVsZXMSEgoKbWF4X2hlaWdodBgBIAMoAhIRCgltYXhfc3BlZWQYAiABKAISEQoJY2xlYXJhbmNlGAMgAygCIoUBCgVIaW5nZRINCgVqb2ludBgBIAEoCRIdCgRheGlzGAIgASgLMg8udHJvdXBlLnYxLlZlYzMSHQoEcmVzdBgDIAEoCzIPLnRyb3VwZS52MS5RdWF0Eg0KBWxvd2VyGAQgASgCEg0KBXVwcGVyGAUgASgCEhEKCW1heF9zcGVlZBgGIAEoAiJKCgVSb2JvdBIMCgRuYW1lGAEgASgJEiAKBmhpbmdlcxgCIAMoCzIQLnRyb3VwZS52MS5IaW5nZRIRCglxcG9zX3NpemUYAyABKA0itwUKBFBhY2sSDAoEbmFtZRgBIAEoCRIPCgd2ZXJzaW9uGAIgASgJEg8KB2xpY2VuY2UYAyABKAkSDwoHY3JlZGl0cxgEIAMoCRILCgNmcHMYBSABKAISIAoGam9pbnRzGAYgAygLMhAudHJvdXBlLnYxLkpvaW50EhYKDmNvbnRhY3Rfam9pbnRzGAcgAygJEhYKDmNvbnRleHRfZnJhbWVzGAggASgNEhMKC21heF90YXJnZXRzGAkgASgNEhIKCm1pbl9mcmFtZXMYCiABKA0SEgoKbWF4X2ZyYW1lcxgLIAEoDRIYChBmcmFtZXNfcGVyX3Rva2VuGAwgASgNEg0KBWhlYWRzGA0gASgNEg0KBWNvZGVzGA4gASgNEhQKDGNvbnRlbnRfaGFzaBgPIAEoCRISCgppc19kZWZhdWx0GBAgASgIEhIKCnBhcmFtZXRlcnMYESABKAQSFAoMZmlndXJlc19qc29uGBIgASgJEiIKCWxlZnRfYXhpcxgTIAEoCzIPLnRyb3VwZS52MS5WZWMzEhAKCGdyb3VuZF95GBQgASgCEi4KDWNvbnRhY3RfcnVsZXMYFSABKAsyFy50cm91cGUudjEuQ29udGFjdFJ1bGVzEg4KBmVuZ2luZRgWIAEoCRIfCgVyb2JvdBgXIAEoCzIQLnRyb3VwZS52MS5Sb2JvdBIOCgZmYW1pbHkYGCABKAkSFAoMY2FwYWJpbGl0aWVzGBkgAygJEiMKBmJvZGllcxgaIAMoCzITLnRyb3VwZS52MS5QYWNrQm9keRINCgV3b3JkcxgbIAMoCRIVCg1zYW1wbGVyX3N0ZXBzGBwgASgNEhcKD2RpZmZ1c2lvbl9zdGVwcxgdIAEoDRIlCghsYW5ndWFnZRgeIAEoCzITLnRyb3VwZS52MS5MYW5ndWFnZSKYAQoITGFuZ3VhZ2USDQoFdGFza3MYASADKAkSGQoRbWF4X3Byb21wdF9waWVjZXMYAiABKA0SEgoKbWF4X2FnZW50cxgDIAEoDRITCgthdWRpb19jb2RlcxgEIAEoDRISCgpmbG93X3N0ZXBzGAUgASgNEiUKCHNhbXBsaW5nGAYgASgLMhMudHJvdXBlLnYxLlNhbXBsaW5nIrYBCghQYWNrQm9keRIMCgRuYW1lGAEgASgJEiAKBmpvaW50cxgCIAMoCzIQLnRyb3VwZS52MS5Kb2ludBIWCg5jb250YWN0X2pvaW50cxgDIAMoCRIiCglsZWZ0X2F4aXMYBCABKAsyDy50cm91cGUudjEuVmVjMxIfCgVyb2JvdBgFIAEoCzIQLnRyb3VwZS52MS5Sb2JvdBIOCgZoZWlnaHQYBiABKAISDQoFd29yZHMYByADKAkqKgoFU291bmQSDwoLU09VTkRfTVVTSUMQABIQCgxTT1VORF9TUEVFQ0gQASpDCgdUZWxsaW5nEhEKDVRFTExJTkdfV09SRFMQABIRCg1URUxMSU5HX01VU0lDEAESEgoOVEVMTElOR19TUEVFQ0gQAjLdAgoGTW90aW9uEkYKCUluQmV0d2VlbhIbLnRyb3VwZS52MS5JbkJldHdlZW5SZXF1ZXN0GhwudHJvdXBlLnYxLkluQmV0d2VlblJlc3BvbnNlEkUKCEdlbmVyYXRlEhoudHJvdXBlLnYxLkdlbmVyYXRlUmVxdWVzdBobLnRyb3VwZS52MS5HZW5lcmF0ZVJlc3BvbnNlMAESRQoIRGVzY3JpYmUSGi50cm91cGUudjEuRGVzY3JpYmVSZXF1ZXN0GhsudHJvdXBlLnYxLkRlc2NyaWJlUmVzcG9uc2UwARJGCglMaXN0UGFja3MSGy50cm91cGUudjEuTGlzdFBhY2tzUmVxdWVzdBocLnRyb3VwZS52MS5MaXN0UGFja3NSZXNwb25zZRI1CgdHZXRQYWNrEhkudHJvdXBlLnYxLkdldFBhY2tSZXF1ZXN0Gg8udHJvdXBlLnYxLlBhY2tiBnByb3RvMw");
 
 /**
  * A vector, in metres where nothing else is said.
@@ -245,6 +245,57 @@ export const KeyframeSchema: GenMessage<Keyframe> = /*@__PURE__*/
   messageDesc(file_troupe_v1_motion, 5);
 
 /**
+ * What the root is to be in a frame (root override, figure 4 of the paper): any subset of place, height and heading, but at least one.
+ * What is left out is as the networks make it.
+ *
+ * @generated from message troupe.v1.RootKey
+ */
+export type RootKey = Message<"troupe.v1.RootKey"> & {
+  /**
+   * The frame, counted from 0, the first context frame; below frame_count, and later than that of the entry before. In a frame of a
+   * context or target keyframe it repeats what the keyframe gives: places and heights within 1 mm, headings within 0.01 rad.
+   *
+   * @generated from field: uint32 frame = 1;
+   */
+  frame: number;
+
+  /**
+   * World X of the root joint (the pelvis), in metres: over the ground at most 10000 m from the last context frame. With z, or neither.
+   *
+   * @generated from field: optional float x = 2;
+   */
+  x?: number | undefined;
+
+  /**
+   * World Z of the root joint, in metres.
+   *
+   * @generated from field: optional float z = 3;
+   */
+  z?: number | undefined;
+
+  /**
+   * Height of the root joint (y) in metres, at most 100 m above or below the ground.
+   *
+   * @generated from field: optional float height = 4;
+   */
+  height?: number | undefined;
+
+  /**
+   * Heading in radians.
+   *
+   * @generated from field: optional float heading = 5;
+   */
+  heading?: number | undefined;
+};
+
+/**
+ * Describes the message troupe.v1.RootKey.
+ * Use `create(RootKeySchema)` to create a new message.
+ */
+export const RootKeySchema: GenMessage<RootKey> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_motion, 6);
+
+/**
  * One character's in-betweening task.
  *
  * @generated from message troupe.v1.Character
@@ -351,6 +402,16 @@ export type Character = Message<"troupe.v1.Character"> & {
    * @generated from field: bool strict = 14;
    */
   strict: boolean;
+
+  /**
+   * Where the root is to be: in some frames, or in every one. These frames have it exactly. Between them the predicted trajectory is
+   * moved along: what it lacks is spread by a smooth curve, which starts at the last context frame and ends at a target's root, or stays
+   * behind the last entry. The pose tokens stay those of the predicted trajectory; the decoder makes the motion of them and of the
+   * given one. Needs frame_count.
+   *
+   * @generated from field: repeated troupe.v1.RootKey root = 15;
+   */
+  root: RootKey[];
 };
 
 /**
@@ -358,7 +419,7 @@ export type Character = Message<"troupe.v1.Character"> & {
  * Use `create(CharacterSchema)` to create a new message.
  */
 export const CharacterSchema: GenMessage<Character> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 6);
+  messageDesc(file_troupe_v1_motion, 7);
 
 /**
  * What to generate, and with which pack.
@@ -386,7 +447,7 @@ export type InBetweenRequest = Message<"troupe.v1.InBetweenRequest"> & {
  * Use `create(InBetweenRequestSchema)` to create a new message.
  */
 export const InBetweenRequestSchema: GenMessage<InBetweenRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 7);
+  messageDesc(file_troupe_v1_motion, 8);
 
 /**
  * Generated frames, packed by column: every array holds frame 0 first. Frame 0 is the first context frame.
@@ -464,7 +525,7 @@ export type Frames = Message<"troupe.v1.Frames"> & {
  * Use `create(FramesSchema)` to create a new message.
  */
 export const FramesSchema: GenMessage<Frames> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 8);
+  messageDesc(file_troupe_v1_motion, 9);
 
 /**
  * What each stage produced, in world coordinates.
@@ -487,7 +548,7 @@ export type Intermediates = Message<"troupe.v1.Intermediates"> & {
   tokenCountProbabilities: number[];
 
   /**
-   * r_g3, the root module's trajectory: predicted_frame_count x 5 (x, y, z, cos heading, sin heading).
+   * r_g3, the root module's trajectory, before any Character.root: predicted_frame_count x 5 (x, y, z, cos heading, sin heading).
    *
    * @generated from field: repeated float root_r_g3 = 3;
    */
@@ -513,7 +574,7 @@ export type Intermediates = Message<"troupe.v1.Intermediates"> & {
  * Use `create(IntermediatesSchema)` to create a new message.
  */
 export const IntermediatesSchema: GenMessage<Intermediates> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 9);
+  messageDesc(file_troupe_v1_motion, 10);
 
 /**
  * A figure of a motion beside its limit. Its unit is that of its field in Feasibility.
@@ -555,7 +616,7 @@ export type FeasibilityFigure = Message<"troupe.v1.FeasibilityFigure"> & {
  * Use `create(FeasibilityFigureSchema)` to create a new message.
  */
 export const FeasibilityFigureSchema: GenMessage<FeasibilityFigure> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 10);
+  messageDesc(file_troupe_v1_motion, 11);
 
 /**
  * Whether a motion stays within what the pack's data does. The first nine figures are of the frames and of the keyframes that were
@@ -676,7 +737,7 @@ export type Feasibility = Message<"troupe.v1.Feasibility"> & {
  * Use `create(FeasibilitySchema)` to create a new message.
  */
 export const FeasibilitySchema: GenMessage<Feasibility> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 11);
+  messageDesc(file_troupe_v1_motion, 12);
 
 /**
  * One character's answer.
@@ -718,7 +779,7 @@ export type CharacterResult = Message<"troupe.v1.CharacterResult"> & {
  * Use `create(CharacterResultSchema)` to create a new message.
  */
 export const CharacterResultSchema: GenMessage<CharacterResult> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 12);
+  messageDesc(file_troupe_v1_motion, 13);
 
 /**
  * A motion to make.
@@ -784,7 +845,7 @@ export type GenerateRequest = Message<"troupe.v1.GenerateRequest"> & {
  * Use `create(GenerateRequestSchema)` to create a new message.
  */
 export const GenerateRequestSchema: GenMessage<GenerateRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 13);
+  messageDesc(file_troupe_v1_motion, 14);
 
 /**
  * How a language model chooses the next token. What is left out is as the pack says (Language.sampling).
@@ -826,7 +887,7 @@ export type Sampling = Message<"troupe.v1.Sampling"> & {
  * Use `create(SamplingSchema)` to create a new message.
  */
 export const SamplingSchema: GenMessage<Sampling> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 14);
+  messageDesc(file_troupe_v1_motion, 15);
 
 /**
  * Words to act out.
@@ -893,7 +954,7 @@ export type Prompt = Message<"troupe.v1.Prompt"> & {
  * Use `create(PromptSchema)` to create a new message.
  */
 export const PromptSchema: GenMessage<Prompt> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 15);
+  messageDesc(file_troupe_v1_motion, 16);
 
 /**
  * A second character of a motion, and more.
@@ -922,7 +983,7 @@ export type Agent = Message<"troupe.v1.Agent"> & {
  * Use `create(AgentSchema)` to create a new message.
  */
 export const AgentSchema: GenMessage<Agent> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 16);
+  messageDesc(file_troupe_v1_motion, 17);
 
 /**
  * Audio as the codes of a pack.
@@ -950,7 +1011,7 @@ export type Audio = Message<"troupe.v1.Audio"> & {
  * Use `create(AudioSchema)` to create a new message.
  */
 export const AudioSchema: GenMessage<Audio> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 17);
+  messageDesc(file_troupe_v1_motion, 18);
 
 /**
  * A path to follow.
@@ -1037,7 +1098,7 @@ export type PathGoal = Message<"troupe.v1.PathGoal"> & {
  * Use `create(PathGoalSchema)` to create a new message.
  */
 export const PathGoalSchema: GenMessage<PathGoal> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 18);
+  messageDesc(file_troupe_v1_motion, 19);
 
 /**
  * How much of a word a style has.
@@ -1065,7 +1126,7 @@ export type StyleWord = Message<"troupe.v1.StyleWord"> & {
  * Use `create(StyleWordSchema)` to create a new message.
  */
 export const StyleWordSchema: GenMessage<StyleWord> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 19);
+  messageDesc(file_troupe_v1_motion, 20);
 
 /**
  * Where to be, and when.
@@ -1101,7 +1162,7 @@ export type PathPoint = Message<"troupe.v1.PathPoint"> & {
  * Use `create(PathPointSchema)` to create a new message.
  */
 export const PathPointSchema: GenMessage<PathPoint> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 20);
+  messageDesc(file_troupe_v1_motion, 21);
 
 /**
  * A skeleton of the caller's own, which stands upright in its neutral pose, heads along +Z and lets its limbs hang down.
@@ -1143,7 +1204,7 @@ export type BodySkeleton = Message<"troupe.v1.BodySkeleton"> & {
  * Use `create(BodySkeletonSchema)` to create a new message.
  */
 export const BodySkeletonSchema: GenMessage<BodySkeleton> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 21);
+  messageDesc(file_troupe_v1_motion, 22);
 
 /**
  * A joint of such a skeleton.
@@ -1178,7 +1239,7 @@ export type BodyJoint = Message<"troupe.v1.BodyJoint"> & {
  * Use `create(BodyJointSchema)` to create a new message.
  */
 export const BodyJointSchema: GenMessage<BodyJoint> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 22);
+  messageDesc(file_troupe_v1_motion, 23);
 
 /**
  * A part of a motion, which follows those before.
@@ -1236,7 +1297,7 @@ export type GenerateResponse = Message<"troupe.v1.GenerateResponse"> & {
  * Use `create(GenerateResponseSchema)` to create a new message.
  */
 export const GenerateResponseSchema: GenMessage<GenerateResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 23);
+  messageDesc(file_troupe_v1_motion, 24);
 
 /**
  * A motion to put into words.
@@ -1293,7 +1354,7 @@ export type DescribeRequest = Message<"troupe.v1.DescribeRequest"> & {
  * Use `create(DescribeRequestSchema)` to create a new message.
  */
 export const DescribeRequestSchema: GenMessage<DescribeRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 24);
+  messageDesc(file_troupe_v1_motion, 25);
 
 /**
  * The motion of a second character, and more.
@@ -1314,7 +1375,7 @@ export type OtherMotion = Message<"troupe.v1.OtherMotion"> & {
  * Use `create(OtherMotionSchema)` to create a new message.
  */
 export const OtherMotionSchema: GenMessage<OtherMotion> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 25);
+  messageDesc(file_troupe_v1_motion, 26);
 
 /**
  * A part of a description, which follows those before.
@@ -1365,7 +1426,7 @@ export type DescribeResponse = Message<"troupe.v1.DescribeResponse"> & {
  * Use `create(DescribeResponseSchema)` to create a new message.
  */
 export const DescribeResponseSchema: GenMessage<DescribeResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 26);
+  messageDesc(file_troupe_v1_motion, 27);
 
 /**
  * Where the time went, in microseconds, by the server's clock.
@@ -1421,7 +1482,7 @@ export type Timing = Message<"troupe.v1.Timing"> & {
  * Use `create(TimingSchema)` to create a new message.
  */
 export const TimingSchema: GenMessage<Timing> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 27);
+  messageDesc(file_troupe_v1_motion, 28);
 
 /**
  * The generated motion.
@@ -1463,7 +1524,7 @@ export type InBetweenResponse = Message<"troupe.v1.InBetweenResponse"> & {
  * Use `create(InBetweenResponseSchema)` to create a new message.
  */
 export const InBetweenResponseSchema: GenMessage<InBetweenResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 28);
+  messageDesc(file_troupe_v1_motion, 29);
 
 /**
  * Asks for all packs.
@@ -1478,7 +1539,7 @@ export type ListPacksRequest = Message<"troupe.v1.ListPacksRequest"> & {
  * Use `create(ListPacksRequestSchema)` to create a new message.
  */
 export const ListPacksRequestSchema: GenMessage<ListPacksRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 29);
+  messageDesc(file_troupe_v1_motion, 30);
 
 /**
  * The packs that the server has loaded.
@@ -1499,7 +1560,7 @@ export type ListPacksResponse = Message<"troupe.v1.ListPacksResponse"> & {
  * Use `create(ListPacksResponseSchema)` to create a new message.
  */
 export const ListPacksResponseSchema: GenMessage<ListPacksResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 30);
+  messageDesc(file_troupe_v1_motion, 31);
 
 /**
  * Asks for one pack.
@@ -1520,7 +1581,7 @@ export type GetPackRequest = Message<"troupe.v1.GetPackRequest"> & {
  * Use `create(GetPackRequestSchema)` to create a new message.
  */
 export const GetPackRequestSchema: GenMessage<GetPackRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 31);
+  messageDesc(file_troupe_v1_motion, 32);
 
 /**
  * One joint of a skeleton.
@@ -1555,7 +1616,7 @@ export type Joint = Message<"troupe.v1.Joint"> & {
  * Use `create(JointSchema)` to create a new message.
  */
 export const JointSchema: GenMessage<Joint> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 32);
+  messageDesc(file_troupe_v1_motion, 33);
 
 /**
  * How ground contacts are told from positions and speeds, a number for each contact joint, in the order of
@@ -1591,7 +1652,7 @@ export type ContactRules = Message<"troupe.v1.ContactRules"> & {
  * Use `create(ContactRulesSchema)` to create a new message.
  */
 export const ContactRulesSchema: GenMessage<ContactRules> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 33);
+  messageDesc(file_troupe_v1_motion, 34);
 
 /**
  * A joint that turns about one axis. Its rotation relative to its parent is `rest`, then the turn by its angle about `axis`.
@@ -1647,7 +1708,7 @@ export type Hinge = Message<"troupe.v1.Hinge"> & {
  * Use `create(HingeSchema)` to create a new message.
  */
 export const HingeSchema: GenMessage<Hinge> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 34);
+  messageDesc(file_troupe_v1_motion, 35);
 
 /**
  * The robot that a pack animates: all its joints are hinges, but for the root, which floats, and those that are fixed to their
@@ -1683,7 +1744,7 @@ export type Robot = Message<"troupe.v1.Robot"> & {
  * Use `create(RobotSchema)` to create a new message.
  */
 export const RobotSchema: GenMessage<Robot> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 35);
+  messageDesc(file_troupe_v1_motion, 36);
 
 /**
  * A model pack: what it animates, its limits and where it comes from.
@@ -1907,7 +1968,7 @@ export type Pack = Message<"troupe.v1.Pack"> & {
  * Use `create(PackSchema)` to create a new message.
  */
 export const PackSchema: GenMessage<Pack> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 36);
+  messageDesc(file_troupe_v1_motion, 37);
 
 /**
  * What a pack's language model reads and writes.
@@ -1964,7 +2025,7 @@ export type Language = Message<"troupe.v1.Language"> & {
  * Use `create(LanguageSchema)` to create a new message.
  */
 export const LanguageSchema: GenMessage<Language> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 37);
+  messageDesc(file_troupe_v1_motion, 38);
 
 /**
  * A body of a pack.
@@ -2027,7 +2088,7 @@ export type PackBody = Message<"troupe.v1.PackBody"> & {
  * Use `create(PackBodySchema)` to create a new message.
  */
 export const PackBodySchema: GenMessage<PackBody> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_motion, 38);
+  messageDesc(file_troupe_v1_motion, 39);
 
 /**
  * What sounds.
