@@ -1,11 +1,13 @@
-//! How soon live characters start, and how they turn and stop, beside the clips: real networks, no server.
+//! How soon live characters start, how they turn and stop, and how they go aside, beside the clips: real networks, no server.
 //!
 //! ```text
 //! ORT_DYLIB_PATH=.runtime/libonnxruntime.so cargo run --release -p troupe-character --example starts_and_turns -- starts
 //! ORT_DYLIB_PATH=.runtime/libonnxruntime.so cargo run --release -p troupe-character --example starts_and_turns -- turns
+//! ORT_DYLIB_PATH=.runtime/libonnxruntime.so cargo run --release -p troupe-character --example starts_and_turns -- sides
 //! ```
 
 mod clips;
+mod sides;
 mod stage;
 mod starts;
 mod turns;
@@ -17,7 +19,7 @@ use clap::{Parser, ValueEnum};
 use self::clips::Clips;
 use self::stage::Stage;
 
-/// Measures starts or turns.
+/// Measures starts, turns or steps aside.
 #[derive(Debug, Parser)]
 struct Args {
     /// What to measure.
@@ -51,6 +53,8 @@ enum What {
     Starts,
     /// Turns, and stops of runs.
     Turns,
+    /// Goes aside and backwards, facing ahead.
+    Sides,
 }
 
 fn main() -> anyhow::Result<()> {
@@ -63,6 +67,7 @@ fn main() -> anyhow::Result<()> {
     match args.what {
         What::Starts => starts::run(&mut stage, clips.as_ref(), args.each),
         What::Turns => turns::run(&mut stage, clips.as_ref(), args.each),
+        What::Sides => sides::run(&mut stage, clips.as_ref(), &args),
     }
 }
 
