@@ -76,7 +76,8 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
     for degrees in DIRECTIONS {
         let mut roles = Vec::new();
         for style in &stage.styles {
-            let speed = slowest_ahead(style).map_or(0.0, |gait| gait.speed_mps());
+            let walk = style.gait("walk").or_else(|| slowest_ahead(style));
+            let speed = walk.map_or(0.0, |gait| gait.speed_mps());
             roles.push(Role {
                 style: style.clone(),
                 facing: Some(0.0),

@@ -10,7 +10,7 @@ use super::super::blend::STYLE_FPS;
 use super::super::path::run::Way;
 use super::super::recipe::{
     CHANGE_RATIO, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO, HORIZON_S,
-    PATH_RATIO, SIDE_ANGLE, SIDE_PARTS, STILL, STOP_POSE, SWAY_FADE_FRAMES, TARGET_KEYS,
+    PATH_RATIO, SIDE_ANGLE, STEP_ANGLES, STEP_PARTS, STEP_RATIO, SIDE_PARTS, STILL, STOP_POSE, SWAY_FADE_FRAMES, TARGET_KEYS,
 };
 use super::super::{GapPose, Guide, PathGoal, PlanTargets, TargetKey};
 use super::{NOW, Plan};
@@ -148,9 +148,11 @@ impl Plan<'_> {
         if halts && !self.stands() {
             return vec![self.gap_pose(STOP_POSE * self.horizon_s)];
         }
-        let local = yaw(-self.feasible.facing) * self.feasible.velocity;
-        let parts = if halts || local.x.atan2(local.z).abs() < SIDE_ANGLE {
+        let off = self.off();
+        let parts = if halts || off < SIDE_ANGLE {
             FORWARD_PARTS
+        } else if STEP_ANGLES.contains(&off) {
+            STEP_PARTS
         } else {
             SIDE_PARTS
         };
@@ -159,6 +161,12 @@ impl Plan<'_> {
         (1..parts as usize)
             .map(|nth| self.gap_pose(nth as f32 / parts * self.horizon_s))
             .collect()
+    }
+
+    /// How far the way is off the facing, radians to either side.
+    fn off(&self) -> f32 {
+        let local = yaw(-self.feasible.facing) * self.feasible.velocity;
+        local.x.atan2(local.z).abs()
     }
 
     /// The blend's pose so many seconds ahead.
@@ -235,6 +243,7 @@ impl Plan<'_> {
                 position_ratio: match self.way {
                     Some(_) => PATH_RATIO,
                     None if self.changes => CHANGE_RATIO.max(self.style.root_ratio),
+                    None if STEP_ANGLES.contains(&self.off()) => STEP_RATIO.max(self.style.root_ratio),
                     None => self.style.root_ratio,
                 },
                 height_ratio: HEIGHT_RATIO,

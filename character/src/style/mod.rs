@@ -7,6 +7,7 @@
 //! A style need not have a gait that stands. Where none does, standing takes the key of the slowest gait at which the root
 //! is highest: the moment of a step at which the legs are under the body.
 
+mod aside;
 pub(crate) mod cycles;
 mod file;
 mod proto;
@@ -100,6 +101,8 @@ pub struct Gait {
     pub period_frames: f32,
     /// Poses at equal steps through the cycle, at least one.
     pub keys: Vec<StyleKey>,
+    /// It was worked out from the style's other gaits, and is not part of its message.
+    pub built: bool,
 }
 
 /// A pose of a gait, in the heading's frame.
@@ -160,6 +163,7 @@ impl Style {
                 turn_rps: 0.0,
                 period_frames: 0.0,
                 keys: vec![key],
+                built: false,
             }],
             words: Some(Words {
                 weights,

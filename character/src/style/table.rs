@@ -8,7 +8,7 @@ use arc_swap::ArcSwap;
 use troupe_motion::Skeleton;
 
 use super::file::{self, StyleError, StyleProblem, load_folder};
-use super::{PLAIN, Style};
+use super::{PLAIN, Style, aside};
 use troupe_motion::model::Rig;
 
 /// Most styles that may be added to a pack.
@@ -94,7 +94,7 @@ impl StyleTable {
             Some(body) => Style::all_of(body),
             None => load_folder(&pack_folder.join(FOLDER), rig, true)?,
         };
-        let own = own.into_iter().map(|style| ready(style, rig));
+        let own = own.into_iter().map(|style| ready(style, &rig.skeleton));
         Self::with_added(own.collect(), rig, folder)
     }
 
@@ -133,7 +133,7 @@ impl StyleTable {
             }
             !taken
         });
-        own.extend(added.into_iter().map(|style| ready(style, rig)));
+        own.extend(added.into_iter().map(|style| ready(style, &rig.skeleton)));
         Ok(Self {
             pack: rig.name().to_owned(),
             skeleton: Arc::clone(&rig.skeleton),
@@ -205,16 +205,17 @@ impl StyleTable {
                 cause,
             })?;
         }
-        style.cycles(&self.skeleton);
-        let style = Arc::new(style);
-        styles.insert(style.name.clone(), Arc::clone(&style));
+        let (name, style) = ready(style, &self.skeleton);
+        styles.insert(name, Arc::clone(&style));
         self.styles.store(Arc::new(styles));
         Ok(style)
     }
 }
 
-fn ready(style: Style, rig: &Rig) -> (String, Arc<Style>) {
-    style.cycles(&rig.skeleton);
+/// A style with all that planning needs of it.
+fn ready(mut style: Style, skeleton: &Skeleton) -> (String, Arc<Style>) {
+    style.gaits.extend(aside::build(&style, skeleton));
+    style.cycles(skeleton);
     (style.name.clone(), Arc::new(style))
 }
 

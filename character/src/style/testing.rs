@@ -111,6 +111,7 @@ impl GaitShape {
             turn_rps: self.turn_rps,
             period_frames: self.period_frames,
             keys: (0..self.keys).map(key).collect(),
+            built: false,
         }
     }
 }
