@@ -23,7 +23,7 @@ const STARTING_FRAMES: usize = 45;
 /// Frames that are looked at from there on.
 const STEADY_FRAMES: usize = 180;
 /// Directions, degrees to the left of where it faces.
-const DIRECTIONS: [f32; 5] = [90.0, -90.0, 135.0, -135.0, 180.0];
+const DIRECTIONS: [f32; 9] = [45.0, -45.0, 60.0, -60.0, 90.0, -90.0, 135.0, -135.0, 180.0];
 /// Share of a clip at either end that is not looked at: it may start or stop there.
 const EDGE: f32 = 0.15;
 /// Bars: hips off, radians; speed off, share; acceleration against the clip, times.

@@ -46,6 +46,7 @@ fn shape(frames: Option<usize>) -> LiveShape {
             frames,
             allowed_token_counts: Vec::new(),
             guide: None,
+            follow: None,
             r_g1: GlobalRoot::new(Vec3::ZERO, 0.0),
             r_g2: Vec::new(),
             path: None,

@@ -156,6 +156,19 @@ impl<'a> Blend<'a> {
         self.rate * self.period_frames
     }
 
+    /// How much of what moves is of gaits that were worked out, 0 to 1.
+    pub(crate) fn built(&self) -> f32 {
+        let moving = self.shares().iter().filter(|share| share.stands.is_none());
+        let (mut built, mut all) = (0.0, 0.0);
+        for share in moving {
+            all += share.weight;
+            if self.style.gaits[share.gait].built {
+                built += share.weight;
+            }
+        }
+        if all > 0.0 { built / all } else { 0.0 }
+    }
+
     /// The names of the gaits with their weights, which sum to 1; a gait is named once.
     pub(crate) fn named(&self) -> Vec<(String, f32)> {
         let mut named: Vec<(String, f32)> = Vec::with_capacity(self.len);

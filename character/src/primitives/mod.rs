@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 mod blend;
+mod follow;
 mod heading;
 mod locomotion;
 mod matching;
@@ -17,6 +18,7 @@ use troupe_motion::{GlobalRoot, LocalRoot, Quat, Skeleton, Vec3};
 
 use crate::style::Style;
 
+pub use follow::Follow;
 pub use locomotion::Locomotion;
 pub use path::PathCommand;
 pub use reach::Instead;
@@ -135,6 +137,8 @@ pub struct PlanTargets {
     pub allowed_token_counts: Vec<u32>,
     /// Root interpolation between the root module's path and the spring's.
     pub guide: Option<Guide>,
+    /// Poses of a gait that the networks do not know; with a guide.
+    pub follow: Option<Follow>,
     /// r_g1: where the command alone would have the root at the horizon.
     pub r_g1: GlobalRoot,
     /// r_g2: the spring's path, one root for each frame of the segment.

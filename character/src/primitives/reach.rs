@@ -106,6 +106,7 @@ pub(crate) fn nearest(style: &Style, only: Option<usize>, velocity: Vec3, facing
 /// The highest speed in a direction, `off` radians from the heading to the left.
 fn fastest<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) -> f32 {
     let pace = gaits()
+        .filter(|gait| !gait.built)
         .map(Gait::speed_mps)
         .filter(|&speed| speed > LEAST_PACE_MPS)
         .fold(OFF_AXIS_PACE_MPS, f32::min);

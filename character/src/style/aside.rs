@@ -1,4 +1,4 @@
-//! Steps to the side for a style that has none.
+//! Steps aside and backwards for a style that has none.
 //!
 //! Clips of people who walk "to the left" turn their hips to where they go: in the default pack's data the way is 8 to 46° off the
 //! hips. So whoever must face ahead and go straight to the side needs a gait that is built: the body of the style's walk, with less of
@@ -9,26 +9,34 @@ use std::f32::consts::{PI, TAU};
 
 use troupe_motion::fk::world_transforms;
 use troupe_motion::ik::{Leg, legs, place_end};
-use troupe_motion::root::heading_of;
+use troupe_motion::root::{heading_of, wrap_angle};
 use troupe_motion::rotation::{align_sign, yaw};
 use troupe_motion::{Quat, Skeleton, Vec3};
 
 use super::{Gait, MAX_GAITS, Style, StyleKey};
 
-/// Names of the gaits to the left and to the right.
-const NAMES: [&str; 2] = ["step-left", "step-right"];
+/// The gaits and their ways, degrees to the left of ahead.
+const WAYS: [(&str, f32); 5] = [
+    ("step-left", 90.0),
+    ("step-right", -90.0),
+    ("step-back-left", 135.0),
+    ("step-back-right", -135.0),
+    ("step-back", 180.0),
+];
 /// Keys of a cycle.
 const KEYS: usize = 24;
-/// A gait whose way is nearer than this to straight aside needs no other, radians.
-const ASIDE: f32 = 0.52;
+/// A gait is not built where the style has one whose way is nearer than this, radians.
+const NEAR: f32 = 0.4;
+/// Ways that are farther than this off ahead have the upper body of a walk backwards, where there is one, radians.
+const BACKWARDS: f32 = 1.8;
 /// A gait goes straight ahead whose way is within the first of its hips, radians, and that turns by less than the second, rad/s.
 const STRAIGHT_AHEAD: (f32, f32) = (0.3, 0.3);
 /// Speed against the walk's, and the fastest, m/s: legs that do not pass each other cannot go faster.
-const SPEED: (f32, f32) = (0.9, 1.1);
+const SPEED: (f32, f32) = (0.9, 1.25);
 /// How far a foot goes in a cycle: metres at no speed, and metres for each m/s.
-const STRIDE: (f32, f32) = (0.3, 0.3);
+const STRIDE: (f32, f32) = (0.4, 0.3);
 /// Share of a cycle in which a foot stands.
-const STANDING: f32 = 0.56;
+const STANDING: f32 = 0.52;
 /// Feet come no nearer to each other than this, ankle to ankle, metres.
 const CLOSED_M: f32 = 0.16;
 /// How high a foot is lifted, metres.
@@ -45,19 +53,27 @@ const FPS: f32 = 30.0;
 /// The gaits that a style lacks to step aside; none where it has such gaits, does not walk, or its skeleton has not two legs with knees.
 pub(super) fn build(style: &Style, skeleton: &Skeleton) -> Vec<Gait> {
     let legs = legs(skeleton);
-    let goes_aside = |gait: &Gait| !gait.stands() && gait.left_mps.abs().atan2(gait.forward_mps.abs()) > PI / 2.0 - ASIDE;
-    let fits = style.words.is_none() && !style.is_static && style.gaits.len() + NAMES.len() <= MAX_GAITS;
+    let goes = |gait: &&Gait, way: f32| !gait.stands() && wrap_angle(gait.left_mps.atan2(gait.forward_mps) - way).abs() < NEAR;
+    let fits = style.words.is_none() && !style.is_static;
     let (Some(walk), [one, other]) = (walk(style), &legs[..]) else {
         return Vec::new();
     };
-    if !fits || skeleton.robot.is_some() || style.gaits.iter().any(goes_aside) {
+    if !fits || skeleton.robot.is_some() {
         return Vec::new();
     }
-    let Some(body) = Body::new(skeleton, [one, other], style.idle(), walk) else {
+    let back = style.gaits.iter().find(|gait| goes(gait, PI));
+    let body = |gait| Body::new(skeleton, [one, other], style.idle(), gait);
+    let (Some(ahead), Some(back)) = (body(walk), body(back.unwrap_or(walk))) else {
         return Vec::new();
     };
-    let named = NAMES.into_iter().zip([1.0, -1.0]);
-    named.map(|(name, side)| body.gait(name, side, walk.speed_mps())).collect()
+    let ways = WAYS.into_iter().map(|(name, degrees)| (name, degrees.to_radians()));
+    ways.filter(|&(name, way)| style.gaits.iter().all(|gait| !goes(&gait, way) && gait.name != name))
+        .map(|(name, way)| match way.abs() > BACKWARDS {
+            true => back.gait(name, way, walk.speed_mps()),
+            false => ahead.gait(name, way, walk.speed_mps()),
+        })
+        .take(MAX_GAITS.saturating_sub(style.gaits.len()))
+        .collect()
 }
 
 /// The style's walk: the gait of this name, else the slowest that goes straight ahead.
@@ -120,26 +136,27 @@ impl<'a> Body<'a> {
         })
     }
 
-    /// The gait to one side: 1 for the left, -1 for the right. `speed_mps`: the walk's.
-    fn gait(&self, name: &str, side: f32, speed_mps: f32) -> Gait {
+    /// The gait that goes a way, radians to the left of ahead. `speed_mps`: the walk's.
+    fn gait(&self, name: &str, way: f32, speed_mps: f32) -> Gait {
         let speed = (speed_mps * SPEED.0).min(SPEED.1);
         let stride = STRIDE.0 + STRIDE.1 * speed;
         let phases = (0..KEYS).map(|key| key as f32 / KEYS as f32);
-        let heights = self.heights(side, stride);
+        let heights = self.heights(way, stride);
+        let velocity = yaw(way) * Vec3::Z * speed;
         let keys = phases
             .zip(heights)
             .map(|(phase, height_m)| StyleKey {
-                rotations: self.pose(phase, side, stride, height_m),
+                rotations: self.pose(phase, way, stride, height_m),
                 height_m,
-                left_mps: side * speed,
-                forward_mps: 0.0,
+                left_mps: velocity.x,
+                forward_mps: velocity.z,
                 turn_rps: 0.0,
             })
             .collect();
         Gait {
             name: name.to_owned(),
-            left_mps: side * speed,
-            forward_mps: 0.0,
+            left_mps: velocity.x,
+            forward_mps: velocity.z,
             turn_rps: 0.0,
             period_frames: stride / speed * FPS,
             keys,
@@ -148,14 +165,16 @@ impl<'a> Body<'a> {
     }
 
     /// Where the ankles are at a phase, seen from the root on the ground: left and right.
-    fn ankles(&self, phase: f32, side: f32, stride: f32) -> [Vec3; 2] {
-        let apart = CLOSED_M + 0.5 * stride;
+    fn ankles(&self, phase: f32, way: f32, stride: f32) -> [Vec3; 2] {
+        let apart = CLOSED_M + 0.5 * stride * way.sin().abs();
+        let side = if way.sin() < 0.0 { -1.0 } else { 1.0 };
+        let middle = 0.5 * (self.feet[0].0.z + self.feet[1].0.z);
         [1.0, -1.0].map(|which: f32| {
             // The foot on the side of the way comes down at 0, the other half a cycle later.
             let leads = which == side;
             let (along, lift) = step(if leads { phase } else { phase - 0.5 }, stride);
             let (stand, _) = self.feet[usize::from(which < 0.0)];
-            Vec3::new(which * 0.5 * apart + side * along, stand.y + lift, 0.5 * (self.feet[0].0.z + self.feet[1].0.z))
+            Vec3::new(which * 0.5 * apart, stand.y + lift, middle) + yaw(way) * Vec3::Z * along
         })
     }
 
@@ -173,10 +192,10 @@ impl<'a> Body<'a> {
             .collect()
     }
 
-    fn pose(&self, phase: f32, side: f32, stride: f32, height_m: f32) -> Vec<Quat> {
+    fn pose(&self, phase: f32, way: f32, stride: f32, height_m: f32) -> Vec<Quat> {
         let mut pose = self.upper(phase);
         let root = Vec3::Y * height_m;
-        let ankles = self.ankles(phase, side, stride);
+        let ankles = self.ankles(phase, way, stride);
         for ((leg, ankle), (_, turn)) in self.legs.into_iter().zip(ankles).zip(self.feet) {
             let below = [Some(leg.upper), Some(leg.lower), Some(leg.foot), leg.toe];
             for joint in below.into_iter().flatten() {
@@ -188,8 +207,8 @@ impl<'a> Body<'a> {
     }
 
     /// Heights of the root: the walk's where the legs reach, else as low as they need, up and down twice in a cycle.
-    fn heights(&self, side: f32, stride: f32) -> Vec<f32> {
-        let most: Vec<f32> = (0..KEYS).map(|key| self.reach_m(key as f32 / KEYS as f32, side, stride)).collect();
+    fn heights(&self, way: f32, stride: f32) -> Vec<f32> {
+        let most: Vec<f32> = (0..KEYS).map(|key| self.reach_m(key as f32 / KEYS as f32, way, stride)).collect();
         let (mut mean, mut cosine, mut sine) = (0.0, 0.0, 0.0);
         for (key, most) in most.iter().enumerate() {
             let (sin, cos) = (2.0 * TAU * key as f32 / KEYS as f32).sin_cos();
@@ -207,9 +226,9 @@ impl<'a> Body<'a> {
     }
 
     /// How high the root may be at a phase.
-    fn reach_m(&self, phase: f32, side: f32, stride: f32) -> f32 {
+    fn reach_m(&self, phase: f32, way: f32, stride: f32) -> f32 {
         let (hips, _) = places(self.skeleton, 0.0, &self.upper(phase));
-        let ankles = self.ankles(phase, side, stride);
+        let ankles = self.ankles(phase, way, stride);
         let each = self.legs.into_iter().zip(ankles).map(|(leg, ankle)| {
             let hip = hips[leg.upper];
             let length = STRAIGHT * leg.length_m(self.skeleton);

@@ -199,7 +199,7 @@ impl Style {
 
     /// Heights of the root joint that a command may choose from, metres. `None`: the style has no such range.
     pub fn height_range_m(&self) -> Option<(f32, f32)> {
-        let heights = || self.gaits.iter().map(Gait::height_m);
+        let heights = || self.gaits.iter().filter(|gait| !gait.built).map(Gait::height_m);
         let (low, high) = (
             heights().fold(f32::INFINITY, f32::min),
             heights().fold(f32::NEG_INFINITY, f32::max),
@@ -211,7 +211,7 @@ impl Style {
     pub(crate) fn slowest_gait(&self) -> usize {
         let mut slowest = 0;
         for (index, gait) in self.gaits.iter().enumerate() {
-            if gait.pace_mps() < self.gaits[slowest].pace_mps() && !self.gaits[slowest].stands() {
+            if !gait.built && gait.pace_mps() < self.gaits[slowest].pace_mps() && !self.gaits[slowest].stands() {
                 slowest = index;
             }
         }
