@@ -94,7 +94,7 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
             figures.bounded_mps = take.bounded_mps.map_or(figures.asked_mps, f64::from);
             let gait = if degrees.abs() > 100.0 { "walk-back" } else { "walk" };
             let reference = |gait: &str| references.get(&(role.style.name.clone(), gait.to_owned()));
-            let clip = reference(gait).or_else(|| reference("walk"));
+            let clip = reference(gait).or_else(|| reference("walk")).or_else(|| reference("run"));
             figures.clip_mps2 = clip.copied().unwrap_or(f64::NAN);
             all.push(figures);
         }
@@ -110,7 +110,7 @@ fn references(clips: Option<&Clips>, args: &Args) -> anyhow::Result<BTreeMap<(St
     let list: toml::Table = toml::from_str(&std::fs::read_to_string(args.pack.join("styles.toml"))?)?;
     let styles = list.get("styles").and_then(toml::Value::as_table);
     for (style, entry) in styles.into_iter().flatten() {
-        for gait in ["walk", "walk-back"] {
+        for gait in ["walk", "walk-back", "run"] {
             let named = entry.get("gaits").and_then(|gaits| gaits.get(gait));
             let Some(wanted) = named.and_then(toml::Value::as_str) else {
                 continue;

@@ -46,6 +46,7 @@ fn style(name: &str) -> Arc<Style> {
             gait("idle", 0.0, vec![key(0.0, 0.0, 0.1)]),
         ],
         words: None,
+        takes: Arc::default(),
         built_in: true,
         cache: Default::default(),
     })

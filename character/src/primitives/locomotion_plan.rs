@@ -108,6 +108,7 @@ impl Plan<'_> {
         let mut rotations = vec![Quat::IDENTITY; self.context.skeleton.joint_count()];
         let (phase, time) = self.phase_at(frame);
         let moment = self.blend.sample(phase, time, &mut rotations);
+        self.variation.hold(&mut rotations);
         rotations[0] = yaw(self.facing(self.seconds(frame)).0 + moment.sway) * rotations[0];
         (rotations, moment)
     }

@@ -70,6 +70,7 @@ impl Scene {
             roots: self.roots,
             rotations: &self.rotations,
             velocity: self.velocity,
+            seed: 0,
             skeleton: &self.skeleton,
             fps: FPS,
             frames_per_token: 4,

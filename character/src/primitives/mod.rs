@@ -11,6 +11,7 @@ pub mod path;
 mod ramp;
 mod reach;
 pub mod recipe;
+mod variation;
 
 use std::sync::Arc;
 
@@ -67,6 +68,8 @@ pub struct PlanContext<'a> {
     /// Mean velocity of the root over the last [`VELOCITY_FRAMES`](recipe::VELOCITY_FRAMES) frames, world m/s; over fewer
     /// where the timeline is younger. One frame's difference would carry the sway of a step.
     pub velocity: Vec3,
+    /// What it differs by from others of its style; 0 is the style itself.
+    pub seed: u64,
     /// The pack's skeleton.
     pub skeleton: &'a Skeleton,
     /// The pack's frames a second.

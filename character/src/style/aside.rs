@@ -34,9 +34,9 @@ const STRAIGHT_AHEAD: (f32, f32) = (0.3, 0.3);
 /// Speed against the walk's, and the fastest, m/s: legs that do not pass each other cannot go faster.
 const SPEED: (f32, f32) = (0.9, 1.25);
 /// How far a foot goes in a cycle: metres at no speed, and metres for each m/s.
-const STRIDE: (f32, f32) = (0.4, 0.3);
+const STRIDE: (f32, f32) = (0.42, 0.33);
 /// Share of a cycle in which a foot stands.
-const STANDING: f32 = 0.52;
+const STANDING: f32 = 0.5;
 /// Feet come no nearer to each other than this, ankle to ankle, metres.
 const CLOSED_M: f32 = 0.16;
 /// How high a foot is lifted, metres.
@@ -247,9 +247,32 @@ fn step(phase: f32, stride: f32) -> (f32, f32) {
         return (half - stride * phase, 0.0);
     }
     let swung = (phase - STANDING) / (1.0 - STANDING);
-    let gone = swung * swung * swung * (10.0 + swung * (6.0 * swung - 15.0));
+    let gone = swing(swung);
     let lift = (PI * swung).sin();
     (-half + stride * gone - stride * (phase - STANDING), LIFT_M * lift * lift)
+}
+
+/// How far a foot has gone in a share of its swing, from 0 to 1, by modified trapezoidal acceleration: of the smooth profiles for cams
+/// the one that accelerates least (4.9 times the way over the time squared).
+fn swing(share: f32) -> f32 {
+    if share > 0.5 {
+        return 1.0 - swing(1.0 - share);
+    }
+    const MOST: f32 = 8.0 * PI / (2.0 + PI);
+    let turned = 4.0 * PI;
+    let (rise, hold) = (0.125, 0.375);
+    let risen = MOST / turned;
+    let (at_rise, at_hold) = (risen * (rise - 1.0 / turned), risen + MOST * 0.25);
+    if share < rise {
+        risen * (share - (turned * share).sin() / turned)
+    } else if share < hold {
+        let since = share - rise;
+        at_rise + risen * since + 0.5 * MOST * since * since
+    } else {
+        let since = share - hold;
+        let held = at_rise + 0.25 * risen + 0.5 * MOST * 0.0625;
+        held + at_hold * since + MOST * (1.0 - (turned * since).cos()) / (turned * turned)
+    }
 }
 
 /// Where the joints are and how they are turned, in a pose with its root at a height.

@@ -11,17 +11,19 @@ mod aside;
 pub(crate) mod cycles;
 mod file;
 mod proto;
+mod takes;
 mod table;
 #[cfg(any(test, feature = "testing"))]
 #[allow(clippy::unwrap_used, reason = "for tests")]
 pub mod testing;
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use troupe_motion::model::ByPath;
 use troupe_motion::{Quat, Skeleton};
 
 pub use file::{StyleError, StyleProblem, load_folder};
+pub use takes::Take;
 pub use table::{MAX_ADDED_STYLES, PutError, StyleTable, UnknownStyle};
 
 use cycles::Cycles;
@@ -71,6 +73,8 @@ pub struct Style {
     pub gaits: Vec<Gait>,
     /// How to move, in words, for a body that is planned for by paths; none for others.
     pub words: Option<Words>,
+    /// Takes of walks that the walkers of a crowd differ by: its own, or all of the pack where it has none.
+    pub takes: Arc<[Take]>,
     /// Whether it came with the pack.
     pub built_in: bool,
     /// What planning needs of the gaits; `Default::default()` for a new style.
@@ -169,6 +173,7 @@ impl Style {
                 weights,
                 max_speed_mps: body.max_speed_mps,
             }),
+            takes: Arc::default(),
             built_in,
             cache: StyleCache::default(),
         }

@@ -1,5 +1,7 @@
 //! Styles as messages: checks on the way in, and the way out.
 
+use std::sync::Arc;
+
 use troupe_motion::Quat;
 use troupe_motion::rotation::{from_wxyz, to_wxyz};
 use troupe_proto::v1;
@@ -60,6 +62,7 @@ impl Style {
             root_ratio: style.root_ratio,
             gaits: check_gaits(path, &style.gaits, rig)?,
             words: None,
+            takes: Arc::default(),
             built_in,
             cache: StyleCache::default(),
         })

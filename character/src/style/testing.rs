@@ -184,6 +184,7 @@ pub fn walker_style() -> Style {
         root_ratio: 0.0,
         gaits: shapes.into_iter().map(GaitShape::gait).collect(),
         words: None,
+        takes: Default::default(),
         built_in: false,
         cache: StyleCache::default(),
     }

@@ -352,6 +352,7 @@ impl Walk {
             roots,
             rotations: &rotations,
             velocity: self.velocity(now),
+            seed: 0,
             skeleton: &rig.skeleton,
             fps: rig.fps,
             frames_per_token: rig.dims.frames_per_token,

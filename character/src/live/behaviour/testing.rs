@@ -101,6 +101,7 @@ pub(crate) fn doll_style() -> Arc<Style> {
         root_ratio: 0.0,
         gaits: vec![gait("walk", 1.2, walk), gait("idle", 0.0, vec![key(0.0, 0.0)])],
         words: None,
+        takes: Arc::default(),
         built_in: true,
         cache: Default::default(),
     })

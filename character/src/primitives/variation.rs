@@ -1,0 +1,54 @@
+//! How one walker of a crowd differs from another: what a seed chooses.
+//!
+//! Seed 0 is the style itself. Any other seed holds its body above the legs as in one take of the data, steps as quickly as in it, starts
+//! with the left or with the right foot, and comes to its standing poses at a moment of its own.
+
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use troupe_motion::Quat;
+
+use super::recipe::STAND_FRAMES;
+use crate::style::{MAX_KEYS, Style, Take};
+
+/// The stream of a seed that this is drawn from; plans draw from those of their numbers.
+const STREAM: u64 = u64::MAX;
+
+/// What a seed chooses of a style.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Variation<'a> {
+    take: Option<&'a Take>,
+    /// Cycles by which the first step is later.
+    pub(crate) first_step: f32,
+    /// Frames at 30 Hz by which standing poses come sooner.
+    pub(crate) stand_frames: u64,
+}
+
+impl<'a> Variation<'a> {
+    pub(crate) fn of(style: &'a Style, seed: u64) -> Self {
+        if seed == 0 {
+            return Self::default();
+        }
+        let mut generator = ChaCha8Rng::seed_from_u64(seed);
+        generator.set_stream(STREAM);
+        let [take, foot, stand] = std::array::from_fn(|_| generator.next_u64());
+        Self {
+            take: (take as usize).checked_rem(style.takes.len()).map(|nth| &style.takes[nth]),
+            first_step: if foot % 2 == 0 { 0.0 } else { 0.5 },
+            stand_frames: stand % (STAND_FRAMES * MAX_KEYS as u64),
+        }
+    }
+
+    /// How quick steps are against the style's.
+    pub(crate) fn cadence(&self) -> f32 {
+        self.take.map_or(1.0, |take| take.cadence)
+    }
+
+    /// Turns a pose of the style's, parent-relative from joint 1 on, into the take's.
+    pub(crate) fn hold(&self, pose: &mut [Quat]) {
+        for &(joint, turn) in self.take.iter().flat_map(|take| &take.turns) {
+            if let Some(rotation) = pose.get_mut(joint) {
+                *rotation = (turn * *rotation).normalize();
+            }
+        }
+    }
+}
