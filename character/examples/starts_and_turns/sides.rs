@@ -80,6 +80,7 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
             let speed = walk.map_or(0.0, |gait| gait.speed_mps());
             roles.push(Role {
                 style: style.clone(),
+                seed: None,
                 facing: Some(0.0),
                 orders: vec![(STAND_FRAMES, yaw(degrees.to_radians()) * Vec3::Z * speed)],
                 frames: STAND_FRAMES + STARTING_FRAMES + STEADY_FRAMES,

@@ -30,6 +30,8 @@ const STANDING_MPS: f32 = 0.1;
 /// One character and what it is told.
 pub struct Role {
     pub style: Arc<Style>,
+    /// None for the stage's.
+    pub seed: Option<u64>,
     /// Where it faces, radians; none for where it goes.
     pub facing: Option<f32>,
     /// Commands, and the frames at which they are given.
@@ -123,7 +125,7 @@ impl Stage {
 
     fn actor<'a>(&self, role: &'a Role) -> Actor<'a> {
         let options = CharacterOptions {
-            seed: self.seed,
+            seed: role.seed.unwrap_or(self.seed),
             look_ahead_frames: self.look_ahead,
             replan_interval_frames: None,
             root_ratio: None,

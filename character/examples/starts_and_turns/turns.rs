@@ -112,6 +112,7 @@ fn turns(stage: &mut Stage, degrees: f32) -> anyhow::Result<Vec<Figures>> {
             let velocity = Vec3::Z * gait.forward_mps;
             roles.push(Role {
                 style: style.clone(),
+                seed: None,
                 facing: None,
                 orders: vec![
                     (STAND_FRAMES, velocity),
@@ -148,6 +149,7 @@ fn stops(stage: &mut Stage) -> anyhow::Result<(Vec<Figures>, Vec<Figures>)> {
             names.push(format!("{} {}", style.name, gait.name));
             roles.push(Role {
                 style: style.clone(),
+                seed: None,
                 facing: None,
                 orders: vec![
                     (STAND_FRAMES, velocity),
