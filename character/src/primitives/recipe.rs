@@ -104,7 +104,7 @@ pub const SIDE_ANGLE: f32 = 12.0 * DEGREE;
 /// about one period ahead, so nearly the pose of the context, and some styles would drift into another.
 pub const FORWARD_PARTS: f32 = 2.0;
 /// For gaits that go aside or backwards: without, they collapse into sliding.
-pub const SIDE_PARTS: f32 = 3.0;
+pub const SIDE_PARTS: f32 = 5.0;
 
 /// For gaits that the networks do not know. They go from key to key.
 pub const BUILT_PARTS: f32 = 15.0;

@@ -227,9 +227,7 @@ impl StyleTable {
 /// A style with all that planning needs of it.
 fn ready(mut style: Style, skeleton: &Skeleton, takes: &Arc<[Take]>) -> (String, Arc<Style>) {
     style.gaits.extend(aside::build(&style, skeleton));
-    let own = takes.iter().filter(|take| take.style == style.name);
-    style.takes = own.cloned().collect();
-    if style.takes.is_empty() && style.words.is_none() {
+    if style.words.is_none() {
         style.takes = Arc::clone(takes);
     }
     style.cycles(skeleton);

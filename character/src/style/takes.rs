@@ -14,8 +14,12 @@ use crate::{FieldError, Path as FieldPath};
 
 /// The file in a pack's folder.
 const FILE: &str = "takes.json";
-/// Most that a joint is turned by, radians.
+/// Most that a joint of a take is turned by, radians.
 const MAX_TURN: f32 = 1.0;
+/// How far walkers go beyond the takes, which one performer each made one after another.
+const SPREAD: f32 = 2.4;
+/// Most that a joint is turned by then, radians.
+const MAX_SPREAD: f32 = 0.35;
 /// How quick steps may be against the style's.
 const CADENCES: std::ops::RangeInclusive<f32> = 0.8..=1.25;
 
@@ -95,7 +99,8 @@ impl Row {
             let turn = Vec3::from_array(*turn);
             // NaN is outside too.
             if turn.length() <= MAX_TURN {
-                return Ok((joint, Quat::from_scaled_axis(turn)));
+                let spread = (turn * SPREAD).clamp_length_max(MAX_SPREAD);
+                return Ok((joint, Quat::from_scaled_axis(spread)));
             }
             let path = path.element("turns", index);
             Err(path.error(format!("is a turn of {} radians", turn.length()), format!("0 to {MAX_TURN}")))
