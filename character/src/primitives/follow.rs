@@ -60,3 +60,43 @@ impl Follow {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::style::testing::walker;
+
+    #[test]
+    fn a_character_in_its_step_follows_at_once_and_any_other_in_time() {
+        let here = weights(1.0, 0.5 * FOLLOWS_M, 3, 20);
+        assert!(here.iter().all(|&weight| weight == 1.0), "{here:?}");
+        let far = weights(0.5, 3.0 * FOLLOWS_M, 3, 20);
+        assert_eq!((far[3], far[19]), (0.0, 0.5));
+        assert!(far.is_sorted());
+    }
+
+    #[test]
+    fn poses_are_apart_whatever_they_face() {
+        let skeleton = walker();
+        let pose = vec![Quat::IDENTITY; skeleton.joint_count()];
+        let mut turned = pose.clone();
+        turned[0] = yaw(1.0);
+        let apart = |other: (f32, f32, &[Quat])| apart_m(&skeleton, (0.9, 0.0, &pose), other);
+        assert!(apart((0.9, 1.0, &turned)) < 1e-5);
+        assert!((apart((1.0, 0.0, &pose)) - 0.1).abs() < 1e-5);
+    }
+
+    #[test]
+    fn frames_are_drawn_by_their_weights() {
+        let follow = Follow {
+            rotations: vec![Quat::from_rotation_x(1.0); 3],
+            weights: vec![0.0, 0.5, 1.0],
+        };
+        let (mut roots, mut rotations) = (vec![Vec3::ZERO; 3], vec![Quat::IDENTITY; 3]);
+        follow.draw(&[Vec3::X; 3], &mut roots, &mut rotations);
+        assert_eq!(roots, [Vec3::ZERO, Vec3::X * 0.5, Vec3::X]);
+        for (rotation, angle) in rotations.iter().zip([0.0, 0.5, 1.0]) {
+            assert!(rotation.abs_diff_eq(Quat::from_rotation_x(angle), 1e-5), "{rotation}");
+        }
+    }
+}

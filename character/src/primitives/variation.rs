@@ -52,3 +52,53 @@ impl<'a> Variation<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::style::testing::walker_style;
+
+    fn style() -> Style {
+        let take = |nth: usize| Take {
+            cadence: 0.9 + 0.02 * nth as f32,
+            turns: vec![(1, Quat::from_rotation_x(0.05 * nth as f32))],
+        };
+        Style {
+            takes: (0..10).map(take).collect::<Arc<[_]>>(),
+            ..walker_style()
+        }
+    }
+
+    /// What a seed makes of a pose, its cadence, and the rest.
+    fn chosen(style: &Style, seed: u64) -> (Quat, f32, f32, u64) {
+        let variation = Variation::of(style, seed);
+        let mut pose = [Quat::IDENTITY; 2];
+        variation.hold(&mut pose);
+        assert_eq!(pose[0], Quat::IDENTITY, "nothing but the take's joints is turned");
+        (pose[1], variation.cadence(), variation.first_step, variation.stand_frames)
+    }
+
+    #[test]
+    fn seed_0_is_the_style_and_every_other_chooses_once() {
+        let style = style();
+        assert_eq!(chosen(&style, 0), (Quat::IDENTITY, 1.0, 0.0, 0));
+        let all: Vec<_> = (1..40).map(|seed| chosen(&style, seed)).collect();
+        assert_eq!(all, (1..40).map(|seed| chosen(&style, seed)).collect::<Vec<_>>());
+        let mut cadences: Vec<_> = all.iter().map(|chosen| (chosen.1 * 100.0).round() as i32).collect();
+        cadences.sort_unstable();
+        cadences.dedup();
+        assert!(cadences.len() > 7, "nearly all of the takes: {cadences:?}");
+        let feet = all.iter().filter(|chosen| chosen.2 == 0.5).count();
+        assert!((10..30).contains(&feet), "{feet} of 39 start with the other foot");
+    }
+
+    #[test]
+    fn a_pack_without_takes_has_steps_that_differ() {
+        let style = walker_style();
+        let (pose, cadence, ..) = chosen(&style, 7);
+        assert_eq!((pose, cadence), (Quat::IDENTITY, 1.0));
+        assert!((1..9).any(|seed| chosen(&style, seed).3 != chosen(&style, 9).3));
+    }
+}

@@ -167,7 +167,7 @@ impl<'a> Body<'a> {
     /// Where the ankles are at a phase, seen from the root on the ground: left and right.
     fn ankles(&self, phase: f32, way: f32, stride: f32) -> [Vec3; 2] {
         let apart = CLOSED_M + 0.5 * stride * way.sin().abs();
-        let side = if way.sin() < 0.0 { -1.0 } else { 1.0 };
+        let side = if way < 0.0 { -1.0 } else { 1.0 };
         let middle = 0.5 * (self.feet[0].0.z + self.feet[1].0.z);
         [1.0, -1.0].map(|which: f32| {
             // The foot on the side of the way comes down at 0, the other half a cycle later.
@@ -282,3 +282,7 @@ fn places(skeleton: &Skeleton, height_m: f32, pose: &[Quat]) -> (Vec<Vec3>, Vec<
     world_transforms(skeleton, Vec3::Y * height_m, pose, &mut positions, &mut rotations);
     (positions, rotations)
 }
+
+#[cfg(test)]
+#[path = "aside_tests.rs"]
+mod tests;

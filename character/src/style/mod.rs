@@ -73,7 +73,7 @@ pub struct Style {
     pub gaits: Vec<Gait>,
     /// How to move, in words, for a body that is planned for by paths; none for others.
     pub words: Option<Words>,
-    /// Takes of walks that the walkers of a crowd differ by: its own, or all of the pack where it has none.
+    /// Takes of walks, which the walkers of a crowd differ by: the pack's.
     pub takes: Arc<[Take]>,
     /// Whether it came with the pack.
     pub built_in: bool,

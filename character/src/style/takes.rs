@@ -17,17 +17,15 @@ const FILE: &str = "takes.json";
 /// Most that a joint of a take is turned by, radians.
 const MAX_TURN: f32 = 1.0;
 /// How far walkers go beyond the takes, which one performer each made one after another.
-const SPREAD: f32 = 2.4;
+const SPREAD: f32 = 2.6;
 /// Most that a joint is turned by then, radians.
 const MAX_SPREAD: f32 = 0.35;
 /// How quick steps may be against the style's.
 const CADENCES: std::ops::RangeInclusive<f32> = 0.8..=1.25;
 
-/// A take of a walk, against the mean of its style's takes.
+/// What a take of a walk differs by from the mean of its style's takes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Take {
-    /// The style that it shows.
-    pub style: String,
     /// How quick its steps are for its speed; 1 is the mean.
     pub cadence: f32,
     /// Joints with their turns, in the frame of the joint's parent.
@@ -46,7 +44,8 @@ struct Document {
 struct Row {
     #[serde(rename = "clip")]
     _clip: String,
-    style: String,
+    #[serde(rename = "style")]
+    _style: String,
     cadence: f32,
     /// Axes times angles, radians, one for each of the document's joints.
     turns: Vec<[f32; 3]>,
@@ -107,7 +106,6 @@ impl Row {
         });
         Ok(Take {
             turns: turned.collect::<Result<_, _>>()?,
-            style: self.style,
             cadence: self.cadence,
         })
     }
@@ -131,12 +129,12 @@ mod tests {
         let skeleton = walker();
         assert!(load(folder.path(), &skeleton).unwrap().is_empty(), "a pack need not have any");
         let joint = &skeleton.joints[1].name;
-        std::fs::write(folder.path().join(FILE), document(0.2, 1.05, joint)).unwrap();
+        std::fs::write(folder.path().join(FILE), document(0.1, 1.05, joint)).unwrap();
         let takes = load(folder.path(), &skeleton).unwrap();
         let wanted = Take {
-            style: "calm".to_owned(),
             cadence: 1.05,
-            turns: vec![(1, Quat::from_rotation_y(0.2))],
+            // Beyond the take, and no farther than a body is bent.
+            turns: vec![(1, Quat::from_rotation_y(0.1 * SPREAD))],
         };
         assert_eq!(takes[..], [wanted]);
     }
