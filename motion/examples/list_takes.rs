@@ -60,7 +60,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     paths.sort();
     let mut styles: BTreeMap<(String, String), Vec<Take>> = BTreeMap::new();
     for path in paths {
-        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = path
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
         let Some((set, of)) = name.split_once("_walk_") else {
             continue;
         };
@@ -95,7 +99,11 @@ fn rows_of(style: &str, takes: &[Take], joints: &[usize]) -> Vec<Row> {
         clip: take.clip.clone(),
         style: style.to_owned(),
         cadence: rounded(take.cadence / cadence),
-        turns: joints.iter().zip(&means).map(|(&joint, &mean)| turn(take.mean[joint], mean)).collect(),
+        turns: joints
+            .iter()
+            .zip(&means)
+            .map(|(&joint, &mean)| turn(take.mean[joint], mean))
+            .collect(),
     };
     takes.iter().map(row).collect()
 }
@@ -107,11 +115,15 @@ fn read(path: &Path, name: &str, skeleton: &Arc<Skeleton>) -> Result<Option<Take
         return Ok(None);
     };
     let closed = ClosedCycle::new(&clip, &cycles[0]);
-    let poses: Vec<Vec<Quat>> = (0..closed.frames()).map(|frame| closed.at(frame as f32).1).collect();
+    let poses: Vec<Vec<Quat>> = (0..closed.frames())
+        .map(|frame| closed.at(frame as f32).1)
+        .collect();
     let joints = 0..skeleton.joint_count();
     Ok(Some(Take {
         clip: name.to_owned(),
-        mean: joints.map(|joint| mean(poses.iter().map(|pose| pose[joint]))).collect(),
+        mean: joints
+            .map(|joint| mean(poses.iter().map(|pose| pose[joint])))
+            .collect(),
         cadence: clip.fps / closed.frames() as f32 / cycles[0].speed_mps().powf(RATE_POWER),
     }))
 }
@@ -143,5 +155,7 @@ fn above_the_legs(skeleton: &Skeleton) -> Vec<usize> {
             legs[at] = true;
         }
     }
-    (1..skeleton.joint_count()).filter(|&joint| !legs[joint]).collect()
+    (1..skeleton.joint_count())
+        .filter(|&joint| !legs[joint])
+        .collect()
 }

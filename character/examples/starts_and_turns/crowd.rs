@@ -25,7 +25,19 @@ type Walk = Vec<Vec<Vec3>>;
 pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Result<()> {
     println!(
         "{:20} {:>5} {:>9} | {:>5} {:>9} | {:>5} {:>5} | {:>6} {:>6} | {:>6} {:>6} | {:>6} {:>6}",
-        "mm between walkers", "takes", "apart", "seeds", "apart", "speed", "most", "facing", "most", "skate", "seed 0", "accel", "seed 0"
+        "mm between walkers",
+        "takes",
+        "apart",
+        "seeds",
+        "apart",
+        "speed",
+        "most",
+        "facing",
+        "most",
+        "skate",
+        "seed 0",
+        "accel",
+        "seed 0"
     );
     for style in stage.styles.clone() {
         let takes = match clips {
@@ -49,7 +61,8 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
         let figures: Vec<Figures> =
             (played.iter().map(|take| Figures::of(&take.clip, velocity))).collect::<anyhow::Result<_>>()?;
         let walks: Vec<Walk> = figures[1..].iter().filter_map(|f| f.walk.clone()).collect();
-        let mean = |of: &dyn Fn(&Figures) -> f64| figures[1..].iter().map(of).sum::<f64>() / args.seeds as f64;
+        let mean =
+            |of: &dyn Fn(&Figures) -> f64| figures[1..].iter().map(of).sum::<f64>() / args.seeds as f64;
         let most = |of: &dyn Fn(&Figures) -> f64| figures[1..].iter().map(of).fold(0.0, f64::max);
         println!(
             "{:20} {:5} {:9.1} | {:5} {:9.1} | {:5.2} {:5.2} | {:6.1} {:6.1} | {:6.2} {:6.2} | {:6.1} {:6.1}",

@@ -93,9 +93,15 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
             let frames = STAND_FRAMES + STARTING_FRAMES..take.clip.frames();
             let mut figures = figures(&role.style.name, &take.clip, frames, velocity)?;
             figures.bounded_mps = take.bounded_mps.map_or(figures.asked_mps, f64::from);
-            let gait = if degrees.abs() > 100.0 { "walk-back" } else { "walk" };
+            let gait = if degrees.abs() > 100.0 {
+                "walk-back"
+            } else {
+                "walk"
+            };
             let reference = |gait: &str| references.get(&(role.style.name.clone(), gait.to_owned()));
-            let clip = reference(gait).or_else(|| reference("walk")).or_else(|| reference("run"));
+            let clip = reference(gait)
+                .or_else(|| reference("walk"))
+                .or_else(|| reference("run"));
             figures.clip_mps2 = clip.copied().unwrap_or(f64::NAN);
             all.push(figures);
         }
@@ -120,7 +126,10 @@ fn references(clips: Option<&Clips>, args: &Args) -> anyhow::Result<BTreeMap<(St
                 let (_, clip) = clip?;
                 let accelerations =
                     joint_accelerations_mps2(&WorldMotion::from_clip(&clip), middle(&clip), clip.fps)?;
-                all.insert((style.clone(), gait.to_owned()), percentile(&accelerations, 0.999));
+                all.insert(
+                    (style.clone(), gait.to_owned()),
+                    percentile(&accelerations, 0.999),
+                );
             }
         }
     }

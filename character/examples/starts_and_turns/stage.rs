@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, ensure};
 use troupe_character::live::{
-    Advance, CONTEXT_FRAMES, Character, CharacterOptions, Clock, EventKind, FrameOut, Intent, LivePlan, PlanCause,
-    PlanFailed, PlanRequest, SUB_FRAMES, Start, finish_live,
+    Advance, CONTEXT_FRAMES, Character, CharacterOptions, Clock, EventKind, FrameOut, Intent, LivePlan,
+    PlanCause, PlanFailed, PlanRequest, SUB_FRAMES, Start, finish_live,
 };
 use troupe_character::post::hold_live;
 use troupe_character::primitives::LocomotionCommand;

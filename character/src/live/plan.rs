@@ -69,7 +69,12 @@ fn world_roots(values: &[f32], frames: usize, frame: &SegmentFrame) -> Vec<Globa
 }
 
 /// Draws frames to a gait that the networks do not know. What the context is off it fades.
-fn follow_gait(follow: &Follow, shape: &LiveShape, rig: &Rig, (positions, rotations): (&mut [Vec3], &mut [Quat])) {
+fn follow_gait(
+    follow: &Follow,
+    shape: &LiveShape,
+    rig: &Rig,
+    (positions, rotations): (&mut [Vec3], &mut [Quat]),
+) {
     let joints = rig.dims.joints;
     let Some(guide) = &shape.targets.guide else { return };
     let mut own = follow.clone();
@@ -87,10 +92,22 @@ fn follow_gait(follow: &Follow, shape: &LiveShape, rig: &Rig, (positions, rotati
 
 /// What touches the ground where frames are a gait's more than the networks'.
 fn own_contacts(follow: &Follow, rig: &Rig, positions: &[Vec3], rotations: &[Quat], contacts: &mut [u8]) {
-    let Some(params) = &rig.skeleton.contacts else { return };
-    let clip = Clip::new(Arc::clone(&rig.skeleton), rig.fps, positions.to_vec(), rotations.to_vec());
+    let Some(params) = &rig.skeleton.contacts else {
+        return;
+    };
+    let clip = Clip::new(
+        Arc::clone(&rig.skeleton),
+        rig.fps,
+        positions.to_vec(),
+        rotations.to_vec(),
+    );
     let Ok(clip) = clip else { return };
-    let touches = detect(&WorldMotion::from_clip(&clip), params, rig.skeleton.ground_y_m, rig.fps);
+    let touches = detect(
+        &WorldMotion::from_clip(&clip),
+        params,
+        rig.skeleton.ground_y_m,
+        rig.fps,
+    );
     let frames = touches.chunks_exact(params.len()).zip(&follow.weights);
     for (bits, (touches, &weight)) in contacts.iter_mut().zip(frames) {
         if weight >= 0.5 {

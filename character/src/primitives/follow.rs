@@ -52,7 +52,9 @@ impl Follow {
         for ((root, place), &weight) in frames {
             *root = root.lerp(*place, weight);
         }
-        let poses = rotations.chunks_exact_mut(joints).zip(self.rotations.chunks_exact(joints));
+        let poses = rotations
+            .chunks_exact_mut(joints)
+            .zip(self.rotations.chunks_exact(joints));
         for ((pose, own), &weight) in poses.zip(&self.weights) {
             for (rotation, &own) in pose.iter_mut().zip(own) {
                 *rotation = slerp(*rotation, own, weight);
@@ -96,7 +98,10 @@ mod tests {
         follow.draw(&[Vec3::X; 3], &mut roots, &mut rotations);
         assert_eq!(roots, [Vec3::ZERO, Vec3::X * 0.5, Vec3::X]);
         for (rotation, angle) in rotations.iter().zip([0.0, 0.5, 1.0]) {
-            assert!(rotation.abs_diff_eq(Quat::from_rotation_x(angle), 1e-5), "{rotation}");
+            assert!(
+                rotation.abs_diff_eq(Quat::from_rotation_x(angle), 1e-5),
+                "{rotation}"
+            );
         }
     }
 }

@@ -10,8 +10,8 @@ use super::super::blend::STYLE_FPS;
 use super::super::follow::{self, Follow};
 use super::super::path::run::Way;
 use super::super::recipe::{
-    BUILT_PARTS, CHANGE_RATIO, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO, HORIZON_S,
-    PATH_RATIO, SIDE_ANGLE, SIDE_PARTS, STILL, STOP_POSE, SWAY_FADE_FRAMES, TARGET_KEYS,
+    BUILT_PARTS, CHANGE_RATIO, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO,
+    HORIZON_S, PATH_RATIO, SIDE_ANGLE, SIDE_PARTS, STILL, STOP_POSE, SWAY_FADE_FRAMES, TARGET_KEYS,
 };
 use super::super::{GapPose, Guide, PathGoal, PlanTargets, TargetKey};
 use super::{NOW, Plan};

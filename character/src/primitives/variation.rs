@@ -32,7 +32,9 @@ impl<'a> Variation<'a> {
         generator.set_stream(STREAM);
         let [take, foot, stand] = std::array::from_fn(|_| generator.next_u64());
         Self {
-            take: (take as usize).checked_rem(style.takes.len()).map(|nth| &style.takes[nth]),
+            take: (take as usize)
+                .checked_rem(style.takes.len())
+                .map(|nth| &style.takes[nth]),
             first_step: if foot % 2 == 0 { 0.0 } else { 0.5 },
             stand_frames: stand % (STAND_FRAMES * MAX_KEYS as u64),
         }
@@ -77,7 +79,12 @@ mod tests {
         let mut pose = [Quat::IDENTITY; 2];
         variation.hold(&mut pose);
         assert_eq!(pose[0], Quat::IDENTITY, "nothing but the take's joints is turned");
-        (pose[1], variation.cadence(), variation.first_step, variation.stand_frames)
+        (
+            pose[1],
+            variation.cadence(),
+            variation.first_step,
+            variation.stand_frames,
+        )
     }
 
     #[test]
@@ -86,7 +93,10 @@ mod tests {
         assert_eq!(chosen(&style, 0), (Quat::IDENTITY, 1.0, 0.0, 0));
         let all: Vec<_> = (1..40).map(|seed| chosen(&style, seed)).collect();
         assert_eq!(all, (1..40).map(|seed| chosen(&style, seed)).collect::<Vec<_>>());
-        let mut cadences: Vec<_> = all.iter().map(|chosen| (chosen.1 * 100.0).round() as i32).collect();
+        let mut cadences: Vec<_> = all
+            .iter()
+            .map(|chosen| (chosen.1 * 100.0).round() as i32)
+            .collect();
         cadences.sort_unstable();
         cadences.dedup();
         assert!(cadences.len() > 7, "nearly all of the takes: {cadences:?}");

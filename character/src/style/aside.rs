@@ -25,8 +25,10 @@ const WAYS: [(&str, f32); 5] = [
 ];
 /// Keys of a cycle.
 const KEYS: usize = 24;
-/// A gait is not built where the style has one whose way is nearer than this, radians.
+/// A gait is not built where the style has one whose way is nearer than this, radians, and that is not much slower: its speed against
+/// the one that would be built.
 const NEAR: f32 = 0.4;
+const SLOWER: f32 = 0.8;
 /// Ways that are farther than this off ahead have the upper body of a walk backwards, where there is one, radians.
 const BACKWARDS: f32 = 1.8;
 /// A gait goes straight ahead whose way is within the first of its hips, radians, and that turns by less than the second, rad/s.
@@ -53,7 +55,9 @@ const FPS: f32 = 30.0;
 /// The gaits that a style lacks to step aside; none where it has such gaits, does not walk, or its skeleton has not two legs with knees.
 pub(super) fn build(style: &Style, skeleton: &Skeleton) -> Vec<Gait> {
     let legs = legs(skeleton);
-    let goes = |gait: &&Gait, way: f32| !gait.stands() && wrap_angle(gait.left_mps.atan2(gait.forward_mps) - way).abs() < NEAR;
+    let goes = |gait: &&Gait, way: f32| {
+        !gait.stands() && wrap_angle(gait.left_mps.atan2(gait.forward_mps) - way).abs() < NEAR
+    };
     let fits = style.words.is_none() && !style.is_static;
     let (Some(walk), [one, other]) = (walk(style), &legs[..]) else {
         return Vec::new();
@@ -66,14 +70,22 @@ pub(super) fn build(style: &Style, skeleton: &Skeleton) -> Vec<Gait> {
     let (Some(ahead), Some(back)) = (body(walk), body(back.unwrap_or(walk))) else {
         return Vec::new();
     };
-    let ways = WAYS.into_iter().map(|(name, degrees)| (name, degrees.to_radians()));
-    ways.filter(|&(name, way)| style.gaits.iter().all(|gait| !goes(&gait, way) && gait.name != name))
-        .map(|(name, way)| match way.abs() > BACKWARDS {
-            true => back.gait(name, way, walk.speed_mps()),
-            false => ahead.gait(name, way, walk.speed_mps()),
-        })
-        .take(MAX_GAITS.saturating_sub(style.gaits.len()))
-        .collect()
+    let ways = WAYS
+        .into_iter()
+        .map(|(name, degrees)| (name, degrees.to_radians()));
+    let suffices = |gait: &Gait, way: f32| goes(&gait, way) && gait.speed_mps() > SLOWER * speed_mps(walk);
+    ways.filter(|&(name, way)| {
+        style
+            .gaits
+            .iter()
+            .all(|gait| !suffices(gait, way) && gait.name != name)
+    })
+    .map(|(name, way)| match way.abs() > BACKWARDS {
+        true => back.gait(name, way, speed_mps(walk)),
+        false => ahead.gait(name, way, speed_mps(walk)),
+    })
+    .take(MAX_GAITS.saturating_sub(style.gaits.len()))
+    .collect()
 }
 
 /// The style's walk: the gait of this name, else the slowest that goes straight ahead.
@@ -82,8 +94,19 @@ fn walk(style: &Style) -> Option<&Gait> {
         let off = gait.left_mps.atan2(gait.forward_mps).abs();
         !gait.stands() && off < STRAIGHT_AHEAD.0 && gait.turn_rps.abs() < STRAIGHT_AHEAD.1
     };
-    let slowest = || style.gaits.iter().filter(ahead).min_by(|a, b| a.speed_mps().total_cmp(&b.speed_mps()));
+    let slowest = || {
+        style
+            .gaits
+            .iter()
+            .filter(ahead)
+            .min_by(|a, b| a.speed_mps().total_cmp(&b.speed_mps()))
+    };
     style.gait("walk").filter(ahead).or_else(slowest)
+}
+
+/// The speed of gaits that are built for a style of this walk, m/s.
+fn speed_mps(walk: &Gait) -> f32 {
+    (walk.speed_mps() * SPEED.0).min(SPEED.1)
 }
 
 /// What a body steps aside with.
@@ -121,7 +144,9 @@ impl<'a> Body<'a> {
         let mean = (0..skeleton.joint_count())
             .map(|joint| {
                 let first = keys[0][joint];
-                let sum = keys.iter().fold(Quat::from_xyzw(0.0, 0.0, 0.0, 0.0), |sum, key| sum + align_sign(key[joint], first));
+                let sum = keys.iter().fold(Quat::from_xyzw(0.0, 0.0, 0.0, 0.0), |sum, key| {
+                    sum + align_sign(key[joint], first)
+                });
                 sum.normalize()
             })
             .collect();
@@ -136,9 +161,8 @@ impl<'a> Body<'a> {
         })
     }
 
-    /// The gait that goes a way, radians to the left of ahead. `speed_mps`: the walk's.
-    fn gait(&self, name: &str, way: f32, speed_mps: f32) -> Gait {
-        let speed = (speed_mps * SPEED.0).min(SPEED.1);
+    /// The gait that goes a way, radians to the left of ahead, at a speed in m/s.
+    fn gait(&self, name: &str, way: f32, speed: f32) -> Gait {
         let stride = STRIDE.0 + STRIDE.1 * speed;
         let phases = (0..KEYS).map(|key| key as f32 / KEYS as f32);
         let heights = self.heights(way, stride);
@@ -186,7 +210,10 @@ impl<'a> Body<'a> {
         let joints = self.mean.iter().enumerate();
         joints
             .map(|(joint, mean)| {
-                let swung = self.keys[from][joint].slerp(align_sign(self.keys[to][joint], self.keys[from][joint]), place.fract());
+                let swung = self.keys[from][joint].slerp(
+                    align_sign(self.keys[to][joint], self.keys[from][joint]),
+                    place.fract(),
+                );
                 mean.slerp(align_sign(swung, *mean), SWING)
             })
             .collect()
@@ -201,14 +228,24 @@ impl<'a> Body<'a> {
             for joint in below.into_iter().flatten() {
                 pose[joint] = self.stand[joint];
             }
-            place_end(self.skeleton, root, &mut pose, leg.chain(), (ankle, 0.0), Vec3::Z, turn);
+            place_end(
+                self.skeleton,
+                root,
+                &mut pose,
+                leg.chain(),
+                (ankle, 0.0),
+                Vec3::Z,
+                turn,
+            );
         }
         pose
     }
 
     /// Heights of the root: the walk's where the legs reach, else as low as they need, up and down twice in a cycle.
     fn heights(&self, way: f32, stride: f32) -> Vec<f32> {
-        let most: Vec<f32> = (0..KEYS).map(|key| self.reach_m(key as f32 / KEYS as f32, way, stride)).collect();
+        let most: Vec<f32> = (0..KEYS)
+            .map(|key| self.reach_m(key as f32 / KEYS as f32, way, stride))
+            .collect();
         let (mut mean, mut cosine, mut sine) = (0.0, 0.0, 0.0);
         for (key, most) in most.iter().enumerate() {
             let (sin, cos) = (2.0 * TAU * key as f32 / KEYS as f32).sin_cos();
@@ -249,7 +286,10 @@ fn step(phase: f32, stride: f32) -> (f32, f32) {
     let swung = (phase - STANDING) / (1.0 - STANDING);
     let gone = swing(swung);
     let lift = (PI * swung).sin();
-    (-half + stride * gone - stride * (phase - STANDING), LIFT_M * lift * lift)
+    (
+        -half + stride * gone - stride * (phase - STANDING),
+        LIFT_M * lift * lift,
+    )
 }
 
 /// How far a foot has gone in a share of its swing, from 0 to 1, by modified trapezoidal acceleration: of the smooth profiles for cams

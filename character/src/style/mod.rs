@@ -11,8 +11,8 @@ mod aside;
 pub(crate) mod cycles;
 mod file;
 mod proto;
-mod takes;
 mod table;
+mod takes;
 #[cfg(any(test, feature = "testing"))]
 #[allow(clippy::unwrap_used, reason = "for tests")]
 pub mod testing;
@@ -23,8 +23,8 @@ use troupe_motion::model::ByPath;
 use troupe_motion::{Quat, Skeleton};
 
 pub use file::{StyleError, StyleProblem, load_folder};
-pub use takes::Take;
 pub use table::{MAX_ADDED_STYLES, PutError, StyleTable, UnknownStyle};
+pub use takes::Take;
 
 use cycles::Cycles;
 
@@ -216,7 +216,10 @@ impl Style {
     pub(crate) fn slowest_gait(&self) -> usize {
         let mut slowest = 0;
         for (index, gait) in self.gaits.iter().enumerate() {
-            if !gait.built && gait.pace_mps() < self.gaits[slowest].pace_mps() && !self.gaits[slowest].stands() {
+            if !gait.built
+                && gait.pace_mps() < self.gaits[slowest].pace_mps()
+                && !self.gaits[slowest].stands()
+            {
                 slowest = index;
             }
         }

@@ -75,7 +75,10 @@ fn parse(text: &str, skeleton: &Skeleton) -> Result<Arc<[Take]>, StyleProblem> {
     let joints: Vec<usize> = (document.joints.iter().enumerate())
         .map(|(index, name)| {
             let found = skeleton.joints.iter().position(|joint| joint.name == *name);
-            let missing = || root.element("joints", index).error(format!("is {name:?}"), "a joint of the pack");
+            let missing = || {
+                root.element("joints", index)
+                    .error(format!("is {name:?}"), "a joint of the pack")
+            };
             found.ok_or_else(missing)
         })
         .collect::<Result<_, _>>()?;
@@ -88,22 +91,34 @@ impl Row {
     fn take(self, path: &FieldPath<'_>, joints: &[usize]) -> Result<Take, FieldError> {
         if !CADENCES.contains(&self.cadence) {
             let allowed = format!("{} to {}", CADENCES.start(), CADENCES.end());
-            return Err(path.field("cadence").error(format!("is {}", self.cadence), allowed));
+            return Err(path
+                .field("cadence")
+                .error(format!("is {}", self.cadence), allowed));
         }
         if self.turns.len() != joints.len() {
             let allowed = format!("{}, one for each of the joints", joints.len());
-            return Err(path.field("turns").error(format!("has {} entries", self.turns.len()), allowed));
+            return Err(path
+                .field("turns")
+                .error(format!("has {} entries", self.turns.len()), allowed));
         }
-        let turned = self.turns.iter().enumerate().zip(joints).map(|((index, turn), &joint)| {
-            let turn = Vec3::from_array(*turn);
-            // NaN is outside too.
-            if turn.length() <= MAX_TURN {
-                let spread = (turn * SPREAD).clamp_length_max(MAX_SPREAD);
-                return Ok((joint, Quat::from_scaled_axis(spread)));
-            }
-            let path = path.element("turns", index);
-            Err(path.error(format!("is a turn of {} radians", turn.length()), format!("0 to {MAX_TURN}")))
-        });
+        let turned = self
+            .turns
+            .iter()
+            .enumerate()
+            .zip(joints)
+            .map(|((index, turn), &joint)| {
+                let turn = Vec3::from_array(*turn);
+                // NaN is outside too.
+                if turn.length() <= MAX_TURN {
+                    let spread = (turn * SPREAD).clamp_length_max(MAX_SPREAD);
+                    return Ok((joint, Quat::from_scaled_axis(spread)));
+                }
+                let path = path.element("turns", index);
+                Err(path.error(
+                    format!("is a turn of {} radians", turn.length()),
+                    format!("0 to {MAX_TURN}"),
+                ))
+            });
         Ok(Take {
             turns: turned.collect::<Result<_, _>>()?,
             cadence: self.cadence,
@@ -127,7 +142,10 @@ mod tests {
     fn takes_are_read_by_the_names_of_joints() {
         let folder = TempFolder::new("takes");
         let skeleton = walker();
-        assert!(load(folder.path(), &skeleton).unwrap().is_empty(), "a pack need not have any");
+        assert!(
+            load(folder.path(), &skeleton).unwrap().is_empty(),
+            "a pack need not have any"
+        );
         let joint = &skeleton.joints[1].name;
         std::fs::write(folder.path().join(FILE), document(0.1, 1.05, joint)).unwrap();
         let takes = load(folder.path(), &skeleton).unwrap();
@@ -144,9 +162,18 @@ mod tests {
         let skeleton = walker();
         let joint = &skeleton.joints[1].name;
         for (text, wanted) in [
-            (document(1.2, 1.0, joint), "takes[0].turns[0]: is a turn of 1.2 radians; allowed: 0 to 1"),
-            (document(0.2, 2.0, joint), "takes[0].cadence: is 2; allowed: 0.8 to 1.25"),
-            (document(0.2, 1.0, "tail"), "joints[0]: is \"tail\"; allowed: a joint of the pack"),
+            (
+                document(1.2, 1.0, joint),
+                "takes[0].turns[0]: is a turn of 1.2 radians; allowed: 0 to 1",
+            ),
+            (
+                document(0.2, 2.0, joint),
+                "takes[0].cadence: is 2; allowed: 0.8 to 1.25",
+            ),
+            (
+                document(0.2, 1.0, "tail"),
+                "joints[0]: is \"tail\"; allowed: a joint of the pack",
+            ),
             ("{}".to_owned(), "missing field `joints`"),
         ] {
             let error = parse(&text, &skeleton).unwrap_err().to_string();

@@ -18,6 +18,7 @@ mod object;
 mod real;
 mod robustness;
 mod scene;
+mod seeds;
 mod server;
 mod style;
 mod words;
