@@ -28,7 +28,7 @@ const KEYS: usize = 24;
 /// A gait is not built where the style has one whose way is nearer than this, radians, and that is not much slower: its speed against
 /// the one that would be built.
 const NEAR: f32 = 0.4;
-const SLOWER: f32 = 0.8;
+const SLOWER: f32 = 0.86;
 /// Ways that are farther than this off ahead have the upper body of a walk backwards, where there is one, radians.
 const BACKWARDS: f32 = 1.8;
 /// A gait goes straight ahead whose way is within the first of its hips, radians, and that turns by less than the second, rad/s.
