@@ -68,6 +68,13 @@ fn feet_stand_still_and_hips_face_ahead() {
                 let apart = (here[legs[0].foot] - here[legs[1].foot]).with_y(0.0).length();
                 assert!(apart > CLOSED_M - 0.02, "{} {} {apart}", style.name, gait.name);
                 for leg in &legs {
+                    let [hip, knee, ankle] = [leg.upper, leg.lower, leg.foot].map(|joint| here[joint]);
+                    assert!(
+                        knee.z > 0.5 * (hip.z + ankle.z) - 0.01,
+                        "{} {}: knees bend ahead",
+                        style.name,
+                        gait.name
+                    );
                     let phase =
                         key as f32 / KEYS as f32 - if leads(leg, &legs, gait, &here) { 0.0 } else { 0.5 };
                     if phase.rem_euclid(1.0) + 1.0 / (KEYS as f32) < STANDING {
