@@ -163,15 +163,10 @@ impl<'a> Blend<'a> {
 
     /// How much of what moves is of gaits that were worked out, 0 to 1.
     pub(crate) fn built(&self) -> f32 {
-        let moving = self.shares().iter().filter(|share| share.stands.is_none());
-        let (mut built, mut all) = (0.0, 0.0);
-        for share in moving {
-            all += share.weight;
-            if self.style.gaits[share.gait].built {
-                built += share.weight;
-            }
-        }
-        if all > 0.0 { built / all } else { 0.0 }
+        let moving = || self.shares().iter().filter(|share| share.stands.is_none());
+        let built = moving().filter(|share| self.style.gaits[share.gait].built);
+        let all: f32 = moving().map(|share| share.weight).sum();
+        built.map(|share| share.weight).sum::<f32>() / all.max(MIN_WEIGHT)
     }
 
     /// The names of the gaits with their weights, which sum to 1; a gait is named once.

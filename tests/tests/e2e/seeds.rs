@@ -11,9 +11,9 @@ use troupe_motion::{Quat, Vec3};
 
 use crate::server::shared;
 
-/// What everybody does: stand, walk straight on.
+/// What everybody does: stand, walk straight on for twice as many frames.
 const STAND: u32 = 10;
-const WALK: u32 = 170;
+const WALK: u32 = 90;
 /// From here on they walk steadily.
 const STEADY: usize = 60;
 const VELOCITY: Vec3 = Vec3::new(0.0, 0.0, 1.18);
@@ -30,10 +30,8 @@ async fn walk(client: &Client, pack: &Pack, seeds: &[u64]) -> Vec<Clip> {
     let mut recordings: Vec<Recording> = (members.iter())
         .map(|_| Recording::new(pack, Convention::Native, Rate::Hz30))
         .collect();
-    for (frames, intent) in [
-        (STAND, Locomotion::stand()),
-        (WALK, Locomotion::walk(VELOCITY).facing(0.0)),
-    ] {
+    let walking = || Locomotion::walk(VELOCITY).facing(0.0);
+    for (frames, intent) in [(STAND, Locomotion::stand()), (WALK, walking()), (WALK, walking())] {
         for &member in &members {
             *crowd.intent_mut(member).unwrap() = intent.clone().style("normal");
         }
