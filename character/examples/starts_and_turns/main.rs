@@ -1,11 +1,15 @@
-//! How soon live characters start, and how they turn and stop, beside the clips: real networks, no server.
+//! How soon live characters start, how they turn and stop, how they go aside, and how the walkers of a crowd differ, beside the clips: real networks, no server.
 //!
 //! ```text
 //! ORT_DYLIB_PATH=.runtime/libonnxruntime.so cargo run --release -p troupe-character --example starts_and_turns -- starts
 //! ORT_DYLIB_PATH=.runtime/libonnxruntime.so cargo run --release -p troupe-character --example starts_and_turns -- turns
+//! ORT_DYLIB_PATH=.runtime/libonnxruntime.so cargo run --release -p troupe-character --example starts_and_turns -- sides
+//! ORT_DYLIB_PATH=.runtime/libonnxruntime.so cargo run --release -p troupe-character --example starts_and_turns -- crowd
 //! ```
 
 mod clips;
+mod crowd;
+mod sides;
 mod stage;
 mod starts;
 mod turns;
@@ -17,7 +21,7 @@ use clap::{Parser, ValueEnum};
 use self::clips::Clips;
 use self::stage::Stage;
 
-/// Measures starts or turns.
+/// Measures starts, turns or steps aside.
 #[derive(Debug, Parser)]
 struct Args {
     /// What to measure.
@@ -37,6 +41,9 @@ struct Args {
     /// Frames from a command to its plan's first frame, at most.
     #[arg(long, default_value_t = 4, value_name = "FRAMES")]
     look_ahead: u32,
+    /// Seeds of a crowd: those from 1 on.
+    #[arg(long, default_value_t = 8)]
+    seeds: u64,
     /// Seed of all characters.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -51,6 +58,10 @@ enum What {
     Starts,
     /// Turns, and stops of runs.
     Turns,
+    /// Goes aside and backwards, facing ahead.
+    Sides,
+    /// Walks by several seeds.
+    Crowd,
 }
 
 fn main() -> anyhow::Result<()> {
@@ -63,6 +74,8 @@ fn main() -> anyhow::Result<()> {
     match args.what {
         What::Starts => starts::run(&mut stage, clips.as_ref(), args.each),
         What::Turns => turns::run(&mut stage, clips.as_ref(), args.each),
+        What::Crowd => crowd::run(&mut stage, clips.as_ref(), &args),
+        What::Sides => sides::run(&mut stage, clips.as_ref(), &args),
     }
 }
 

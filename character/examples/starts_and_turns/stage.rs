@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, ensure};
 use troupe_character::live::{
-    Advance, CONTEXT_FRAMES, Character, CharacterOptions, Clock, FrameOut, Intent, LivePlan, PlanCause,
-    PlanFailed, PlanRequest, SUB_FRAMES, Start, finish_live,
+    Advance, CONTEXT_FRAMES, Character, CharacterOptions, Clock, EventKind, FrameOut, Intent, LivePlan,
+    PlanCause, PlanFailed, PlanRequest, SUB_FRAMES, Start, finish_live,
 };
 use troupe_character::post::hold_live;
 use troupe_character::primitives::LocomotionCommand;
@@ -30,6 +30,10 @@ const STANDING_MPS: f32 = 0.1;
 /// One character and what it is told.
 pub struct Role {
     pub style: Arc<Style>,
+    /// None for the stage's.
+    pub seed: Option<u64>,
+    /// Where it faces, radians; none for where it goes.
+    pub facing: Option<f32>,
     /// Commands, and the frames at which they are given.
     pub orders: Vec<(usize, Vec3)>,
     pub frames: usize,
@@ -40,6 +44,8 @@ pub struct Take {
     pub clip: Clip,
     /// The plans for commands, each with the frame of its last context frame.
     pub plans: Vec<(usize, LivePlan)>,
+    /// What it said it does instead of its newest command: its speed, m/s.
+    pub bounded_mps: Option<f32>,
 }
 
 /// A pack and what runs its networks.
@@ -57,6 +63,7 @@ struct Actor<'a> {
     roots: Vec<Vec3>,
     rotations: Vec<Quat>,
     plans: Vec<(usize, LivePlan)>,
+    bounded_mps: Option<f32>,
     sequence: u64,
 }
 
@@ -110,6 +117,7 @@ impl Stage {
             Ok(Take {
                 clip: Clip::new(self.skeleton(), self.fps(), actor.roots, actor.rotations)?,
                 plans: actor.plans,
+                bounded_mps: actor.bounded_mps,
             })
         });
         takes.collect()
@@ -117,7 +125,7 @@ impl Stage {
 
     fn actor<'a>(&self, role: &'a Role) -> Actor<'a> {
         let options = CharacterOptions {
-            seed: self.seed,
+            seed: role.seed.unwrap_or(self.seed),
             look_ahead_frames: self.look_ahead,
             replan_interval_frames: None,
             root_ratio: None,
@@ -131,6 +139,7 @@ impl Stage {
             roots: Vec::new(),
             rotations: Vec::new(),
             plans: Vec::new(),
+            bounded_mps: None,
             sequence: 0,
         }
     }
@@ -208,6 +217,13 @@ impl Actor<'_> {
             self.roots.push(out.root);
             self.rotations.extend_from_slice(&out.rotations);
         }
+        let mut events = Vec::new();
+        self.character.take_events(&mut events);
+        for event in events {
+            if let EventKind::Bounded { speed_mps, .. } = event.kind {
+                self.bounded_mps = Some(speed_mps);
+            }
+        }
     }
 
     fn tell(&mut self, frame: usize) -> anyhow::Result<()> {
@@ -215,6 +231,7 @@ impl Actor<'_> {
             self.sequence += 1;
             let command = LocomotionCommand {
                 velocity: *velocity,
+                facing: self.role.facing,
                 ..LocomotionCommand::standing(&self.role.style)
             };
             self.character

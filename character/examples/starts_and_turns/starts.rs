@@ -37,6 +37,8 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, each: bool) -> anyhow::Resu
         let speed = slowest_ahead(style).map_or(0.0, |gait| gait.speed_mps());
         roles.extend((0..MOMENTS).map(|moment| Role {
             style: style.clone(),
+            seed: None,
+            facing: None,
             orders: vec![(STAND_FRAMES + moment, Vec3::Z * speed)],
             frames: STAND_FRAMES + moment + AFTER_FRAMES,
         }));

@@ -112,6 +112,8 @@ fn turns(stage: &mut Stage, degrees: f32) -> anyhow::Result<Vec<Figures>> {
             let velocity = Vec3::Z * gait.forward_mps;
             roles.push(Role {
                 style: style.clone(),
+                seed: None,
+                facing: None,
                 orders: vec![
                     (STAND_FRAMES, velocity),
                     (at, yaw(side * degrees.to_radians()) * velocity),
@@ -147,6 +149,8 @@ fn stops(stage: &mut Stage) -> anyhow::Result<(Vec<Figures>, Vec<Figures>)> {
             names.push(format!("{} {}", style.name, gait.name));
             roles.push(Role {
                 style: style.clone(),
+                seed: None,
+                facing: None,
                 orders: vec![
                     (STAND_FRAMES, velocity),
                     (at, Vec3::ZERO),

@@ -480,6 +480,7 @@ impl Character {
             roots: context.global_roots(skeleton.left_axis),
             rotations: &context.rotations,
             velocity: (self.timeline.buffer()).velocity(ticket.splice, VELOCITY_FRAMES as i64, self.rig.fps),
+            seed: self.options.seed,
             skeleton,
             fps: self.rig.fps,
             frames_per_token: self.rig.dims.frames_per_token,

@@ -25,6 +25,7 @@ fn gait(name: &str, forward_mps: f32, keys: Vec<StyleKey>) -> Gait {
         turn_rps: 0.0,
         period_frames: if keys.len() > 1 { 30.0 } else { 0.0 },
         keys,
+        built: false,
     }
 }
 
@@ -45,6 +46,7 @@ fn style(name: &str) -> Arc<Style> {
             gait("idle", 0.0, vec![key(0.0, 0.0, 0.1)]),
         ],
         words: None,
+        takes: Arc::default(),
         built_in: true,
         cache: Default::default(),
     })

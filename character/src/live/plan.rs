@@ -1,5 +1,10 @@
 //! From a live plan's raw motion to frames in the world.
 
+use std::sync::Arc;
+
+use troupe_motion::clip::Clip;
+use troupe_motion::contacts::detect;
+use troupe_motion::fk::WorldMotion;
 use troupe_motion::pin::{PosePin, fade, pin_poses};
 use troupe_motion::root::{heading_of, wrap_angle};
 use troupe_motion::rotation::{align_sign, yaw};
@@ -9,6 +14,7 @@ use super::{CONTEXT_FRAMES, LivePlan, LiveShape, PlanTrace};
 use crate::post::{
     NonFinite, PIN_REACH_FRAMES, check_finite, contact_bits, parent_relative, roots, to_world_rotations,
 };
+use crate::primitives::Follow;
 use troupe_motion::model::Motion;
 use troupe_motion::model::Rig;
 
@@ -36,10 +42,15 @@ pub fn finish_live(raw: &Motion, shape: &LiveShape, rig: &Rig) -> Result<LivePla
     let trace = raw.trace.as_deref().cloned().unwrap_or_default();
     join_roots(&mut positions, &shape.context_roots);
     join_poses(&mut rotations, &shape.context_rotations, rig.skeleton.left_axis);
+    let mut contacts = contact_bits(&raw.contacts, dims.contacts, frames);
+    if let Some(follow) = &shape.targets.follow {
+        follow_gait(follow, shape, rig, (&mut positions, &mut rotations));
+        own_contacts(follow, rig, &positions, &rotations, &mut contacts);
+    }
     Ok(LivePlan {
         roots: positions,
         rotations,
-        contacts: contact_bits(&raw.contacts, dims.contacts, frames),
+        contacts,
         trace: PlanTrace {
             r_g3: world_roots(&trace.root_r_g3, frames, &shape.frame),
             r_g4,
@@ -55,6 +66,55 @@ fn world_roots(values: &[f32], frames: usize, frame: &SegmentFrame) -> Vec<Globa
         .take(frames)
         .map(|root| frame.to_world_root(root))
         .collect()
+}
+
+/// Draws frames to a gait that the networks do not know. What the context is off it fades.
+fn follow_gait(
+    follow: &Follow,
+    shape: &LiveShape,
+    rig: &Rig,
+    (positions, rotations): (&mut [Vec3], &mut [Quat]),
+) {
+    let joints = rig.dims.joints;
+    let Some(guide) = &shape.targets.guide else { return };
+    let mut own = follow.clone();
+    own.rotations.truncate(rotations.len());
+    let pin = PosePin {
+        frame: LAST_CONTEXT,
+        rotations: &shape.context_rotations[LAST_CONTEXT * joints..],
+    };
+    pin_poses(&mut own.rotations, joints, &[pin], PIN_REACH_FRAMES);
+    let path: Vec<Vec3> = guide.path.iter().map(|root| root.position).collect();
+    own.draw(&path, positions, rotations);
+    positions[..CONTEXT_FRAMES].copy_from_slice(&shape.context_roots);
+    rotations[..shape.context_rotations.len()].copy_from_slice(&shape.context_rotations);
+}
+
+/// What touches the ground where frames are a gait's more than the networks'.
+fn own_contacts(follow: &Follow, rig: &Rig, positions: &[Vec3], rotations: &[Quat], contacts: &mut [u8]) {
+    let Some(params) = &rig.skeleton.contacts else {
+        return;
+    };
+    let clip = Clip::new(
+        Arc::clone(&rig.skeleton),
+        rig.fps,
+        positions.to_vec(),
+        rotations.to_vec(),
+    );
+    let Ok(clip) = clip else { return };
+    let touches = detect(
+        &WorldMotion::from_clip(&clip),
+        params,
+        rig.skeleton.ground_y_m,
+        rig.fps,
+    );
+    let frames = touches.chunks_exact(params.len()).zip(&follow.weights);
+    for (bits, (touches, &weight)) in contacts.iter_mut().zip(frames) {
+        if weight >= 0.5 {
+            let each = touches.iter().take(8).enumerate();
+            *bits = each.fold(0, |bits, (joint, &touches)| bits | (u8::from(touches) << joint));
+        }
+    }
 }
 
 /// Has the roots go on from the context: the path over the ground moves as a whole, the height's part fades.

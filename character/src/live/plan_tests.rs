@@ -3,7 +3,7 @@ use std::f32::consts::FRAC_PI_2;
 use troupe_motion::rotation::{angle_between, six_d};
 
 use super::*;
-use crate::primitives::PlanTargets;
+use crate::primitives::{Guide, PlanTargets};
 use crate::testing::toy_rig;
 
 /// Ten metres from the origin, facing the world's +X.
@@ -46,6 +46,7 @@ fn shape(frames: Option<usize>) -> LiveShape {
             frames,
             allowed_token_counts: Vec::new(),
             guide: None,
+            follow: None,
             r_g1: GlobalRoot::new(Vec3::ZERO, 0.0),
             r_g2: Vec::new(),
             path: None,
@@ -119,4 +120,44 @@ fn what_is_not_finite_is_refused() {
     let mut raw = raw();
     raw.root[77] = f32::NAN;
     assert_eq!(finish_live(&raw, &shape(None), &toy_rig()), Err(NonFinite));
+}
+
+#[test]
+fn a_followed_gait_is_met_with_what_touches_the_ground() {
+    let mut shape = shape(Some(26));
+    let path = |frame: usize| GlobalRoot::new(Vec3::new(10.0, 0.83, 0.05 * frame as f32), 0.0);
+    shape.targets.guide = Some(Guide {
+        path: (0..26).map(path).collect(),
+        position_ratio: 0.0,
+        height_ratio: 1.0,
+        heading_ratio: 1.0,
+    });
+    shape.targets.follow = Some(Follow {
+        rotations: [yaw(FRAC_PI_2), Quat::from_rotation_x(0.4)].repeat(26),
+        weights: (0..26).map(|frame| if frame < 15 { 0.0 } else { 1.0 }).collect(),
+    });
+    let usual = LiveShape {
+        targets: PlanTargets {
+            follow: None,
+            ..shape.targets.clone()
+        },
+        ..shape.clone()
+    };
+    let rig = toy_rig();
+    let (plan, usual) = (
+        finish_live(&raw(), &shape, &rig).unwrap(),
+        finish_live(&raw(), &usual, &rig).unwrap(),
+    );
+    assert_eq!(plan.roots[..15], usual.roots[..15]);
+    assert_eq!(plan.contacts[..15], usual.contacts[..15]);
+    assert!(
+        usual.contacts[16..].iter().all(|&bits| bits == 0),
+        "the networks see the foot up"
+    );
+    for frame in 15..26 {
+        assert!(plan.roots[frame].abs_diff_eq(path(frame).position, 1e-5));
+        assert!(angle_between(plan.rotations[frame * 2 + 1], Quat::from_rotation_x(0.4)) < 1e-3);
+    }
+    // The foot is 3 cm over the ground and goes at 1.5 m/s, which is no contact either.
+    assert!(plan.contacts[16..].iter().all(|&bits| bits == 0));
 }

@@ -156,6 +156,19 @@ impl<'a> Blend<'a> {
         self.rate * self.period_frames
     }
 
+    /// Runs so many times as fast, as far as the networks make the steps: those that are followed would slide.
+    pub(crate) fn hurry_by(&mut self, times: f32) {
+        self.rate *= 1.0 + (times - 1.0) * (1.0 - self.built());
+    }
+
+    /// How much of what moves is of gaits that were worked out, 0 to 1.
+    pub(crate) fn built(&self) -> f32 {
+        let moving = || self.shares().iter().filter(|share| share.stands.is_none());
+        let built = moving().filter(|share| self.style.gaits[share.gait].built);
+        let all: f32 = moving().map(|share| share.weight).sum();
+        built.map(|share| share.weight).sum::<f32>() / all.max(MIN_WEIGHT)
+    }
+
     /// The names of the gaits with their weights, which sum to 1; a gait is named once.
     pub(crate) fn named(&self) -> Vec<(String, f32)> {
         let mut named: Vec<(String, f32)> = Vec::with_capacity(self.len);

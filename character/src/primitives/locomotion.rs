@@ -23,8 +23,9 @@ use super::ramp::{Ramp, VelocityRamp};
 use super::reach::{self, Feasible, Instead};
 use super::recipe::{
     ACCELERATION_MPS2, ANCHOR_AFTER_S, HORIZON_S, MOST_TURN_RPS, PATH_PLAN_FRAMES, STANDING_MPS, STEP_FRAMES,
-    STEP_MARGIN_FRAMES, STEP_TURN,
+    STEP_MARGIN_FRAMES, STEP_TURN, STILL,
 };
+use super::variation::Variation;
 use super::{CONTEXT_FRAMES, GapPose, LocomotionCommand, PlanContext, PlanTargets};
 use crate::style::{STANDING_GAIT_MPS, Style};
 
@@ -72,6 +73,7 @@ struct Plan<'a> {
     /// On a path: where it leads.
     way: Option<Way<'a>>,
     blend: Blend<'a>,
+    variation: Variation<'a>,
     /// Frames of the segment, or the most that it may have.
     frames: usize,
     /// Seconds from the last context frame to r_g1.
@@ -228,12 +230,17 @@ impl Locomotion {
             height_m: self.command.height_m,
         };
         let cycles = style.cycles(context.skeleton);
-        let blend = Blend::new(style, cycles, only_gait(&self.command), &wanted);
+        let variation = Variation::of(style, context.seed);
+        let mut blend = Blend::new(style, cycles, only_gait(&self.command), &wanted);
+        blend.hurry_by(variation.cadence());
         let frame = (context.frame as f64 * f64::from(STYLE_FPS / context.fps)) as u64;
+        let frame = frame + variation.stand_frames;
+        let rests = context.velocity.with_y(0.0).length() < STILL.0;
+        let first_step = if rests { variation.first_step } else { 0.0 };
         let phase = if blend.rate == 0.0 {
             0.0
         } else {
-            self.matcher.nearest(&blend, context, frame)
+            self.matcher.nearest(&blend, context, frame) + first_step
         };
         let r_g1 = match way {
             Some(way) => GlobalRoot::new(way.position(horizon_s), way.heading(horizon_s).0),
@@ -251,6 +258,7 @@ impl Locomotion {
             changes: way.is_none() && anchor.is_none() && ramp.changes(),
             way,
             blend,
+            variation,
             frames,
             horizon_s,
             phase,
@@ -315,6 +323,7 @@ impl Locomotion {
             }
             let mut rotations = vec![Quat::IDENTITY; plan.context.skeleton.joint_count()];
             let moment = cycles.gaits[steps.gait].sample(gait, phase, |joint, q| rotations[joint] = q);
+            plan.variation.hold(&mut rotations);
             rotations[0] = yaw(plan.facing(plan.seconds(frame)).0 + moment.sway) * rotations[0];
             Some(GapPose {
                 frame,

@@ -7,14 +7,18 @@ use troupe_motion::spring::critically_damped;
 use troupe_motion::{GlobalRoot, LocalRoot, Quat, Vec3};
 
 use super::super::blend::STYLE_FPS;
+use super::super::follow::{self, Follow};
 use super::super::path::run::Way;
 use super::super::recipe::{
-    CHANGE_RATIO, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO, HORIZON_S,
-    PATH_RATIO, SIDE_ANGLE, SIDE_PARTS, STILL, STOP_POSE, SWAY_FADE_FRAMES, TARGET_KEYS,
+    BUILT_PARTS, CHANGE_RATIO, FORWARD_PARTS, GAMMA, HEADING_RATIO, HEIGHT_FADE_FRAMES, HEIGHT_RATIO,
+    HORIZON_S, PATH_RATIO, SIDE_ANGLE, SIDE_PARTS, STILL, STOP_POSE, SWAY_FADE_FRAMES, TARGET_KEYS,
 };
 use super::super::{GapPose, Guide, PathGoal, PlanTargets, TargetKey};
 use super::{NOW, Plan};
 use crate::style::cycles::Moment;
+
+/// Less than this of a gait that was worked out is left to the networks.
+const LEAST_BUILT: f32 = 0.05;
 
 impl Plan<'_> {
     /// The frame of the segment at the horizon.
@@ -104,6 +108,7 @@ impl Plan<'_> {
         let mut rotations = vec![Quat::IDENTITY; self.context.skeleton.joint_count()];
         let (phase, time) = self.phase_at(frame);
         let moment = self.blend.sample(phase, time, &mut rotations);
+        self.variation.hold(&mut rotations);
         rotations[0] = yaw(self.facing(self.seconds(frame)).0 + moment.sway) * rotations[0];
         (rotations, moment)
     }
@@ -148,9 +153,11 @@ impl Plan<'_> {
         if halts && !self.stands() {
             return vec![self.gap_pose(STOP_POSE * self.horizon_s)];
         }
-        let local = yaw(-self.feasible.facing) * self.feasible.velocity;
-        let parts = if halts || local.x.atan2(local.z).abs() < SIDE_ANGLE {
+        let off = self.off();
+        let parts = if halts || off < SIDE_ANGLE {
             FORWARD_PARTS
+        } else if self.blend.built() > 0.5 {
+            BUILT_PARTS
         } else {
             SIDE_PARTS
         };
@@ -159,6 +166,12 @@ impl Plan<'_> {
         (1..parts as usize)
             .map(|nth| self.gap_pose(nth as f32 / parts * self.horizon_s))
             .collect()
+    }
+
+    /// How far the way is off the facing, radians to either side.
+    fn off(&self) -> f32 {
+        let local = yaw(-self.feasible.facing) * self.feasible.velocity;
+        local.x.atan2(local.z).abs()
     }
 
     /// The blend's pose so many seconds ahead.
@@ -170,6 +183,31 @@ impl Plan<'_> {
             rotations,
             height_m: moment.height_m,
         }
+    }
+
+    /// The gait's own poses, where the networks do not know it.
+    fn follow(&self) -> Option<Follow> {
+        let built = self.blend.built();
+        if built < LEAST_BUILT {
+            return None;
+        }
+        let joints = self.context.skeleton.joint_count();
+        let mut rotations = Vec::with_capacity(self.frames * joints);
+        for frame in 0..self.frames {
+            rotations.extend(self.pose(frame.max(NOW)).0);
+        }
+        let root = self.context.roots[NOW];
+        let own = &self.context.rotations[NOW * joints..];
+        let gait = &rotations[NOW * joints..(NOW + 1) * joints];
+        let off_m = follow::apart_m(
+            self.context.skeleton,
+            (root.position.y, root.heading, own),
+            (self.moment(NOW).height_m, self.facing(0.0).0, gait),
+        );
+        Some(Follow {
+            weights: follow::weights(built, off_m, NOW, self.frames),
+            rotations,
+        })
     }
 
     /// The path of a body that is planned for by paths. Its headings come from the character's to the spring's, for steps sway.
@@ -200,6 +238,7 @@ impl Plan<'_> {
             frames: Some(self.frames),
             allowed_token_counts: Vec::new(),
             guide: None,
+            follow: None,
             r_g1: self.r_g1,
             r_g2: path.roots.clone(),
             path: Some(path),
@@ -240,6 +279,7 @@ impl Plan<'_> {
                 height_ratio: HEIGHT_RATIO,
                 heading_ratio: HEADING_RATIO,
             }),
+            follow: self.follow(),
             r_g1: self.r_g1,
             r_g2: (0..self.frames).map(|frame| self.r_g2(frame)).collect(),
             path: None,

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 mod blend;
+mod follow;
 mod heading;
 mod locomotion;
 mod matching;
@@ -10,6 +11,7 @@ pub mod path;
 mod ramp;
 mod reach;
 pub mod recipe;
+mod variation;
 
 use std::sync::Arc;
 
@@ -17,6 +19,7 @@ use troupe_motion::{GlobalRoot, LocalRoot, Quat, Skeleton, Vec3};
 
 use crate::style::Style;
 
+pub use follow::Follow;
 pub use locomotion::Locomotion;
 pub use path::PathCommand;
 pub use reach::Instead;
@@ -65,6 +68,8 @@ pub struct PlanContext<'a> {
     /// Mean velocity of the root over the last [`VELOCITY_FRAMES`](recipe::VELOCITY_FRAMES) frames, world m/s; over fewer
     /// where the timeline is younger. One frame's difference would carry the sway of a step.
     pub velocity: Vec3,
+    /// What it differs by from others of its style; 0 is the style itself.
+    pub seed: u64,
     /// The pack's skeleton.
     pub skeleton: &'a Skeleton,
     /// The pack's frames a second.
@@ -135,6 +140,8 @@ pub struct PlanTargets {
     pub allowed_token_counts: Vec<u32>,
     /// Root interpolation between the root module's path and the spring's.
     pub guide: Option<Guide>,
+    /// Poses of a gait that the networks do not know; with a guide.
+    pub follow: Option<Follow>,
     /// r_g1: where the command alone would have the root at the horizon.
     pub r_g1: GlobalRoot,
     /// r_g2: the spring's path, one root for each frame of the segment.

@@ -1,5 +1,7 @@
 //! What a style can do: how fast in which direction, and which way it must face for it.
 
+use std::f32::consts::{FRAC_PI_2, PI};
+
 use serde::{Deserialize, Serialize};
 use troupe_motion::Vec3;
 use troupe_motion::root::wrap_angle;
@@ -15,6 +17,8 @@ const WALKING_ARC: [(f32, f32); 3] = [(0.35, 1.0), (1.57, 0.7), (3.15, 0.5)];
 /// A side gait is one that is farther off than this, radians; the slowest of a style's gaits that move is at least so fast,
 /// m/s.
 const LEAST_PACE_MPS: f32 = 0.2;
+/// A gait whose way is nearer to straight aside than this needs nobody to turn, radians.
+const STRAIGHT_ASIDE: f32 = 0.52;
 /// What is done instead of a command is told where it is slower by more than this share, or faces elsewhere by more than this angle,
 /// radians.
 const TOLD_SHARE: f32 = 0.05;
@@ -102,6 +106,7 @@ pub(crate) fn nearest(style: &Style, only: Option<usize>, velocity: Vec3, facing
 /// The highest speed in a direction, `off` radians from the heading to the left.
 fn fastest<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) -> f32 {
     let pace = gaits()
+        .filter(|gait| !gait.built)
         .map(Gait::speed_mps)
         .filter(|&speed| speed > LEAST_PACE_MPS)
         .fold(OFF_AXIS_PACE_MPS, f32::min);
@@ -116,6 +121,10 @@ fn fastest<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) ->
 
 /// How far aside the velocity may be, on the side of `off`.
 fn forward_arc<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) -> f32 {
+    // A gait that goes straight aside is all that this way takes: behind it are those that go backwards.
+    if gaits().any(|gait| (direction(gait) * off.signum() - FRAC_PI_2).abs() < STRAIGHT_ASIDE) {
+        return PI;
+    }
     gaits()
         .map(|gait| direction(gait) * off.signum() + GAIT_ARC)
         .filter(|&arc| arc < BACK_ARC)

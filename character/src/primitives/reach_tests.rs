@@ -130,3 +130,22 @@ proptest! {
         prop_assert!((speed(direction) - speed(direction + 1e-3)).abs() < 0.02);
     }
 }
+
+#[test]
+fn a_gait_straight_aside_lets_one_face_ahead_whatever_the_way() {
+    let mut style = of(&["idle", "walk", "walk-back"]);
+    let mut aside = style.gait("walk").unwrap().clone();
+    (aside.left_mps, aside.forward_mps) = (0.9, 0.0);
+    style.gaits.push(aside);
+    for degrees in [50.0f32, 90.0, 130.0] {
+        let velocity = world(0.8, degrees.to_radians());
+        let left = nearest(&style, None, velocity, 0.0);
+        assert_eq!(left.facing, 0.0, "{degrees}");
+        let right = nearest(&style, None, velocity * Vec3::new(-1.0, 1.0, 1.0), 0.0);
+        assert!(
+            degrees > 120.0 || right.facing != 0.0,
+            "it has none to the right: {degrees}"
+        );
+    }
+    assert!((nearest(&style, None, Vec3::X * 2.0, 0.0).velocity.x - 0.9 * SPEED_MARGIN).abs() < 1e-5);
+}

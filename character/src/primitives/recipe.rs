@@ -104,7 +104,15 @@ pub const SIDE_ANGLE: f32 = 12.0 * DEGREE;
 /// about one period ahead, so nearly the pose of the context, and some styles would drift into another.
 pub const FORWARD_PARTS: f32 = 2.0;
 /// For gaits that go aside or backwards: without, they collapse into sliding.
-pub const SIDE_PARTS: f32 = 3.0;
+pub const SIDE_PARTS: f32 = 5.0;
+
+/// For gaits that the networks do not know. They go from key to key.
+pub const BUILT_PARTS: f32 = 15.0;
+/// A character whose joints are nearer than this to such a gait's follows it at once, one that is twice as far off in so many frames
+/// at 30 Hz.
+pub const FOLLOWS_M: f32 = 0.05;
+/// See [`FOLLOWS_M`].
+pub const FOLLOW_FRAMES: f32 = 10.0;
 
 /// A turn on the spot of more than this gets steps, radians, where the style has no gait that turns on the spot.
 pub const STEP_TURN: f32 = 25.0 * DEGREE;

@@ -7,21 +7,24 @@
 //! A style need not have a gait that stands. Where none does, standing takes the key of the slowest gait at which the root
 //! is highest: the moment of a step at which the legs are under the body.
 
+mod aside;
 pub(crate) mod cycles;
 mod file;
 mod proto;
 mod table;
+mod takes;
 #[cfg(any(test, feature = "testing"))]
 #[allow(clippy::unwrap_used, reason = "for tests")]
 pub mod testing;
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use troupe_motion::model::ByPath;
 use troupe_motion::{Quat, Skeleton};
 
 pub use file::{StyleError, StyleProblem, load_folder};
 pub use table::{MAX_ADDED_STYLES, PutError, StyleTable, UnknownStyle};
+pub use takes::Take;
 
 use cycles::Cycles;
 
@@ -70,6 +73,8 @@ pub struct Style {
     pub gaits: Vec<Gait>,
     /// How to move, in words, for a body that is planned for by paths; none for others.
     pub words: Option<Words>,
+    /// Takes of walks, which the walkers of a crowd differ by: the pack's.
+    pub takes: Arc<[Take]>,
     /// Whether it came with the pack.
     pub built_in: bool,
     /// What planning needs of the gaits; `Default::default()` for a new style.
@@ -100,6 +105,8 @@ pub struct Gait {
     pub period_frames: f32,
     /// Poses at equal steps through the cycle, at least one.
     pub keys: Vec<StyleKey>,
+    /// It was worked out from the style's other gaits, and is not part of its message.
+    pub built: bool,
 }
 
 /// A pose of a gait, in the heading's frame.
@@ -160,11 +167,13 @@ impl Style {
                 turn_rps: 0.0,
                 period_frames: 0.0,
                 keys: vec![key],
+                built: false,
             }],
             words: Some(Words {
                 weights,
                 max_speed_mps: body.max_speed_mps,
             }),
+            takes: Arc::default(),
             built_in,
             cache: StyleCache::default(),
         }
@@ -195,7 +204,7 @@ impl Style {
 
     /// Heights of the root joint that a command may choose from, metres. `None`: the style has no such range.
     pub fn height_range_m(&self) -> Option<(f32, f32)> {
-        let heights = || self.gaits.iter().map(Gait::height_m);
+        let heights = || self.gaits.iter().filter(|gait| !gait.built).map(Gait::height_m);
         let (low, high) = (
             heights().fold(f32::INFINITY, f32::min),
             heights().fold(f32::NEG_INFINITY, f32::max),
@@ -207,7 +216,10 @@ impl Style {
     pub(crate) fn slowest_gait(&self) -> usize {
         let mut slowest = 0;
         for (index, gait) in self.gaits.iter().enumerate() {
-            if gait.pace_mps() < self.gaits[slowest].pace_mps() && !self.gaits[slowest].stands() {
+            if !gait.built
+                && gait.pace_mps() < self.gaits[slowest].pace_mps()
+                && !self.gaits[slowest].stands()
+            {
                 slowest = index;
             }
         }

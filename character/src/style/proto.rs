@@ -1,5 +1,7 @@
 //! Styles as messages: checks on the way in, and the way out.
 
+use std::sync::Arc;
+
 use troupe_motion::Quat;
 use troupe_motion::rotation::{from_wxyz, to_wxyz};
 use troupe_proto::v1;
@@ -60,6 +62,7 @@ impl Style {
             root_ratio: style.root_ratio,
             gaits: check_gaits(path, &style.gaits, rig)?,
             words: None,
+            takes: Arc::default(),
             built_in,
             cache: StyleCache::default(),
         })
@@ -86,7 +89,10 @@ impl Style {
             gaits: match &self.words {
                 // It follows from the body.
                 Some(_) => Vec::new(),
-                None => self.gaits.iter().map(|gait| gait.message(keys)).collect(),
+                None => {
+                    let own = self.gaits.iter().filter(|gait| !gait.built);
+                    own.map(|gait| gait.message(keys)).collect()
+                }
             },
             words: self.words.iter().flat_map(Words::message).collect(),
             built_in: self.built_in,
@@ -278,6 +284,7 @@ fn check_gait(path: &Path<'_>, gait: &v1::Gait, rig: &Rig) -> Result<Gait, Field
         turn_rps: gait.turn,
         period_frames: gait.period_frames,
         keys,
+        built: false,
     };
     // Keys of a moving gait are equal steps through its cycle, so it must have a length.
     if count > 1 && !gait.stands() && gait.period_frames < 1.0 {

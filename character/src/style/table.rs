@@ -8,7 +8,8 @@ use arc_swap::ArcSwap;
 use troupe_motion::Skeleton;
 
 use super::file::{self, StyleError, StyleProblem, load_folder};
-use super::{PLAIN, Style};
+use super::takes::{self, Take};
+use super::{PLAIN, Style, aside};
 use troupe_motion::model::Rig;
 
 /// Most styles that may be added to a pack.
@@ -28,6 +29,7 @@ type Styles = BTreeMap<String, Arc<Style>>;
 pub struct StyleTable {
     pack: String,
     skeleton: Arc<Skeleton>,
+    takes: Arc<[Take]>,
     styles: ArcSwap<Styles>,
     /// Where added styles are kept over a restart.
     folder: Option<PathBuf>,
@@ -94,8 +96,12 @@ impl StyleTable {
             Some(body) => Style::all_of(body),
             None => load_folder(&pack_folder.join(FOLDER), rig, true)?,
         };
-        let own = own.into_iter().map(|style| ready(style, rig));
-        Self::with_added(own.collect(), rig, folder)
+        let takes = match rig.by_path {
+            Some(_) => Arc::default(),
+            None => takes::load(pack_folder, &rig.skeleton)?,
+        };
+        let own = own.into_iter().map(|style| ready(style, &rig.skeleton, &takes));
+        Self::with_added(own.collect(), takes, rig, folder)
     }
 
     /// A table with the pack's own styles of this one, and added ones of its own, kept in `folder`/`pack name`.
@@ -105,10 +111,15 @@ impl StyleTable {
     pub fn beside(&self, rig: &Rig, folder: Option<PathBuf>) -> Result<Self, StyleError> {
         let mut own = Styles::clone(&self.styles.load());
         own.retain(|_, style| style.built_in);
-        Self::with_added(own, rig, folder)
+        Self::with_added(own, Arc::clone(&self.takes), rig, folder)
     }
 
-    fn with_added(mut own: Styles, rig: &Rig, folder: Option<PathBuf>) -> Result<Self, StyleError> {
+    fn with_added(
+        mut own: Styles,
+        takes: Arc<[Take]>,
+        rig: &Rig,
+        folder: Option<PathBuf>,
+    ) -> Result<Self, StyleError> {
         let folder = folder.map(|folder| folder.join(rig.name()));
         let mut added = match &folder {
             Some(folder) => load_folder(folder, rig, false)?,
@@ -133,10 +144,11 @@ impl StyleTable {
             }
             !taken
         });
-        own.extend(added.into_iter().map(|style| ready(style, rig)));
+        own.extend((added.into_iter()).map(|style| ready(style, &rig.skeleton, &takes)));
         Ok(Self {
             pack: rig.name().to_owned(),
             skeleton: Arc::clone(&rig.skeleton),
+            takes,
             styles: ArcSwap::from_pointee(own),
             folder,
             writing: Mutex::new(()),
@@ -205,16 +217,20 @@ impl StyleTable {
                 cause,
             })?;
         }
-        style.cycles(&self.skeleton);
-        let style = Arc::new(style);
-        styles.insert(style.name.clone(), Arc::clone(&style));
+        let (name, style) = ready(style, &self.skeleton, &self.takes);
+        styles.insert(name, Arc::clone(&style));
         self.styles.store(Arc::new(styles));
         Ok(style)
     }
 }
 
-fn ready(style: Style, rig: &Rig) -> (String, Arc<Style>) {
-    style.cycles(&rig.skeleton);
+/// A style with all that planning needs of it.
+fn ready(mut style: Style, skeleton: &Skeleton, takes: &Arc<[Take]>) -> (String, Arc<Style>) {
+    style.gaits.extend(aside::build(&style, skeleton));
+    if style.words.is_none() {
+        style.takes = Arc::clone(takes);
+    }
+    style.cycles(skeleton);
     (style.name.clone(), Arc::new(style))
 }
 

@@ -111,6 +111,7 @@ impl GaitShape {
             turn_rps: self.turn_rps,
             period_frames: self.period_frames,
             keys: (0..self.keys).map(key).collect(),
+            built: false,
         }
     }
 }
@@ -183,6 +184,7 @@ pub fn walker_style() -> Style {
         root_ratio: 0.0,
         gaits: shapes.into_iter().map(GaitShape::gait).collect(),
         words: None,
+        takes: Default::default(),
         built_in: false,
         cache: StyleCache::default(),
     }

@@ -190,6 +190,7 @@ fn shape(clip: &Clip, frame: SegmentFrame) -> LiveShape {
             frames: Some(LIVE_FRAMES),
             allowed_token_counts: Vec::new(),
             guide: None,
+            follow: None,
             path: None,
             unfinished: false,
             r_g1: GlobalRoot::new(Vec3::ZERO, 0.0),

@@ -48,6 +48,7 @@ fn targets() -> PlanTargets {
         frames: Some(34),
         allowed_token_counts: Vec::new(),
         guide: None,
+        follow: None,
         r_g1: GlobalRoot::new(Vec3::ZERO, 0.0),
         r_g2: Vec::new(),
         path: None,

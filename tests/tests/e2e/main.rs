@@ -19,6 +19,7 @@ mod real;
 mod robustness;
 mod roots;
 mod scene;
+mod seeds;
 mod server;
 mod style;
 mod words;

@@ -87,6 +87,7 @@ pub(crate) fn doll_style() -> Arc<Style> {
         turn_rps: 0.0,
         period_frames: if keys.len() > 1 { 30.0 } else { 0.0 },
         keys,
+        built: false,
     };
     let walk = (0..10)
         .map(|k| key(1.2, 0.3 * (k as f32 * 0.628).sin()))
@@ -100,6 +101,7 @@ pub(crate) fn doll_style() -> Arc<Style> {
         root_ratio: 0.0,
         gaits: vec![gait("walk", 1.2, walk), gait("idle", 0.0, vec![key(0.0, 0.0)])],
         words: None,
+        takes: Arc::default(),
         built_in: true,
         cache: Default::default(),
     })

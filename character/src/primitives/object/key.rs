@@ -272,6 +272,7 @@ pub fn targets(set: &Set, keys: &[Key], rig: &Rig, way: &Way) -> PlanTargets {
         frames: set.frames.map(frames),
         allowed_token_counts: allowed,
         guide: None,
+        follow: None,
         r_g1: end,
         r_g2: Vec::new(),
         path: None,

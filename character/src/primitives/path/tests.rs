@@ -209,6 +209,7 @@ impl Follower {
                 roots: self.roots,
                 rotations: &rotations,
                 velocity: (self.roots[3].position - self.roots[2].position).with_y(0.0) * FPS,
+                seed: 0,
                 skeleton: &skeleton,
                 fps: FPS,
                 frames_per_token: 4,

@@ -1,0 +1,107 @@
+//! Gaits that the networks do not know: a plan goes by their own poses.
+
+use troupe_motion::fk::world_transforms;
+use troupe_motion::interpolate::smoothstep;
+use troupe_motion::rotation::{slerp, yaw};
+use troupe_motion::{Quat, Skeleton, Vec3};
+
+use super::recipe::{FOLLOW_FRAMES, FOLLOWS_M};
+
+/// The poses that a plan is drawn to, and how far. Its places are the guide's.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Follow {
+    /// `frames * joints` from the segment's first frame on: joint 0 in the world, others relative to their parents.
+    pub rotations: Vec<Quat>,
+    /// For each frame, from 0, which leaves it to the networks, to 1.
+    pub weights: Vec<f32>,
+}
+
+/// How far each of `frames` frames is drawn, of which the last context frame is `now`: a gait that makes up the share `built` of what
+/// moves. A character that is in its step already follows at once; the networks bring any other into it.
+pub(super) fn weights(built: f32, off_m: f32, now: usize, frames: usize) -> Vec<f32> {
+    let at_once = 1.0 - smoothstep((off_m / FOLLOWS_M - 1.0).clamp(0.0, 1.0));
+    let weight = |frame: usize| {
+        let passed = frame.saturating_sub(now) as f32 / FOLLOW_FRAMES;
+        built * (at_once + (1.0 - at_once) * smoothstep(passed.min(1.0)))
+    };
+    (0..frames).map(weight).collect()
+}
+
+/// How far two poses are apart, joint by joint: the root of the mean square, metres. Each has its root at a height and a heading, which
+/// are not told apart.
+pub(super) fn apart_m(skeleton: &Skeleton, one: (f32, f32, &[Quat]), other: (f32, f32, &[Quat])) -> f32 {
+    let joints = skeleton.joint_count();
+    let mut rotations = vec![Quat::IDENTITY; joints];
+    let mut places = |(height_m, heading, pose): (f32, f32, &[Quat])| {
+        let mut positions = vec![Vec3::ZERO; joints];
+        world_transforms(skeleton, Vec3::Y * height_m, pose, &mut positions, &mut rotations);
+        let turn = yaw(-heading);
+        positions.iter_mut().for_each(|place| *place = turn * *place);
+        positions
+    };
+    let (one, other) = (places(one), places(other));
+    let sum: f32 = one.iter().zip(&other).map(|(a, b)| a.distance_squared(*b)).sum();
+    (sum / joints.max(1) as f32).sqrt()
+}
+
+impl Follow {
+    /// Draws frames behind the context to the poses, and to `path`. All are as long as the frames; the poses carry on from the context.
+    pub(crate) fn draw(&self, path: &[Vec3], roots: &mut [Vec3], rotations: &mut [Quat]) {
+        let joints = rotations.len() / roots.len().max(1);
+        let frames = roots.iter_mut().zip(path).zip(&self.weights);
+        for ((root, place), &weight) in frames {
+            *root = root.lerp(*place, weight);
+        }
+        let poses = rotations
+            .chunks_exact_mut(joints)
+            .zip(self.rotations.chunks_exact(joints));
+        for ((pose, own), &weight) in poses.zip(&self.weights) {
+            for (rotation, &own) in pose.iter_mut().zip(own) {
+                *rotation = slerp(*rotation, own, weight);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::style::testing::walker;
+
+    #[test]
+    fn a_character_in_its_step_follows_at_once_and_any_other_in_time() {
+        let here = weights(1.0, 0.5 * FOLLOWS_M, 3, 20);
+        assert!(here.iter().all(|&weight| weight == 1.0), "{here:?}");
+        let far = weights(0.5, 3.0 * FOLLOWS_M, 3, 20);
+        assert_eq!((far[3], far[19]), (0.0, 0.5));
+        assert!(far.is_sorted());
+    }
+
+    #[test]
+    fn poses_are_apart_whatever_they_face() {
+        let skeleton = walker();
+        let pose = vec![Quat::IDENTITY; skeleton.joint_count()];
+        let mut turned = pose.clone();
+        turned[0] = yaw(1.0);
+        let apart = |other: (f32, f32, &[Quat])| apart_m(&skeleton, (0.9, 0.0, &pose), other);
+        assert!(apart((0.9, 1.0, &turned)) < 1e-5);
+        assert!((apart((1.0, 0.0, &pose)) - 0.1).abs() < 1e-5);
+    }
+
+    #[test]
+    fn frames_are_drawn_by_their_weights() {
+        let follow = Follow {
+            rotations: vec![Quat::from_rotation_x(1.0); 3],
+            weights: vec![0.0, 0.5, 1.0],
+        };
+        let (mut roots, mut rotations) = (vec![Vec3::ZERO; 3], vec![Quat::IDENTITY; 3]);
+        follow.draw(&[Vec3::X; 3], &mut roots, &mut rotations);
+        assert_eq!(roots, [Vec3::ZERO, Vec3::X * 0.5, Vec3::X]);
+        for (rotation, angle) in rotations.iter().zip([0.0, 0.5, 1.0]) {
+            assert!(
+                rotation.abs_diff_eq(Quat::from_rotation_x(angle), 1e-5),
+                "{rotation}"
+            );
+        }
+    }
+}
