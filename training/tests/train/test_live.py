@@ -11,7 +11,7 @@ from troupe_training.data.roots import local_root_of
 from troupe_training.data.store import ClipStore, Segments
 from troupe_training.models.motionbricks.config import PRESETS
 from troupe_training.train.motionbricks.live import change_speed, keyframe_masks, live_conditions, smooth_heading
-from troupe_training.train.motionbricks.losses import Body, foot_losses
+from troupe_training.train.motionbricks.losses import Body, energy_loss, foot_losses
 from troupe_training.train.motionbricks.pose import POSE
 from troupe_training.train.motionbricks.refine import refine_loss
 from troupe_training.train.motionbricks.root import ROOT
@@ -56,6 +56,22 @@ def test_a_lowered_pelvis_shows_in_ground_and_skate(store: ClipStore):
     assert abs(low["ground"] - 0.02) < 1e-4
     assert low["slide"] < 2e-3, "feet are no faster"
     assert low["skate"] > 0.05
+
+
+def test_energy_tells_how_fast_joints_move_and_not_when():
+    joints, feet, time = 3, [2], torch.arange(60) / 30.0
+
+    def swing(reach_m: float, phase: float) -> torch.Tensor:
+        motion = torch.zeros(1, 60, joints, 3)
+        motion[0, :, 1, 0] = reach_m * torch.sin(2 * torch.pi * time + phase)
+        return motion
+
+    true = swing(0.2, 0.0)
+    assert energy_loss(swing(0.2, 1.5), true, feet) < 0.02, "it may come at another time"
+    left_out = energy_loss(swing(0.0, 0.0), true, feet)
+    assert abs(float(left_out) - 0.2 * 2 * torch.pi / 2**0.5 / 2) < 0.01, "the mean of two joints"
+    assert energy_loss(swing(0.1, 0.0), true, feet) < 0.6 * left_out
+    assert energy_loss(swing(0.2, 0.0), true, [1, 2]) < 1e-6, "feet are left out"
 
 
 def test_near_ground_fades_with_height():

@@ -26,6 +26,9 @@ LOW_FOOT_M = 0.1
 # Of accelerations. Motors are to be spared more than eyes.
 SMOOTHNESS, ROBOT_SMOOTHNESS = 0.006, 0.02
 FOOT_WEIGHTS = {"slide": 0.6, "ground": 8.0, "skate": 0.5}
+# Of how fast joints move about the root over a whole segment. Errors frame by frame have their least where a swing that may come early or
+# late is left out; this one does not ask when.
+ENERGY_WEIGHT = 0.6
 
 
 class Body(Kinematics):
@@ -65,6 +68,17 @@ def foot_losses(world: Tensor, truth: Segments, body: Body) -> dict[str, Tensor]
     }
 
 
+def energy_loss(shown: Tensor, truth: Tensor, feet: list[int]) -> Tensor:
+    """How far joints are from moving about the root as fast as they truly do, m/s: roots of mean squares over a segment.
+
+    Positions ``[B, T, J, 3]`` about the root. Feet are left out: what they do is told by `foot_losses`.
+    """
+    others = [joint for joint in range(shown.shape[2]) if joint not in feet]
+    speeds = [_difference(motion[:, :, others]).square().sum(-1).mean(1) for motion in (shown, truth)]
+    found, true = (torch.sqrt(squares + 1e-6) for squares in speeds)
+    return (found - true).abs().mean()
+
+
 def _difference(x: Tensor) -> Tensor:
     return (x[:, 1:] - x[:, :-1]) * FPS
 
@@ -98,6 +112,7 @@ def reconstruction_losses(
         "fk": 6.0 * ((shown - truth.positions).abs() * weight[..., None]).mean(),
         "speed": 0.4 * (speed - true_speed).abs().mean(),
         "acceleration": body.smoothness * (_difference(speed) - _difference(true_speed)).abs().mean(),
+        "energy": ENERGY_WEIGHT * energy_loss(shown, truth.positions, body.feet),
         "velocity": 0.2
         * F.smooth_l1_loss(
             decoder.velocity_scale(out.velocities.flatten(2)), decoder.velocity_scale(truth.velocities.flatten(2))
