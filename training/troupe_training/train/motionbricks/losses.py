@@ -26,8 +26,8 @@ LOW_FOOT_M = 0.1
 # Of accelerations. Motors are to be spared more than eyes.
 SMOOTHNESS, ROBOT_SMOOTHNESS = 0.006, 0.02
 FOOT_WEIGHTS = {"slide": 0.6, "ground": 8.0, "skate": 0.5}
-# Of how fast joints move about the root over a whole segment. Errors frame by frame have their least where a swing that may come early or
-# late is left out; this one does not ask when.
+# Of how fast joints move about the root over a whole segment. Errors frame by frame have their least where a swing that may
+# come early or late is left out; this one does not ask when.
 ENERGY_WEIGHT = 0.6
 
 
