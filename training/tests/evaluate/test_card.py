@@ -65,6 +65,6 @@ def test_the_nearest_window_comes_from_a_report_of_the_same_windows():
     with pytest.raises(ValueError, match="windows"):
         add_nearest({"stride_frames": 30, "gaps": [plain_gap() | {"windows": 8}]}, baselines)
     with pytest.raises(ValueError, match="evaluators"):
-        add_nearest(report | {"evaluator": "b"}, baselines)
+        add_nearest(report | {"evaluator": {"file": "evaluator.onnx", "sha256": "b"}}, baselines)
     with pytest.raises(ValueError, match="has no nearest"):
         add_nearest(report, baselines | {"gaps": [other | {"methods": {}}]})

@@ -40,7 +40,8 @@ def add_nearest(report: dict[str, Any], baselines: dict[str, Any]) -> None:
 
     Both must be of the same windows and evaluator. Raises `ValueError` where they are not.
     """
-    digests = {report.get("evaluator"), baselines["evaluator"]} - {None}
+    served = report.get("evaluator") or {}
+    digests = {served.get("sha256"), baselines["evaluator"]} - {None}
     if len(digests) > 1:
         raise ValueError("the two reports are of different evaluators")
     by_gap = {gap["gap_frames"]: gap for gap in baselines["gaps"]}
