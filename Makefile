@@ -2,7 +2,7 @@
 # make docs  builds the site of docs/, which a server that is built after that serves at /docs
 # make test  lints and tests everything, Rust and Python
 .PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
-	film-objects film-crowd film-words image crowd load bench bench-serving bench-micro bench-instructions
+	film-objects film-crowd film-live film-words image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
 REAL_CLIPS := target/data/bandai-namco
@@ -180,6 +180,10 @@ film-crowd: runtime
 	scripts/with-server.sh scripts/film-crowd.sh target/release/troupe docs/images/crowd.png
 
 # The moving picture of docs/words.md: six characters that act out the sentences of examples/casts/words.toml, through a running server.
+film-live: runtime
+	cargo build --release --package troupe-cli
+	scripts/with-server.sh scripts/film-live.sh target/release/troupe docs/images
+
 film-words: runtime
 	cargo build --release --package troupe-cli
 	scripts/with-server.sh scripts/film-words.sh target/release/troupe docs/images/words.png
