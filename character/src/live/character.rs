@@ -61,7 +61,6 @@ pub struct Character {
     /// Sequence number of the current command, and the frame from which it held.
     current: (u64, u64),
     /// The frame at which it was told what is done instead of a command; none since a command that can be followed.
-    #[serde(skip)]
     told: Option<u64>,
     /// A plan to ask for.
     #[serde(skip)]
