@@ -147,7 +147,7 @@ async fn ten_thousand_sessions_that_are_left_expire_cleanly() {
     stepped(&mut client, step(&["busy"], 1, vec![])).await;
     server.clock.pass(Duration::from_secs(1));
     while service.sessions().open() > 1 {
-        tokio::time::sleep(Duration::from_millis(20)).await;
+        sleep(Duration::from_millis(20)).await;
     }
     stepped(&mut client, step(&["busy"], 1, vec![])).await;
     let status = client.step(step(&[&names[5]], 1, vec![])).await.unwrap_err();
