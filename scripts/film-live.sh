@@ -5,9 +5,9 @@ set -euo pipefail
 troupe=$1 folder=$2
 # Cast, when the picture begins, and how long it is.
 while read -r cast from seconds; do
-    "$troupe" animate --cast "examples/casts/$cast.toml" --from "$from" --seconds "$seconds" --fps 10 --width 760 --out "$folder/live-$cast.png"
+    "$troupe" animate --cast "examples/casts/$cast.toml" --from "$from" --seconds "$seconds" --fps 10 --width 520 --out "$folder/live-$cast.png"
 done <<END
-turns 2.5 5
-aside 1 8
-seeds 1 4
+turns 2.5 4
+aside 1 7
+seeds 1 3
 END
