@@ -12,10 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-import uvicorn
 from fastapi import FastAPI, HTTPException, Request, Response
 
-from troupe_bench.cli import add_server_options, read_bodies
+from troupe_bench.cli import add_process_options, add_server_options, read_bodies, serve
 
 
 @asynccontextmanager
@@ -57,21 +56,9 @@ def main() -> None:
     """Runs the server until it is stopped."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add_server_options(parser)
-    parser.add_argument("--workers", type=int, default=1, help="uvicorn processes, each with its own networks")
-    parser.add_argument("--pool", type=int, default=2, help="requests in the networks at once, in each process")
+    add_process_options(parser)
     args = parser.parse_args()
-    os.environ["BENCH_SETTINGS"] = json.dumps(vars(args), default=str)
-    uvicorn.run(
-        "troupe_bench.fastapi_server:app",
-        host="127.0.0.1",
-        port=args.port,
-        workers=args.workers,
-        loop="uvloop",
-        http="httptools",
-        log_level="warning",
-        access_log=False,
-        backlog=1024,
-    )
+    serve("troupe_bench.fastapi_server:app", args)
 
 
 if __name__ == "__main__":

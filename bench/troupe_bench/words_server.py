@@ -15,12 +15,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import uvicorn
 from fastapi import FastAPI, HTTPException, Response
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel
 
 from troupe_bench.body import write_frames
+from troupe_bench.cli import add_process_options, serve
 
 if TYPE_CHECKING:
     from troupe_bench.vermo import Asked, Part
@@ -109,23 +109,11 @@ def main() -> None:
     parser.add_argument("--ready", type=Path, required=True, help="file that gets a line of each process that is ready")
     parser.add_argument("--threads", type=int, default=1, help="threads of each network")
     parser.add_argument("--no-spin", dest="spin", action="store_false", help="idle threads sleep at once")
-    parser.add_argument("--workers", type=int, default=1, help="uvicorn processes, each with its own networks")
-    parser.add_argument("--pool", type=int, default=2, help="requests in the networks at once, in each process")
+    add_process_options(parser)
     parser.add_argument("--cache-unit", type=int, default=16, help="columns of the cache are read in multiples of this")
     parser.add_argument("--whole", action="store_true", help="decode a motion once, when all its tokens are there")
     args = parser.parse_args()
-    os.environ["BENCH_SETTINGS"] = json.dumps(vars(args), default=str)
-    uvicorn.run(
-        "troupe_bench.words_server:app",
-        host="127.0.0.1",
-        port=args.port,
-        workers=args.workers,
-        loop="uvloop",
-        http="httptools",
-        log_level="warning",
-        access_log=False,
-        backlog=1024,
-    )
+    serve("troupe_bench.words_server:app", args)
 
 
 if __name__ == "__main__":

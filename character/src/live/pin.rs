@@ -15,7 +15,7 @@ use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::{GlobalRoot, Skeleton, Vec3};
 
 use super::{CONTEXT_FRAMES, LivePlan};
-use crate::post::PIN_REACH_FRAMES;
+use crate::post::{PIN_REACH_FRAMES, bits_of};
 use crate::primitives::object::Key;
 use crate::primitives::object::recipe::SETTLE_FRAMES;
 
@@ -128,10 +128,7 @@ fn standing_contacts(plan: &LivePlan, skeleton: &Skeleton) -> u8 {
     };
     let pose = &plan.rotations[plan.rotations.len() - skeleton.joint_count()..];
     let touches = |(&joint, &most): (&usize, &f32)| joint_transform(skeleton, root, pose, joint).0.y < most;
-    let each = contacts.joints.iter().zip(&contacts.max_height_m).take(8);
-    each.map(touches)
-        .enumerate()
-        .fold(0, |bits, (bit, touches)| bits | (u8::from(touches) << bit))
+    bits_of(contacts.joints.iter().zip(&contacts.max_height_m).map(touches))
 }
 
 /// Frames behind the context in which a leg does not stand, in runs that a step takes.

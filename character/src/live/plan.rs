@@ -12,7 +12,8 @@ use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
 
 use super::{CONTEXT_FRAMES, LivePlan, LiveShape, PlanTrace};
 use crate::post::{
-    NonFinite, PIN_REACH_FRAMES, check_finite, contact_bits, parent_relative, roots, to_world_rotations,
+    NonFinite, PIN_REACH_FRAMES, bits_of, check_finite, contact_bits, parent_relative, roots,
+    to_world_rotations,
 };
 use crate::primitives::Follow;
 use troupe_motion::model::Motion;
@@ -111,8 +112,7 @@ fn own_contacts(follow: &Follow, rig: &Rig, positions: &[Vec3], rotations: &[Qua
     let frames = touches.chunks_exact(params.len()).zip(&follow.weights);
     for (bits, (touches, &weight)) in contacts.iter_mut().zip(frames) {
         if weight >= 0.5 {
-            let each = touches.iter().take(8).enumerate();
-            *bits = each.fold(0, |bits, (joint, &touches)| bits | (u8::from(touches) << joint));
+            *bits = bits_of(touches.iter().copied());
         }
     }
 }

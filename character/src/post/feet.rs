@@ -17,15 +17,17 @@ const FARTHEST_LIVE_M: f32 = 0.05;
 
 /// One byte a frame, bit i for contact joint i; contact joints from the ninth on have none.
 pub fn contact_bits(contacts: &[f32], joints: usize, frames: usize) -> Vec<u8> {
-    let bits = |row: &[f32]| {
-        row.iter().take(8).enumerate().fold(0, |bits, (joint, &contact)| {
-            bits | (u8::from(contact >= CONTACT) << joint)
-        })
-    };
+    let bits = |row: &[f32]| bits_of(row.iter().map(|&contact| contact >= CONTACT));
     match joints {
         0 => vec![0; frames],
         _ => contacts.chunks_exact(joints).take(frames).map(bits).collect(),
     }
+}
+
+/// A bit for each of the first eight.
+pub(crate) fn bits_of(touches: impl IntoIterator<Item = bool>) -> u8 {
+    let each = touches.into_iter().take(8).enumerate();
+    each.fold(0, |bits, (nth, touches)| bits | (u8::from(touches) << nth))
 }
 
 /// Holds the feet of a segment between its keyframes, the frames outside of `gap`, and lifts them out of the ground.
