@@ -1,4 +1,4 @@
-//! The tensors of the three stages, which follow from a pack's sizes.
+//! The tensors of the three stages, which follow from a pack's sizes (docs/motionbricks-pack.md).
 
 use troupe_motion::model::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
 
