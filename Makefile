@@ -198,9 +198,11 @@ load: runtime
 	cargo build --release --package troupe-loadtest
 	scripts/with-server.sh target/release/troupe-loadtest $(or $(ARGS),run --clients 32)
 
-# The files in examples/.
-samples:
-	cargo run --package troupe-tests --example sample_motion -- models/human examples
+# examples/walk.bvh, which the default pack makes along examples/paths/walk.toml, and examples/request.json, a gap in it.
+samples: runtime
+	cargo build --release --package troupe-cli
+	scripts/with-server.sh target/release/troupe drive --path examples/paths/walk.toml --out examples/walk.bvh
+	cargo run --package troupe-tests --example sample_request -- models/human examples/walk.bvh >examples/request.json
 
 # The benchmarks, into bench/figures and docs/benchmarks.md: PARTS for some of them, ARGS=--quick for a short look, ARGS=--help for the list
 bench: bench-env
