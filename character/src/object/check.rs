@@ -139,6 +139,7 @@ fn check_socket(path: &Path<'_>, doc: &SocketDoc, skeleton: &Skeleton) -> Result
         rotation: doc.rotation.map(turn).transpose()?,
         blend_frames: doc.blend_frames,
         swings: doc.swings,
+        upright: doc.upright,
     })
 }
 

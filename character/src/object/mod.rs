@@ -144,6 +144,8 @@ pub struct Socket {
     pub blend_frames: u32,
     /// Whether the arm swings as in any walk while it carries the object; else the hand stays where it is.
     pub swings: bool,
+    /// Whether the object stands upright however the joint turns; it turns about its middle.
+    pub upright: bool,
 }
 
 /// How the object is put down.

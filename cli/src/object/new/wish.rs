@@ -283,6 +283,7 @@ impl<'a> Wish<'a> {
             rotation: Some(rotation),
             blend_frames: 4,
             swings: false,
+            upright: false,
         })
     }
 }

@@ -122,6 +122,9 @@ impl Text {
         if socket.swings {
             self.line("swings = true");
         }
+        if socket.upright {
+            self.line("upright = true");
+        }
     }
 
     fn variant(&mut self, variant: &VariantDoc) {
