@@ -20,6 +20,7 @@ fn around(rig: &Harness) -> Surroundings {
     Surroundings {
         rig: rig.rig.clone(),
         styles: Arc::new(Calm),
+        skills: rig.skills.clone(),
         world: Some(World {
             scene: rig.scene.clone(),
             definitions: rig.definitions.clone(),
