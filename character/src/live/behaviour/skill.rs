@@ -68,6 +68,10 @@ impl Behaviour {
         let waits = !matches!(intent, Intent::EndInteraction | Intent::Drop | Intent::Perform(_));
         let has_begun = using.interaction.now().is_some() && !using.leaves();
         if !waits || !using.is_skill() || !has_begun {
+            if waits {
+                // What waited gives way to what comes after it.
+                self.waiting = None;
+            }
             return Some(intent);
         }
         using.end();
