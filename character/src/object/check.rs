@@ -59,6 +59,7 @@ impl Definition {
             release,
             sets,
             variants,
+            is_skill: false,
             doc: Arc::new(doc),
         })
     }

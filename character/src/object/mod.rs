@@ -112,6 +112,8 @@ pub struct Definition {
     pub sets: Vec<Set>,
     /// At least one, with weights that are not all 0.
     pub variants: Vec<Variant>,
+    /// Whether it is a skill of the pack: done where the character stands, with no object.
+    pub is_skill: bool,
     /// As it was written.
     pub doc: Arc<ObjectDoc>,
 }
