@@ -129,7 +129,8 @@ two halves of its own, which few windows alone make larger. Diversity: mean dist
 temperature 1, and that ÷ their mean distance to ground truth: 1 where takes differ as much as the truth differs from them.
 Best take nearer: windows where a take has a lower L2P than the answer at temperature 0. Best L2P ÷ likeliest: the lowest L2P
 of the takes ÷ that answer's. L2P, L2Q: length of the difference to ground truth over all joints (world positions, world
-quaternions), mean over the gap; positions are not normalised. Context and target joints: the worst joint. Target reached: 5 cm and 15°.";
+quaternions), mean over the gap; positions are not normalised. Context and target joints: the worst joint. Target reached:
+5 cm and 15°.";
 
 impl Report {
     pub(super) fn new(bench: &Bench<'_>, skipped: Vec<Skipped>, gaps: Vec<GapReport>) -> Self {
