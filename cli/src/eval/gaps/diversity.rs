@@ -27,8 +27,10 @@ struct Spread {
     diversity_m: f64,
     /// Mean distance of a joint from a take to the captured motion, metres.
     distance_m: f64,
-    /// Whether the take with the lowest L2P has a lower one than the likeliest answer.
-    best_is_nearer: bool,
+    /// The lowest L2P of the takes, metres.
+    best_m: f64,
+    /// L2P of the likeliest answer, metres.
+    likeliest_m: f64,
 }
 
 impl Spread {
@@ -40,16 +42,17 @@ impl Spread {
         task: Task,
     ) -> Result<Self, MetricError> {
         let range = task.gap();
-        let (mut distance_m, mut best) = (0.0, f64::INFINITY);
+        let (mut distance_m, mut best_m) = (0.0, f64::INFINITY);
         for take in takes {
             distance_m += joint_distance_m(take, truth, range.clone())? / takes.len() as f64;
-            best = best.min(l2p_m(take, truth, range.clone())?);
+            best_m = best_m.min(l2p_m(take, truth, range.clone())?);
         }
         Ok(Self {
             piece,
             diversity_m: joint_diversity_m(takes, range.clone())?,
             distance_m,
-            best_is_nearer: best < l2p_m(likeliest, truth, range)?,
+            best_m,
+            likeliest_m: l2p_m(likeliest, truth, range)?,
         })
     }
 }
@@ -117,15 +120,25 @@ fn add(metrics: &mut ByMethod<Metrics>, spreads: &[Spread], latents: &[(usize, f
             metrics.interpolation.set(name, Estimate::bare(0.0));
         }
     }
-    let pairs: Vec<_> = spreads
-        .iter()
-        .map(|spread| (spread.piece, spread.diversity_m, spread.distance_m))
-        .collect();
-    if let Some(ratio) = resamples.ratio(&pairs) {
-        metrics.pack.set("diversity_ratio", ratio);
-    }
-    if let Some(share) = resamples.mean(&each(|spread| f64::from(spread.best_is_nearer))) {
-        metrics.pack.set("best_of_seeds_nearer", share);
+    let ratio = |of: fn(&Spread) -> [f64; 2]| {
+        let pairs = spreads.iter().map(|spread| {
+            let [above, below] = of(spread);
+            (spread.piece, above, below)
+        });
+        resamples.ratio(&pairs.collect::<Vec<_>>())
+    };
+    let found = [
+        ("diversity_ratio", ratio(|s| [s.diversity_m, s.distance_m])),
+        (
+            "best_of_seeds_nearer",
+            resamples.mean(&each(|s| f64::from(s.best_m < s.likeliest_m))),
+        ),
+        ("best_of_seeds_l2p_ratio", ratio(|s| [s.best_m, s.likeliest_m])),
+    ];
+    for (name, estimate) in found {
+        if let Some(estimate) = estimate {
+            metrics.pack.set(name, estimate);
+        }
     }
 }
 
@@ -171,12 +184,11 @@ mod tests {
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6, "{found:?}");
         near(found.diversity_m, 0.4);
         near(found.distance_m, 0.2);
-        assert!(found.piece == 3 && found.best_is_nearer);
-        assert!(!spread(0, [0.1, 0.3], 0.05).best_is_nearer);
-        assert!(
-            !spread(0, [0.1, 0.3], 0.1).best_is_nearer,
-            "as near is not nearer"
-        );
+        // Of two joints.
+        let length = 2.0_f64.sqrt();
+        near(found.best_m, 0.1 * length);
+        near(found.likeliest_m, 0.2 * length);
+        assert_eq!(found.piece, 3);
     }
 
     #[test]
@@ -191,6 +203,16 @@ mod tests {
         assert_eq!(
             (pack("best_of_seeds_nearer").mean, pack("latent_diversity").mean),
             (0.5, 3.0)
+        );
+        // 0.1 + 0.4 m of the best takes, 0.2 + 0.1 m of the likeliest answers.
+        assert!((pack("best_of_seeds_l2p_ratio").mean - 5.0 / 3.0).abs() < 1e-6);
+        let level = [spread(0, [0.1, 0.3], 0.1), spread(1, [0.1, 0.3], 0.1)];
+        let mut even = ByMethod::<Metrics>::default();
+        add(&mut even, &level, &[], 0);
+        assert_eq!(
+            even.pack.get("best_of_seeds_nearer").unwrap().mean,
+            0.0,
+            "as near is not nearer"
         );
         assert!(pack("diversity_ratio").low < pack("diversity_ratio").high);
         assert_eq!(
