@@ -16,7 +16,7 @@ use crate::object::Definition;
 use crate::style::Style;
 
 /// Changes with what a saved character is. Bytes of another format are not read.
-pub const FORMAT: u32 = 4;
+pub const FORMAT: u32 = 5;
 
 /// What a restored character finds around it.
 #[derive(Debug, Clone)]

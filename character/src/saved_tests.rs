@@ -119,7 +119,7 @@ fn what_it_names_must_be_there() {
     let mut old = bytes.to_vec();
     old[0] = 9;
     let error = restore(&old, &around(&rig)).unwrap_err().to_string();
-    assert_eq!(error, "it was saved in format 9; allowed: format 4");
+    assert_eq!(error, "it was saved in format 9; allowed: format 5");
 }
 
 #[test]
