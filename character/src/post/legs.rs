@@ -40,7 +40,9 @@ pub(crate) fn part_legs(rig: &Rig, roots: &[Vec3], rotations: &mut [Quat]) {
     let (skeleton, [left, right]) = (&*rig.skeleton, &rig.legs[..]) else {
         return;
     };
-    bend_as_shown(rig, rotations, |rotations| part(skeleton, [left, right], roots, rotations));
+    bend_as_shown(rig, rotations, |rotations| {
+        part(skeleton, [left, right], roots, rotations)
+    });
 }
 
 fn part(skeleton: &Skeleton, [left, right]: [&Leg; 2], roots: &[Vec3], rotations: &mut [Quat]) {
