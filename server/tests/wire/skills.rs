@@ -121,9 +121,9 @@ async fn a_name_that_there_is_not_is_refused_with_those_that_there_are() {
         [
             ("UNKNOWN_SKILL", "commands[0].skill.name", "duck"),
             ("UNKNOWN_VARIANT", "commands[1].skill.variant", "low"),
-            ("INVALID_REQUEST", "commands[2].skill.name", "1 to 64 characters"),
+            ("INVALID_FIELD", "commands[2].skill.name", "1 to 64 characters"),
             (
-                "INVALID_REQUEST",
+                "INVALID_FIELD",
                 "commands[3].skill.variant",
                 "at most 64, or none"
             ),
