@@ -2,14 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::fk::joint_transform;
-use troupe_motion::ik::{Leg, Posed, ReachOptions, pose_at, reach_pose};
+use troupe_motion::ik::{Leg, Posed, ReachOptions, legs, pose_at, reach_pose};
 use troupe_motion::root::{heading_of, wrap_angle};
 use troupe_motion::rotation::yaw;
 use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
 use super::recipe::{
-    FEET_STAY, FIRST_TOKENS, LEAN_M, LEAST_PLAN_FRAMES, LOW_FRAMES, LOW_STANCE, NEXT_TOKENS, REACHED_M,
-    SLOWEST, SPARE_TOKENS, STANCE_FRAMES, STAYS_M, TURN_RPS,
+    FEET_STAY, FIRST_TOKENS, LEAN_M, LEAST_PLAN_FRAMES, LOW_FRAMES, LOW_STANCE, NEXT_TOKENS, NO_STEP_M,
+    REACHED_M, SLOWEST, SPARE_TOKENS, STANCE_FRAMES, STAYS_M, STEP_FRAMES, TURN_RPS,
 };
 use crate::object::{Anchor, Motion, Set, WorldKeyframe};
 use crate::primitives::{CONTEXT_FRAMES, PlanTargets, TargetKey};
@@ -95,6 +95,18 @@ fn farthest(skeleton: &Skeleton, a: Posed<'_>, b: Posed<'_>) -> f32 {
     (0..skeleton.joint_count())
         .map(|joint| place(a, joint).distance(place(b, joint)))
         .fold(0.0, f32::max)
+}
+
+/// Frames that the steps take between two poses, whose feet step one after the other.
+fn stepping_frames(skeleton: &Skeleton, a: Posed<'_>, b: Posed<'_>) -> f32 {
+    let place =
+        |posed: Posed<'_>, leg: &Leg| joint_transform(skeleton, posed.root, posed.rotations, leg.foot).0;
+    legs(skeleton)
+        .iter()
+        .map(|leg| place(a, leg).distance(place(b, leg)))
+        .filter(|&way| way > NO_STEP_M)
+        .map(|way| STEP_FRAMES * way.sqrt())
+        .sum()
 }
 
 /// The keyframes of `set`, anchored by `anchor`, for a character that comes from the frame `from` (its root's height over
@@ -234,6 +246,7 @@ pub fn stance_frames(set: &Set, skeleton: &Skeleton, from: Posed<'_>, key: &Key)
         false => {
             let (fewest, most, metre) = STANCE_FRAMES;
             let frames = metre * farthest(skeleton, from, key.posed()).sqrt();
+            let frames = frames.max(stepping_frames(skeleton, from, key.posed()));
             ((frames.round() as u32).clamp(fewest, most), 0.0)
         }
     };

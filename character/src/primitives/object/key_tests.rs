@@ -119,6 +119,16 @@ fn motions_without_the_networks() {
     assert!(suits_stance(&lift, &keys, posed), "nothing but a point");
     let (frames, lean) = stance_frames(&lift, skeleton, posed, &keys[0]);
     assert!((10..=24).contains(&frames) && lean == 0.0);
+    // Both feet step: one after the other they take longer than what moves as far at once.
+    let aside = Key {
+        root: keys[0].root + Vec3::X * 0.15,
+        ..keys[0].clone()
+    };
+    let stepping = stance_frames(&lift, skeleton, posed, &aside).0;
+    assert!(
+        (18..=24).contains(&stepping) && stepping > frames,
+        "{frames} {stepping}"
+    );
     lift.frames = Some(17);
     assert_eq!(stance_frames(&lift, skeleton, posed, &keys[0]).0, 17);
     lift.motion = Some(Motion::Plan);

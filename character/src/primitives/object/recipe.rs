@@ -83,6 +83,10 @@ pub const LEAN_M: f32 = 0.15;
 /// Fewest and most frames of one that stays up, and how many it takes for a joint that moves by a metre; they grow with the square
 /// root of the way.
 pub const STANCE_FRAMES: (u32, u32, f32) = (10, 24, 24.0);
+/// Frames of such a motion for each foot that steps a metre in it, by the square root of the way too: in fewer the knee jerks.
+pub const STEP_FRAMES: f32 = 24.0;
+/// A foot that stands elsewhere by less does not count as one that steps, metres.
+pub const NO_STEP_M: f32 = 0.02;
 /// Feet stay where they are for a pose at another height whose root is within so many metres and radians of where it was.
 pub const FEET_STAY: (f32, f32) = (0.6, 0.6);
 /// Farthest that a joint may stay from its point, metres.
