@@ -6,7 +6,7 @@
 set -euo pipefail
 [ $# -eq 3 ] || { echo "usage: build-skills.sh TROUPE DATA FOLDER" >&2; exit 2; }
 troupe=$1 data=$2 folder=$3
-new() { "$troupe" object new --skill --rebuild --pack g1 "$@"; }
+new() { "$troupe" object new --skill --rebuild --stand --pack g1 "$@"; }
 mkdir -p "$folder"
 
 new --from "$data/walk3_subject1.csv" --start 6500 --frames 6518,6545,6602,6618,6640 --sets squat,sit,lean,push,stand \

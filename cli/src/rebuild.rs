@@ -5,6 +5,7 @@ use troupe_client::{CONTEXT_FRAMES, Client, InBetween, Pack, RequestError};
 use troupe_motion::clip::Clip;
 use troupe_motion::fk::world_transforms;
 use troupe_motion::rotation::yaw;
+use troupe_motion::skeleton::ContactParams;
 
 use crate::failure::Failure;
 
@@ -53,6 +54,36 @@ pub(crate) fn distance(generated: &Clip, source: &Clip) -> f32 {
     a.iter().zip(&b).map(|(p, q)| p.distance(*q)).sum::<f32>() / a.len().max(1) as f32
 }
 
+/// Height of the root at the key with which the generated pose comes as near to the ground as the clip's, and not below it, metres.
+/// Where the clip's own pose is far from what the networks make, its height would lift or sink them.
+pub(crate) fn grounded(generated: &Clip, source: &Clip) -> f32 {
+    let lowest = |clip: &Clip| {
+        let skeleton = &clip.skeleton;
+        let joints = skeleton.joint_count();
+        let (mut positions, mut turned) = (vec![Vec3::ZERO; joints], vec![Quat::IDENTITY; joints]);
+        let root = clip.root_positions[KEY];
+        world_transforms(
+            skeleton,
+            root,
+            clip.rotations_at(KEY),
+            &mut positions,
+            &mut turned,
+        );
+        let contacts = skeleton.contacts.as_ref();
+        let clearance = |joint: usize| {
+            let contact = |of: &ContactParams| {
+                let nth = of.joints.iter().position(|&other| other == joint)?;
+                of.clearance_m.get(nth).copied()
+            };
+            contacts.and_then(contact).unwrap_or(0.0)
+        };
+        let heights = positions.iter().enumerate();
+        let heights = heights.map(|(joint, place)| place.y - skeleton.ground_y_m - clearance(joint));
+        heights.fold(f32::INFINITY, f32::min)
+    };
+    generated.root_positions[KEY].y + lowest(source).max(0.0) - lowest(generated)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,5 +103,16 @@ mod tests {
         assert!(distance(&there, &here) < 1e-5);
         there.root_positions[KEY].y += 0.05;
         assert!((distance(&there, &here) - 0.05).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_pose_is_as_near_to_the_ground_as_the_clips_and_not_below_it() {
+        let lying = |height| {
+            let roots = vec![Vec3::Y * height; SEGMENT];
+            Clip::new(lone_hips(), 30.0, roots, vec![Quat::IDENTITY; SEGMENT]).unwrap()
+        };
+        for (generated, source, height) in [(0.5, 0.3, 0.3), (-0.2, 0.3, 0.3), (0.5, -0.1, 0.0)] {
+            assert!((grounded(&lying(generated), &lying(source)) - height).abs() < 1e-6);
+        }
     }
 }

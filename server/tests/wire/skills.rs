@@ -150,15 +150,14 @@ async fn http_and_websocket_do_skills() {
         .text(json!({ "message": { "attach": { "session_ids": ["b"] } } }))
         .await;
     socket
-        .text(json!({ "message": { "commands": { "commands": [duck("b")] } } }))
+        .text(json!({ "message": { "command": { "commands": [duck("b")] } } }))
         .await;
     for _ in 0..200 {
-        if let Say::Frames(frames) = socket.said(true).await
-            && let Some(of) = frames.events.first()
-        {
+        if let Say::Events(told) = socket.said(true).await {
+            let first = &told.sessions[0].events[0].kind;
             assert!(
-                matches!(&of.events[0].kind, Some(Kind::Started(of)) if of.variant == "low"),
-                "{of:?}"
+                matches!(first, Some(Kind::Started(of)) if of.variant == "low"),
+                "{first:?}"
             );
             return;
         }

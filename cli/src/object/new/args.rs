@@ -107,6 +107,10 @@ pub(crate) struct New {
     #[arg(long, value_name = "FRAME", requires = "skill", help_heading = THING)]
     pub(super) start: Option<usize>,
 
+    /// At the last frame the character stands as its style does, at that place: the pose of the clip is of no account.
+    #[arg(long, requires = "skill", help_heading = THING)]
+    pub(super) stand: bool,
+
     /// Name of this way to use the object. Without it the name of the definition.
     #[arg(long, value_name = "NAME", value_parser = name, help_heading = USE)]
     pub(super) variant: Option<String>,

@@ -25,7 +25,7 @@ use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::read_clip;
 use crate::output::print;
-use crate::rebuild::{KEY, SEGMENT, distance, rebuild};
+use crate::rebuild::{KEY, SEGMENT, distance, grounded, rebuild};
 
 pub(super) use self::args::New;
 
@@ -113,8 +113,7 @@ async fn rebuilt(context: &Context, new: &New, clip: &mut Clip) -> Result<(), Fa
     let mut off_m = 0.0_f32;
     for ((answer, source), &frame) in answers.iter().zip(&segments).zip(&new.frames) {
         off_m = off_m.max(distance(answer, source));
-        // The networks may be a centimetre or two off in height, which feet would show.
-        clip.root_positions[frame] = answer.root_positions[KEY].with_y(source.root_positions[KEY].y);
+        clip.root_positions[frame] = answer.root_positions[KEY].with_y(grounded(answer, source));
         clip.rotations_at_mut(frame)
             .copy_from_slice(answer.rotations_at(KEY));
     }

@@ -443,9 +443,18 @@ fn each_keyframe_of_a_skill_is_given_from_the_one_before() {
             .iter()
             .all(|set| set.origin == Origin::Character && set.motion == Some(Motion::Plan))
     );
+    let stands = made_skill("--stand --frames 30,70");
+    assert!(key(&stands.sets[0]).rotations.is_some());
+    let last = key(&stands.sets[1]);
+    assert_eq!((last.rotations.as_ref(), last.height_m), (None, None));
+    assert!(near(&last.place_m.unwrap(), &[0.0, 0.1]));
     assert!(wrong("--skill --start 200 --frames 30").contains("--start: 200 is not in the clip"));
     assert!(wrong("--skill --frames 30 --distance 1").contains("--distance"));
     assert!(wrong("--start 3 --frames 30").contains("--skill"));
+}
+
+fn made_skill(line: &str) -> ObjectDoc {
+    made(&format!("--skill {line}")).doc
 }
 
 #[test]

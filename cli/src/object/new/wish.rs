@@ -233,7 +233,7 @@ impl<'a> Wish<'a> {
             },
             hold_until_ended: self.held == Some(nth),
             events: attach.into_iter().chain(release).collect(),
-            keyframes: vec![self.keyframe(pose, before, taken, stage)],
+            keyframes: vec![self.keyframe(pose, (before, nth + 1 == poses.len()), taken, stage)],
         }
     }
 
@@ -251,11 +251,26 @@ impl<'a> Wish<'a> {
             .or(low.then_some(Motion::Stance))
     }
 
-    fn keyframe(&self, pose: &Pose, before: Option<&Pose>, taken: bool, stage: &Stage) -> KeyframeDoc {
+    fn keyframe(
+        &self,
+        pose: &Pose,
+        (before, is_last): (Option<&Pose>, bool),
+        taken: bool,
+        stage: &Stage,
+    ) -> KeyframeDoc {
         let ground = self.skeleton.ground_y_m;
         if self.new.skill {
             let view = View::of_character(before.unwrap_or(pose), ground);
-            return keyframe(pose, &view, false);
+            let key = keyframe(pose, &view, false);
+            return match is_last && self.new.stand {
+                true => KeyframeDoc {
+                    height_m: None,
+                    from_ground: false,
+                    rotations: None,
+                    ..key
+                },
+                false => key,
+            };
         }
         let view = match before {
             Some(before) if taken => View::of_character(before, ground),
