@@ -117,7 +117,9 @@ test('holds a skill until it walks, all by keys', async ({ page, skilled }) => {
     await page.emulateMedia({ colorScheme: scheme });
     await page.screenshot({ path: `../target/web-tests/skills-${scheme}.png` });
     await expect
-      .poll(async () => (await new AxeBuilder({ page }).include('#player-body').analyze()).violations.map(({ id }) => id))
+      .poll(async () =>
+        (await new AxeBuilder({ page }).include('#player-body').analyze()).violations.map(({ id }) => id),
+      )
       .toEqual([]);
   }
   expect(await height(page)).toBeLessThan(BELOW_M);
