@@ -22,5 +22,8 @@ new --from "$data/fallAndGetUp2_subject2.csv" --start 592 --frames 614,641,680,7
     --variant front --hold 752 --soft 614=2 --soft 641=2 --soft 680=2 --soft 720=2 --soft 891=2 --soft 912=2 --soft 955=2 \
     --soft 985=2 --into "$folder/lie-down.toml"
 
-new --from "$data/fight1_subject3.csv" --start 4150 --frames 4166,4180,4193,4212 --sets bend,fly,land,stand --name jump --variant up \
-    --description "Jumps up on the spot." --soft 4166=1 --soft 4180=1 --soft 4193=1 --force --out "$folder/jump.toml"
+new --from "$data/fight1_subject3.csv" --start 4150 --frames 4170,4180,4192,4212 --sets bend,fly,land,stand --name jump --variant up \
+    --description "Jumps: up on the spot, or ahead from a squat." --soft 4170=1 --soft 4180=1 --soft 4192=1 --force --out "$folder/jump.toml"
+new --from "$data/fightAndSports1_subject1.csv" --start 5205 --frames 5230,5252,5268,5292,5320 \
+    --sets ahead-squat,ahead-fly,ahead-land,ahead-settle,ahead-stand --variant ahead --soft 5230=1 --soft 5252=1 --soft 5268=1 \
+    --soft 5292=2 --into "$folder/jump.toml"

@@ -8,6 +8,6 @@ while read -r path from to; do
     "$troupe" film --path "examples/paths/g1-$path.toml" --poses 14 --from "$from" --to "$to" --out "$folder/skills-$path.png"
 done <<END
 crawl 2.0 9.5
-jump 0.4 3.0
+jump 0.6 4.4
 lie-down 0.4 11.0
 END

@@ -128,10 +128,19 @@ async fn the_g1_jumps_sits_and_crawls() {
         .session(&pack, &SessionOptions::new().seed(2))
         .await
         .unwrap();
-    session.act(&Act::skill("jump"));
-    let (jump, done) = heights(&mut session, 110).await;
-    let top = jump.iter().copied().fold(0.0, f32::max);
-    assert!(done && top > 0.95, "the pelvis comes to {top} m");
+    session.act(&Act::skill("jump").variant("ahead"));
+    let (mut jump, _) = heights(&mut session, 70).await;
+    let (landing, done) = heights(&mut session, 70).await;
+    jump.extend(landing);
+    let low = jump.iter().copied().fold(1.0, f32::min);
+    let top = jump
+        .iter()
+        .copied()
+        .skip_while(|&height| height > low)
+        .fold(0.0, f32::max);
+    assert!(done && low < 0.5 && top > 0.8, "from {low} m up to {top} m");
+    let ahead = session.info().await.unwrap().position.unwrap().z;
+    assert!((1.0..2.2).contains(&ahead), "it comes {ahead} m ahead");
     session.act(&Act::skill("sit-on-ground"));
     let (down, _) = heights(&mut session, 90).await;
     assert!(down[89] < 0.2, "it sits at {} m", down[89]);
