@@ -1,4 +1,4 @@
-// The own character: body, style, speed, gait, height, blends of words, and what it should do in words.
+// The own character: body, style, skills, speed, gait, height, blends of words, and what it should do in words.
 import { Button, Group, Select, Slider, Stack, Text } from '@mantine/core';
 import { useState } from 'react';
 import { Panel } from '../app/Panel';
@@ -6,6 +6,7 @@ import { heightRange } from './bodies';
 import { Blend } from './Blend';
 import type { Live } from './live';
 import { Say } from './SayPanel';
+import { Skills } from './SkillsPanel';
 import { report, useLive } from './store';
 
 export function PlayerPanel({ live }: { live: Live }) {
@@ -84,6 +85,7 @@ function PlayerForm({ live }: { live: Live }) {
           />
         )}
       </Group>
+      <Skills live={live} />
       <Field label="Speed" value={`${player.speed.toFixed(1)} m/s`}>
         <Slider
           size="sm"

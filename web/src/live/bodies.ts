@@ -2,7 +2,7 @@
 import type { Skeleton } from '../stage/types';
 import type { Api } from '../wire/api';
 import { bodyKey } from '../wire/codec';
-import type { Joint, Pack, Style } from '../wire/types';
+import type { Joint, Pack, Skill, Style } from '../wire/types';
 import { can } from '../wire/types';
 import type { Speaker } from './words';
 
@@ -19,6 +19,8 @@ export interface BodyKind {
   contactJoints: readonly number[];
   /** Words that its clips show, for packs whose styles are words. */
   words: readonly string[];
+  /** What it can do where it stands. */
+  skills: readonly Skill[];
   /** Codes of each head of a motion token; 0 without tokens. */
   codes: number;
   heads: number;
@@ -114,6 +116,7 @@ export class Bodies {
       skeleton,
       contactJoints: contacts.map((name) => skeleton.names.indexOf(name)),
       words: body ? body.words : [],
+      skills: pack.skills ?? [],
       codes: pack.codes,
       heads: pack.heads,
       contextFrames: pack.context_frames,

@@ -5,7 +5,7 @@ import { decodeBlock, fromBase64 } from '../wire/codec';
 import type { DecodedBlock } from '../wire/codec';
 import type { FromWorker, TickMessage } from '../wire/messages';
 import { DriveStream } from '../wire/stream';
-import type { Command, SessionEvents, SessionOptions, SessionProblem } from '../wire/types';
+import type { Command, CommandResult, SessionEvents, SessionOptions, SessionProblem } from '../wire/types';
 import type { Bodies } from './bodies';
 import type { Role } from './cast';
 import { Character } from './character';
@@ -98,7 +98,7 @@ export class Crowd {
 
   command(commands: Command[]): void {
     if (commands.length === 0) return;
-    if (this.ownClock) void this.api.commands(commands).catch(this.complain);
+    if (this.ownClock) void this.api.commands(commands).then(this.tellRefused, this.complain);
     else this.stream.command(commands);
   }
 
@@ -192,8 +192,7 @@ export class Crowd {
         void this.mend(message.sessions.filter((one) => one.problem?.reason === 'SESSION_EXPIRED'));
         break;
       case 'refused':
-        for (const { problem, session_id, sequence } of message.results)
-          if (problem) this.hooks.onProblem(problem.message, session_id, sequence);
+        this.tellRefused(message);
         break;
       case 'events':
         this.hooks.onEvents(message.sessions);
@@ -292,6 +291,11 @@ export class Crowd {
       this.complain(error);
     }
   }
+
+  private readonly tellRefused = ({ results }: { results: CommandResult[] }): void => {
+    for (const { problem, session_id, sequence } of results)
+      if (problem) this.hooks.onProblem(problem.message, session_id, sequence);
+  };
 
   private readonly complain = (error: unknown): void => {
     this.hooks.onProblem(error instanceof Error ? error.message : String(error));

@@ -2,7 +2,7 @@
 import type { Stage } from '../stage/types';
 import type { Api } from '../wire/api';
 import type { TickMessage } from '../wire/messages';
-import type { Command, Intent, Locomote, SessionEvents } from '../wire/types';
+import type { Command, Intent, Locomote, SessionEvents, Skill } from '../wire/types';
 import type { BodyKind } from './bodies';
 import { Bodies, runningSpeed } from './bodies';
 import type { CrowdChoice, Role } from './cast';
@@ -16,6 +16,7 @@ import type { Place } from './path';
 import { pathFrom, ribbon } from './path';
 import { RATE_HZ } from './playback';
 import { notice, report, useLive } from './store';
+import { SkillControl } from './skill-control';
 import { places, radiusFor, Wanderer } from './steering';
 import { after, SILENT, whyMute } from './words';
 
@@ -54,6 +55,7 @@ export class Live {
   private stopDrawing: (() => void) | undefined;
   /** Number of the command that said a sentence last. */
   private said = 0;
+  private readonly skills: SkillControl;
   private readonly radius = { m: radiusFor(24) };
   /** Crowds are changed one after the other. */
   private changes: Promise<void> = Promise.resolve();
@@ -63,21 +65,27 @@ export class Live {
     readonly api: Api,
   ) {
     this.bodies = new Bodies(api);
+    this.skills = new SkillControl(this);
     this.crowd = new Crowd(api, this.bodies, {
       onConnection: (state, why) => {
         useLive.setState({ connection: state, trouble: why });
-        if (state === 'live') this.told = '';
+        if (state !== 'live') return;
+        this.told = '';
+        this.skills.onConnected();
       },
       onEvents: this.onEvents,
       onProblem: (text, session, sequence) => {
         notice(text, 'error');
-        const isSaid = sequence === this.said && this.crowd.characterOf(session ?? '') === this.own;
-        if (isSaid) useLive.setState({ saying: SILENT });
+        if (this.crowd.characterOf(session ?? '') !== this.own) return;
+        if (sequence === this.said) useLive.setState({ saying: SILENT });
+        this.skills.onRefused(sequence);
       },
       onTick: this.onTick,
       onRestored: (characters) => {
         for (const one of characters) one.rest = 0;
-        if (this.own && characters.includes(this.own)) this.told = '';
+        if (!this.own || !characters.includes(this.own)) return;
+        this.told = '';
+        this.skills.reset();
       },
     });
   }
@@ -163,10 +171,12 @@ export class Live {
     this.told = '';
     this.facing = undefined;
     this.forgetPath();
+    this.skills.reset();
     const speed = kind.styles.find((one) => one.name === wanted)?.default_speed ?? 1.3;
     useLive.setState({
       styles: kind.styles,
       words: kind.words,
+      skills: kind.skills,
       characters: this.crowd.all.size,
       player: {
         pack,
@@ -272,7 +282,8 @@ export class Live {
     const { style, speed } = useLive.getState().player;
     const line = points.map(({ position }): Place => [position.x, position.z]);
     this.stage.line('path', ribbon(line), { tint: OWN_TINT, width_m: 0.07 });
-    this.crowd.command([own.command({ follow_path: { points, style, speed } })]);
+    this.tell({ follow_path: { points, style, speed } });
+    this.skills.forgetAsked();
     this.told = '';
     useLive.setState({ path: { state: 'walking', text: `follows a path of ${length(line).toFixed(1)} m` } });
   }
@@ -282,10 +293,15 @@ export class Live {
     const { own } = this;
     if (!own) return;
     this.forgetPath();
-    const command = own.command({ perform: { text } });
-    this.said = command.sequence;
+    this.skills.forgetAsked();
+    this.said = this.tell({ perform: { text } });
     useLive.setState({ saying: { ...SILENT, state: 'waiting', text } });
-    this.crowd.command([command]);
+  }
+
+  /** Has the own character do a skill, or leave it where it is a held one that is under way. */
+  doSkill(skill: Skill): void {
+    this.forgetPath();
+    this.skills.ask(skill);
   }
 
   /** Finds out whether the own character takes words. */
@@ -293,6 +309,18 @@ export class Live {
     useLive.setState({ mute: '', saying: SILENT });
     const mute = whyMute(await this.bodies.speakers(), kind.skeleton);
     if (this.own?.kind === kind) useLive.setState({ mute });
+  }
+
+  /** Tells the own character something. Returns the number of the command; 0 where there is no such character. */
+  tell(intent: Intent): number {
+    const command = this.own?.command(intent);
+    if (command) this.crowd.command([command]);
+    return command?.sequence ?? 0;
+  }
+
+  /** After a skill it stands, whatever it was told before: a key that is still down counts again. */
+  onSkillOver(): void {
+    this.told = '';
   }
 
   setTime(paused: boolean, speed: number): void {
@@ -388,7 +416,8 @@ export class Live {
     const told = JSON.stringify(locomote);
     if (told === this.told && !always) return;
     this.told = told;
-    this.crowd.command([own.command({ locomote })]);
+    this.skills.forgetAsked();
+    this.tell({ locomote });
   }
 
   private steerCrowd(dt: number): void {
@@ -431,6 +460,7 @@ export class Live {
       if (this.crowd.characterOf(of.session_id) !== this.own) continue;
       for (const { kind } of of.events) {
         useLive.setState(({ saying }) => ({ saying: after(saying, kind, this.said) }));
+        this.skills.onEvent(kind);
         if (!kind || !('arrived' in kind)) continue;
         const { late, off } = kind.arrived;
         const text = `arrived ${late.toFixed(1)} s late, ${(off * 100).toFixed(0)} cm from the end`;

@@ -1,7 +1,9 @@
 // What the panels show and change. What changes with every frame is not here but in `Live`.
 import { create } from 'zustand';
-import type { Pack, Style } from '../wire/types';
+import type { Pack, Skill, Style } from '../wire/types';
 import type { CrowdChoice } from './cast';
+import type { Doing } from './skills';
+import { NOTHING } from './skills';
 import type { Saying } from './words';
 import { SILENT } from './words';
 
@@ -44,6 +46,8 @@ export interface LiveState {
   /** Styles of the own character's body. */
   styles: Style[];
   words: readonly string[];
+  /** Skills of the own character's pack. */
+  skills: readonly Skill[];
   crowd: CrowdChoice;
   /** Characters on the stage. */
   characters: number;
@@ -58,6 +62,7 @@ export interface LiveState {
   /** Why the own character takes no words; empty while that is not known, `undefined` where it takes them. */
   mute: string | undefined;
   saying: Saying;
+  doing: Doing;
   notices: Notice[];
   busy: boolean;
 }
@@ -68,6 +73,7 @@ export const useLive = create<LiveState>(() => ({
   packs: [],
   styles: [],
   words: [],
+  skills: [],
   crowd: { count: 24, who: 'mixed', style: '' },
   characters: 0,
   player: { pack: '', body: '', style: '', speed: 1.3, gait: '', height: undefined, facesAway: false },
@@ -80,6 +86,7 @@ export const useLive = create<LiveState>(() => ({
   path: { state: 'none', text: '' },
   mute: '',
   saying: SILENT,
+  doing: NOTHING,
   notices: [],
   busy: false,
 }));

@@ -1,6 +1,7 @@
 // The server's HTTP API.
 import type {
   Command,
+  CommandResult,
   InBetweenRequest,
   InBetweenResponse,
   Keyframe,
@@ -98,11 +99,14 @@ export class Api {
   ): Promise<{ sessions: { session: Session | null; restored: boolean }[]; problems: SessionProblem[] }> =>
     this.send('POST', '/v1/sessions/resume', { sessions });
 
+  session = (id: string): Promise<Session> => this.get(`/v1/sessions/${encodeURIComponent(id)}`);
+
   closeSession = async (id: string): Promise<void> => {
     await this.call('DELETE', `/v1/sessions/${encodeURIComponent(id)}`);
   };
 
-  commands = (commands: Command[]): Promise<unknown> => this.send('POST', '/v1/commands', { commands });
+  commands = (commands: Command[]): Promise<{ results: CommandResult[] }> =>
+    this.send('POST', '/v1/commands', { commands });
 
   /** Advances sessions by one frame, in the compact encoding. */
   step = (session_ids: string[], commands: Command[]): Promise<StepResponse> =>

@@ -6,7 +6,12 @@ type Schemas = components['schemas'];
 /** Fields at their defaults may be left out, in what is sent and in what comes. */
 type Loose<T> = { [K in keyof T]?: T[K] | undefined };
 
-export type Pack = Omit<Schemas['Pack'], 'bodies' | 'words'> & { bodies?: Body[]; words?: string[] };
+export type Pack = Omit<Schemas['Pack'], 'bodies' | 'words' | 'skills'> & {
+  bodies?: Body[];
+  words?: string[];
+  skills?: Skill[];
+};
+export type Skill = Schemas['PackSkill'];
 export type Body = Schemas['PackBody'];
 export type Joint = Schemas['Joint'];
 export type Style = Schemas['Style'];

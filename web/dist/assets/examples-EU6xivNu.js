@@ -25,12 +25,13 @@ align = "upright"
 # Places on a character that hold the object: the object's origin in the joint's frame, and its \`rotation\` there, w, x, y, z;
 # left out, as here, it keeps the turn in which it was taken. On attaching it moves there over \`blend_frames\` (0 to 30,
 # default 4). Who walks with it keeps the hand where it is, before the hips; with \`swings = true\` (default false) the arm
-# swings as in any walk.
+# swings as in any walk. With \`upright = true\` (default false) it stands upright however the hand turns, as a full cup must.
 [[sockets]]
 name = "right-hand"
 joint = "Hand_R"
 position_m = [-0.1, 0.015, 0.015]
 blend_frames = 4
+upright = true
 
 # No approaches: a cup is taken from any side.
 
@@ -118,6 +119,7 @@ name = "hand-r"
 joint = "Hand_R"
 position_m = [-0.1359, -0.0215, 0.0321]
 rotation = [0.61307, 0.06889, 0.55059, -0.56237]
+upright = true
 
 [[variants]]
 name = "chest"
@@ -176,6 +178,7 @@ name = "hand-r-offer"
 joint = "Hand_R"
 position_m = [-0.1313, -0.0167, 0.0402]
 rotation = [-0.53402, -0.04006, -0.59463, 0.5997]
+upright = true
 
 [[variants]]
 name = "offer"
