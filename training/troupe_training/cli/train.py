@@ -24,7 +24,7 @@ from troupe_training.models.motionbricks.config import PRESETS
 from troupe_training.robots.source import RobotSource
 from troupe_training.train.delta import DELTA, train_delta
 from troupe_training.train.evaluator import LEARNING_RATE, train_evaluator
-from troupe_training.train.motionbricks.stages import STAGES, train_stage
+from troupe_training.train.motionbricks.stages import PACK_STAGES, train_stage
 from troupe_training.train.trainer import Budget, Job
 
 # Minutes, seed and learning rate of a stage where the command line does not say them.
@@ -32,6 +32,7 @@ DEFAULTS = {
     "tokenizer": (45.0, 10, 5e-4),
     "root": (97.0, 11, 5e-4),
     "pose": (41.0, 12, 5e-4),
+    "choice": (12.0, 15, 1e-3),
     "refine": (24.0, 13, 4e-4),
     DELTA.name: (120.0, 14, 5e-4),  # as long as a pack's modules together
 }
@@ -178,7 +179,7 @@ def pack(args: argparse.Namespace) -> int:
     args.cache = args.cache or args.run / "cache"
     args.rate, args.fresh_schedule, args.teacher = None, False, None
     _prepare_once(args)
-    for stage in STAGES:
+    for stage in PACK_STAGES:
         args.stage = stage
         if train(args) == STOPPED:
             return STOPPED

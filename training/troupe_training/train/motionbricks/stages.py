@@ -1,4 +1,4 @@
-"""The four training stages: tokenizer, root, pose, and the refinement of the decoder on what the modules predict."""
+"""The training stages: tokenizer, root, pose, the root's choice, and the refinement of the decoder on what the modules predict."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -10,7 +10,8 @@ from torch import nn
 from troupe_training.data.store import ClipStore
 from troupe_training.models.motionbricks.config import PRESETS, ModelConfig
 from troupe_training.models.motionbricks.served import Networks
-from troupe_training.train.checkpoints import Stage
+from troupe_training.train.checkpoints import Stage, write_checkpoint
+from troupe_training.train.motionbricks.choice import CHOICE, choice_loss, fitted_width, widen
 from troupe_training.train.motionbricks.pose import POSE, pose_loss
 from troupe_training.train.motionbricks.refine import GUIDED_SHARE, refine_loss
 from troupe_training.train.motionbricks.root import ROOT, root_loss
@@ -19,7 +20,9 @@ from troupe_training.train.motionbricks.tokenizer import REFINE, TOKENIZER, toke
 from troupe_training.train.trainer import Job
 
 M = TypeVar("M", bound=nn.Module)
-STAGES = tuple(stage.name for stage in (TOKENIZER, ROOT, POSE, REFINE))
+# What `pack` trains, and all that a run may have.
+PACK_STAGES = tuple(stage.name for stage in (TOKENIZER, ROOT, POSE, REFINE))
+STAGES = tuple(stage.name for stage in (TOKENIZER, ROOT, POSE, CHOICE, REFINE))
 
 
 def is_adopted(run: Path) -> bool:
@@ -30,7 +33,8 @@ def is_adopted(run: Path) -> bool:
 def load_networks(run: Path, store: ClipStore) -> Networks:
     """The networks of a run, its decoder refined where it has been."""
     tokenizer = REFINE if REFINE.path(run).exists() else TOKENIZER
-    return Networks(tokenizer.load(run, store), ROOT.load(run, store), POSE.load(run, store))
+    choice = CHOICE.load(run, store) if CHOICE.path(run).exists() else None
+    return Networks(tokenizer.load(run, store), ROOT.load(run, store), POSE.load(run, store), choice)
 
 
 def _trained(stage: Stage[ModelConfig, M], run: Path, store: ClipStore, substitute: M | None) -> M:
@@ -52,6 +56,8 @@ def train_stage(stage: str, job: Job, preset: str | ModelConfig, teacher_run: Pa
     teacher = load_networks(teacher_run, store) if teacher_run else None
     if stage == REFINE.name:
         return _refine(job, store, name, teacher)
+    if stage == CHOICE.name:
+        return _choose(job, store, name)
     meta = {"model": asdict(config), "preset": name}
     if stage == TOKENIZER.name:
         tokenizer = TOKENIZER.build(config, store).to(job.device)
@@ -65,6 +71,20 @@ def train_stage(stage: str, job: Job, preset: str | ModelConfig, teacher_run: Pa
     tokens = _trained(TOKENIZER, job.run, store, teacher.tokenizer if teacher else None)
     roots = _trained(ROOT, job.run, store, teacher.root if teacher else None)
     return job.fit(stage, pose, meta, pose_loss(store, frames, tokens, roots, teacher.pose if teacher else None))
+
+
+def _choose(job: Job, store: ClipStore, preset: str) -> bool:
+    """Trains the choice of roots beside the run's root module, then fits its width on the clips that were held back."""
+    root = ROOT.load(job.run, store)
+    config = ROOT.config(**ROOT.read(job.run)["meta"]["model"])
+    choice = CHOICE.build(config, store).to(job.device)
+    meta = {"model": asdict(config), "preset": preset}
+    if not job.fit(CHOICE.name, choice, meta, choice_loss(store, job.frames_per_step, root)):
+        return False
+    width = fitted_width(CHOICE.load(job.run, store), store, job.frames_per_step, root, job.seed)
+    write_checkpoint(CHOICE.path(job.run), widen(CHOICE.read(job.run), width))
+    print(f"{CHOICE.name}: {width:.3f} times as wide as on its own clips")
+    return True
 
 
 def _refine(job: Job, store: ClipStore, preset: str, teacher: Networks | None) -> bool:

@@ -1,0 +1,172 @@
+"""The training of the root's choice: the root module stays as it is, and what it misses is explained by curves.
+
+What is missed of a clip is taken as a draw from a normal distribution with the covariance F F^T + R: F are the curves, R is
+diagonal, what no curve explains. The loss is its exact negative log-likelihood (Woodbury's identity: matrices of K, not of all
+frames). Speeds are observed beside places, so that curves that shake are as unlikely as curves that are off.
+"""
+
+import hashlib
+from typing import Any
+
+import torch
+from torch import Generator, Tensor
+
+from troupe_training.data.conventions import CONTEXT_FRAMES, FPS
+from troupe_training.data.precision import full_precision
+from troupe_training.data.store import ClipEntry, ClipStore, Segments
+from troupe_training.models.motionbricks.config import ModelConfig, config_of
+from troupe_training.models.motionbricks.root_choice import CHANNELS, RootChoice
+from troupe_training.models.motionbricks.root_module import RootModule, RootPass
+from troupe_training.train.checkpoints import Checkpoint, Stage
+from troupe_training.train.motionbricks.masks import random_slot_masks
+from troupe_training.train.motionbricks.root import root_pass
+from troupe_training.train.trainer import Loss
+
+# In what places (m, rad) and speeds (m/s, rad/s) are measured, by channel; of the size of what is missed.
+PLACE_UNITS = (0.01, 0.005, 0.01, 0.02)
+SPEED_UNITS = (0.1, 0.1, 0.1, 0.3)
+# Nearer to given frames than this the envelope leaves no choice, and nothing is observed.
+SMALLEST_ENVELOPE = 1e-3
+HELD_BACK = 10  # one file in so many is kept from the curves, to tell how wide they must be for clips they do not know
+HELD_BATCHES = 60
+WIDTHS = torch.linspace(0.5, 2.0, 61)
+
+
+def build_choice(config: ModelConfig, store: ClipStore) -> RootChoice:
+    """A new choice; it has no standardisation constants."""
+    return RootChoice(config)
+
+
+CHOICE = Stage("choice", config_of, build_choice)
+
+
+def held_back(clip: ClipEntry) -> bool:
+    """True for the clips of one file in `HELD_BACK`, mirrored or not, by a hash of the name."""
+    name = clip.get("file", clip["name"])
+    return int.from_bytes(hashlib.sha256(b"choice " + name.encode()).digest()[:4], "big") % HELD_BACK == 0
+
+
+@full_precision
+def missed(root: Tensor, truth: Tensor) -> Tensor:
+    """What takes roots ``[..., 5]`` to the true ones: places and the angle between the headings, ``[..., 4]``."""
+    c, s, true_c, true_s = root[..., 3], root[..., 4], truth[..., 3], truth[..., 4]
+    turn = torch.atan2(c * true_s - s * true_c, c * true_c + s * true_s)
+    return torch.cat([truth[..., :3] - root[..., :3], turn[..., None]], -1)
+
+
+@full_precision
+def factor_likelihood(observed: Tensor, factors: Tensor, rest: Tensor) -> Tensor:
+    """Negative log-likelihood ``[B]`` of ``observed`` ``[B, D]`` under N(0, F F^T + diag(rest)).
+
+    ``factors`` ``[B, D, K]``, variances ``rest`` ``[B, D]``.
+    """
+    weighted = factors / rest[..., None]
+    small = torch.eye(factors.shape[-1], device=factors.device) + weighted.transpose(1, 2) @ factors
+    lower = torch.linalg.cholesky(small)
+    projected = (weighted * observed[..., None]).sum(1)
+    explained = torch.linalg.solve_triangular(lower, projected[..., None], upper=False)[..., 0].square().sum(-1)
+    square = (observed.square() / rest).sum(-1) - explained
+    volume = rest.log().sum(-1) + 2.0 * lower.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+    return 0.5 * (square + volume + observed.shape[-1] * torch.log(torch.tensor(2.0 * torch.pi)))
+
+
+@full_precision
+def posterior(observed: Tensor, factors: Tensor, rest: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean ``[B, K]`` and the Cholesky factor of the precision ``[B, K, K]`` of what chose ``observed``."""
+    weighted = factors / rest[..., None]
+    small = torch.eye(factors.shape[-1], device=factors.device) + weighted.transpose(1, 2) @ factors
+    lower = torch.linalg.cholesky(small)
+    mean = torch.cholesky_solve((weighted * observed[..., None]).sum(1)[..., None], lower)[..., 0]
+    return mean, lower
+
+
+@full_precision
+def observation(
+    missing: Tensor, curves: Tensor, envelope: Tensor, log_rest: Tensor
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Places and speeds as one vector: what is observed ``[B, D]``, factors ``[B, D, K]``, variances and 0/1 ``[B, D]``.
+
+    ``missing`` ``[B, T, 4]``, ``curves`` ``[B, T, K, 4]``, ``envelope`` ``[B, T]``. Entries of given frames are zero, with a variance of 1.
+    """
+    open_ = (envelope > SMALLEST_ENVELOPE).float()
+    missing = missing * open_[..., None]
+    units = torch.tensor((PLACE_UNITS, SPEED_UNITS), device=missing.device)
+    values = torch.cat([missing[:, :, None], curves], 2)  # what is observed as one more curve
+    place = values[:, CONTEXT_FRAMES:] / units[0]
+    speed = (values[:, CONTEXT_FRAMES:] - values[:, CONTEXT_FRAMES - 1 : -1]) * FPS / units[1]
+    # Speeds count where both frames are open; the first after the context starts from its last, where nothing is missed.
+    both = open_[:, CONTEXT_FRAMES:] * torch.cat([torch.ones_like(open_[:, :1]), open_[:, CONTEXT_FRAMES:-1]], 1)
+    counts = torch.stack([open_[:, CONTEXT_FRAMES:], both], 1)[..., None].expand(-1, -1, -1, CHANNELS)  # [B, 2, T', 4]
+    stacked = torch.stack([place, speed], 1) * counts[:, :, :, None]  # [B, 2, T', K + 1, 4]
+    flat = stacked.movedim(3, -1).flatten(1, 3)
+    rest = torch.exp(2.0 * log_rest)[None, :, None] * counts + (1.0 - counts)
+    return flat[..., 0], flat[..., 1:], rest.flatten(1), counts.flatten(1)
+
+
+def observe(
+    choice: RootChoice, given: RootPass, truth: Segments
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """`observation` of segments whose root the root module has predicted."""
+    frames = truth.frames
+    missing = missed(given.root[:, :frames], truth.global_root)
+    return observation(missing, choice.curves(given)[:, :frames], given.envelope[:, :frames], choice.log_rest)
+
+
+def choice_pass(store: ClipStore, frames_budget: int, root: RootModule, generator: Generator) -> tuple[RootPass, Segments]:
+    """The root module's answer to a random batch of requests of known length."""
+    segments = store.batch(frames_budget, generator)
+    masks = random_slot_masks(len(segments.pose), generator)
+    with torch.no_grad():
+        return root_pass(root, segments, masks, torch.ones(len(segments.pose)))[1], segments
+
+
+def choice_loss(store: ClipStore, frames_budget: int, root: RootModule) -> Loss[RootChoice]:
+    """Loss of the choice: negative log-likelihood for each number that is observed. Files that are held back are noted alone."""
+    seen, kept = store.part(lambda clip: not held_back(clip)), store.part(held_back)
+
+    def likelihood(model: RootChoice, of: ClipStore, generator: Generator, frames: int) -> Tensor:
+        given, segments = choice_pass(of, frames, root, generator)
+        observed, factors, rest, counts = observe(model, given, segments)
+        return factor_likelihood(observed, factors, rest).sum() / counts.sum()
+
+    def loss(model: RootChoice, generator: Generator, progress: float) -> dict[str, Tensor]:
+        terms = {"likelihood": likelihood(model, seen, generator, frames_budget)}
+        if kept.lengths():
+            with torch.no_grad():
+                terms["_held_back"] = likelihood(model, kept, generator, frames_budget // 4)
+        return terms
+
+    return loss
+
+
+@torch.no_grad()
+def fitted_width(choice: RootChoice, store: ClipStore, frames_budget: int, root: RootModule, seed: int) -> float:
+    """By how much the curves must be multiplied to make what is missed of the held-back clips likeliest; 1 without any."""
+    kept = store.part(held_back)
+    if not kept.lengths():
+        return 1.0
+    generator = Generator().manual_seed(seed)
+    totals = torch.zeros(len(WIDTHS))
+    for _ in range(HELD_BATCHES):
+        given, segments = choice_pass(kept, frames_budget, root, generator)
+        observed, factors, rest, counts = observe(choice, given, segments)
+        totals += torch.stack([factor_likelihood(observed, factors * w, rest).sum() for w in WIDTHS])
+    return float(WIDTHS[totals.argmin()])
+
+
+def widen(checkpoint: Checkpoint, width: float) -> Checkpoint:
+    """A checkpoint whose averaged weights give curves ``width`` times as wide."""
+    average: dict[str, Any] = dict(checkpoint["average"])
+    for name in ("read.weight", "read.bias"):
+        average[name] = average[name] * width
+    return {**checkpoint, "average": average, "meta": checkpoint["meta"] | {"width": width}}
+
+
+@torch.no_grad()
+def chosen_root(choice: RootChoice, given: RootPass, truth: Segments, generator: Generator) -> Tensor:
+    """Roots ``[B, T, 5]`` drawn from those that may have led to the captured one: the choice's posterior."""
+    observed, factors, rest, _ = observe(choice, given, truth)
+    mean, lower = posterior(observed, factors, rest)
+    noise = torch.randn(mean.shape, generator=generator).to(mean.device)
+    spread = torch.linalg.solve_triangular(lower.transpose(1, 2), noise[..., None], upper=True)[..., 0]
+    return choice(given, mean + spread)[:, : truth.frames]
