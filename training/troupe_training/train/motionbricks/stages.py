@@ -13,7 +13,7 @@ from troupe_training.models.motionbricks.served import Networks
 from troupe_training.train.checkpoints import Stage, write_checkpoint
 from troupe_training.train.motionbricks.choice import CHOICE, choice_loss, fitted_width, widen
 from troupe_training.train.motionbricks.pose import POSE, pose_loss
-from troupe_training.train.motionbricks.refine import GUIDED_SHARE, refine_loss
+from troupe_training.train.motionbricks.refine import DRAWS, GUIDED_SHARE, Guides, refine_loss
 from troupe_training.train.motionbricks.root import ROOT, root_loss
 from troupe_training.train.motionbricks.teacher import lend_tokens
 from troupe_training.train.motionbricks.tokenizer import REFINE, TOKENIZER, tokenizer_loss
@@ -44,18 +44,20 @@ def _trained(stage: Stage[ModelConfig, M], run: Path, store: ClipStore, substitu
     return stage.load(run, store)
 
 
-def train_stage(stage: str, job: Job, preset: str | ModelConfig, teacher_run: Path | None = None) -> bool:
+def train_stage(
+    stage: str, job: Job, preset: str | ModelConfig, teacher_run: Path | None = None, draws: int = DRAWS
+) -> bool:
     """Trains one stage, resuming its checkpoint; true when its budget is spent.
 
     ``preset`` names network sizes, or holds those of a variant. ``teacher_run`` is the run of a large pack to learn from,
-    whose root module then stands in where this run has none yet.
+    whose root module then stands in where this run has none yet. ``draws`` of tokens are what the refinement chooses from.
     """
     torch.manual_seed(job.seed)
     store, frames = job.store(), job.frames_per_step
     name, config = ("variant", preset) if isinstance(preset, ModelConfig) else (preset, PRESETS[preset])
     teacher = load_networks(teacher_run, store) if teacher_run else None
     if stage == REFINE.name:
-        return _refine(job, store, name, teacher)
+        return _refine(job, store, name, teacher, draws)
     if stage == CHOICE.name:
         return _choose(job, store, name)
     meta = {"model": asdict(config), "preset": name}
@@ -87,12 +89,14 @@ def _choose(job: Job, store: ClipStore, preset: str) -> bool:
     return True
 
 
-def _refine(job: Job, store: ClipStore, preset: str, teacher: Networks | None) -> bool:
+def _refine(job: Job, store: ClipStore, preset: str, teacher: Networks | None, draws: int) -> bool:
     """Trains the decoder of the run's tokenizer further. One out of a pack has no encoder whose tokens could guide it."""
     tokenizer, adopted = TOKENIZER.load(job.run, store), is_adopted(job.run)
     tokenizer.decoder.requires_grad_(True)
     pose = _trained(POSE, job.run, store, teacher.pose if teacher else None)
     root = _trained(ROOT, job.run, store, teacher.root if teacher else None)
-    loss = refine_loss(store, job.frames_per_step, pose, root, 0.0 if adopted else GUIDED_SHARE)
-    meta = {"model": asdict(tokenizer.config), "preset": preset} | ({"adopted": True} if adopted else {})
+    choice = CHOICE.load(job.run, store) if CHOICE.path(job.run).exists() else None
+    guides = Guides(pose, root, 0.0 if adopted else GUIDED_SHARE, draws, choice)
+    loss = refine_loss(store, job.frames_per_step, guides)
+    meta = {"model": asdict(tokenizer.config), "preset": preset, "draws": draws} | ({"adopted": True} if adopted else {})
     return job.fit(REFINE.name, tokenizer, meta, loss)
