@@ -3,6 +3,10 @@
 What is missed of a clip is taken as a draw from a normal distribution with the covariance F F^T + R: F are the curves, R is
 diagonal, what no curve explains. The loss is its exact negative log-likelihood (Woodbury's identity: matrices of K, not of all
 frames). Speeds are observed beside places, so that curves that shake are as unlikely as curves that are off.
+
+Misses have heavier tails than a normal distribution: the likeliest curves are half as wide again as most misses are. So in the second
+half of the budget the energy score (Gneiting and Raftery 2007) of drawn roots takes over, which is least for draws as far from
+one another as from what was captured.
 """
 
 import hashlib
@@ -29,7 +33,10 @@ SPEED_UNITS = (0.1, 0.1, 0.1, 0.3)
 SMALLEST_ENVELOPE = 1e-3
 HELD_BACK = 10  # one file in so many is kept from the curves, to tell how wide they must be for clips they do not know
 HELD_BATCHES = 60
-WIDTHS = torch.linspace(0.5, 2.0, 61)
+WIDTHS = torch.linspace(0.4, 2.0, 65)
+SCORED_FROM = 0.5  # share of the budget after which draws are scored
+LIKELIHOOD_AFTER = 0.05  # weight of the likelihood from there on
+SCORED_DRAWS = 4
 
 
 def build_choice(config: ModelConfig, store: ClipStore) -> RootChoice:
@@ -103,6 +110,28 @@ def observation(
     return flat[..., 0], flat[..., 1:], rest.flatten(1), counts.flatten(1)
 
 
+@full_precision
+def energy_score(observed: Tensor, drawn: Tensor) -> Tensor:
+    """Mean distance of draws ``[S, B, D]`` to what is ``observed`` ``[B, D]``, less half of that between draws: ``[B]``.
+
+    Of places and speeds apart and frame by frame, in their units.
+    """
+
+    def apart(difference: Tensor) -> Tensor:
+        return (difference.unflatten(-1, (-1, CHANNELS)).square().sum(-1) + 1e-8).sqrt().mean(-1)
+
+    count = len(drawn)
+    off = apart(drawn - observed).mean(0)
+    between = torch.stack([apart(drawn[i] - drawn[j]) for i in range(count) for j in range(i)]).mean(0)
+    return off - 0.5 * between
+
+
+def drawn_curves(factors: Tensor, draws: int, generator: Generator) -> Tensor:
+    """``[S, B, D]``: factors ``[B, D, K]`` times standard normal numbers."""
+    noise = torch.randn(draws, len(factors), factors.shape[-1], generator=generator).to(factors.device)
+    return torch.einsum("bdk,sbk->sbd", factors, noise)
+
+
 def observe(
     choice: RootChoice, given: RootPass, truth: Segments
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -121,19 +150,25 @@ def choice_pass(store: ClipStore, frames_budget: int, root: RootModule, generato
 
 
 def choice_loss(store: ClipStore, frames_budget: int, root: RootModule) -> Loss[RootChoice]:
-    """Loss of the choice: negative log-likelihood for each number that is observed. Files that are held back are noted alone."""
+    """Loss of the choice: negative log-likelihood for each number that is observed, then the energy score of draws.
+
+    Files that are held back are noted alone.
+    """
     seen, kept = store.part(lambda clip: not held_back(clip)), store.part(held_back)
 
-    def likelihood(model: RootChoice, of: ClipStore, generator: Generator, frames: int) -> Tensor:
+    def terms_of(model: RootChoice, of: ClipStore, generator: Generator, frames: int) -> tuple[Tensor, Tensor]:
         given, segments = choice_pass(of, frames, root, generator)
         observed, factors, rest, counts = observe(model, given, segments)
-        return factor_likelihood(observed, factors, rest).sum() / counts.sum()
+        likelihood = factor_likelihood(observed, factors, rest).sum() / counts.sum()
+        return likelihood, energy_score(observed, drawn_curves(factors, SCORED_DRAWS, generator)).mean()
 
     def loss(model: RootChoice, generator: Generator, progress: float) -> dict[str, Tensor]:
-        terms = {"likelihood": likelihood(model, seen, generator, frames_budget)}
+        likelihood, score = terms_of(model, seen, generator, frames_budget)
+        scored = progress >= SCORED_FROM
+        terms = {"likelihood": likelihood * (LIKELIHOOD_AFTER if scored else 1.0), "score" if scored else "_score": score}
         if kept.lengths():
             with torch.no_grad():
-                terms["_held_back"] = likelihood(model, kept, generator, frames_budget // 4)
+                terms["_held_back"], terms["_held_score"] = terms_of(model, kept, generator, frames_budget // 4)
         return terms
 
     return loss
@@ -141,16 +176,22 @@ def choice_loss(store: ClipStore, frames_budget: int, root: RootModule) -> Loss[
 
 @torch.no_grad()
 def fitted_width(choice: RootChoice, store: ClipStore, frames_budget: int, root: RootModule, seed: int) -> float:
-    """By how much the curves must be multiplied to make what is missed of the held-back clips likeliest; 1 without any."""
+    """By how much the curves must be multiplied for the best energy score on the held-back clips; 1 without any.
+
+    Where the cache has mirrored clips, it is fitted on those: the root module of an adopted pack may know the others by heart.
+    """
     kept = store.part(held_back)
+    mirrored = kept.part(lambda clip: clip.get("mirrored", False))
+    kept = mirrored if mirrored.lengths() else kept
     if not kept.lengths():
         return 1.0
     generator = Generator().manual_seed(seed)
     totals = torch.zeros(len(WIDTHS))
     for _ in range(HELD_BATCHES):
         given, segments = choice_pass(kept, frames_budget, root, generator)
-        observed, factors, rest, counts = observe(choice, given, segments)
-        totals += torch.stack([factor_likelihood(observed, factors * w, rest).sum() for w in WIDTHS])
+        observed, factors, _, _ = observe(choice, given, segments)
+        drawn = drawn_curves(factors, SCORED_DRAWS, generator)
+        totals += torch.stack([energy_score(observed, drawn * width).mean() for width in WIDTHS])
     return float(WIDTHS[totals.argmin()])
 
 
