@@ -4,7 +4,7 @@ A pack has no encoder and none of the decoder's outputs that only training reads
 the decoder, on what the other two networks predict (`refine`); see `train.motionbricks.refine`.
 """
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from troupe_training.models.motionbricks.config import PRESETS, ModelConfig
 from troupe_training.models.motionbricks.served import DecoderStage, RootStage
 from troupe_training.models.motionbricks.tokenizer import Tokenizer
 from troupe_training.train.checkpoints import write_checkpoint
+from troupe_training.train.motionbricks.choice import CHOICE
 from troupe_training.train.motionbricks.pose import POSE
 from troupe_training.train.motionbricks.root import ROOT
 from troupe_training.train.motionbricks.tokenizer import TOKENIZER
@@ -105,20 +106,26 @@ def adopt_stage(module: nn.Module, numbers: dict[str, Tensor]) -> list[str]:
 
 
 def adopt(pack: Path, cache: Path, run: Path, preset: str) -> dict[str, list[str]]:
-    """Writes the checkpoints ``root``, ``pose`` and ``tokenizer``; what of each the pack does not have."""
+    """Writes the checkpoints ``root``, ``pose``, ``tokenizer`` and, where the pack has one, ``choice``; what of each the pack does
+    not have.
+    """
+    manifest = read_manifest(pack)
+    choices = manifest.get("root_choices", 0)
     store, config = ClipStore(cache, "train"), PRESETS[preset]
+    config = replace(config, root_choices=choices) if choices else config
     run.mkdir(parents=True, exist_ok=True)
     root, pose, tokenizer = ROOT.build(config, store), POSE.build(config, store), TOKENIZER.build(config, store)
     numbers = weights_of(pack / "root.onnx")
     find_folded(numbers, "module.slots", (1, *root.slots.shape), root.slots.shape)
+    choice = CHOICE.build(config, store) if choices else None
     missing = {
-        "root": adopt_stage(RootStage(root), numbers),
+        "root": adopt_stage(RootStage(root, choice), numbers),
         "pose": adopt_stage(pose, weights_of(pack / "pose.onnx")),
         "tokenizer": adopt_decoder(tokenizer, weights_of(pack / "decoder.onnx")),
     }
-    told = read_manifest(pack)["training"]
-    for stage, model in (("root", root), ("pose", pose), ("tokenizer", tokenizer)):
-        save_adopted(run, stage, model, config, preset, told)
+    models = {"root": root, "pose": pose, "tokenizer": tokenizer} | ({CHOICE.name: choice} if choice else {})
+    for stage, model in models.items():
+        save_adopted(run, stage, model, config, preset, manifest["training"])
     return missing
 
 

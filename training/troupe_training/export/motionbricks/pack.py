@@ -72,7 +72,8 @@ def export_pack(out: Path, about: About, store: SegmentSource, networks: Network
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
     stages, pose = networks.stages(), networks.pose
-    example, *checked = (example_inputs(store, pose, *size) for size in (EXPORTED, *CHECKED))
+    choices = networks.root_choices
+    example, *checked = (example_inputs(store, pose, *size, choices) for size in (EXPORTED, *CHECKED))
     checks = {}
     for name, stage in stages.items():
         stage.eval().requires_grad_(False)
@@ -92,6 +93,7 @@ def export_pack(out: Path, about: About, store: SegmentSource, networks: Network
         "codes": pose.codes,
         "context_frames": CONTEXT_FRAMES,
         "max_targets": MAX_TARGETS,
+        **({"root_choices": choices} if choices else {}),
         "parameters": sum(parameters[name] for name in stages) + networks.tokenizer.quantizer.book.numel(),
     }
     write_manifest(fresh, FAMILY, about, sizes, digest.hexdigest(), store.skeleton, checks)
