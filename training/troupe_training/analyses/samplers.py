@@ -73,7 +73,9 @@ def served(sampling: Sampling) -> Sampler:
 
     def draw(requests: Requests, seed: int) -> Motion:
         keys = Keys.of(requests.segments, requests.frames)
-        return decode(requests.networks, make_plan(requests.networks, keys, requests.frames, replace(sampling, seed=seed)))
+        return decode(
+            requests.networks, make_plan(requests.networks, keys, requests.frames, replace(sampling, seed=seed))
+        )
 
     return draw
 

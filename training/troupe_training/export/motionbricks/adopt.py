@@ -106,8 +106,9 @@ def adopt_stage(module: nn.Module, numbers: dict[str, Tensor]) -> list[str]:
 
 
 def adopt(pack: Path, cache: Path, run: Path, preset: str) -> dict[str, list[str]]:
-    """Writes the checkpoints ``root``, ``pose``, ``tokenizer`` and, where the pack has one, ``choice``; what of each the pack does
-    not have.
+    """Writes the checkpoints ``root``, ``pose``, ``tokenizer`` and, where the pack has one, ``choice``.
+
+    Gives what of each the pack does not have.
     """
     manifest = read_manifest(pack)
     choices = manifest.get("root_choices", 0)

@@ -52,7 +52,9 @@ def moved(root: Tensor, delta: Tensor) -> Tensor:
     """Roots ``[..., 5]`` moved by ``delta`` ``[..., 4]``: places shifted, headings turned."""
     cosine, sine = torch.cos(delta[..., 3]), torch.sin(delta[..., 3])
     c, s = root[..., 3], root[..., 4]
-    return torch.cat([root[..., :3] + delta[..., :3], torch.stack([c * cosine - s * sine, s * cosine + c * sine], -1)], -1)
+    return torch.cat(
+        [root[..., :3] + delta[..., :3], torch.stack([c * cosine - s * sine, s * cosine + c * sine], -1)], -1
+    )
 
 
 class RootChoice(nn.Module):

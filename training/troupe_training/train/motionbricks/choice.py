@@ -4,9 +4,9 @@ What is missed of a clip is taken as a draw from a normal distribution with the 
 diagonal, what no curve explains. The loss is its exact negative log-likelihood (Woodbury's identity: matrices of K, not of all
 frames). Speeds are observed beside places, so that curves that shake are as unlikely as curves that are off.
 
-Misses have heavier tails than a normal distribution: the likeliest curves are half as wide again as most misses are. So in the second
-half of the budget the energy score (Gneiting and Raftery 2007) of drawn roots takes over, which is least for draws as far from
-one another as from what was captured.
+Misses have heavier tails than a normal distribution: the likeliest curves are half as wide again as most misses are. So in
+the second half of the budget the energy score (Gneiting and Raftery 2007) of drawn roots takes over, which is least for
+draws as far from one another as from what was captured.
 """
 
 import hashlib
@@ -132,16 +132,16 @@ def drawn_curves(factors: Tensor, draws: int, generator: Generator) -> Tensor:
     return torch.einsum("bdk,sbk->sbd", factors, noise)
 
 
-def observe(
-    choice: RootChoice, given: RootPass, truth: Segments
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def observe(choice: RootChoice, given: RootPass, truth: Segments) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """`observation` of segments whose root the root module has predicted."""
     frames = truth.frames
     missing = missed(given.root[:, :frames], truth.global_root)
     return observation(missing, choice.curves(given)[:, :frames], given.envelope[:, :frames], choice.log_rest)
 
 
-def choice_pass(store: ClipStore, frames_budget: int, root: RootModule, generator: Generator) -> tuple[RootPass, Segments]:
+def choice_pass(
+    store: ClipStore, frames_budget: int, root: RootModule, generator: Generator
+) -> tuple[RootPass, Segments]:
     """The root module's answer to a random batch of requests of known length."""
     segments = store.batch(frames_budget, generator)
     masks = random_slot_masks(len(segments.pose), generator)
@@ -165,7 +165,10 @@ def choice_loss(store: ClipStore, frames_budget: int, root: RootModule) -> Loss[
     def loss(model: RootChoice, generator: Generator, progress: float) -> dict[str, Tensor]:
         likelihood, score = terms_of(model, seen, generator, frames_budget)
         scored = progress >= SCORED_FROM
-        terms = {"likelihood": likelihood * (LIKELIHOOD_AFTER if scored else 1.0), "score" if scored else "_score": score}
+        terms = {
+            "likelihood": likelihood * (LIKELIHOOD_AFTER if scored else 1.0),
+            "score" if scored else "_score": score,
+        }
         if kept.lengths():
             with torch.no_grad():
                 terms["_held_back"], terms["_held_score"] = terms_of(model, kept, generator, frames_budget // 4)

@@ -110,9 +110,7 @@ def tokens_of(model: Tokenizer, guides: Guides, task: Task, body: Body, generato
     rows = task.drawn[:, 0, 0].nonzero()[:, 0]
     if len(rows):
         given = (task.trajectory[rows], task.keyframes[rows], mask[rows])
-        tokens[rows] = best_tokens(
-            model, logits[rows], guides.draws, given, segments.positions[rows], body, generator
-        )
+        tokens[rows] = best_tokens(model, logits[rows], guides.draws, given, segments.positions[rows], body, generator)
     if guides.guided_share > 0.0:
         truth = model.quantizer.tokens(model.encode(segments.pose))
         guided = torch.rand(batch, 1, 1, generator=generator) < guides.guided_share

@@ -1,4 +1,4 @@
-"""The training stages: tokenizer, root, pose, the root's choice, and the refinement of the decoder on what the modules predict."""
+"""The training stages: tokenizer, root, pose, the root's choice, and the decoder's refinement on what the modules predict."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -98,5 +98,7 @@ def _refine(job: Job, store: ClipStore, preset: str, teacher: Networks | None, d
     choice = CHOICE.load(job.run, store) if CHOICE.path(job.run).exists() else None
     guides = Guides(pose, root, 0.0 if adopted else GUIDED_SHARE, draws, choice)
     loss = refine_loss(store, job.frames_per_step, guides)
-    meta = {"model": asdict(tokenizer.config), "preset": preset, "draws": draws} | ({"adopted": True} if adopted else {})
+    meta = {"model": asdict(tokenizer.config), "preset": preset, "draws": draws} | (
+        {"adopted": True} if adopted else {}
+    )
     return job.fit(REFINE.name, tokenizer, meta, loss)
