@@ -28,6 +28,7 @@ from troupe_training.models.motionbricks.config import FRAMES_PER_TOKEN, MAX_TOK
 from troupe_training.models.motionbricks.served import OUTPUTS, Networks
 from troupe_training.train.checkpoints import read_checkpoint
 from troupe_training.train.motionbricks.stages import STAGES, load_networks
+from troupe_training.train.motionbricks.tokenizer import REFINE, TOKENIZER
 from troupe_training.train.plots import plot_curves
 
 FAMILY = Family("motionbricks", ("inbetween", "live"))
@@ -63,6 +64,8 @@ def _training(run: Path, store: ClipStore) -> dict[str, Any]:
             training[f"{stage}_minutes"] = round(state["seconds"] / 60, 1)
             if state["history"]:
                 training[f"{stage}_final_loss"] = state["history"][-1]["total"]
+        elif stage == REFINE.name:
+            training |= TOKENIZER.read(run)["meta"].get("refined", {})
     return training
 
 
