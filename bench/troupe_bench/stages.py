@@ -104,6 +104,7 @@ class Stages:
         self.per_token = manifest["frames_per_token"]
         self.pose_width = 9 * len(manifest["skeleton"]["joints"])
         self.counts = self.max_tokens - self.min_tokens + 1
+        self.choices: int = manifest.get("root_choices", 0)
         self.group = group
         # OpenVINO plans again for a batch size it has not met; ONNX Runtime's own kernels do not mind.
         self.pad_batch = engine != "cpu"
@@ -173,6 +174,8 @@ class Stages:
             "allowed_counts": allowed,
             "count_noise": np.zeros((rows, self.counts), np.float32),
         }
+        if self.choices:
+            inputs["root_noise"] = np.zeros((rows, self.choices), np.float32)
         counts, trajectory = self.root.run(["num_tokens", "global_root"], inputs, True)
         return counts[: len(tasks)], trajectory[: len(tasks)]
 

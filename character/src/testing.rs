@@ -18,6 +18,7 @@ pub fn dims(skeleton: &Skeleton) -> Dims {
         frames_per_token: 4,
         context_frames: 4,
         max_targets: 4,
+        root_choices: 0,
     }
 }
 

@@ -15,6 +15,7 @@ const DIMS: Dims = Dims {
     frames_per_token: 4,
     context_frames: 4,
     max_targets: 4,
+    root_choices: 0,
 };
 
 fn key(mark: f32) -> KeyTensors {

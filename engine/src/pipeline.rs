@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use troupe_motion::model::{Dims, GLOBAL_ROOT, KeyframeTask, Motion, SIX_D, Trace, all_finite};
 
 use super::fill::FillRows as _;
-use super::sampling::{PoseSampler, fill_count_noise};
+use super::sampling::{PoseSampler, fill_count_noise, fill_root_noise};
 use super::tensors::{ROOM_MULTIPLE, Rows};
 use super::{BatchSizes, DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 use crate::pack::Stage;
@@ -272,11 +272,9 @@ impl Pipeline {
     fn fill_root(&mut self, items: &[KeyframeTask], bucket: usize) {
         for (row, item) in items.iter().enumerate() {
             item.fill_root_input(&self.dims, row, &mut self.root_input);
-            fill_count_noise(
-                item.seed,
-                item.temperature,
-                self.root_input.count_noise.row_mut(row),
-            );
+            let (seed, temperature) = (item.seed, item.temperature);
+            fill_count_noise(seed, temperature, self.root_input.count_noise.row_mut(row));
+            fill_root_noise(seed, temperature, self.root_input.root_noise.row_mut(row));
         }
         self.clear_padding(items.len(), bucket);
     }

@@ -13,6 +13,7 @@ const DIMS: Dims = Dims {
     frames_per_token: 4,
     context_frames: 4,
     max_targets: 4,
+    root_choices: 0,
 };
 
 /// Stage, rows, and token axis of a call; 0 for the root stage, which has none.
@@ -22,6 +23,8 @@ type Call = (Stage, usize, usize);
 #[derive(Default)]
 struct Echo {
     calls: Arc<Mutex<Vec<Call>>>,
+    /// The noise of every row that the root stage met.
+    root_noise: Arc<Mutex<Vec<Vec<f32>>>>,
     break_stage: Option<Stage>,
     count: Option<i64>,
     one_length: bool,
@@ -52,6 +55,8 @@ impl Stages for Echo {
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
         self.call(Stage::Root, rows, 0);
         for row in 0..rows {
+            let noise = input.root_noise.row(row).to_vec();
+            self.root_noise.lock().unwrap().push(noise);
             let first = input
                 .allowed_counts
                 .row(row)
@@ -355,6 +360,56 @@ fn the_decoder_alone_sees_an_overridden_root() {
         ([4.0, 3.0, 1.0].as_slice(), [4.0, 3.0, 1.0].as_slice())
     );
     assert!(root(7)[0] > 3.5 && root(7)[0] < 4.0);
+}
+
+#[test]
+fn the_root_stage_gets_noise_that_follows_seed_and_temperature() {
+    let dims = Dims {
+        root_choices: 6,
+        ..DIMS
+    };
+    let noise_of = |items: &[KeyframeTask]| {
+        let echo = Echo::default();
+        let noise = echo.root_noise.clone();
+        let mut pipeline = Pipeline::new(dims, Box::new(echo), 8);
+        // What was in the rows before must not stay.
+        pipeline.run(&vec![drawn(9, 2.0); 8]).unwrap();
+        noise.lock().unwrap().clear();
+        pipeline.run(items).unwrap();
+        noise.lock().unwrap().clone()
+    };
+    let together = noise_of(&[
+        drawn(1, 1.0),
+        drawn(2, 1.0),
+        drawn(1, 0.0),
+        drawn(1, 0.5),
+        drawn(1, 1.0),
+    ]);
+    assert_eq!(together.len(), 6, "a row of padding");
+    let [one, two, likeliest, half, again, padding] = &together[..] else {
+        unreachable!()
+    };
+    assert!(one.iter().all(|&value| value != 0.0) && one != two);
+    assert_eq!((one.len(), one), (6, again));
+    assert_eq!((likeliest, padding), (&vec![0.0; 6], &vec![0.0; 6]));
+    assert_eq!(*half, one.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
+    assert_eq!(noise_of(&[drawn(2, 1.0)]), [two.clone()], "alone and in company");
+}
+
+#[test]
+fn a_root_stage_without_choices_gets_no_noise() {
+    let echo = Echo::default();
+    let noise = echo.root_noise.clone();
+    pipeline(echo).run(&[drawn(1, 1.0)]).unwrap();
+    assert_eq!(*noise.lock().unwrap(), [Vec::<f32>::new()]);
+}
+
+fn drawn(seed: u64, temperature: f32) -> KeyframeTask {
+    KeyframeTask {
+        seed,
+        temperature,
+        ..item(1.0, 1)
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Random choices: token counts and pose tokens. Every character has its own generator, so that a choice depends on
+//! Random choices: token counts, root trajectories and pose tokens. Every character has its own generator, so that a choice depends on
 //! the character's seed and logits alone, never on the batch it travels in.
 
 use std::f32::consts::FRAC_PI_2;
@@ -8,11 +8,14 @@ use rand_chacha::ChaCha8Rng;
 
 use troupe_motion::model::all_finite;
 
+use crate::random::normal;
+
 /// Random streams of a character, one a purpose: a choice in one stage does not shift those of another.
 #[derive(Debug, Clone, Copy)]
 enum Stream {
     Count = 1,
     Pose = 2,
+    Root = 3,
 }
 
 fn generator(seed: u64, stream: Stream) -> ChaCha8Rng {
@@ -29,6 +32,17 @@ pub(super) fn fill_count_noise(seed: u64, temperature: f32, noise: &mut [f32]) {
         let mut generator = generator(seed, Stream::Count);
         for value in noise {
             *value = temperature * -(-open_unit(&mut generator).ln()).ln();
+        }
+    }
+}
+
+/// Fills `noise` with `temperature` times standard normal numbers, which choose a root trajectory. All zero at temperature 0.
+pub(super) fn fill_root_noise(seed: u64, temperature: f32, noise: &mut [f32]) {
+    noise.fill(0.0);
+    if temperature > 0.0 && !noise.is_empty() {
+        normal(generator(seed, Stream::Root).next_u64(), noise);
+        for value in noise {
+            *value *= temperature;
         }
     }
 }

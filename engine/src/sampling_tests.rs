@@ -96,3 +96,35 @@ proptest! {
         prop_assert_eq!(run()?, run()?);
     }
 }
+
+#[test]
+fn root_noise_is_normal_and_follows_the_seed() {
+    let mut noise = vec![9.0; 10_000];
+    fill_root_noise(1, 0.0, &mut noise);
+    assert!(noise.iter().all(|&value| value == 0.0));
+    fill_root_noise(1, 0.5, &mut noise);
+    let mean = noise.iter().sum::<f32>() / noise.len() as f32;
+    let variance = noise.iter().map(|value| (value - mean).powi(2)).sum::<f32>() / noise.len() as f32;
+    assert!(
+        mean.abs() < 0.02 && (variance - 0.25).abs() < 0.02,
+        "{mean} {variance}"
+    );
+    let mut other = vec![0.0; 10_000];
+    fill_root_noise(1, 1.0, &mut other);
+    assert!(noise.iter().zip(&other).all(|(half, whole)| *half == 0.5 * whole));
+    let first = other[0];
+    fill_root_noise(2, 1.0, &mut other);
+    assert_ne!(first, other[0]);
+    // Seeds in a row draw numbers that have nothing to do with each other.
+    let pairs = noise.iter().zip(&other).map(|(a, b)| 2.0 * a * b);
+    assert!((pairs.sum::<f32>() / 10_000.0).abs() < 0.05);
+}
+
+#[test]
+fn a_packs_number_of_choices_does_not_change_the_first_ones() {
+    let (mut few, mut many) = ([0.0; 5], [0.0; 16]);
+    fill_root_noise(7, 1.0, &mut few);
+    fill_root_noise(7, 1.0, &mut many);
+    assert_eq!(few, many[..5]);
+    fill_root_noise(7, 1.0, &mut []);
+}

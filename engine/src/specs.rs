@@ -1,4 +1,4 @@
-//! The tensors of the three stages, which follow from a pack's sizes.
+//! The tensors of the three stages, which follow from a pack's sizes (docs/motionbricks-pack.md).
 
 use troupe_motion::model::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
 
@@ -54,16 +54,22 @@ impl StageTensors for Dims {
     fn inputs(&self, stage: Stage) -> Vec<TensorSpec> {
         let (slots, counts, frames) = (self.slots(), self.counts(), self.max_frames());
         match stage {
-            Stage::Root => vec![
-                f32s("key_local_root", &[slots, LOCAL_ROOT]),
-                f32s("key_global_root", &[slots, GLOBAL_ROOT]),
-                f32s("key_pose", &[slots, self.pose()]),
-                f32s("has_local_root", &[slots]),
-                f32s("has_global_root", &[slots]),
-                f32s("has_pose", &[slots]),
-                f32s("allowed_counts", &[counts]),
-                f32s("count_noise", &[counts]),
-            ],
+            Stage::Root => {
+                let mut inputs = vec![
+                    f32s("key_local_root", &[slots, LOCAL_ROOT]),
+                    f32s("key_global_root", &[slots, GLOBAL_ROOT]),
+                    f32s("key_pose", &[slots, self.pose()]),
+                    f32s("has_local_root", &[slots]),
+                    f32s("has_global_root", &[slots]),
+                    f32s("has_pose", &[slots]),
+                    f32s("allowed_counts", &[counts]),
+                    f32s("count_noise", &[counts]),
+                ];
+                if self.root_choices > 0 {
+                    inputs.push(f32s("root_noise", &[self.root_choices]));
+                }
+                inputs
+            }
             Stage::Pose | Stage::Decoder => vec![
                 i64s("tokens", &[self.max_tokens, self.heads]).over_time(),
                 i64s("num_tokens", &[]),

@@ -91,6 +91,9 @@ pub struct RootInput {
     pub allowed_counts: Rows<f32>,
     /// `[counts]`: added to the counts' log-probabilities before the choice.
     pub count_noise: Rows<f32>,
+    /// `[root choices]`: which of the ways to the targets the trajectory takes, temperature times standard normal numbers. Empty
+    /// for a pack whose root stage has no such input.
+    pub root_noise: Rows<f32>,
 }
 
 impl RootInput {
@@ -107,6 +110,7 @@ impl RootInput {
             has_pose: Rows::new(rows, slots),
             allowed_counts: Rows::new(rows, dims.counts()),
             count_noise: Rows::new(rows, dims.counts()),
+            root_noise: Rows::new(rows, dims.root_choices),
         }
     }
 
@@ -120,6 +124,7 @@ impl RootInput {
             &mut self.has_global_root,
             &mut self.has_pose,
             &mut self.count_noise,
+            &mut self.root_noise,
         ] {
             rows.fill_row(row, 0.0);
         }

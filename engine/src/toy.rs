@@ -226,6 +226,7 @@ mod tests {
         frames_per_token: 4,
         context_frames: 4,
         max_targets: 4,
+        root_choices: 0,
     };
 
     fn id(request: u64) -> JobId {

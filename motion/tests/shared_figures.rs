@@ -127,6 +127,7 @@ fn feasibility_is_that_of_python() {
         frames_per_token: 4,
         context_frames: 4,
         max_targets: 4,
+        root_choices: 0,
     };
     let skeleton = skeleton();
     let rig = Rig {

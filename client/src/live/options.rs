@@ -109,7 +109,7 @@ impl SessionOptions {
         self
     }
 
-    /// Above 0, poses are sampled with the seed. 0 to 2.
+    /// Above 0, poses are sampled with the seed, and roots by packs that can. 0 to 2.
     #[must_use]
     pub fn temperature(mut self, temperature: f32) -> Self {
         self.message.temperature = temperature;

@@ -14,6 +14,7 @@ use troupe_motion::rotation::from_six_ds;
 use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
 use super::fill::FillRows as _;
+use super::sampling::fill_root_noise;
 use super::{
     DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput, length_of, lengths,
 };
@@ -203,12 +204,12 @@ impl<'a> Pair<'a> {
         self.candidate.root(self.rows, &self.root_input, candidate)
     }
 
-    /// Token counts with every count allowed, then trajectories at the tasks' own length, which is returned in tokens.
+    /// Token counts with every count allowed, then trajectories at the tasks' own length, which is returned in tokens: the likeliest,
+    /// and where the pack draws them, drawn ones too.
     fn compare_roots(&mut self, items: &[KeyframeTask], sums: &mut Sums) -> Result<usize, EngineError> {
         let dims = self.dims;
         for (row, item) in items.iter().enumerate() {
             item.fill_root_input(&dims, row, &mut self.root_input);
-            self.root_input.count_noise.fill_row(row, 0.0);
             self.root_input.allowed_counts.fill_row(row, 1.0);
         }
         self.run_roots()?;
@@ -217,16 +218,31 @@ impl<'a> Pair<'a> {
             sums.counts
                 .add(reference.num_tokens.row(row) != candidate.num_tokens.row(row));
         }
-        for (row, item) in items.iter().enumerate() {
-            item.fill_root_input(&dims, row, &mut self.root_input);
-        }
-        self.run_roots()?;
         let tokens = items
             .first()
             .and_then(|item| item.frames)
             .map_or(dims.max_tokens, |frames| dims.tokens_for(frames));
+        // The likeliest trajectories come last: what follows is compared on them.
+        let temperatures: &[f32] = if dims.root_choices > 0 {
+            &[1.0, 0.0]
+        } else {
+            &[0.0]
+        };
+        for &temperature in temperatures {
+            for (row, item) in items.iter().enumerate() {
+                item.fill_root_input(&dims, row, &mut self.root_input);
+                fill_root_noise(item.seed, temperature, self.root_input.root_noise.row_mut(row));
+            }
+            self.run_roots()?;
+            self.compare_trajectories(tokens, sums);
+        }
+        Ok(tokens)
+    }
+
+    /// What the root stages just gave, over `tokens` tokens.
+    fn compare_trajectories(&self, tokens: usize, sums: &mut Sums) {
         for row in 0..self.rows {
-            let frames = tokens * dims.frames_per_token;
+            let frames = tokens * self.dims.frames_per_token;
             let [reference, candidate] = &self.roots;
             let pairs = global_roots(reference.global_root.row(row))
                 .zip(global_roots(candidate.global_root.row(row)))
@@ -237,7 +253,6 @@ impl<'a> Pair<'a> {
                 sums.root_max_rad = sums.root_max_rad.max(turn);
             }
         }
-        Ok(tokens)
     }
 
     /// The most likely code of every token, all tokens masked, on the reference's trajectory.

@@ -247,8 +247,9 @@ impl Stages for OnnxStages {
 
     fn root(&mut self, rows: usize, input: &RootInput, output: &mut RootOutput) -> Result<(), EngineError> {
         let (slots, counts, pose) = (self.dims.slots(), self.dims.counts(), self.dims.pose());
+        let choices = self.dims.root_choices;
         let inputs = |call: Range<usize>| {
-            vec![
+            let mut inputs = vec![
                 view(
                     "key_local_root",
                     &call,
@@ -267,7 +268,11 @@ impl Stages for OnnxStages {
                 view("has_pose", &call, &[slots], &input.has_pose),
                 view("allowed_counts", &call, &[counts], &input.allowed_counts),
                 view("count_noise", &call, &[counts], &input.count_noise),
-            ]
+            ];
+            if choices > 0 {
+                inputs.push(view("root_noise", &call, &[choices], &input.root_noise));
+            }
+            inputs
         };
         let length = self.dims.max_tokens;
         self.root.run(Stage::Root, rows, length, inputs, |call, outputs| {

@@ -16,6 +16,8 @@ const FORMAT: u32 = 2;
 pub const MOTIONBRICKS: &str = "motionbricks";
 /// Frames a second of every pack: a session's timeline, its commands' frames and the rates of 30, 50 and 60 Hz rest on it.
 const FPS: f32 = 30.0;
+/// Most numbers that a root trajectory is drawn from.
+const MAX_ROOT_CHOICES: usize = 64;
 
 /// The parsed `pack.toml`. Tables that it does not know, such as an exporter's own checks, are left alone.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -56,6 +58,9 @@ pub struct Manifest {
     /// Most target keyframes of a request; 0 for a family that has none.
     #[serde(default)]
     pub max_targets: usize,
+    /// Normal numbers that the root stage draws a trajectory from, its input `root_noise`. None for a pack without that input.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub root_choices: Option<usize>,
     /// Weights of all stages.
     pub parameters: u64,
     /// `sha256:<hex>` of the ONNX files.
@@ -152,6 +157,14 @@ impl Manifest {
                 }
             }
         }
+        if let Some(choices) = self.root_choices {
+            if self.family != MOTIONBRICKS {
+                return Err(field("root_choices", choices, "none, for the family is another"));
+            }
+            if !(1..=MAX_ROOT_CHOICES).contains(&choices) {
+                return Err(field("root_choices", choices, format!("1 to {MAX_ROOT_CHOICES}")));
+            }
+        }
         if self.capabilities.list().next().is_none() {
             let all = Capability::ALL.map(Capability::name).join(", ");
             return Err(field("capabilities", "none", format!("at least one of {all}")));
@@ -182,6 +195,7 @@ impl Manifest {
             frames_per_token: self.frames_per_token,
             context_frames: self.context_frames,
             max_targets: self.max_targets,
+            root_choices: self.root_choices.unwrap_or(0),
         };
         let keyframes = dims.slots();
         if keyframes > dims.max_frames() {

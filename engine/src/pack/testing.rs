@@ -30,6 +30,7 @@ pub fn pack_of(rig: Rig) -> Pack {
         codes: dims.codes,
         context_frames: dims.context_frames,
         max_targets: dims.max_targets,
+        root_choices: (dims.root_choices > 0).then_some(dims.root_choices),
         parameters: 7,
         content_hash: format!("sha256:{}", "0".repeat(64)),
         skeleton: (*rig.skeleton).clone(),

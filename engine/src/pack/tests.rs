@@ -97,6 +97,18 @@ fn a_good_pack_loads() {
 }
 
 #[test]
+fn a_pack_may_draw_its_roots() {
+    let whole = MANIFEST.replace("HASH", &toy_hash());
+    let choices = |manifest: &str| {
+        let folder = Folder::new("choices", manifest);
+        Pack::load(&folder.0).unwrap().rig.dims.root_choices
+    };
+    assert_eq!(choices(&whole), 0);
+    let drawn = whole.replace("max_targets = 4", "max_targets = 4\nroot_choices = 16");
+    assert_eq!(choices(&drawn), 16);
+}
+
+#[test]
 fn a_robots_hinges_are_its_skeletons() {
     let robot = r#"
 [robot]
@@ -134,6 +146,21 @@ fn every_mistake_is_named() {
         ("heads = 4", "heads = 0", "heads is 0; allowed: 1 to 64"),
         ("heads = 4", "", "heads is 0; allowed: 1 to 64"),
         ("max_targets = 4", "max_targets = 62", "at least 66 frames"),
+        (
+            "max_targets = 4",
+            "max_targets = 4\nroot_choices = 0",
+            "root_choices is 0; allowed: 1 to 64",
+        ),
+        (
+            "max_targets = 4",
+            "max_targets = 4\nroot_choices = 65",
+            "root_choices is 65; allowed: 1 to 64",
+        ),
+        (
+            "max_targets = 4",
+            "max_targets = 4\nroot_choices = -1",
+            "root_choices",
+        ),
         ("joints = [\"Foot\"]", "joints = [\"Paw\"]", "Paw"),
         ("sha256:", "md5:", "allowed: sha256: and 64"),
         ("parent = \"Hips\"", "parent = \"\"", "Foot"),

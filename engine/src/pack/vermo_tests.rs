@@ -91,6 +91,11 @@ fn every_mistake_in_the_table_is_named() {
             "vermo is there; allowed: none",
         ),
         (
+            "family = \"vermo\"",
+            "family = \"vermo\"\nroot_choices = 16",
+            "root_choices is 16; allowed: none",
+        ),
+        (
             "layers = 2",
             "layers = 0",
             "vermo.layers is 0; allowed: 1 to 65536",

@@ -50,6 +50,7 @@ fn rig() -> Rig {
         frames_per_token: 4,
         context_frames: 4,
         max_targets: 4,
+        root_choices: 0,
     };
     let limits = Limits::new(&doc(), &skeleton).unwrap();
     Rig {

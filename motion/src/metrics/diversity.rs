@@ -14,15 +14,21 @@ pub fn joint_diversity_m(takes: &[WorldMotion], range: Range<usize>) -> Result<f
     if takes.len() < 2 {
         return Err(MetricError::Takes(takes.len()));
     }
-    for take in &takes[1..] {
-        check_pair(&takes[0], take, &range)?;
-    }
-    let joints = takes[0].joints;
-    let of = |take: &'_ WorldMotion| take.positions[range.start * joints..range.end * joints].to_vec();
-    let cut: Vec<_> = takes.iter().map(of).collect();
-    Ok(mean(pairs(&cut).flat_map(|(a, b)| {
-        a.iter().zip(b).map(|(a, b)| f64::from(a.distance(*b)))
-    })))
+    let distances: Result<Vec<f64>, MetricError> = pairs(takes)
+        .map(|(a, b)| joint_distance_m(a, b, range.clone()))
+        .collect();
+    Ok(mean(distances?.into_iter()))
+}
+
+/// Mean over the frames of `range` and all joints of the distance between a joint's world positions in two motions, metres.
+///
+/// # Errors
+/// [`MetricError`] where the motions or the range do not fit.
+pub fn joint_distance_m(a: &WorldMotion, b: &WorldMotion, range: Range<usize>) -> Result<f64, MetricError> {
+    check_pair(a, b, &range)?;
+    let part = range.start * a.joints..range.end * a.joints;
+    let pairs = a.positions[part.clone()].iter().zip(&b.positions[part]);
+    Ok(mean(pairs.map(|(a, b)| f64::from(a.distance(*b)))))
 }
 
 /// Latent diversity: mean over all pairs of the Euclidean distance between vectors of one length, such as the latents of
@@ -64,6 +70,9 @@ mod tests {
         near(joint_diversity_m(&takes, 1..3).unwrap(), 0.8 / 3.0);
         near(joint_diversity_m(&takes, 0..4).unwrap(), 0.4 / 3.0);
         near(joint_diversity_m(&takes, 3..4).unwrap(), 0.0);
+        near(joint_distance_m(&takes[0], &takes[2], 1..3).unwrap(), 0.4);
+        near(joint_distance_m(&takes[2], &takes[1], 2..4).unwrap(), 0.15);
+        assert!(joint_distance_m(&takes[0], &takes[1], 3..5).is_err());
         assert_eq!(joint_diversity_m(&takes[..1], 1..3), Err(MetricError::Takes(1)));
         assert!(joint_diversity_m(&takes, 3..5).is_err());
         assert!(joint_diversity_m(&[take(0.0), WorldMotion::from_clip(&stand(5))], 0..4).is_err());

@@ -19,7 +19,7 @@ mod summary;
 pub use accuracy::{l2p_m, l2q};
 #[cfg(feature = "distribution")]
 pub use distribution::{Gaussian, Latents, MMD_SCALE, MMD_SIGMA, Mmd};
-pub use diversity::{joint_diversity_m, mean_pairwise_distance};
+pub use diversity::{joint_distance_m, joint_diversity_m, mean_pairwise_distance};
 pub use limbs::{LimbDistances, Limbs, ROOT_ACCELERATION_REACH, root_accelerations_mps2};
 pub use npss::{Npss, npss};
 pub use physical::{

@@ -129,20 +129,27 @@ impl Resamples {
 
     /// The mean of values that were measured on clips, `(clip, value)`, with its interval. None of no value.
     pub fn mean(&self, values: &[(usize, f64)]) -> Option<Estimate> {
+        let counted: Vec<_> = values.iter().map(|&(clip, value)| (clip, value, 1.0)).collect();
+        self.ratio(&counted)
+    }
+
+    /// The ratio of the sums of two values that were measured on clips, `(clip, above, below)`, with its interval. None where those
+    /// below are 0 altogether.
+    pub fn ratio(&self, values: &[(usize, f64, f64)]) -> Option<Estimate> {
         let mut sums = vec![(0.0, 0.0); self.clips];
-        for &(clip, value) in values {
-            sums[clip].0 += value;
-            sums[clip].1 += 1.0;
+        for &(clip, above, below) in values {
+            sums[clip].0 += above;
+            sums[clip].1 += below;
         }
-        let mean = |times: &[u32]| {
-            let (sum, count) = sums.iter().zip(times).fold((0.0, 0.0), |all, (clip, &times)| {
+        let ratio = |times: &[u32]| {
+            let (above, below) = sums.iter().zip(times).fold((0.0, 0.0), |all, (clip, &times)| {
                 let times = f64::from(times);
                 (all.0 + clip.0 * times, all.1 + clip.1 * times)
             });
-            (count > 0.0).then(|| [sum / count])
+            (below > 0.0).then(|| [above / below])
         };
-        let [all] = mean(&vec![1; self.clips])?;
-        let interval = self.intervals(mean);
+        let [all] = ratio(&vec![1; self.clips])?;
+        let interval = self.intervals(ratio);
         Some(Estimate {
             mean: all,
             low: interval.map(|[(low, _)]| low),
@@ -243,6 +250,14 @@ mod tests {
         assert_eq!(floored.low, Some(0.0));
         let [alone] = Resamples::new(1, 400, 0).centred([1.0], lifted);
         assert_eq!(alone, Estimate::bare(1.0));
+    }
+
+    #[test]
+    fn a_ratio_is_that_of_the_sums() {
+        let values = [(0, 8.0, 2.0), (1, 1.0, 1.0), (1, 3.0, 1.0)];
+        let found = Resamples::new(3, 300, 0).ratio(&values).unwrap();
+        assert_eq!((found.mean, found.low, found.high), (3.0, Some(2.0), Some(4.0)));
+        assert_eq!(Resamples::new(3, 300, 0).ratio(&[(0, 1.0, 0.0)]), None);
     }
 
     #[test]

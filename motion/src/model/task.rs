@@ -81,7 +81,8 @@ pub struct KeyframeTask {
     pub allowed_counts: Vec<bool>,
     /// Seed of all random choices.
     pub seed: u64,
-    /// 0 for the most likely choice, above 0 to sample.
+    /// 0 for the most likely choice, above 0 to sample: token count, pose tokens, and the root trajectory where the pack's
+    /// [`Dims::root_choices`] are not 0.
     pub temperature: f32,
     /// Passes of the pose stage.
     pub pose_steps: u32,

@@ -20,6 +20,7 @@ pub(super) const DIMS: Dims = Dims {
     frames_per_token: 4,
     context_frames: 1,
     max_targets: 1,
+    root_choices: 0,
 };
 
 /// Stages that wait for a permit before each batch, note batch sizes, and mark rows by their seed. They wait no more once

@@ -2,7 +2,7 @@
 
 import pytest
 
-from troupe_training.evaluate.card import METHODS, add_nearest, card_table
+from troupe_training.evaluate.card import METHODS, add_nearest, card_table, part_tables
 from troupe_training.evaluate.nearest import NEAREST
 
 PLAIN = ("l2p_m", "l2q", "npss", "foot_skate_m_per_frame", "contact_accuracy", "reaching_success")
@@ -68,3 +68,34 @@ def test_the_nearest_window_comes_from_a_report_of_the_same_windows():
         add_nearest(report | {"evaluator": {"file": "evaluator.onnx", "sha256": "b"}}, baselines)
     with pytest.raises(ValueError, match="has no nearest"):
         add_nearest(report, baselines | {"gaps": [other | {"methods": {}}]})
+
+
+def evaluated(source: str, l2p: float, windows: int = 70) -> dict:
+    """A report of ``evaluate --by content`` with one part."""
+
+    def block(gap: int | None, count: int) -> dict:
+        methods = {
+            name: {"l2p_m": {"mean": l2p}, "l2q": {"mean": 1.0}} for name in ("ground truth", "interpolation", "pack")
+        }
+        return {"gap_frames": gap, "windows": count, "methods": methods}
+
+    parts = {"content": [{"name": "walk", "gaps": [block(15, windows), block(None, 2 * windows)]}]}
+    return {"source": source, "stride_frames": 30, "uncut": True, "pinned": True, "evaluator": "a", "parts": parts}
+
+
+def test_parts_have_a_table_of_all_gaps_beside_the_pack_before():
+    heading, text = part_tables(evaluated("new", 0.25), evaluated("0.1.0", 0.5))
+    assert heading == "#### Content `walk`, 140 windows of all gaps"
+    head, _, *rows = text.splitlines()
+    assert head == "| measure | ground truth | linear/slerp | this pack | 0.1.0 |"
+    assert rows == ["| L2P (m) ↓ | 0.250 | 0.250 | 0.250 | 0.500 |"], "only what a part's table has"
+    assert part_tables({"gaps": []}) == []
+
+
+def test_parts_of_other_windows_are_not_put_beside():
+    with pytest.raises(ValueError, match="walk: the windows"):
+        part_tables(evaluated("new", 0.25), evaluated("0.1.0", 0.5, windows=71))
+    with pytest.raises(ValueError, match="uncut is True in one report and False"):
+        part_tables(evaluated("new", 0.25), evaluated("0.1.0", 0.5) | {"uncut": False})
+    with pytest.raises(ValueError, match="walk: the windows"):
+        part_tables(evaluated("new", 0.25), evaluated("0.1.0", 0.5) | {"parts": {}})

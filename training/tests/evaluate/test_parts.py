@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from troupe_training.data.motion import Motion
-from troupe_training.data.store import PIECES, ClipEntry
+from troupe_training.data.store import PIECES, ClipEntry, ClipStore, joined
 from troupe_training.evaluate.bench import Bench, Options
 from troupe_training.evaluate.parts import HELD_OUT, OTHER, masks, part_of, parts_markdown
 from troupe_training.evaluate.report import measure_all
@@ -24,6 +24,8 @@ def test_names_say_the_part(tmp_path: Path):
     assert [part_of("content", None)(c) for c in (walk, bow)] == ["walk", "bow"]
     assert part_of("style", None)(walk) == "old"
     assert part_of("style", None)(clip("run1_subject5.csv")) == OTHER
+    lafan1 = ("run1_subject5.csv", "run1_subject5_part2.csv", "fallAndGetUp3_subject1_M.csv", "fight1.csv")
+    assert [part_of("content", None)(clip(name)) for name in lafan1] == ["run", "run", "fallAndGetUp", OTHER]
     assert [part_of("cell", None)(c) for c in (walk, bow)] == [OTHER, HELD_OUT]
     listed = tmp_path / "cells.txt"
     listed.write_text("# cells\nwalk_old\n")
@@ -37,6 +39,30 @@ def test_windows_go_to_the_part_of_their_clip():
         "dataset-1": [True, False, True, False],
         "dataset-2": [False, True, False, True],
     }
+
+
+def test_whole_files_have_windows_over_cuts(cache: Path, tmp_path: Path):
+    folder = tmp_path / "cache"
+    shutil.copytree(cache, folder)
+    about = json.loads((folder / "clips.json").read_text())
+    first = next(c for c in about["clips"] if c["test"])
+    # The file's first 25 frames, the rest, and a mirrored part, which is of no file.
+    cut = [
+        first | {"name": "a_part1.bvh", "file": "a.bvh", "first_frame": 0, "mirrored": False, "frames": 25},
+        first
+        | {"name": "a_part2.bvh", "file": "a.bvh", "first_frame": 25, "mirrored": False, "frames": first["frames"] - 25}
+        | {"start": first["start"] + 25},
+        first | {"name": "a_M.bvh", "file": "a.bvh", "first_frame": 0, "mirrored": True},
+    ]
+    (folder / "clips.json").write_text(json.dumps(about | {"clips": cut}))
+    store = ClipStore(folder, "test")
+    whole = store.uncut()
+    assert [(c["name"], c["frames"]) for c in whole.clips] == [("a.bvh", first["frames"]), ("a_M.bvh", first["frames"])]
+    starts = [s.windows(20, 10)[0] - first["start"] for s in (store, whole)]
+    assert starts[0][:3].tolist() == [0, 25, 35] and starts[1][:3].tolist() == [0, 10, 20]
+    assert whole.of_split("test").clips == cut, "the cache itself is as it was"
+    gap = joined([cut[0], cut[1] | {"first_frame": 26}])
+    assert len(gap) == 2, "a frame was left out between them"
 
 
 @pytest.fixture

@@ -42,6 +42,7 @@ def _evaluator_of(args: argparse.Namespace, folder: Path) -> Path | None:
 @command(
     *MEASURED,
     "--gaps",
+    "--uncut",
     "--pinned",
     "--delta",
     "--single-head",
@@ -108,8 +109,8 @@ def curves(args: argparse.Namespace) -> int:
     return 0
 
 
-@command("--pack", "--evaluation", "--baselines", "--notes", required=("--evaluation",))
+@command("--pack", "--evaluation", "--baselines", "--before", "--notes", required=("--evaluation",))
 def card(args: argparse.Namespace) -> int:
     """Writes a pack's README from its manifest and the JSON of `troupe eval`."""
-    write_card(args.pack, args.evaluation, args.notes, args.baselines)
+    write_card(args.pack, args.evaluation, args.notes, args.baselines, args.before)
     return 0

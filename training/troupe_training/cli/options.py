@@ -102,6 +102,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--gap": {"type": int, "default": 30, "help": "frames to fill"},
     "--gaps": {"type": int, "nargs": "+", "default": [15, 30, 45], "help": "frames to fill"},
     "--stride": {"type": int, "default": 20, "help": "frames between windows"},
+    "--uncut": {
+        "action": "store_true",
+        "help": "windows of whole files, as `troupe eval` has them; without it none that `prepare` has cut in two",
+    },
     "--max-windows": {"type": int, "help": "most windows for each gap, spread evenly"},
     "--split": {"choices": ("test", "train", "cell"), "default": "test"},
     "--pinned": {"action": "store_true", "help": "pin answers to their keyframes as the server does"},
@@ -116,7 +120,12 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--evaluation": {"type": Path, "help": "what `troupe eval --json FILE` wrote"},
     "--baselines": {
         "type": Path,
-        "help": "what `evaluate --json FILE` wrote of the same windows: adds the nearest training window to the card",
+        "help": "what `evaluate --json FILE` wrote of the same windows: adds the nearest training window to the card, and "
+        "with --by tables of the clips' parts",
+    },
+    "--before": {
+        "type": Path,
+        "help": "what `evaluate --json FILE` wrote of another pack, for a column beside it in the tables of the clips' parts",
     },
     "--by": {
         "choices": ("dataset", "content", "style", "cell"),

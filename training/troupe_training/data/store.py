@@ -87,6 +87,25 @@ def in_split(clip: ClipEntry, split: str) -> bool:
     return clip["test"] if split == "test" else not clip["test"] and not held_out
 
 
+def joined(clips: Sequence[ClipEntry]) -> list[ClipEntry]:
+    """Clips with parts of one file that follow each other, in the file and in the cache, as one clip of the file's name."""
+    out: list[ClipEntry] = []
+    for clip in clips:
+        before = out[-1] if out else None
+        if (
+            before is not None
+            and "file" in clip
+            and (before.get("file"), before.get("mirrored")) == (clip["file"], clip["mirrored"])
+            and not clip["mirrored"]
+            and before["start"] + before["frames"] == clip["start"]
+            and before["first_frame"] + before["frames"] == clip["first_frame"]
+        ):
+            out[-1] = before | {"name": clip["file"], "frames": before["frames"] + clip["frames"]}
+        else:
+            out.append(clip)
+    return out
+
+
 def kind_of(name: str) -> str:
     """What a clip shows: its file name without the take's number, ``walk_old_002.bvh`` to ``walk_old``."""
     return re.sub(r"[\W_]*\d*$", "", Path(name).with_suffix("").as_posix())
@@ -130,6 +149,13 @@ class ClipStore:
     def _of(self, clips: list[ClipEntry]) -> "ClipStore":
         other = copy(self)
         other.clips = clips
+        other._tables = {frames: other._start_table(frames) for frames in self._tables}
+        return other
+
+    def uncut(self) -> "ClipStore":
+        """The same frames with the parts of a file that `prepare` has cut joined again, as who reads the file sees them."""
+        other = copy(self)
+        other.clips = joined(self.clips)
         other._tables = {frames: other._start_table(frames) for frames in self._tables}
         return other
 

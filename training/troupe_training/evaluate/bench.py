@@ -63,6 +63,7 @@ class Options:
     diversity_seeds: int = 20
     diversity_windows: int = 100
     max_windows: int | None = None
+    uncut: bool = False  # windows of whole files, over the cuts of `prepare` too
     by: list[str] = field(default_factory=list)  # groupings of clips that are also measured apart (`parts.py`)
     cells: Path | None = None  # the list that the grouping "cell" is made with; the cache's own where left out
 
@@ -97,7 +98,8 @@ class Bench:
 
     def __init__(self, cache: Path, options: Options, evaluator: Path | None, threads: int):
         self.options = options
-        self.store = ClipStore(cache, options.split)
+        store = ClipStore(cache, options.split)
+        self.store = store.uncut() if options.uncut else store
         self.skeleton = self.store.skeleton
         self.kinematics = Kinematics(self.skeleton)
         self.left_axis = torch.tensor(self.skeleton.left_axis)

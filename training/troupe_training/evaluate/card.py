@@ -12,6 +12,13 @@ from troupe_training.export.manifest import read_manifest
 
 # Reports of `troupe eval` have no "nearest": a server holds no training clips. `add_nearest` takes it from `evaluate`.
 METHODS = {"ground_truth": "ground truth", "interpolation": "linear/slerp", "nearest": NEAREST, "pack": "this pack"}
+# What a part's table has, in the order of `MEASURES`.
+PART_MEASURES = ("mmd", "joint_jitter_mps2", "foot_skate_m_per_frame", "l2p_m", "npss")
+PACK = "pack"
+PARTS_HEAD = """### By what the clips show
+
+The same windows, filled without a server by `troupe-train evaluate --pinned`: answers are pinned to the keyframes, but feet
+are not held."""
 SERVER_NAMES = {"reached": "reaching_success"}  # of measures that are called otherwise among a gap's plain means
 
 
@@ -57,6 +64,51 @@ def add_nearest(report: dict[str, Any], baselines: dict[str, Any]) -> None:
         gap.setdefault("metrics", {})["nearest"] = figures
 
 
+def part_tables(report: dict[str, Any], before: dict[str, Any] | None = None) -> list[str]:
+    """For each part of the clips in ``evaluate --by --json`` a heading and a table of all gaps together.
+
+    ``before`` is the same of another pack, which gets a column of its own, called as its folder. Both must be of the same windows
+    and evaluator. Raises `ValueError` where they are not.
+    """
+    texts: list[str] = []
+    for by, parts in report.get("parts", {}).items():
+        others = {part["name"]: part for part in (before or {}).get("parts", {}).get(by, [])}
+        for part in parts:
+            block = part["gaps"][-1]
+            found = {titled: block["methods"][name] for name, titled in _titles(block).items()}
+            if before is not None:
+                other = _same_windows(report, before, part, others.get(part["name"]))
+                found[before["source"]] = other["methods"][PACK]
+            shown = {
+                title: {name: figure for name, figure in figures.items() if name in PART_MEASURES}
+                for title, figures in found.items()
+            }
+            texts += [f"#### {by.capitalize()} `{part['name']}`, {block['windows']} windows of all gaps", table(shown)]
+    return texts
+
+
+def _titles(block: dict[str, Any]) -> dict[str, str]:
+    """The headings of a report's methods, as the other tables of a card have them."""
+    return {
+        name: {PACK: METHODS[PACK], "interpolation": METHODS["interpolation"]}.get(name, name)
+        for name in block["methods"]
+    }
+
+
+def _same_windows(
+    report: dict[str, Any], before: dict[str, Any], part: dict[str, Any], other: dict[str, Any] | None
+) -> dict[str, Any]:
+    """The last block of the same part in another report."""
+    for key in ("evaluator", "stride_frames", "uncut", "pinned", "split"):
+        if report.get(key) != before.get(key):
+            raise ValueError(f"{key} is {report.get(key)} in one report and {before.get(key)} in the other")
+    windows = [(block["gap_frames"], block["windows"]) for block in part["gaps"]]
+    if other is None or windows != [(block["gap_frames"], block["windows"]) for block in other["gaps"]]:
+        raise ValueError(f"{part['name']}: the windows are not those of the other report")
+    block: dict[str, Any] = other["gaps"][-1]
+    return block
+
+
 def _size(manifest: dict[str, Any]) -> str:
     robot = manifest.get("robot")
     hinges = f" of the robot {robot['name']}, {len(robot['hinges'])} of which are hinges" if robot else ""
@@ -74,19 +126,24 @@ def training_rows(training: dict[str, Any]) -> str:
     return "\n".join(rows)
 
 
-def write_card(pack: Path, evaluation: Path, notes: Path | None, baselines: Path | None = None) -> None:
+def write_card(
+    pack: Path, evaluation: Path, notes: Path | None, baselines: Path | None = None, before: Path | None = None
+) -> None:
     """Writes ``README.md`` into the pack folder and the main figures into ``pack.toml``.
 
     ``notes`` is Markdown about the data and limits, put in as it stands; ``baselines`` is the JSON of ``evaluate`` on the same
-    windows, for the nearest training window.
+    windows, for the nearest training window and the parts of the clips; ``before`` is that of another pack, to stand beside.
     """
     manifest = read_manifest(pack)
     report = json.loads(evaluation.read_text())
     if report["content_hash"] != manifest["content_hash"]:
         raise SystemExit("the evaluation is of another pack: its content hash differs")
+    apart: list[str] = []
     if baselines is not None:
+        found = json.loads(baselines.read_text())
         try:
-            add_nearest(report, json.loads(baselines.read_text()))
+            add_nearest(report, found)
+            apart = part_tables(found, json.loads(before.read_text()) if before else None)
         except ValueError as error:
             raise SystemExit(f"{baselines}: {error}") from error
     training = manifest["training"]
@@ -115,6 +172,8 @@ def write_card(pack: Path, evaluation: Path, notes: Path | None, baselines: Path
         parts += [f"### Gap of {gap['gap_frames']} frames, {gap['windows']} windows", card_table(gap)]
     verdicts = {True: "holds", False: "does not hold", None: "not measured"}
     parts.append("\n".join(f"- {claim['claim']}: {verdicts[claim['holds']]}" for claim in report["claims"]))
+    if apart:
+        parts += [PARTS_HEAD, *apart]
     write_readme(pack, parts)
     rows = [f"clips = {report['clips']}"]
     for gap in report["gaps"]:

@@ -1,5 +1,6 @@
 """The windows of a report apart: by data set, content, style, or held-out cell of their clips."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ HELD_OUT = "held-out cells"
 SHOWN = ("l2p_m", "nearer_than_pack", "npss", "foot_skate_m_per_frame", "fid")
 # With fewer windows FID and MMD show the number of windows, not the motion.
 FEWEST_FOR_DISTANCES = 64
+# Clips of LaFAN1, whole or parts: what they show, the take's number, who shows it.
+LAFAN1_NAME = re.compile(r"(?P<content>[A-Za-z]+)\d+_subject\d+(_part\d+)?(_M)?(\.\w+)?$")
 PartOf = Callable[[ClipEntry], str]
 
 
@@ -30,7 +33,7 @@ def part_of(by: str, cells: Path | None) -> PartOf:
         return clip.get("held_out", False) if listed is None else cell_of(clip["name"]) in listed
 
     def of_name(clip: ClipEntry) -> str:
-        found = CLIP_NAME.match(clip["name"])
+        found = CLIP_NAME.match(clip["name"]) or (LAFAN1_NAME.match(clip["name"]) if by == "content" else None)
         if found is None:
             return OTHER
         return f"dataset-{found['set']}" if by == "dataset" else found[by]

@@ -163,6 +163,7 @@ def measure_all(bench: Bench, methods: dict[str, Method], sampled: set[str]) -> 
         "split": options.split,
         "clips": len({int(p) // PIECES for found in every.values() for p in found[TRUTH].pieces}),
         "stride_frames": options.stride,
+        "uncut": options.uncut,
         "pinned": options.pinned,
         "temperature": options.sampling.temperature,
         "pose_steps": options.sampling.steps,

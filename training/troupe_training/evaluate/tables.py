@@ -36,6 +36,10 @@ MEASURES = (
     Measure("fid", "FID ↓", 1, 4),
     Measure("joint_diversity_m", "joint diversity (mm)", 1e3, 1),
     Measure("diversity_ratio", "diversity ÷ distance to captured, 1 is best", 1, 2),
+    Measure(
+        "best_of_seeds_nearer", "windows where the best take has a lower L2P than the likeliest answer (%)", 100, 0
+    ),
+    Measure("best_of_seeds_l2p_ratio", "L2P of the best take ÷ that of the likeliest answer", 1, 2),
     Measure("latent_diversity", "latent diversity", 1, 3),
     Measure("joint_jitter_mps2", "joint jitter (m/s²) ≈"),
     Measure("root_jitter_mps2", "root jitter (m/s²) ≈"),

@@ -8,8 +8,8 @@ use troupe_motion::clip::Clip;
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::interpolate::fill_gap;
 use troupe_motion::metrics::{
-    Estimate, Evaluation, Gaussian, Latents, MetricError, Mmd, Resamples, Summary, Task,
-    contact_prediction_accuracy, evaluate, joint_diversity_m, mean_pairwise_distance,
+    Evaluation, Gaussian, Latents, MetricError, Mmd, Resamples, Summary, Task, contact_prediction_accuracy,
+    evaluate,
 };
 
 use super::args::GapEval;
@@ -21,8 +21,6 @@ use crate::eval::evaluator::{Evaluator, Found};
 use crate::eval::resampling::{DISTRIBUTION_SETS, SETS};
 use crate::failure::Failure;
 
-/// Temperature at which diversity is measured.
-pub(super) const DIVERSITY_TEMPERATURE: f32 = 1.0;
 /// Windows that the evaluator takes at a time.
 const LATENT_BATCH: usize = 32;
 
@@ -146,7 +144,7 @@ impl Bench<'_> {
     }
 
     /// The pack's answer to a window.
-    async fn take(
+    pub(super) async fn take(
         &self,
         truth: &Clip,
         task: Task,
@@ -163,7 +161,7 @@ impl Bench<'_> {
         Ok(self.client.in_between(&self.pack, &gap).await?)
     }
 
-    fn unmeasured(&self, window: Window, why: MetricError) -> Failure {
+    pub(super) fn unmeasured(&self, window: Window, why: MetricError) -> Failure {
         let name = &self.clips[window.clip].name;
         Failure::Other(format!(
             "{name} from frame {} cannot be measured: {why}",
@@ -199,53 +197,6 @@ impl Bench<'_> {
         };
         bar.finish_and_clear();
         Ok(all)
-    }
-
-    /// Fills some windows with several seeds each and adds how far the takes are from each other. Returns how many.
-    async fn add_diversity(
-        &self,
-        metrics: &mut ByMethod<Metrics>,
-        context: &Context,
-        task: Task,
-    ) -> Result<usize, Failure> {
-        let seeds = u64::from(self.command.seeds);
-        if seeds < 2 {
-            return Ok(0);
-        }
-        let most = self.command.diversity_windows;
-        let most = self.command.max_windows.map_or(most, |windows| windows.min(most));
-        let windows = windows(&self.clips, task, self.command.stride, Some(most));
-        let bar = context.term.bar(windows.len() * seeds as usize, "diversity");
-        let (mut joints, mut latents) = (Vec::new(), Vec::new());
-        for (&window, piece) in windows.iter().zip(pieces_of(&windows)) {
-            let name = &self.clips[window.clip].name;
-            let truth = cut(&self.clips, window, task)?;
-            let takes = (1..=seeds).map(|nth| {
-                let seed = window_seed(self.command.sampling.seed.wrapping_add(nth), name, window.start);
-                self.take(&truth, task, seed, DIVERSITY_TEMPERATURE, None)
-            });
-            let takes = stream::iter(takes).buffered(self.command.concurrency);
-            let takes = takes.map_ok(|answer| answer.clip).inspect(|_| bar.inc(1));
-            let takes: Vec<Clip> = takes.try_collect().await?;
-            let motions: Vec<WorldMotion> = takes.iter().map(WorldMotion::from_clip).collect();
-            let diversity = joint_diversity_m(&motions, task.gap());
-            joints.push((piece, diversity.map_err(|e| self.unmeasured(window, e))?));
-            if let Ok(evaluator) = &self.evaluator {
-                let rows = evaluator.latents(&takes.iter().collect::<Vec<_>>())?;
-                latents.extend(mean_pairwise_distance(&rows).map(|mean| (piece, mean)));
-            }
-        }
-        bar.finish_and_clear();
-        let pieces = joints.last().map_or(0, |(piece, _)| piece + 1);
-        let resamples = Resamples::new(pieces, SETS, self.command.sampling.seed);
-        for (name, values) in [("joint_diversity_m", joints), ("latent_diversity", latents)] {
-            if let Some(mean) = resamples.mean(&values) {
-                metrics.pack.set(name, mean);
-                // It has no seed.
-                metrics.interpolation.set(name, Estimate::bare(0.0));
-            }
-        }
-        Ok(windows.len())
     }
 }
 

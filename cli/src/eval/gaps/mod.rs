@@ -3,6 +3,7 @@
 mod args;
 mod bench;
 mod claims;
+mod diversity;
 mod figures;
 mod report;
 pub(in crate::eval) mod windows;

@@ -64,7 +64,7 @@ struct Row {
     decimals: usize,
 }
 
-const ROWS: [Row; 18] = {
+const ROWS: [Row; 21] = {
     use Better::{Higher, LikeTruth, Lower, Neither};
     const fn row(
         key: &'static str,
@@ -87,6 +87,16 @@ const ROWS: [Row; 18] = {
         row("fid", "FID", "", Lower, 1.0, 3),
         row("mmd", "MMD", "", Lower, 1.0, 3),
         row("joint_diversity_m", "joint diversity", "mm", Neither, 1e3, 1),
+        row("diversity_ratio", "diversity ÷ distance", "", Neither, 1.0, 2),
+        row("best_of_seeds_nearer", "best take nearer", "%", Neither, 1e2, 0),
+        row(
+            "best_of_seeds_l2p_ratio",
+            "best L2P ÷ likeliest",
+            "",
+            Lower,
+            1.0,
+            2,
+        ),
         row("latent_diversity", "latent diversity", "", Neither, 1.0, 3),
         row("l2p_m", "L2P", "m", Lower, 1.0, 3),
         row("l2q", "L2Q", "", Lower, 1.0, 3),
@@ -116,8 +126,11 @@ const LEGEND: &str = "\
 ↓ lower is better, ↑ higher is better, ≈ nearer to ground truth is better. Means over all windows, and where 95 % of means
 over clips drawn anew lie. FID, MMD: distance to ground truth's windows in the evaluator's latent space; of ground truth, between
 two halves of its own, which few windows alone make larger. Diversity: mean distance between takes of one window at
-temperature 1. L2P, L2Q: length of the difference to ground truth over all joints (world positions, world quaternions), mean over
-the gap; positions are not normalised. Context and target joints: the worst joint. Target reached: 5 cm and 15°.";
+temperature 1, and that ÷ their mean distance to ground truth: 1 where takes differ as much as the truth differs from them.
+Best take nearer: windows where a take has a lower L2P than the answer at temperature 0. Best L2P ÷ likeliest: the lowest L2P
+of the takes ÷ that answer's. L2P, L2Q: length of the difference to ground truth over all joints (world positions, world
+quaternions), mean over the gap; positions are not normalised. Context and target joints: the worst joint. Target reached:
+5 cm and 15°.";
 
 impl Report {
     pub(super) fn new(bench: &Bench<'_>, skipped: Vec<Skipped>, gaps: Vec<GapReport>) -> Self {

@@ -758,7 +758,7 @@ export interface components {
             targets: components["schemas"]["Keyframe"][];
             /**
              * Format: float
-             * @description 0 takes the most likely token count and pose tokens; above 0 they are sampled with the seed. 0 to 2, default 0.
+             * @description 0 takes the most likely motion; above 0 token count, pose tokens and, by packs that can, the root are sampled. 0 to 2, default 0.
              * @default 0
              */
             temperature: number;
@@ -3590,7 +3590,7 @@ export interface components {
             style: string;
             /**
              * Format: float
-             * @description Above 0, poses are sampled with the seed. 0 to 2, default 0.
+             * @description Above 0, poses are sampled with the seed, and roots by packs that can. 0 to 2, default 0.
              * @default 0
              */
             temperature: number;

@@ -346,7 +346,7 @@ export type Character = Message<"troupe.v1.Character"> & {
   seed: bigint;
 
   /**
-   * 0 takes the most likely token count and pose tokens; above 0 they are sampled with the seed. 0 to 2, default 0.
+   * 0 takes the most likely motion; above 0 token count, pose tokens and, by packs that can, the root are sampled. 0 to 2, default 0.
    *
    * @generated from field: float temperature = 7;
    */

@@ -123,7 +123,7 @@ export type SessionOptions = Message<"troupe.v1.SessionOptions"> & {
   rootRatio?: number | undefined;
 
   /**
-   * Above 0, poses are sampled with the seed. 0 to 2, default 0.
+   * Above 0, poses are sampled with the seed, and roots by packs that can. 0 to 2, default 0.
    *
    * @generated from field: float temperature = 13;
    */
