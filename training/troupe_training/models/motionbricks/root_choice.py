@@ -1,7 +1,7 @@
 """The root's choice: what else the way might have been, beside the likeliest one that the root module gives.
 
 A conditional factor analysis (Rubin and Thayer 1982) of what the root module misses: K curves, read from its hidden slots,
-are added with weights z ~ N(0, I), so z = 0 is the likeliest root itself. Each curve is a cubic B-spline with a knot a
+are added with weights z ~ N(0, I), so z = 0 is the likeliest root itself. Each curve is made of cubic B-splines, one a
 token: with nothing faster in it, drawn roots do not shake. An envelope holds it at zero at context frames and given targets.
 """
 
@@ -39,13 +39,16 @@ def envelope(has_global_root: Tensor, num_tokens: Tensor) -> Tensor:
     return open_
 
 
-def splines() -> Tensor:
-    """Values ``[64, 16]`` at each frame of the uniform cubic B-splines that are centred on the tokens."""
+def splines(frames: int) -> Tensor:
+    """Values ``[64, 16]`` at each frame of cubic B-splines that are centred on the tokens, with pieces of so many ``frames``.
+
+    Where pieces are longer than tokens they overlap more, and what they make is smoother.
+    """
     centre = torch.arange(MAX_TOKENS) * FRAMES_PER_TOKEN + (FRAMES_PER_TOKEN - 1) / 2
-    apart = ((torch.arange(MAX_FRAMES)[:, None] - centre[None]) / FRAMES_PER_TOKEN).abs()
+    apart = ((torch.arange(MAX_FRAMES)[:, None] - centre[None]) / frames).abs()
     near = 2 / 3 - apart**2 + apart**3 / 2
     far = (2 - apart).clamp_min(0.0) ** 3 / 6
-    return torch.where(apart < 1, near, far)
+    return torch.where(apart < 1, near, far) * (FRAMES_PER_TOKEN / frames)
 
 
 def moved(root: Tensor, delta: Tensor) -> Tensor:
@@ -72,7 +75,7 @@ class RootChoice(nn.Module):
             self.read.weight.mul_(0.3)
         # Sizes of what no curve explains, of places and of their speeds; of use in training alone.
         self.log_rest = nn.Parameter(torch.zeros(2, CHANNELS))
-        self.register_buffer("splines", splines(), persistent=False)
+        self.register_buffer("splines", splines(config.root_curve_frames))
         self.register_buffer("scales", torch.tensor(SCALES), persistent=False)
 
     def knots(self, root_pass: RootPass) -> Tensor:

@@ -31,7 +31,8 @@ PLACE_UNITS = (0.01, 0.005, 0.01, 0.02)
 SPEED_UNITS = (0.1, 0.1, 0.1, 0.3)
 # Nearer to given frames than this the envelope leaves no choice, and nothing is observed.
 SMALLEST_ENVELOPE = 1e-3
-HELD_BACK = 10  # one file in so many is kept from the curves, to tell how wide they must be for clips they do not know
+# One file in so many, and at least so many files, are kept from the curves, to tell how wide they must be for others.
+HELD_BACK, FEWEST_HELD_BACK = 10, 4
 HELD_BATCHES = 60
 WIDTHS = torch.linspace(0.4, 2.0, 65)
 SCORED_FROM = 0.5  # share of the budget after which draws are scored
@@ -47,10 +48,16 @@ def build_choice(config: ModelConfig, store: ClipStore) -> RootChoice:
 CHOICE = Stage("choice", config_of, build_choice)
 
 
-def held_back(clip: ClipEntry) -> bool:
-    """True for the clips of one file in `HELD_BACK`, mirrored or not, by a hash of the name."""
-    name = clip.get("file", clip["name"])
-    return int.from_bytes(hashlib.sha256(b"choice " + name.encode()).digest()[:4], "big") % HELD_BACK == 0
+def file_of(clip: ClipEntry) -> str:
+    """The file that a clip, mirrored or not, was cut from."""
+    return clip.get("file", clip["name"])
+
+
+def held_back(store: ClipStore) -> set[str]:
+    """Files of a store that are kept from the curves: those with the least hashes of their names."""
+    files = {file_of(clip) for clip in store.clips}
+    order = sorted(files, key=lambda name: hashlib.sha256(b"choice " + name.encode()).digest())
+    return set(order[: min(max(len(files) // HELD_BACK, FEWEST_HELD_BACK), len(files) // 3)])
 
 
 @full_precision
@@ -154,7 +161,8 @@ def choice_loss(store: ClipStore, frames_budget: int, root: RootModule) -> Loss[
 
     Files that are held back are noted alone.
     """
-    seen, kept = store.part(lambda clip: not held_back(clip)), store.part(held_back)
+    files = held_back(store)
+    seen, kept = (store.part(lambda clip, of=of: (file_of(clip) in files) == of) for of in (False, True))
 
     def terms_of(model: RootChoice, of: ClipStore, generator: Generator, frames: int) -> tuple[Tensor, Tensor]:
         given, segments = choice_pass(of, frames, root, generator)
@@ -183,7 +191,8 @@ def fitted_width(choice: RootChoice, store: ClipStore, frames_budget: int, root:
 
     Where the cache has mirrored clips, it is fitted on those: the root module of an adopted pack may know the others by heart.
     """
-    kept = store.part(held_back)
+    files = held_back(store)
+    kept = store.part(lambda clip: file_of(clip) in files)
     mirrored = kept.part(lambda clip: clip.get("mirrored", False))
     kept = mirrored if mirrored.lengths() else kept
     if not kept.lengths():

@@ -1,6 +1,6 @@
 """The training stages: tokenizer, root, pose, the root's choice, and the decoder's refinement on what the modules predict."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -45,12 +45,13 @@ def _trained(stage: Stage[ModelConfig, M], run: Path, store: ClipStore, substitu
 
 
 def train_stage(
-    stage: str, job: Job, preset: str | ModelConfig, teacher_run: Path | None = None, draws: int = DRAWS
+    stage: str, job: Job, preset: str | ModelConfig, teacher_run: Path | None = None, draws: int = DRAWS, curve_frames: int = 4
 ) -> bool:
     """Trains one stage, resuming its checkpoint; true when its budget is spent.
 
     ``preset`` names network sizes, or holds those of a variant. ``teacher_run`` is the run of a large pack to learn from,
-    whose root module then stands in where this run has none yet. ``draws`` of tokens are what the refinement chooses from.
+    whose root module then stands in where this run has none yet. ``draws`` of tokens are what the refinement chooses from,
+    ``curve_frames`` are those of a piece of the choice's curves.
     """
     torch.manual_seed(job.seed)
     store, frames = job.store(), job.frames_per_step
@@ -59,7 +60,7 @@ def train_stage(
     if stage == REFINE.name:
         return _refine(job, store, name, teacher, draws)
     if stage == CHOICE.name:
-        return _choose(job, store, name)
+        return _choose(job, store, name, curve_frames)
     meta = {"model": asdict(config), "preset": name}
     if stage == TOKENIZER.name:
         tokenizer = TOKENIZER.build(config, store).to(job.device)
@@ -75,10 +76,10 @@ def train_stage(
     return job.fit(stage, pose, meta, pose_loss(store, frames, tokens, roots, teacher.pose if teacher else None))
 
 
-def _choose(job: Job, store: ClipStore, preset: str) -> bool:
+def _choose(job: Job, store: ClipStore, preset: str, curve_frames: int) -> bool:
     """Trains the choice of roots beside the run's root module, then fits its width on the clips that were held back."""
     root = ROOT.load(job.run, store)
-    config = ROOT.config(**ROOT.read(job.run)["meta"]["model"])
+    config = replace(ROOT.config(**ROOT.read(job.run)["meta"]["model"]), root_curve_frames=curve_frames)
     choice = CHOICE.build(config, store).to(job.device)
     meta = {"model": asdict(config), "preset": preset}
     if not job.fit(CHOICE.name, choice, meta, choice_loss(store, job.frames_per_step, root)):
