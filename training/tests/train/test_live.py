@@ -13,7 +13,7 @@ from troupe_training.models.motionbricks.config import PRESETS
 from troupe_training.train.motionbricks.live import change_speed, keyframe_masks, live_conditions, smooth_heading
 from troupe_training.train.motionbricks.losses import Body, energy_loss, foot_losses
 from troupe_training.train.motionbricks.pose import POSE
-from troupe_training.train.motionbricks.refine import refine_loss
+from troupe_training.train.motionbricks.refine import Guides, refine_loss
 from troupe_training.train.motionbricks.root import ROOT
 from troupe_training.train.motionbricks.tokenizer import REFINE
 
@@ -140,7 +140,7 @@ def test_live_conditions_keep_the_context_exact(store: ClipStore):
 def test_refinement_takes_both_kinds_of_samples(store: ClipStore):
     config = PRESETS["test"]
     pose, root, tokenizer = (stage.build(config, store).eval() for stage in (POSE, ROOT, REFINE))
-    loss = refine_loss(store, 512, pose, root, 0.25)
+    loss = refine_loss(store, 512, Guides(pose, root, 0.25))
     generator = torch.Generator().manual_seed(5)
     for _ in range(6):
         terms = loss(tokenizer, generator, 0.0)

@@ -26,6 +26,7 @@ from troupe_training.analyses.samplers import (
     likeliest,
     others_tokens,
     roots,
+    served,
     similar_windows,
     target,
     tokens_at,
@@ -74,11 +75,13 @@ def stages() -> dict[str, Sampler]:
     """Each stage sampled alone, and what bounds it; those that have no choice give one answer."""
     drawn = Sampling(1, 1.0)
     return {
+        "as served": served(drawn),
+        "root choice": served(Sampling(1, 0.0, root=1.0)),
         "pose tokens": tokens_at(drawn),
         "tokens of other windows": others_tokens,
         "tokens at random": any_tokens,
-        "roots": roots(),
-        "roots and pose tokens": roots(drawn),
+        "missed roots": roots(),
+        "missed roots and pose tokens": roots(drawn),
         "pose tokens, decoder without target": hidden(drawn, target),
         "pose tokens, decoder without keyframes": hidden(drawn, context_and_target),
         "nearest training windows": similar_windows,
@@ -100,13 +103,14 @@ def remedies() -> dict[str, Sampler]:
     many = max(STEPS)
     free = Sampling(many, 1.5, any_order=True)
     return {
-        "as served": tokens_at(Sampling(1, 1.0)),
-        "temperature 2": tokens_at(Sampling(1, 2.0)),
+        "as served": served(Sampling(1, 1.0)),
+        "pose tokens": tokens_at(Sampling(1, 1.0)),
+        "temperature 2": served(Sampling(1, 2.0)),
         f"any order, {many} pose steps, temperature 1.5": tokens_at(free),
-        "roots": roots(Sampling(1, 1.0)),
-        f"roots; any order, {many} pose steps, temperature 1.5": roots(free),
-        f"roots × {WIDER:g}": roots(Sampling(1, 1.0), WIDER),
-        f"roots × {WIDER:g}; any order, {many} pose steps, temperature 1.5": roots(free, WIDER),
+        "missed roots": roots(Sampling(1, 1.0)),
+        f"missed roots; any order, {many} pose steps, temperature 1.5": roots(free),
+        f"missed roots × {WIDER:g}": roots(Sampling(1, 1.0), WIDER),
+        f"missed roots × {WIDER:g}; any order, {many} pose steps, temperature 1.5": roots(free, WIDER),
         "decoder without target": hidden(Sampling(1, 1.0), target),
     }
 
@@ -215,7 +219,7 @@ def count_probabilities(requests: Requests) -> Tensor:
             asked.update(inputs)
         return requests.networks.run(stage, **inputs)
 
-    networks = StageNetworks(requests.networks.heads, requests.networks.codes, recorded)
+    networks = replace(requests.networks, run=recorded)
     Requests(requests.bench, networks, requests.near, requests.segments, requests.frames).mode  # noqa: B018 - asks the root stage
     free = asked | {"allowed_counts": torch.ones_like(asked["allowed_counts"])}
     return requests.networks.run("root", **free)["count_probs"]

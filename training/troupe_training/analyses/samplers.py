@@ -68,6 +68,18 @@ def tokens_at(sampling: Sampling) -> Sampler:
     return draw
 
 
+def served(sampling: Sampling) -> Sampler:
+    """Everything drawn that the pack lets be drawn: tokens, and roots where it has a choice of them."""
+
+    def draw(requests: Requests, seed: int) -> Motion:
+        keys = Keys.of(requests.segments, requests.frames)
+        return decode(
+            requests.networks, make_plan(requests.networks, keys, requests.frames, replace(sampling, seed=seed))
+        )
+
+    return draw
+
+
 def any_tokens(requests: Requests, seed: int) -> Motion:
     """Tokens of codes drawn evenly: no decoder can vary more by its tokens."""
     generator = torch.Generator().manual_seed(seed)

@@ -20,20 +20,33 @@ from troupe_training.export.manifest import About, write_limits
 from troupe_training.export.motionbricks.adopt import adopt as adopt_pack
 from troupe_training.export.motionbricks.pack import export_run
 from troupe_training.export.motionbricks.random_pack import random_pack as export_random
-from troupe_training.models.motionbricks.config import PRESETS
+from troupe_training.models.motionbricks.config import PRESETS, ModelConfig
 from troupe_training.robots.source import RobotSource
 from troupe_training.train.delta import DELTA, train_delta
 from troupe_training.train.evaluator import LEARNING_RATE, train_evaluator
-from troupe_training.train.motionbricks.stages import STAGES, train_stage
+from troupe_training.train.motionbricks.refine import DRAWS
+from troupe_training.train.motionbricks.stages import PACK_STAGES, train_stage
 from troupe_training.train.trainer import Budget, Job
 
+CURVE_FRAMES = ModelConfig.root_curve_frames
 # Minutes, seed and learning rate of a stage where the command line does not say them.
 DEFAULTS = {
     "tokenizer": (45.0, 10, 5e-4),
     "root": (97.0, 11, 5e-4),
     "pose": (41.0, 12, 5e-4),
+    "choice": (12.0, 15, 1e-3),
     "refine": (24.0, 13, 4e-4),
     DELTA.name: (120.0, 14, 5e-4),  # as long as a pack's modules together
+}
+OPTIONS["--draws"] = {
+    "type": int,
+    "default": DRAWS,
+    "help": "refine: of so many draws of tokens the decoder learns from the nearest; 0: from the likeliest tokens alone",
+}
+OPTIONS["--curve-frames"] = {
+    "type": int,
+    "default": CURVE_FRAMES,
+    "help": "choice: frames of a piece of the curves that move roots; longer ones are smoother",
 }
 OPTIONS["stage"] = {"choices": DEFAULTS}
 OPTIONS["--into-body"] = {
@@ -89,7 +102,7 @@ def _prepare_once(args: argparse.Namespace) -> None:
             raise SystemExit(f"{args.cache} was made with {option} = {value}, not {wanted.get(option)}; {advice}")
 
 
-@command("stage", "--cache", *TRAINING, "--rate", "--fresh-schedule", "--teacher")
+@command("stage", "--cache", *TRAINING, "--rate", "--fresh-schedule", "--teacher", "--draws", "--curve-frames")
 def train(args: argparse.Namespace) -> int:
     """Trains one stage; stops at any moment (ctrl-c) and resumes from its checkpoint."""
     torch.set_num_threads(args.threads)
@@ -99,7 +112,10 @@ def train(args: argparse.Namespace) -> int:
     budget = Budget(minutes=minutes, steps=args.steps, learning_rate=args.rate or rate)
     seed = seed if args.seed is None else args.seed
     job = Job(args.cache, args.run, budget, args.frames_per_step, seed, args.device, args.balance, args.fresh_schedule)
-    done = train_delta(job, args.preset) if stage == DELTA.name else train_stage(stage, job, args.preset, args.teacher)
+    if stage == DELTA.name:
+        done = train_delta(job, args.preset)
+    else:
+        done = train_stage(stage, job, args.preset, args.teacher, args.draws, args.curve_frames)
     if not done:
         print(f"{stage}: stopped; the same command goes on from the checkpoint")
     return 0 if done else STOPPED
@@ -177,8 +193,9 @@ def pack(args: argparse.Namespace) -> int:
     args.run = args.run or Path("runs") / args.name
     args.cache = args.cache or args.run / "cache"
     args.rate, args.fresh_schedule, args.teacher = None, False, None
+    args.draws, args.curve_frames = DRAWS, CURVE_FRAMES
     _prepare_once(args)
-    for stage in STAGES:
+    for stage in PACK_STAGES:
         args.stage = stage
         if train(args) == STOPPED:
             return STOPPED

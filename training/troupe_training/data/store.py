@@ -6,7 +6,7 @@ frame and heading 0 there; training then turns each segment by a random heading 
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
@@ -140,8 +140,15 @@ class ClipStore:
 
     def of_split(self, split: str) -> "ClipStore":
         """The clips of another split of the same cache, which share its arrays."""
+        return self._of([c for c in self.index if in_split(c, split)])
+
+    def part(self, wanted: Callable[[ClipEntry], bool]) -> "ClipStore":
+        """Those of the clips that are ``wanted``, which share the arrays."""
+        return self._of([c for c in self.clips if wanted(c)])
+
+    def _of(self, clips: list[ClipEntry]) -> "ClipStore":
         other = copy(self)
-        other.clips = [c for c in self.index if in_split(c, split)]
+        other.clips = clips
         other._tables = {frames: other._start_table(frames) for frames in self._tables}
         return other
 

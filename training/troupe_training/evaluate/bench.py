@@ -31,13 +31,20 @@ DISTANCE = "sampled_distance_m"
 class Sampling:
     """How a network with a choice takes it: passes, and the temperature and seed of the choice (0: the likeliest).
 
-    A pass keeps the tokens that it is surest of, as the server does, or in ``any_order`` tokens at random.
+    A pass keeps the tokens that it is surest of, as the server does, or in ``any_order`` tokens at random. ``root`` is the
+    temperature of roots where it is not that of tokens.
     """
 
     steps: int = 1
     temperature: float = 0.0
     seed: int = 0
     any_order: bool = False
+    root: float | None = None
+
+    @property
+    def root_temperature(self) -> float:
+        """The temperature that roots are drawn at."""
+        return self.temperature if self.root is None else self.root
 
 
 # Fills the windows of captured segments of so many frames, with a choice of tokens where the method has one.

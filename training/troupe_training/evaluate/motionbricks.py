@@ -43,6 +43,9 @@ PAPER_G1 = Reference(
 )
 
 
+ROOT_STREAM = 0x526F6F74  # added to the seed
+
+
 @dataclass
 class StageNetworks:
     """The three stages, wherever they run: ``run`` takes a stage and tensors by name, and gives tensors by name."""
@@ -50,13 +53,15 @@ class StageNetworks:
     heads: int
     codes: int
     run: Callable[..., dict[str, Tensor]]
+    root_choices: int = 0  # numbers that choose a root, where the root stage has a choice
 
 
 def pack_networks(pack: Path, threads: int) -> StageNetworks:
     """The ONNX files of a pack folder."""
     sessions = {name: Session(pack / f"{name}.onnx", threads) for name in OUTPUTS}
     heads, codes = sessions["pose"].session.get_outputs()[0].shape[2:]
-    return StageNetworks(heads, codes, lambda stage, **inputs: sessions[stage].run(inputs))
+    noise = [i.shape[1] for i in sessions["root"].session.get_inputs() if i.name == "root_noise"]
+    return StageNetworks(heads, codes, lambda stage, **inputs: sessions[stage].run(inputs), sum(noise))
 
 
 def run_networks(run: Path, store: ClipStore) -> StageNetworks:
@@ -70,7 +75,7 @@ def run_networks(run: Path, store: ClipStore) -> StageNetworks:
         outputs = outputs if isinstance(outputs, tuple) else (outputs,)
         return dict(zip(OUTPUTS[stage], outputs, strict=True))
 
-    return StageNetworks(networks.pose.heads, networks.pose.codes, run_stage)
+    return StageNetworks(networks.pose.heads, networks.pose.codes, run_stage, networks.root_choices)
 
 
 def open_networks(folder: Path, store: ClipStore, threads: int) -> StageNetworks:
@@ -155,6 +160,16 @@ def choose_tokens(networks: StageNetworks, plan: Plan, sampling: Sampling) -> Te
     return tokens.reshape(batch, slots, heads)
 
 
+def root_noise(networks: StageNetworks, batch: int, sampling: Sampling) -> dict[str, Tensor]:
+    """The input that chooses roots ``[B, K]``, zero at temperature 0; none where roots have no choice."""
+    if not networks.root_choices:
+        return {}
+    # A stream of its own: the tokens' draws do not depend on whether roots have a choice.
+    generator = torch.Generator().manual_seed(sampling.seed + ROOT_STREAM)
+    noise = torch.randn(batch, networks.root_choices, generator=generator)
+    return {"root_noise": sampling.root_temperature * noise}
+
+
 def make_plan(networks: StageNetworks, keys: Keys, frames: int, sampling: Sampling) -> Plan:
     """Root trajectory and pose tokens for segments of ``frames`` frames (12 to 64) whose last frame is the target."""
     batch, tokens = len(keys.pose), -(-frames // FRAMES_PER_TOKEN)
@@ -182,6 +197,7 @@ def make_plan(networks: StageNetworks, keys: Keys, frames: int, sampling: Sampli
         has_pose=given,
         allowed_counts=allowed,
         count_noise=torch.zeros(batch, COUNTS),
+        **root_noise(networks, batch, sampling),
     )
     index = [*range(CONTEXT_FRAMES), frames - 1]
     frame_pose = torch.zeros(batch, padded, keys.pose.shape[-1])

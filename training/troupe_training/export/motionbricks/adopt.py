@@ -4,7 +4,7 @@ A pack has no encoder and none of the decoder's outputs that only training reads
 the decoder, on what the other two networks predict (`refine`); see `train.motionbricks.refine`.
 """
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from troupe_training.models.motionbricks.config import PRESETS, ModelConfig
 from troupe_training.models.motionbricks.served import DecoderStage, RootStage
 from troupe_training.models.motionbricks.tokenizer import Tokenizer
 from troupe_training.train.checkpoints import write_checkpoint
+from troupe_training.train.motionbricks.choice import CHOICE
 from troupe_training.train.motionbricks.pose import POSE
 from troupe_training.train.motionbricks.root import ROOT
 from troupe_training.train.motionbricks.tokenizer import TOKENIZER
@@ -105,20 +106,27 @@ def adopt_stage(module: nn.Module, numbers: dict[str, Tensor]) -> list[str]:
 
 
 def adopt(pack: Path, cache: Path, run: Path, preset: str) -> dict[str, list[str]]:
-    """Writes the checkpoints ``root``, ``pose`` and ``tokenizer``; what of each the pack does not have."""
+    """Writes the checkpoints ``root``, ``pose``, ``tokenizer`` and, where the pack has one, ``choice``.
+
+    Gives what of each the pack does not have.
+    """
+    manifest = read_manifest(pack)
+    choices = manifest.get("root_choices", 0)
     store, config = ClipStore(cache, "train"), PRESETS[preset]
+    config = replace(config, root_choices=choices) if choices else config
     run.mkdir(parents=True, exist_ok=True)
     root, pose, tokenizer = ROOT.build(config, store), POSE.build(config, store), TOKENIZER.build(config, store)
     numbers = weights_of(pack / "root.onnx")
     find_folded(numbers, "module.slots", (1, *root.slots.shape), root.slots.shape)
+    choice = CHOICE.build(config, store) if choices else None
     missing = {
-        "root": adopt_stage(RootStage(root), numbers),
+        "root": adopt_stage(RootStage(root, choice), numbers),
         "pose": adopt_stage(pose, weights_of(pack / "pose.onnx")),
         "tokenizer": adopt_decoder(tokenizer, weights_of(pack / "decoder.onnx")),
     }
-    told = read_manifest(pack)["training"]
-    for stage, model in (("root", root), ("pose", pose), ("tokenizer", tokenizer)):
-        save_adopted(run, stage, model, config, preset, told)
+    models = {"root": root, "pose": pose, "tokenizer": tokenizer} | ({CHOICE.name: choice} if choice else {})
+    for stage, model in models.items():
+        save_adopted(run, stage, model, config, preset, manifest["training"])
     return missing
 
 
@@ -147,11 +155,13 @@ def save_adopted(
 ) -> None:
     """A checkpoint with the updates and minutes that the pack's manifest tells of the stage."""
     steps, loss = told.get(f"{stage}_steps", 0), told.get(f"{stage}_final_loss")
+    # A pack's decoder is the tokenizer's after its refinement, of which the manifest is to tell even where it is not refined again.
+    refined = {key: value for key, value in told.items() if stage == TOKENIZER.name and key.startswith("refine_")}
     write_checkpoint(
         run / f"{stage}.pt",
         {
             "stage": stage,
-            "meta": {"model": asdict(config), "preset": preset, "adopted": True},
+            "meta": {"model": asdict(config), "preset": preset, "adopted": True, "refined": refined},
             "model": model.state_dict(),
             "average": model.state_dict(),
             "step": steps,

@@ -13,8 +13,13 @@ from troupe_training.train.motionbricks.masks import random_keyframe_mask, slot_
 Inputs = dict[str, Tensor]  # of one stage, in the order of its arguments
 
 
-def example_inputs(store: SegmentSource, pose: PoseModule, batch: int, slots: int, seed: int) -> dict[str, Inputs]:
-    """Inputs of each stage: ``batch`` segments of up to ``slots`` tokens, padded to ``slots``."""
+def example_inputs(
+    store: SegmentSource, pose: PoseModule, batch: int, slots: int, seed: int, root_choices: int = 0
+) -> dict[str, Inputs]:
+    """Inputs of each stage: ``batch`` segments of up to ``slots`` tokens, padded to ``slots``.
+
+    Where roots have ``root_choices``, every other row has noise for them.
+    """
     generator = Generator().manual_seed(seed)
     joints, padded_frames = store.skeleton.joint_count, slots * FRAMES_PER_TOKEN
     fitting = [length for length in store.lengths() if length <= padded_frames]
@@ -38,10 +43,13 @@ def example_inputs(store: SegmentSource, pose: PoseModule, batch: int, slots: in
     num_tokens = torch.tensor(lengths) // FRAMES_PER_TOKEN
     root = _root_inputs(keys, num_tokens - MIN_TOKENS, generator)
     tokens = torch.randint(pose.codes, (batch, slots, pose.heads), generator=generator)
-    noise = torch.randn(batch, COUNTS, generator=generator)
+    noise = {"count_noise": torch.randn(batch, COUNTS, generator=generator)}
+    if root_choices:
+        noise["root_noise"] = torch.randn(batch, root_choices, generator=generator)
+        noise["root_noise"][1::2] = 0.0
     shared = {"num_tokens": num_tokens, "global_root": roots, "frame_pose": frame_pose, "frame_mask": mask}
     return {
-        "root": root | {"count_noise": noise},
+        "root": root | noise,
         "pose": {"tokens": torch.full_like(tokens, pose.codes)} | shared,
         "decoder": {"tokens": tokens} | shared,
     }

@@ -28,6 +28,7 @@ from troupe_training.models.motionbricks.config import FRAMES_PER_TOKEN, MAX_TOK
 from troupe_training.models.motionbricks.served import OUTPUTS, Networks
 from troupe_training.train.checkpoints import read_checkpoint
 from troupe_training.train.motionbricks.stages import STAGES, load_networks
+from troupe_training.train.motionbricks.tokenizer import REFINE, TOKENIZER
 from troupe_training.train.plots import plot_curves
 
 FAMILY = Family("motionbricks", ("inbetween", "live"))
@@ -63,6 +64,8 @@ def _training(run: Path, store: ClipStore) -> dict[str, Any]:
             training[f"{stage}_minutes"] = round(state["seconds"] / 60, 1)
             if state["history"]:
                 training[f"{stage}_final_loss"] = state["history"][-1]["total"]
+        elif stage == REFINE.name:
+            training |= TOKENIZER.read(run)["meta"].get("refined", {})
     return training
 
 
@@ -72,7 +75,8 @@ def export_pack(out: Path, about: About, store: SegmentSource, networks: Network
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)
     stages, pose = networks.stages(), networks.pose
-    example, *checked = (example_inputs(store, pose, *size) for size in (EXPORTED, *CHECKED))
+    choices = networks.root_choices
+    example, *checked = (example_inputs(store, pose, *size, choices) for size in (EXPORTED, *CHECKED))
     checks = {}
     for name, stage in stages.items():
         stage.eval().requires_grad_(False)
@@ -92,6 +96,7 @@ def export_pack(out: Path, about: About, store: SegmentSource, networks: Network
         "codes": pose.codes,
         "context_frames": CONTEXT_FRAMES,
         "max_targets": MAX_TARGETS,
+        **({"root_choices": choices} if choices else {}),
         "parameters": sum(parameters[name] for name in stages) + networks.tokenizer.quantizer.book.numel(),
     }
     write_manifest(fresh, FAMILY, about, sizes, digest.hexdigest(), store.skeleton, checks)

@@ -24,6 +24,8 @@ class ModelConfig:
     kernels: tuple[int, int, int] = (3, 5, 7)
     root_dim: int = 192
     root_layers: int = 3  # in each of its two steps
+    root_choices: int = 16  # curves of the root's choice, in packs that have one
+    root_curve_frames: int = 4  # of a spline's piece of those curves: the longer, the smoother
     pose_dim: int = 256
     pose_layers: int = 5
     pose_feedforward: int = 4  # width of the pose module's feed-forward layers, in multiples of `pose_dim`

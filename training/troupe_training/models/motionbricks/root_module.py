@@ -5,6 +5,8 @@ trajectory is predicted as a residual to the straight line between the last cont
 root (or, without one, to the context's constant velocity), which keeps the regression small and the constraints close.
 """
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor, nn
 
@@ -14,6 +16,16 @@ from troupe_training.models.layers import Standardiser, Transformer, mlp3, sinus
 from troupe_training.models.motionbricks.config import COUNTS, FRAMES_PER_TOKEN, MAX_TOKENS, SLOTS, ModelConfig
 
 RESIDUAL_SCALE = 0.25
+
+
+@dataclass
+class RootPass:
+    """What step 2 gives: the likeliest root, and what a choice of others goes by."""
+
+    root: Tensor  # r_g3: [B, 64, 5]
+    hidden: Tensor  # slots, constraints and timing: [B, 18, dim]
+    valid: Tensor  # which of them are inside the segment: [B, 18] of 0/1
+    envelope: Tensor  # how free the root is at each frame: [B, 64], 0 where it is given
 
 
 class RootModule(nn.Module):
@@ -70,11 +82,19 @@ class RootModule(nn.Module):
 
     def trajectory(self, hidden: Tensor, f: Tensor, count_one_hot: Tensor, num_tokens: Tensor, base: Tensor) -> Tensor:
         """Step 2: r_g3 ``[B, 64, 5]``; slots past ``num_tokens`` are masked out."""
+        return self.read_out(self.refined(hidden, f, count_one_hot, num_tokens)[0], base)
+
+    def refined(self, hidden: Tensor, f: Tensor, count_one_hot: Tensor, num_tokens: Tensor) -> tuple[Tensor, Tensor]:
+        """What step 2 reads the root from, ``[B, 18, dim]``, and which of it is inside the segment, ``[B, 18]`` of 0/1."""
         known = torch.ones_like(count_one_hot[:, :1])
         x = torch.cat([hidden, f[:, 1:], self.timing(count_one_hot, known)[:, None]], 1) + self.place
         valid = valid_frames(num_tokens, MAX_TOKENS, 1)
         valid = torch.cat([valid, torch.ones_like(valid[:, :2])], 1)
-        return self._read_out(self.step2(x, valid)[:, :MAX_TOKENS].float(), base)
+        return self.step2(x, valid), valid
+
+    def read_out(self, refined: Tensor, base: Tensor) -> Tensor:
+        """r_g3 from what `refined` gives."""
+        return self._read_out(refined[:, :MAX_TOKENS].float(), base)
 
     @full_precision
     def _read_out(self, hidden: Tensor, base: Tensor) -> Tensor:

@@ -10,7 +10,8 @@ from troupe_training.data.roots import integrate_root
 from troupe_training.models.motionbricks.carried import usual_heights
 from troupe_training.models.motionbricks.config import COUNTS, MIN_TOKENS
 from troupe_training.models.motionbricks.pose_module import PoseModule
-from troupe_training.models.motionbricks.root_module import RootModule, baseline_trajectory
+from troupe_training.models.motionbricks.root_choice import RootChoice, envelope
+from troupe_training.models.motionbricks.root_module import RootModule, RootPass, baseline_trajectory
 from troupe_training.models.motionbricks.tokenizer import Tokenizer
 
 # Outputs of each stage, in order.
@@ -22,11 +23,15 @@ OUTPUTS = {
 
 
 class RootStage(nn.Module):
-    """The exported root module: masks, counts and trajectory as the pack contract names them."""
+    """The exported root module: masks, counts and trajectory as the pack contract names them.
 
-    def __init__(self, module: RootModule):
+    With a ``choice`` it has one more input, ``root_noise``: zeros, or standard normal numbers times a temperature.
+    """
+
+    def __init__(self, module: RootModule, choice: RootChoice | None = None):
         super().__init__()
         self.module = module
+        self.choice = choice
 
     def forward(
         self,
@@ -38,8 +43,11 @@ class RootStage(nn.Module):
         has_pose: Tensor,
         allowed_counts: Tensor,
         count_noise: Tensor,
+        root_noise: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Slot values ``[B, 8, .]`` and masks ``[B, 8]``, counts ``[B, 14]``; what comes out, `OUTPUTS` names."""
+        """Slot values ``[B, 8, .]`` and masks ``[B, 8]``, counts ``[B, 14]``, ``root_noise`` ``[B, K]``; what comes out,
+        `OUTPUTS` names.
+        """
         module = self.module
         values = {"local_root": key_local_root, "global_root": key_global_root, "pose": key_pose}
         f = module.constraints(values, {"local_root": has_local_root, "global_root": has_global_root, "pose": has_pose})
@@ -51,7 +59,12 @@ class RootStage(nn.Module):
         one_hot = F.one_hot(index, COUNTS).to(allowed_counts.dtype)
         num_tokens = index + MIN_TOKENS
         base = baseline_trajectory(key_local_root, key_global_root, has_global_root, num_tokens)
-        return num_tokens, probabilities, module.trajectory(hidden, f, one_hot, num_tokens, base)
+        refined, valid = module.refined(hidden, f, one_hot, num_tokens)
+        root = module.read_out(refined, base)
+        if self.choice is not None:
+            assert root_noise is not None, "a root stage with a choice needs its noise"
+            root = self.choice(RootPass(root, refined, valid, envelope(has_global_root, num_tokens)), root_noise)
+        return num_tokens, probabilities, root
 
 
 class DecoderStage(nn.Module):
@@ -117,10 +130,16 @@ class Networks:
     tokenizer: Tokenizer
     root: RootModule
     pose: PoseModule
+    choice: RootChoice | None = None  # of roots, where it is trained
+
+    @property
+    def root_choices(self) -> int:
+        """Numbers that choose a root; 0 without a choice."""
+        return self.choice.choices if self.choice else 0
 
     def stages(self) -> dict[str, nn.Module]:
         """What a pack ships, by the names of its ONNX files; the pose module as it is."""
-        return {"root": RootStage(self.root), "pose": self.pose, "decoder": DecoderStage(self.tokenizer)}
+        return {"root": RootStage(self.root, self.choice), "pose": self.pose, "decoder": DecoderStage(self.tokenizer)}
 
     def parameters(self) -> dict[str, int]:
         """How many numbers each network learns; the encoder is counted though packs do not hold it."""
@@ -130,4 +149,7 @@ class Networks:
             "root": self.root,
             "pose": self.pose,
         }
-        return {name: sum(t.numel() for t in network.parameters()) for name, network in networks.items()}
+        counts = {name: sum(t.numel() for t in network.parameters()) for name, network in networks.items()}
+        if self.choice:
+            counts["root"] += sum(t.numel() for t in self.choice.parameters())
+        return counts

@@ -11,7 +11,7 @@ from troupe_training.models.motionbricks.root_module import RootModule
 from troupe_training.models.motionbricks.tokenizer import Tokenizer
 from troupe_training.train.checkpoints import Stage
 from troupe_training.train.motionbricks.masks import cosine_token_mask, random_keyframe_mask
-from troupe_training.train.motionbricks.root import mixed_root
+from troupe_training.train.motionbricks.root import mixed_root, predicted_root
 from troupe_training.train.motionbricks.teacher import POSE_SHARE, soft_target, taught_entropy
 from troupe_training.train.statistics import POSE_AND_ROOT, standardised
 from troupe_training.train.trainer import Loss
@@ -43,7 +43,8 @@ def pose_loss(
         hidden = cosine_token_mask(batch, slots, heads, generator).to(store.device)
         tokens = torch.where(hidden, model.codes, truth)
         num_tokens = torch.full((batch,), slots, device=store.device)
-        trajectory = mixed_root(root, segments, mask, PREDICTED_ROOTS, generator)
+        predicted = predicted_root(root, segments, mask, generator).root[:, :frames]
+        trajectory = mixed_root(predicted, segments, PREDICTED_ROOTS, generator)
         given = (tokens, num_tokens, trajectory, segments.pose * mask[..., None], mask)
         logits = model(*given)
         entropy = F.cross_entropy(logits.flatten(0, 2), truth.flatten(), reduction="none").reshape(truth.shape)

@@ -7,7 +7,8 @@ from torch.nn import functional as F
 from troupe_training.data.conventions import CONTEXT_FRAMES, MAX_TARGETS
 from troupe_training.data.store import ClipStore, Segments
 from troupe_training.models.motionbricks.config import COUNTS, FRAMES_PER_TOKEN, MIN_TOKENS, ModelConfig, config_of
-from troupe_training.models.motionbricks.root_module import RootModule, baseline_trajectory
+from troupe_training.models.motionbricks.root_choice import envelope
+from troupe_training.models.motionbricks.root_module import RootModule, RootPass, baseline_trajectory
 from troupe_training.train.checkpoints import Stage
 from troupe_training.train.motionbricks.masks import random_slot_masks, slot_frames
 from troupe_training.train.motionbricks.teacher import ROOT_SHARE, soft_target
@@ -26,10 +27,10 @@ def build_root(config: ModelConfig, store: ClipStore) -> RootModule:
 ROOT = Stage("root", config_of, build_root)
 
 
-def run_root(
+def root_pass(
     model: RootModule, segments: Segments, masks: dict[str, Tensor], timing_known: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Count logits ``[B, 14]`` and r_g3 ``[B, T, 5]`` for segments of known length."""
+) -> tuple[Tensor, RootPass]:
+    """Count logits ``[B, 14]`` and what step 2 gives for segments of known length."""
     batch, tokens = len(segments.pose), segments.frames // FRAMES_PER_TOKEN
     device = segments.pose.device
     masks = {name: mask.to(device) for name, mask in masks.items()}
@@ -43,8 +44,17 @@ def run_root(
     hidden, logits = model.count_logits(f, one_hot * known, known)
     num_tokens = count + MIN_TOKENS
     base = baseline_trajectory(values["local_root"], values["global_root"], masks["global_root"], num_tokens)
-    root = model.trajectory(hidden, f, one_hot, num_tokens, base)
-    return logits, root[:, : segments.frames]
+    refined, valid = model.refined(hidden, f, one_hot, num_tokens)
+    free = envelope(masks["global_root"], num_tokens)
+    return logits, RootPass(model.read_out(refined, base), refined, valid, free)
+
+
+def run_root(
+    model: RootModule, segments: Segments, masks: dict[str, Tensor], timing_known: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Count logits ``[B, 14]`` and r_g3 ``[B, T, 5]`` for segments of known length."""
+    logits, given = root_pass(model, segments, masks, timing_known)
+    return logits, given.root[:, : segments.frames]
 
 
 def root_loss(store: ClipStore, frames_budget: int, teacher: RootModule | None = None) -> Loss[RootModule]:
@@ -80,8 +90,8 @@ def root_loss(store: ClipStore, frames_budget: int, teacher: RootModule | None =
     return loss
 
 
-def mixed_root(root: RootModule, segments: Segments, mask: Tensor, share: float, generator: Generator) -> Tensor:
-    """For a ``share`` of the samples what the root module predicts from the keyframes in ``mask``, else the truth.
+def predicted_root(root: RootModule, segments: Segments, mask: Tensor, generator: Generator) -> RootPass:
+    """What the root module predicts from the keyframes in ``mask`` ``[B, T]``.
 
     As in most requests a target keyframe with a pose usually has a root too; the rest is drawn at random.
     """
@@ -94,6 +104,10 @@ def mixed_root(root: RootModule, segments: Segments, mask: Tensor, share: float,
         with_root & (target_poses.sum(-1, keepdim=True) > 0), target_poses, masks["global_root"][:, CONTEXT_FRAMES:]
     )
     with torch.no_grad():
-        predicted = run_root(root, segments, masks, torch.ones(batch))[1]
-    use = (torch.rand(batch, 1, 1, generator=generator) < share).to(predicted.device)
+        return root_pass(root, segments, masks, torch.ones(batch))[1]
+
+
+def mixed_root(predicted: Tensor, segments: Segments, share: float, generator: Generator) -> Tensor:
+    """For a ``share`` of the samples the ``predicted`` roots ``[B, T, 5]``, else the true ones."""
+    use = (torch.rand(len(predicted), 1, 1, generator=generator) < share).to(predicted.device)
     return torch.where(use, predicted, segments.global_root)
