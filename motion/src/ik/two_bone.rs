@@ -18,10 +18,8 @@ pub(super) const STRAIGHTEST: f32 = 0.9995;
 /// How much nearer the end joint may come than a folded limb brings it, metres.
 const FOLDED_M: f32 = 1e-3;
 /// A limb whose middle joint lies nearer to the line between its ends than this share of the shorter bone is bent towards
-/// the pole, fading out up to here. One whose middle joint points straight away from the pole is so up to the sum of both: a knee
-/// that is made a little wrong in a leg that is all but straight would show when the leg is bent.
+/// the pole, fading out up to here.
 const NEARLY_STRAIGHT: f32 = 0.05;
-const WRONG_WAY: f32 = 0.2;
 /// Bones shorter than this are none, metres.
 pub(super) const SHORTEST_BONE_M: f32 = 1e-4;
 /// A goal as near as this is met already, metres.
@@ -318,11 +316,9 @@ fn ease(distance: f32, from: f32, to: f32) -> f32 {
 fn side_of(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
     let across = |v: Vec3| v - line * v.dot(line);
     let side = across(first);
-    let pole = across(pole).try_normalize().unwrap_or(Vec3::ZERO);
-    // 0 where the middle joint points as the pole does, 1 where it points away.
-    let wrong = (1.0 - side.normalize_or(pole).dot(pole)) / 2.0;
-    let flat = (NEARLY_STRAIGHT + WRONG_WAY * wrong) * shorter_m;
+    let flat = NEARLY_STRAIGHT * shorter_m;
     let weight = 1.0 - smoothstep((side.length() / flat).min(1.0));
+    let pole = across(pole).try_normalize().unwrap_or(Vec3::ZERO);
     (side + pole * (flat * weight))
         .try_normalize()
         .unwrap_or_else(|| line.any_orthonormal_vector())
