@@ -7,8 +7,8 @@ use super::*;
 use crate::live::testing::still_buffer;
 use crate::live::{Arrival, LivePlan, PlanTrace};
 
-/// Turn of the one joint for each metre of the way, so that root and pose can be told to be of one frame: little, for joints that
-/// are far from a plan go over in their own time.
+/// Rise and turn of the one joint for each metre of the way, so that height and pose, which fade in alike, can be told to be of one
+/// frame: little, for joints that are far from a plan go over in their own time.
 const TURN: f32 = 0.1;
 const WALKS: Policy = Policy {
     interval_frames: Some(9),
@@ -66,12 +66,12 @@ impl Harness {
         let context = (0..4).map(|frame| buffer.root(ticket.splice - 3 + frame));
         let start = buffer.root(ticket.splice);
         let ahead = (1..=self.plan_frames - 4)
-            .map(|frame| start + Vec3::new(0.0, 0.0, speed(ticket.number) * frame as f32));
+            .map(|frame| start + Vec3::new(0.0, TURN, 1.0) * (speed(ticket.number) * frame as f32));
         let roots: Vec<Vec3> = context.chain(ahead).collect();
         LivePlan {
             rotations: roots
                 .iter()
-                .map(|root| Quat::from_rotation_x(TURN * root.z))
+                .map(|root| Quat::from_rotation_x(root.y))
                 .collect(),
             contacts: vec![0; roots.len()],
             roots,
@@ -88,7 +88,7 @@ impl Harness {
     fn sample(&self) -> Vec3 {
         let mut pose = Vec::new();
         let (root, _) = self.timeline.buffer().sample(self.timeline.cursor(), &mut pose);
-        assert!(pose[0].angle_between(Quat::from_rotation_x(TURN * root.z)) < 0.002);
+        assert!(pose[0].angle_between(Quat::from_rotation_x(root.y)) < 0.002);
         root
     }
 
