@@ -845,8 +845,8 @@ export interface components {
              * Format: int64
              * @description Frame of the session's timeline from which it holds. Left out, or in the past: now. At most 100000 frames ahead. Commands
              *     that hold from the same frame on are carried out in the order of their numbers. A newer locomote replaces one that still
-             *     waits for its frame, a newer interact, perform or cancel replaces interacts and performs that do. Of all others, none replaces another: at most 8
-             *     wait, one more is refused (TOO_MANY_COMMANDS). What comes during a fall waits for its end, and of that the newest alone.
+             *     waits for its frame, a newer interact, skill, perform or cancel replaces interacts, skills and performs that do. Of all others, none replaces another: at most 8
+             *     wait, one more is refused (TOO_MANY_COMMANDS). What comes during a fall or a skill waits for its end, and of that the newest alone.
              * @default null
              */
             at_frame: number | null;
@@ -918,6 +918,9 @@ export interface components {
         } | {
             /** @description Act out a sentence. */
             perform: components["schemas"]["Perform"];
+        } | {
+            /** @description Do a skill of the pack. */
+            skill: components["schemas"]["UseSkill"];
         };
         /** @description Gives commands. */
         CommandRequest: {
@@ -2588,6 +2591,11 @@ export interface components {
              */
             sampler_steps: number;
             /**
+             * @description What its characters can do where they stand, beside walking: see UseSkill.
+             * @default []
+             */
+            skills: components["schemas"]["PackSkill"][];
+            /**
              * @description The pack's own version.
              * @default
              */
@@ -2630,6 +2638,29 @@ export interface components {
              * @default []
              */
             words: string[];
+        };
+        /** @description A skill of a pack. */
+        PackSkill: {
+            /**
+             * @description What it is, for people.
+             * @default
+             */
+            description: string;
+            /**
+             * @description Whether it is held until it is ended, such as lying.
+             * @default false
+             */
+            held: boolean;
+            /**
+             * @description The name that commands give.
+             * @default
+             */
+            name: string;
+            /**
+             * @description Names of its variants.
+             * @default []
+             */
+            variants: string[];
         };
         /** @description A path that a character followed came to its end; it stands there. */
         PathArrived: {
@@ -2739,7 +2770,7 @@ export interface components {
         };
         /**
          * @description Act out a sentence, and go on in locomotion. The character goes on as it does until the first frames have come, blends into them,
-         *     and takes up again what it did before; of a path that it followed, it stands. Every locomote, follow_path, interact, perform
+         *     and takes up again what it did before; of a path that it followed, it stands. Every locomote, follow_path, interact, skill, perform
          *     and cancel breaks a performance off, and so does a fall.
          */
         Perform: {
@@ -3882,6 +3913,23 @@ export interface components {
              * @default 0
              */
             total_us: number;
+        };
+        /**
+         * @description Do a skill of the session's pack where the character stands, such as lying down or jumping: go through the sets of one of its
+         *     variants. One that moves stops first. Nothing is needed for it: no object and no scene. Commands that move the character, use an
+         *     object or cancel come after the skill: a held one is left by its exit first, so who lies gets up before it walks.
+         */
+        UseSkill: {
+            /**
+             * @description Name of the skill, one of Pack.skills.
+             * @default
+             */
+            name: string;
+            /**
+             * @description Name of the variant. Empty: one by weight. All choices of a session follow from its seed.
+             * @default
+             */
+            variant: string;
         };
         /** @description A vector, in metres where nothing else is said. */
         Vec3: {
