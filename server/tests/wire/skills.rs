@@ -140,7 +140,7 @@ async fn http_and_websocket_do_skills() {
     let call = reqwest::Client::new().post(server.url("/v1/step")).json(&asked);
     let answer: Value = call.send().await.unwrap().json().await.unwrap();
     assert_eq!(
-        answer["events"][0]["events"][0]["started"]["definition"], "duck",
+        answer["events"][0]["events"][0]["kind"]["started"]["definition"], "duck",
         "{answer}"
     );
 
