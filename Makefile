@@ -2,7 +2,7 @@
 # make docs  builds the site of docs/, which a server that is built after that serves at /docs
 # make test  lints and tests everything, Rust and Python
 .PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
-	film-objects film-crowd film-live film-words image crowd load bench bench-serving bench-micro bench-instructions
+	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
 
 DATA_ARCHIVE := ../shared/data/bandai-namco-train.tar.xz
 REAL_CLIPS := target/data/bandai-namco
@@ -116,6 +116,12 @@ styles: runtime
 	scripts/with-server.sh target/release/troupe style build --pack $(PACK) --list models/$(PACK)/styles.toml \
 		--data "$(DATA)" --out models/$(PACK)/styles $(ARGS)
 
+# The skills of g1 from clips, rebuilt by its networks: make skills DATA=folder of the robot's CSV files
+skills: runtime
+	@[ -d "$(DATA)" ] || { echo "usage: make skills DATA=folder of a robot's CSV files" >&2; exit 2; }
+	cargo build --release --package troupe-cli
+	scripts/with-server.sh scripts/build-skills.sh target/release/troupe "$(DATA)" models/g1/skills
+
 # Every figure of how well a pack fills gaps, and what characters that wander for a minute make of it: make eval DATA=folder
 # (PACK=g1 for another pack, SPLIT=list of the clips to use, ARGS="--max-windows 50 --seeds 0" for a short look). With
 # models/PACK/evaluator.onnx FID too.
@@ -174,6 +180,11 @@ film-objects: runtime
 	cargo build --release --package troupe-cli
 	scripts/with-server.sh scripts/film-objects.sh target/release/troupe docs/images
 
+# The pictures of docs/skills.md: the robot crouches and crawls, jumps, lies down and gets up, through a running server.
+film-skills: runtime
+	cargo build --release --package troupe-cli
+	scripts/with-server.sh scripts/film-skills.sh target/release/troupe docs/images
+
 # The moving picture of README.md: ten characters on the square of examples/casts/plaza.toml, through a running server.
 film-crowd: runtime
 	cargo build --release --package troupe-cli
@@ -188,6 +199,10 @@ film-words: runtime
 	cargo build --release --package troupe-cli
 	scripts/with-server.sh scripts/film-words.sh target/release/troupe docs/images/words.png
 
+# The picture of docs/requests.md: three targets that cannot be met, through a running server.
+film-impossible: runtime python-env
+	scripts/with-server.sh .venv/bin/python scripts/draw-impossible.py docs/images/impossible.png
+
 # A hundred characters that wander for a minute on the server's clock (ARGS="--count 200 --seconds 20" for others; see --help)
 crowd: runtime
 	cargo build --release --package troupe-client --example crowd
@@ -198,9 +213,11 @@ load: runtime
 	cargo build --release --package troupe-loadtest
 	scripts/with-server.sh target/release/troupe-loadtest $(or $(ARGS),run --clients 32)
 
-# The files in examples/.
-samples:
-	cargo run --package troupe-tests --example sample_motion -- models/human examples
+# examples/walk.bvh, which the default pack makes along examples/paths/walk.toml, and examples/request.json, a gap in it.
+samples: runtime
+	cargo build --release --package troupe-cli
+	scripts/with-server.sh target/release/troupe drive --path examples/paths/walk.toml --out examples/walk.bvh
+	cargo run --package troupe-tests --example sample_request -- models/human examples/walk.bvh >examples/request.json
 
 # The benchmarks, into bench/figures and docs/benchmarks.md: PARTS for some of them, ARGS=--quick for a short look, ARGS=--help for the list
 bench: bench-env

@@ -13,10 +13,11 @@ use troupe_motion::model::Rig;
 
 use crate::live::{Character, World};
 use crate::object::Definition;
+use crate::skill::Skills;
 use crate::style::Style;
 
 /// Changes with what a saved character is. Bytes of another format are not read.
-pub const FORMAT: u32 = 4;
+pub const FORMAT: u32 = 5;
 
 /// What a restored character finds around it.
 #[derive(Debug, Clone)]
@@ -25,6 +26,8 @@ pub struct Surroundings {
     pub rig: Arc<Rig>,
     /// The styles that there are.
     pub styles: Arc<dyn Styles>,
+    /// What it can do where it stands.
+    pub skills: Arc<Skills>,
     /// Its scene, where it lives in one.
     pub world: Option<World>,
 }
@@ -117,16 +120,20 @@ pub(crate) mod style {
     }
 }
 
-/// An object definition by its name.
+/// An object definition or a skill by its name.
 pub(crate) mod definition {
     use super::*;
 
     pub(crate) fn serialize<S: Serializer>(definition: &Arc<Definition>, to: S) -> Result<S::Ok, S::Error> {
-        definition.name.serialize(to)
+        (definition.is_skill, &definition.name).serialize(to)
     }
 
     pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Arc<Definition>, D::Error> {
-        let name = String::deserialize(from)?;
+        let (is_skill, name) = <(bool, String)>::deserialize(from)?;
+        if is_skill {
+            let find = |around: &Surroundings| around.skills.get(&name).cloned();
+            return around(find, &format!("skill {name:?}"));
+        }
         let find = |around: &Surroundings| {
             let listed = around.world.as_ref()?.definitions.get(&name).ok()?;
             Some(listed.definition)
@@ -135,7 +142,21 @@ pub(crate) mod definition {
     }
 }
 
-/// The scene that is around the character.
+/// The skills of the pack.
+pub(crate) mod skills {
+    use super::*;
+
+    pub(crate) fn serialize<S: Serializer>(_: &Arc<Skills>, to: S) -> Result<S::Ok, S::Error> {
+        ().serialize(to)
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Arc<Skills>, D::Error> {
+        <()>::deserialize(from)?;
+        around(|around| Some(Arc::clone(&around.skills)), "skills")
+    }
+}
+
+/// The scene that is around the character; level ground where it lives in none.
 pub(crate) mod world {
     use super::*;
 
@@ -145,7 +166,8 @@ pub(crate) mod world {
 
     pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<World, D::Error> {
         <()>::deserialize(from)?;
-        around(|around| around.world.clone(), "scene")
+        let world = |around: &Surroundings| Some(around.world.clone().unwrap_or_else(World::level));
+        around(world, "scene")
     }
 }
 

@@ -4,7 +4,7 @@ use troupe_motion::{Quat, Vec3};
 
 use super::*;
 use crate::live::behaviour::testing::{Event, Harness, Plans, carry_out, doll_style, event};
-use crate::live::{CROSSFADE_FRAMES, LastSeen, RejoinError};
+use crate::live::{CROSSFADE_FRAMES, EventKind, Intent, LastSeen, RejoinError};
 use crate::scene::Holder;
 
 #[derive(Debug)]
@@ -20,6 +20,7 @@ fn around(rig: &Harness) -> Surroundings {
     Surroundings {
         rig: rig.rig.clone(),
         styles: Arc::new(Calm),
+        skills: rig.skills.clone(),
         world: Some(World {
             scene: rig.scene.clone(),
             definitions: rig.definitions.clone(),
@@ -119,7 +120,7 @@ fn what_it_names_must_be_there() {
     let mut old = bytes.to_vec();
     old[0] = 9;
     let error = restore(&old, &around(&rig)).unwrap_err().to_string();
-    assert_eq!(error, "it was saved in format 9; allowed: format 4");
+    assert_eq!(error, "it was saved in format 9; allowed: format 5");
 }
 
 #[test]
@@ -201,4 +202,30 @@ fn a_pose_that_was_seen_is_met_exactly() {
         .map(|(a, b)| angle_between(*a, *b));
     let worst = worst.fold(0.0, f32::max);
     assert!(worst < 2e-3, "{worst}");
+}
+
+#[test]
+fn one_that_lies_in_no_scene_goes_on_to_lie_and_gets_up() {
+    let mut rig = Harness::nowhere();
+    rig.skill("lie", "").unwrap();
+    rig.run(80);
+    let lies = rig.character.activity();
+    let nowhere = Surroundings {
+        world: None,
+        ..around(&rig)
+    };
+    let mut bytes = Vec::new();
+    save(&rig.character, &mut bytes);
+    rig.character = restore(&bytes, &nowhere).unwrap();
+    rig.run(30);
+    assert_eq!(rig.character.activity(), lies);
+    rig.give(Intent::EndInteraction).unwrap();
+    let done = |kind: &EventKind| matches!(kind, EventKind::Done { .. });
+    assert!(rig.until(100, done).is_some(), "it gets up");
+    let without = Surroundings {
+        skills: Arc::default(),
+        ..nowhere
+    };
+    let error = restore(&bytes, &without).unwrap_err().to_string();
+    assert!(error.starts_with("it does not fit"), "{error}");
 }

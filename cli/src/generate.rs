@@ -160,7 +160,7 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
         pack.description().version
     ));
     if let Some(found) = &made.feasibility {
-        context.term.note(format_args!("{}", verdict(found)));
+        context.term.note(format_args!("{}", verdict(found, pack.skeleton())));
     }
     Ok(())
 }

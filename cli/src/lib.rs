@@ -20,6 +20,7 @@ mod output;
 mod pack_folder;
 mod packs;
 mod path;
+mod rebuild;
 mod roots;
 mod say;
 mod scene;

@@ -79,8 +79,32 @@ fn to_json(pack: &Pack) -> Value {
         "parameters": of.parameters,
         "content_hash": of.content_hash,
         "robot": of.robot.as_ref().map(robot_json),
+        "skills": of.skills.iter().map(skill_json).collect::<Value>(),
         "figures": figures(pack),
     })
+}
+
+fn skill_json(skill: &v1::PackSkill) -> Value {
+    json!({
+        "name": skill.name,
+        "description": skill.description,
+        "variants": skill.variants,
+        "held": skill.held,
+    })
+}
+
+/// What characters can do where they stand, a skill a line.
+fn skills_in_words(skills: &[v1::PackSkill]) -> String {
+    let skill = |skill: &v1::PackSkill| {
+        let held = if skill.held { ", held until ended" } else { "" };
+        format!(
+            "{} ({}{held}): {}",
+            skill.name,
+            skill.variants.join(", "),
+            skill.description
+        )
+    };
+    skills.iter().map(skill).collect::<Vec<_>>().join("\n")
 }
 
 fn robot_json(robot: &v1::Robot) -> Value {
@@ -191,6 +215,9 @@ fn describe(pack: &Pack) -> String {
     if let Some(robot) = &of.robot {
         table.add_row(["robot", &robot_in_words(robot)]);
     }
+    if !of.skills.is_empty() {
+        table.add_row(["skills", &skills_in_words(&of.skills)]);
+    }
     for (name, figure) in figure_rows(&figures(pack)) {
         table.add_row([name, figure]);
     }
@@ -245,6 +272,34 @@ mod tests {
         assert_eq!(json["robot"]["qpos_size"], 8);
         let human = Pack::try_from(crate::testing::pair()).unwrap();
         assert_eq!(to_json(&human)["robot"], Value::Null);
+    }
+
+    #[test]
+    fn skills_are_told_with_their_ways() {
+        let lie = v1::PackSkill {
+            name: "lie-down".to_owned(),
+            description: "Lies down.".to_owned(),
+            variants: vec!["back".to_owned(), "front".to_owned()],
+            held: true,
+        };
+        let jump = v1::PackSkill {
+            name: "jump".to_owned(),
+            description: "Jumps.".to_owned(),
+            variants: vec!["up".to_owned()],
+            held: false,
+        };
+        let message = v1::Pack {
+            skills: vec![jump, lie],
+            ..crate::testing::pair()
+        };
+        let pack = Pack::try_from(message).unwrap();
+        let words = skills_in_words(&pack.description().skills);
+        assert_eq!(
+            words,
+            "jump (up): Jumps.\nlie-down (back, front, held until ended): Lies down."
+        );
+        assert!(describe(&pack).contains("lie-down (back, front"));
+        assert_eq!(to_json(&pack)["skills"][1]["held"], true);
     }
 
     #[test]

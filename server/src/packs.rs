@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::batch::{Batcher, PackMetrics};
+use troupe_character::document::DocumentError;
+use troupe_character::skill::Skills;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_engine::pack::Pack;
 use troupe_motion::model::{Capability, Rig};
@@ -23,6 +25,8 @@ pub struct LoadedPack {
     pub engine: &'static str,
     /// Its locomotion styles: of each of its bodies, in their order, or of its one skeleton.
     pub styles: Vec<Arc<StyleTable>>,
+    /// What its characters can do where they stand.
+    pub skills: Arc<Skills>,
     /// Its metrics.
     pub metrics: PackMetrics,
 }
@@ -91,6 +95,17 @@ pub fn load_styles(pack: &Pack, folder: Option<PathBuf>) -> Result<Vec<Arc<Style
     each_styles(pack, folder, |_, rig, folder| {
         StyleTable::load(rig, &pack.folder, folder)
     })
+}
+
+/// The skills of a pack; none of a pack of many bodies.
+///
+/// # Errors
+/// [`DocumentError`].
+pub fn load_skills(pack: &Pack) -> Result<Arc<Skills>, DocumentError> {
+    match pack.bodies.is_empty() {
+        true => Ok(Arc::new(Skills::load(&pack.folder, &pack.rig)?)),
+        false => Ok(Arc::default()),
+    }
 }
 
 /// What `table` gives for each body of the pack (its place, rig and folder), or for the pack's one skeleton.
@@ -183,6 +198,7 @@ impl LoadedPack {
             batcher: self.batcher.clone(),
             engine: self.engine,
             styles,
+            skills: self.skills.clone(),
             metrics: self.metrics.clone(),
         }
     }

@@ -31,7 +31,7 @@ use crate::batch::scheduler::Limits;
 use crate::batch::{Batcher, GeneratorFactory, PackMetrics};
 use crate::clients::Clients;
 use crate::config::Config;
-use crate::packs::{LoadedPack, PackTable, load_styles};
+use crate::packs::{LoadedPack, PackTable, load_skills, load_styles};
 use crate::service::Service;
 use crate::session::{Executor, Sessions, TimeSource};
 use crate::telemetry::Telemetry;
@@ -391,9 +391,10 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
     let metrics = PackMetrics::new(service.telemetry(), pack.name(), &pack.manifest.version);
     let pack = Arc::new(pack);
     let (for_styles, folder) = (pack.clone(), config.styles_folder());
-    let styles = tokio::task::spawn_blocking(move || load_styles(&for_styles, folder))
-        .await
-        .map_err(|_| StartError::Internal("the task that loads styles has stopped".to_owned()))??;
+    let read = move || Ok::<_, StartError>((load_styles(&for_styles, folder)?, load_skills(&for_styles)?));
+    let (styles, skills) = tokio::task::spawn_blocking(read).await.map_err(|_| {
+        StartError::Internal("the task that loads styles and skills has stopped".to_owned())
+    })??;
     let batching = decision
         .as_ref()
         .map_or(Batching::UNKNOWN, |decision| decision.batching);
@@ -432,6 +433,7 @@ async fn load(config: &Config, service: &Service, source: PackSource) -> Result<
         batcher,
         engine: decision.map_or(CALLERS_ENGINE, |decision| decision.engine.name()),
         styles,
+        skills,
         metrics,
     })
 }

@@ -289,7 +289,12 @@ fn summary(mut pack: v1::Pack) -> v1::Pack {
 }
 
 fn described(table: &PackTable, loaded: &LoadedPack) -> v1::Pack {
-    describe(&loaded.pack, table.is_default(loaded), loaded.engine)
+    describe(
+        &loaded.pack,
+        &loaded.skills,
+        table.is_default(loaded),
+        loaded.engine,
+    )
 }
 
 fn finish_all(served: &Served, plans: &[Plan], rig: &Rig) -> Result<Vec<v1::CharacterResult>, ServiceError> {

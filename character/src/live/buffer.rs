@@ -11,8 +11,6 @@ use super::SUB_FRAMES;
 
 /// Frames over which a new plan takes over from the old one.
 pub const CROSSFADE_FRAMES: usize = 8;
-/// The same where the plan is for a command: what it fades in over is waited for.
-pub(super) const COMMAND_FADE_FRAMES: usize = 5;
 
 /// What is left of each frame's velocity in the next, where a motion is drawn out beyond its end.
 const DRAWN_OUT_VELOCITY: f32 = 0.7;
@@ -97,6 +95,28 @@ impl<'a> Frames<'a> {
     fn pose(&self, index: usize, joints: usize) -> &'a [Quat] {
         &self.rotations[index * joints..][..joints]
     }
+}
+
+/// How a new plan takes over from the old one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Fade {
+    /// Frames over which it does, [`CROSSFADE_FRAMES`] at most.
+    pub(super) frames: usize,
+    /// The root goes the plan's way over the ground from its first frame on, which carries on from where the old plan was. Faded in it
+    /// would stay behind at first, and then catch up with twice the acceleration.
+    pub(super) own_way: bool,
+}
+
+impl Fade {
+    pub(super) const USUAL: Self = Self {
+        frames: CROSSFADE_FRAMES,
+        own_way: false,
+    };
+    /// That of a plan for a command: what it fades in over is waited for.
+    pub(super) const COMMAND: Self = Self {
+        frames: 5,
+        own_way: true,
+    };
 }
 
 /// How far a frame is from what it is to be.
@@ -270,14 +290,17 @@ impl MotionBuffer {
         self.append(frames);
     }
 
-    /// Replaces what comes behind frame `at` by `plan`, which fades in over the first `over` frames, joints that are far from
+    /// Replaces what comes behind frame `at` by `plan`, which fades in over its first frames, joints that are far from
     /// where it has them over up to [`FAR_FADE_FRAMES`]. Where the old motion is too short for that it is drawn out.
-    pub(super) fn splice(&mut self, at: i64, plan: Frames<'_>, over: usize) {
+    pub(super) fn splice(&mut self, at: i64, plan: Frames<'_>, over: Fade) {
         let usual = CROSSFADE_FRAMES.min(plan.roots.len());
         self.draw_out(at + usual as i64);
         let start = self.index(at) + 1;
         let mut far = self.far_joints(start, &plan, usual);
-        let longest = far.iter().map(|far| far.frames).fold(over.min(usual), usize::max);
+        let longest = far
+            .iter()
+            .map(|far| far.frames)
+            .fold(over.frames.min(usual), usize::max);
         self.draw_out(at + longest as i64);
         for step in 0..longest {
             self.fade((start + step, step), &plan, over, &mut far);
@@ -310,12 +333,16 @@ impl MotionBuffer {
         (0..self.joints).filter_map(far).collect()
     }
 
-    /// Moves the frame at `index` towards frame `step` of the plan, which has faded in after `over` of them.
-    fn fade(&mut self, (index, step): (usize, usize), plan: &Frames<'_>, over: usize, far: &mut [FarJoint]) {
+    /// Moves the frame at `index` towards frame `step` of the plan.
+    fn fade(&mut self, (index, step): (usize, usize), plan: &Frames<'_>, over: Fade, far: &mut [FarJoint]) {
         let rotations = &mut self.rotations[index * self.joints..][..self.joints];
-        if step < over {
-            let weight = smoothstep((step + 1) as f32 / (over + 1) as f32);
-            self.roots[index] = self.roots[index].lerp(plan.roots[step], weight);
+        if step < over.frames {
+            let weight = smoothstep((step + 1) as f32 / (over.frames + 1) as f32);
+            let faded = self.roots[index].lerp(plan.roots[step], weight);
+            self.roots[index] = match over.own_way {
+                true => plan.roots[step].with_y(faded.y),
+                false => faded,
+            };
             for (old, new) in rotations.iter_mut().zip(plan.pose(step, self.joints)) {
                 *old = old.slerp(*new, weight).normalize();
             }

@@ -81,7 +81,7 @@ fn a_joint_that_is_far_away_takes_longer() {
         let mut buffer = buffer(40);
         // Old and new turn against each other, past half a turn apart.
         let plan = Walk::new(40, away, 0.1, -0.04);
-        buffer.splice(4, plan.frames(), CROSSFADE_FRAMES);
+        buffer.splice(4, plan.frames(), Fade::USUAL);
         let turned = |frame: i64| angle_between(buffer.pose(frame)[1], buffer.pose(frame - 1)[1]);
         let most = (4..30).map(turned).fold(0.0, f32::max);
         assert!(most < 0.32, "{away}: {most} rad in a frame");
@@ -103,7 +103,7 @@ fn a_joint_that_is_far_away_takes_longer() {
     // A short plan is all there at its end.
     let mut buffer = buffer(40);
     let plan = Walk::new(12, 3.0, 0.1, 0.0);
-    buffer.splice(4, plan.frames(), CROSSFADE_FRAMES);
+    buffer.splice(4, plan.frames(), Fade::USUAL);
     assert!(angle_between(buffer.pose(16)[1], plan.rotations[11 * JOINTS + 1]) < 1e-3);
 }
 
@@ -112,7 +112,7 @@ fn a_new_plan_fades_in_and_then_stands_alone() {
     let mut buffer = buffer(40);
     let plan = Walk::new(30, 1.1, 0.3, -0.05);
     let old: Vec<Vec3> = (0..40).map(|frame| buffer.root(frame - 3)).collect();
-    buffer.splice(5, plan.frames(), CROSSFADE_FRAMES);
+    buffer.splice(5, plan.frames(), Fade::USUAL);
     assert_eq!(buffer.last(), 35);
     for frame in -3..=5 {
         assert_eq!(
@@ -136,6 +136,19 @@ fn a_new_plan_fades_in_and_then_stands_alone() {
 }
 
 #[test]
+fn a_plan_for_a_command_goes_its_own_way_at_once() {
+    let mut buffer = buffer(40);
+    // From where the old plan is in frame 5, with another velocity.
+    let plan = Walk::new(30, 0.8, 0.0, 0.0);
+    buffer.splice(5, plan.frames(), Fade::COMMAND);
+    let places: Vec<f32> = (4..9).map(|frame| buffer.root(frame).z).collect();
+    assert!((places[0] - 0.7).abs() < 1e-6 && (places[1] - 0.8).abs() < 1e-6);
+    assert_eq!(places[2..], [0.8; 3], "no frame of the old velocity");
+    // Poses fade all the same.
+    assert!(angle(&buffer, 6) < 0.3 && (angle(&buffer, 11) - 0.8).abs() < 1e-4);
+}
+
+#[test]
 fn a_short_motion_comes_to_rest() {
     let mut buffer = buffer(4);
     buffer.draw_out(12);
@@ -156,13 +169,13 @@ fn nothing_is_allocated_once_the_buffer_is_warm() {
     let plan = Walk::new(60, 0.0, 0.1, 0.0);
     for at in 20..40 {
         buffer.trim(at - 12);
-        buffer.splice(at, plan.frames(), CROSSFADE_FRAMES);
+        buffer.splice(at, plan.frames(), Fade::USUAL);
     }
     let capacity = |b: &MotionBuffer| (b.roots.capacity(), b.rotations.capacity(), b.contacts.capacity());
     let before = capacity(&buffer);
     for at in 40..400 {
         buffer.trim(at - 12);
-        buffer.splice(at, plan.frames(), CROSSFADE_FRAMES);
+        buffer.splice(at, plan.frames(), Fade::USUAL);
     }
     assert_eq!(capacity(&buffer), before);
     let mut pose = Vec::with_capacity(JOINTS);
@@ -183,7 +196,7 @@ proptest! {
         let mut buffer = buffer(9 + left);
         let start = buffer.root(5).z;
         let plan = Walk::new(used, start + gap, speed, turn);
-        buffer.splice(5, plan.frames(), CROSSFADE_FRAMES);
+        buffer.splice(5, plan.frames(), Fade::USUAL);
         // Where the motions part by `speed` a frame over the fade, they are this far apart at most.
         let apart = gap.abs() + 9.0 * (speed.abs() + 0.1);
         let bound = speed.abs().max(0.1) + apart / 6.0 + 1e-3;

@@ -12,7 +12,7 @@ use troupe_motion::ik::Posed;
 use troupe_motion::robot::Fitted;
 use troupe_motion::rotation::yaw;
 
-use super::behaviour::{Behaviour, Body, Carry, Footing, Next, SetPlan};
+use super::behaviour::{self, Behaviour, Body, Carry, Footing, Next, SetPlan};
 use super::budget::Pace;
 use super::buffer::{Frames, MotionBuffer};
 use super::inbox::Inbox;
@@ -29,6 +29,7 @@ use crate::post::part_legs;
 use crate::primitives::path::MAX_LEAD_M;
 use crate::primitives::recipe::VELOCITY_FRAMES;
 use crate::primitives::{Locomotion, LocomotionCommand, PlanContext, PlanTargets};
+use crate::skill::Skills;
 use crate::style::Style;
 use troupe_motion::model::Rig;
 
@@ -41,7 +42,10 @@ pub struct Character {
     #[serde(with = "crate::saved::rig")]
     pub(super) rig: Arc<Rig>,
     pub(super) options: CharacterOptions,
-    /// What it does in its scene; none without one.
+    /// What it can do where it stands.
+    #[serde(with = "crate::saved::skills")]
+    skills: Arc<Skills>,
+    /// What it does in its scene; none without one, before it does its first skill.
     pub(super) behaviour: Option<Behaviour>,
     /// What it stands on; none where that is the ground at height 0 always.
     footing: Option<Footing>,
@@ -130,6 +134,7 @@ impl Character {
             newest: None,
             footing: world.is_some().then(|| Footing::new(&rig.skeleton, level)),
             behaviour: world.map(Behaviour::new),
+            skills: Arc::default(),
             carry: Carry::default(),
             events: Vec::new(),
             rig,
@@ -140,6 +145,13 @@ impl Character {
             character.ask(ticket, None);
         }
         character
+    }
+
+    /// The same, with what it can do where it stands.
+    #[must_use]
+    pub fn with_skills(mut self, skills: Arc<Skills>) -> Self {
+        self.skills = skills;
+        self
     }
 
     /// Gives a command, to hold from `at_frame` on, after those before it. Without it, or where that frame is past: from the next frame that the
@@ -166,6 +178,11 @@ impl Character {
     fn check(&mut self, intent: &Intent) -> Result<(), Refusal> {
         match intent {
             Intent::Interact { .. } if self.rig.by_path.is_some() => return Err(Refusal::ByPath),
+            Intent::Skill { .. } if self.rig.by_path.is_some() => return Err(Refusal::SkillByPath),
+            Intent::Skill { name, variant } => {
+                return behaviour::skill(&self.skills, self.rig.name(), name, variant.as_deref(), 0)
+                    .map(|_| ());
+            }
             Intent::FollowPath(path) => {
                 let root = self.timeline.buffer().root(self.timeline.frame());
                 let off_m = path.lead_m(root);
@@ -193,8 +210,18 @@ impl Character {
             locomotion: &mut self.locomotion,
             footing,
             carry: &mut self.carry,
+            skills: &self.skills,
         };
         Some((act, body))
+    }
+
+    /// One without a scene has level ground of its own from its first skill on.
+    fn stand_on_level_ground(&mut self) {
+        if self.behaviour.is_none() {
+            self.behaviour = Some(Behaviour::new(World::level()));
+            self.footing = Some(Footing::new(&self.rig.skeleton, 0.0));
+            self.timeline.look_ahead_from_now();
+        }
     }
 
     /// [`Character::give`] for a command that moves the character over the ground.
@@ -371,6 +398,9 @@ impl Character {
         if intent.ends_performance() {
             self.stop_performing(frame, PerformanceEnd::Interrupted);
         }
+        if let Intent::Skill { .. } = intent {
+            self.stand_on_level_ground();
+        }
         if let Some((act, mut body)) = self.acting() {
             return act.take_up(intent, frame, &mut body);
         }
@@ -383,7 +413,11 @@ impl Character {
                 return true;
             }
             Intent::Cancel => LocomotionCommand::standing(&now.style),
-            Intent::Interact { .. } | Intent::EndInteraction | Intent::Drop | Intent::Perform(_) => {
+            Intent::Interact { .. }
+            | Intent::Skill { .. }
+            | Intent::EndInteraction
+            | Intent::Drop
+            | Intent::Perform(_) => {
                 return false;
             }
         };

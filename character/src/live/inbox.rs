@@ -86,7 +86,12 @@ impl Inbox {
 
 /// What is to be used or acted out gives way to what is to be instead, and to a cancel.
 fn replaces(intent: &Intent, waiting: &WaitingCommand) -> bool {
-    let is_done_instead = |intent: &Intent| matches!(intent, Intent::Interact { .. } | Intent::Perform(_));
+    let is_done_instead = |intent: &Intent| {
+        matches!(
+            intent,
+            Intent::Interact { .. } | Intent::Skill { .. } | Intent::Perform(_)
+        )
+    };
     (is_done_instead(intent) || *intent == Intent::Cancel) && is_done_instead(&waiting.intent)
 }
 

@@ -19,6 +19,17 @@ pub struct World {
     pub holder: Holder,
 }
 
+impl World {
+    /// Level ground at height 0 with nothing on it, of one character alone.
+    pub fn level() -> Self {
+        Self {
+            scene: Arc::default(),
+            definitions: Arc::default(),
+            holder: Holder::new(""),
+        }
+    }
+}
+
 impl Intent {
     /// Whether it says how to move over the ground; of those, the newest alone counts.
     pub(super) fn moves(&self) -> bool {
@@ -47,6 +58,13 @@ pub enum Intent {
         /// Name of the approach. `None`: the nearest.
         approach: Option<String>,
     },
+    /// Do a skill of the pack where the character stands.
+    Skill {
+        /// The skill.
+        name: Arc<str>,
+        /// Name of the variant. `None`: one by weight and seed.
+        variant: Option<String>,
+    },
     /// Act out words, and go on in locomotion.
     Perform(PerformCommand),
     /// Leave what is held by the variant's exit; nothing where there is no interaction.
@@ -72,6 +90,29 @@ pub enum Refusal {
     PathTooFar {
         /// How far, metres.
         off_m: f32,
+    },
+    /// The session's pack plans by paths, and cannot do skills.
+    #[error("the session's pack follows paths, and has no skills")]
+    SkillByPath,
+    /// The pack has no such skill.
+    #[error("pack {pack} has no skill {name:?}")]
+    UnknownSkill {
+        /// The pack.
+        pack: String,
+        /// What was asked for.
+        name: Arc<str>,
+        /// The skills that there are.
+        there_are: Vec<String>,
+    },
+    /// The skill has no such variant.
+    #[error("skill {skill:?} has no variant {name:?}")]
+    UnknownSkillVariant {
+        /// The skill.
+        skill: String,
+        /// What was asked for.
+        name: String,
+        /// The variants that there are.
+        there_are: Vec<String>,
     },
     /// No such object in the scene.
     #[error("the scene has no object {id:?}")]

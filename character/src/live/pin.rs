@@ -23,6 +23,11 @@ use crate::primitives::object::recipe::SETTLE_FRAMES;
 const LEAST_STEP_M: f32 = 0.05;
 const LEAST_STEP_FRAMES: usize = 5;
 const STEP_OVER_M: f32 = 0.06;
+/// A foot that goes farther over the ground in a frame, metres, does not stand: 0.4 m/s, above which the data has no contact.
+const GOES_M: f32 = 0.4 / 30.0;
+/// At most so many frames are taken off an end of a contact, and so many are left of it.
+const MOST_TAKEN_OFF: usize = 4;
+const LEAST_LEFT: usize = 3;
 
 /// What an answer is to meet.
 #[derive(Debug, Clone)]
@@ -70,6 +75,13 @@ impl Pins {
                 fading,
             );
         }
+        for leg in self.legs.iter() {
+            for span in runs(&plan.contacts[..first], |contacts| {
+                contacts & leg.contact_bits() != 0
+            }) {
+                let_go(leg, span, first, plan, skeleton);
+            }
+        }
         lock_feet(
             skeleton,
             &self.legs,
@@ -85,7 +97,11 @@ impl Pins {
             plan.contacts[frames - 1] = standing_contacts(plan, skeleton);
         }
         for leg in self.legs.iter() {
-            for swing in swings(leg, &plan.contacts[..first]) {
+            let mut swings = runs(&plan.contacts[..first], |contacts| {
+                contacts & leg.contact_bits() == 0
+            });
+            swings.retain(|swing| swing.len() >= LEAST_STEP_FRAMES);
+            for swing in swings {
                 step_over(leg, swing, plan, skeleton);
             }
         }
@@ -131,23 +147,49 @@ fn standing_contacts(plan: &LivePlan, skeleton: &Skeleton) -> u8 {
     bits_of(contacts.joints.iter().zip(&contacts.max_height_m).map(touches))
 }
 
-/// Frames behind the context in which a leg does not stand, in runs that a step takes.
-fn swings(leg: &Leg, contacts: &[u8]) -> Vec<Range<usize>> {
-    let stands = |frame: usize| contacts[frame] & leg.contact_bits() != 0;
-    let mut swings = Vec::new();
+/// Frames behind the context whose contacts are such, in runs.
+fn runs(contacts: &[u8], is_such: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
+    let mut runs = Vec::new();
     let mut start = None;
     for frame in CONTEXT_FRAMES..=contacts.len() {
+        let such = contacts.get(frame).is_some_and(|&contacts| is_such(contacts));
         match start {
-            None if frame < contacts.len() && !stands(frame) => start = Some(frame),
-            Some(from) if frame == contacts.len() || stands(frame) => {
-                swings.push(from..frame);
+            None if such => start = Some(frame),
+            Some(from) if !such => {
+                runs.push(from..frame);
                 start = None;
             }
             _ => {}
         }
     }
-    swings.retain(|swing| swing.len() >= LEAST_STEP_FRAMES);
-    swings
+    runs
+}
+
+/// Takes those frames off the ends of a contact in which the foot is on its way already, faster than any that stands. To hold it in
+/// them would leave it too few frames to go where it goes, and its knee would jump.
+fn let_go(leg: &Leg, span: Range<usize>, first: usize, plan: &mut LivePlan, skeleton: &Skeleton) {
+    let joints = skeleton.joint_count();
+    let goes = |plan: &LivePlan, frame: usize| {
+        let on_toe = leg.contacts[1].is_some_and(|bit| plan.contacts[frame] & (1 << bit) != 0);
+        let joint = leg.toe.filter(|_| on_toe).unwrap_or(leg.foot);
+        let [before, now] = [frame - 1, frame].map(|frame| {
+            let pose = &plan.rotations[frame * joints..(frame + 1) * joints];
+            joint_transform(skeleton, plan.roots[frame], pose, joint).0
+        });
+        (now - before).with_y(0.0).length() > GOES_M
+    };
+    let most = span.len().saturating_sub(LEAST_LEFT).min(2 * MOST_TAKEN_OFF);
+    // One that goes on in a frame that may not change, or in a keyframe, is not shortened there.
+    let (begins, ends) = (span.start > CONTEXT_FRAMES, span.end < first);
+    let late = (0..MOST_TAKEN_OFF.min(most))
+        .take_while(|taken| ends && goes(plan, span.end - 1 - taken))
+        .count();
+    let early = (0..MOST_TAKEN_OFF.min(most - late))
+        .take_while(|taken| begins && goes(plan, span.start + 1 + taken))
+        .count();
+    for frame in (span.start..span.start + early).chain(span.end - late..span.end) {
+        plan.contacts[frame] &= !leg.contact_bits();
+    }
 }
 
 /// Lifts a foot that goes from one place to another low over the ground: what a plan is drawn to its keyframe by would have

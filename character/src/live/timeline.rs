@@ -177,6 +177,11 @@ impl Timeline {
         Self { looks_ahead, ..self }
     }
 
+    /// [`Timeline::looks_ahead`] for one that is under way.
+    pub(super) fn look_ahead_from_now(&mut self) {
+        self.looks_ahead = true;
+    }
+
     pub(super) fn buffer(&self) -> &MotionBuffer {
         &self.buffer
     }

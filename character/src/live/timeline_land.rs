@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use troupe_motion::{Quat, Vec3};
 
-use super::super::buffer::{COMMAND_FADE_FRAMES, CROSSFADE_FRAMES, Frames};
+use super::super::buffer::{CROSSFADE_FRAMES, Fade, Frames};
 use super::super::{Arrival, CONTEXT_FRAMES, LivePlan, PlanCause, SUB_FRAMES};
 use super::{Flight, HISTORY_FRAMES, SUB, Ticket, Timeline};
 
@@ -91,8 +91,12 @@ impl Timeline {
         let keep = self.frame().min(at - CONTEXT_FRAMES as i64 + 1) - HISTORY_FRAMES;
         self.buffer.trim(keep);
         let over = match ticket.cause {
-            PlanCause::Command if !self.rejoined => COMMAND_FADE_FRAMES,
-            _ => CROSSFADE_FRAMES,
+            PlanCause::Command if !self.rejoined => Fade {
+                // One that is late does not carry on from where the old plan has gone since.
+                own_way: at == ticket.splice || ticket.still,
+                ..Fade::COMMAND
+            },
+            _ => Fade::USUAL,
         };
         self.buffer.splice(at, frames, over);
         (self.failed, self.rejoined) = (false, false);

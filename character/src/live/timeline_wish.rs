@@ -2,7 +2,7 @@
 //! that no plan made.
 
 use super::super::PlanCause;
-use super::super::buffer::{CROSSFADE_FRAMES, Frames};
+use super::super::buffer::{Fade, Frames};
 use super::super::policy::MARGIN_FRAMES;
 use super::{Flight, HISTORY_FRAMES, Ticket, Timeline};
 
@@ -74,7 +74,7 @@ impl Timeline {
         self.forget_before();
         self.buffer.trim(self.frame().min(at) - HISTORY_FRAMES);
         match fades {
-            true => self.buffer.splice(at, frames, CROSSFADE_FRAMES),
+            true => self.buffer.splice(at, frames, Fade::USUAL),
             false => self.buffer.replace(at, frames),
         }
         self.last_splice = Some(at);

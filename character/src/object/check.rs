@@ -59,6 +59,7 @@ impl Definition {
             release,
             sets,
             variants,
+            is_skill: false,
             doc: Arc::new(doc),
         })
     }
@@ -139,6 +140,7 @@ fn check_socket(path: &Path<'_>, doc: &SocketDoc, skeleton: &Skeleton) -> Result
         rotation: doc.rotation.map(turn).transpose()?,
         blend_frames: doc.blend_frames,
         swings: doc.swings,
+        upright: doc.upright,
     })
 }
 

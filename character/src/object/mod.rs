@@ -112,6 +112,8 @@ pub struct Definition {
     pub sets: Vec<Set>,
     /// At least one, with weights that are not all 0.
     pub variants: Vec<Variant>,
+    /// Whether it is a skill of the pack: done where the character stands, with no object.
+    pub is_skill: bool,
     /// As it was written.
     pub doc: Arc<ObjectDoc>,
 }
@@ -144,6 +146,8 @@ pub struct Socket {
     pub blend_frames: u32,
     /// Whether the arm swings as in any walk while it carries the object; else the hand stays where it is.
     pub swings: bool,
+    /// Whether the object stands upright however the joint turns; it turns about its middle.
+    pub upright: bool,
 }
 
 /// How the object is put down.

@@ -74,7 +74,8 @@ fn a_socket_may_leave_the_turn_as_it_is() {
     let line = "rotation = [0.7071068, 0.7071068, 0.0, 0.0]";
     assert!(CUP.contains(line));
     let free = socket(&CUP.replace(line, "swings = true"));
-    assert!(free.rotation.is_none() && free.swings);
+    assert!(free.rotation.is_none() && free.swings && !free.upright);
+    assert!(socket(&CUP.replace(line, "upright = true")).upright);
 }
 
 #[test]

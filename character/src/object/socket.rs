@@ -15,15 +15,19 @@ impl Socket {
     /// Where the object is in the joint's frame, `frames` after it was at `from`, in that frame too: it moves to `to`, its place
     /// in the socket ([`Socket::offset`]), over [`Socket::blend_frames`], starting and ending slowly.
     pub fn offset_at(&self, from: Transform, to: Transform, frames: f32) -> Transform {
-        let share = match self.blend_frames {
-            0 => 1.0,
-            blend => (frames / blend as f32).clamp(0.0, 1.0),
-        };
-        let eased = smoothstep(share);
+        let eased = self.share(frames);
         Transform::new(
             from.position.lerp(to.position, eased),
             from.rotation.slerp(to.rotation, eased),
         )
+    }
+
+    /// How far an object has come into the socket, `frames` after it was attached: 0 to 1, starting and ending slowly.
+    pub fn share(&self, frames: f32) -> f32 {
+        smoothstep(match self.blend_frames {
+            0 => 1.0,
+            blend => (frames / blend as f32).clamp(0.0, 1.0),
+        })
     }
 }
 
@@ -42,6 +46,7 @@ mod tests {
             rotation: Some(Quat::from_rotation_z(0.5)),
             blend_frames,
             swings: false,
+            upright: false,
         }
     }
 

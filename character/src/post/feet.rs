@@ -3,10 +3,11 @@
 use std::ops::Range;
 
 use troupe_motion::fk::joint_transform;
-use troupe_motion::ik::{FootLock, Leg, lock_feet};
+use troupe_motion::ik::{FootLock, lock_feet};
 use troupe_motion::model::Rig;
-use troupe_motion::robot::Fitted;
 use troupe_motion::{Quat, Skeleton, Vec3};
+
+use super::hinges::bend_as_shown;
 
 /// From here on a contact counts.
 const CONTACT: f32 = 0.5;
@@ -49,33 +50,12 @@ pub fn hold_between(
 }
 
 /// Holds the feet of a live plan behind its context, the frames before `start`; it stands on a ground at 0.
-///
-/// Of a robot, whose plans are not on the hinges, only legs that are bent for it come onto them: frames tell later what the
-/// hinges lack.
 pub fn hold_live(rig: &Rig, roots: &mut [Vec3], rotations: &mut [Quat], contacts: &[u8], start: usize) {
     let (range, limits) = (start..roots.len(), (FARTHEST_LIVE_M, 0.0));
-    let Some(robot) = &rig.skeleton.robot else {
-        return hold(rig, roots, rotations, contacts, range, limits);
-    };
-    let joints = rig.dims.joints;
-    // Feet that are held by limbs as the networks made them would slide again once they are brought onto the hinges.
-    let mut fitted = rotations.to_vec();
-    let mut took = Fitted::default();
-    for pose in fitted[start * joints..].chunks_exact_mut(joints) {
-        robot.fit(pose, &mut took);
-    }
-    let mut held = fitted.clone();
-    hold(rig, roots, &mut held, contacts, range.clone(), limits);
-    for leg in rig.legs.iter() {
-        let limb = limb_of(&rig.skeleton, leg);
-        for frame in range.clone() {
-            let at = |joint: &usize| frame * joints + joint;
-            if limb.iter().any(|joint| held[at(joint)] != fitted[at(joint)]) {
-                limb.iter()
-                    .for_each(|joint| rotations[at(joint)] = held[at(joint)]);
-            }
-        }
-    }
+    // A robot's plans are not on the hinges. Feet that are held by limbs as the networks made them would slide again on them.
+    bend_as_shown(rig, rotations, |rotations| {
+        hold(rig, roots, rotations, contacts, range, limits);
+    });
 }
 
 fn hold(
@@ -94,18 +74,6 @@ fn hold(
         ..FootLock::over(range)
     };
     lock_feet(&rig.skeleton, &rig.legs, roots, rotations, contacts, &options);
-}
-
-/// The joints of a leg, from the one that hangs from the root to the toes.
-fn limb_of(skeleton: &Skeleton, leg: &Leg) -> Vec<usize> {
-    let top = |joint: usize| {
-        let upwards = std::iter::successors(Some(joint), |&joint| skeleton.joints[joint].parent);
-        upwards.take_while(|&joint| joint != 0).last()
-    };
-    let of_leg = top(leg.upper);
-    (1..skeleton.joint_count())
-        .filter(|&joint| top(joint) == of_leg)
-        .collect()
 }
 
 /// How high the lowest contact joint of a pose is over where it would be on the ground, metres.

@@ -1,7 +1,10 @@
 //! Brings a robot's frames onto its hinges.
 
+use troupe_motion::ik::Leg;
+use troupe_motion::model::Rig;
 use troupe_motion::robot::Fitted;
-use troupe_motion::{Quat, Robot, Vec3};
+use troupe_motion::rotation::align_sign;
+use troupe_motion::{Quat, Robot, Skeleton, Vec3};
 
 /// What is told of a robot's frames.
 #[derive(Debug, Default)]
@@ -34,4 +37,42 @@ pub fn onto_hinges(robot: &Robot, roots: &[Vec3], rotations: &mut [Quat], wants_
         }
     }
     columns
+}
+
+/// Has `bend` bend legs in frames as they are shown. Of a robot that is on the hinges, where only the legs that it bends stay: frames
+/// tell what their hinges lack when they are shown.
+pub(super) fn bend_as_shown(rig: &Rig, rotations: &mut [Quat], bend: impl FnOnce(&mut [Quat])) {
+    let Some(robot) = &rig.skeleton.robot else {
+        return bend(rotations);
+    };
+    let joints = rig.dims.joints;
+    let mut shown = rotations.to_vec();
+    let mut took = Fitted::default();
+    for pose in shown.chunks_exact_mut(joints) {
+        robot.fit(pose, &mut took);
+    }
+    let mut bent = shown.clone();
+    bend(&mut bent);
+    for leg in rig.legs.iter() {
+        let limb = limb_of(&rig.skeleton, leg);
+        let poses = rotations.chunks_exact_mut(joints);
+        for (pose, (bent, shown)) in poses.zip(bent.chunks_exact(joints).zip(shown.chunks_exact(joints))) {
+            if limb.iter().any(|&joint| bent[joint] != shown[joint]) {
+                limb.iter()
+                    .for_each(|&joint| pose[joint] = align_sign(bent[joint], pose[joint]));
+            }
+        }
+    }
+}
+
+/// The joints of a leg, from the one that hangs from the root to the toes.
+fn limb_of(skeleton: &Skeleton, leg: &Leg) -> Vec<usize> {
+    let top = |joint: usize| {
+        let upwards = std::iter::successors(Some(joint), |&joint| skeleton.joints[joint].parent);
+        upwards.take_while(|&joint| joint != 0).last()
+    };
+    let of_leg = top(leg.upper);
+    (1..skeleton.joint_count())
+        .filter(|&joint| top(joint) == of_leg)
+        .collect()
 }

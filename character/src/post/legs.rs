@@ -9,6 +9,8 @@ use troupe_motion::interpolate::smoothstep;
 use troupe_motion::model::Rig;
 use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
+use super::hinges::bend_as_shown;
+
 /// The axes of two shins stay this far apart, metres: of people's clips one in twenty-five comes within 5 cm.
 const SHINS_APART_M: f32 = 0.075;
 /// Those of two feet.
@@ -31,16 +33,19 @@ const SWINGS: f32 = 1.5;
 /// Of two ankles that together go less far than this while the legs are near, metres, none is moved: one stands like that.
 const STANDS_M: f32 = 0.03;
 
-/// Parts the legs of a body with two of them in frames that follow each other. Robots' are left: their hinges allow less.
+/// Parts the legs of a body with two of them in frames that follow each other, a robot's as far as its hinges allow.
 ///
 /// It is done to what is shown, faded plans and all: two plans with legs apart may meet half way between them.
 pub(crate) fn part_legs(rig: &Rig, roots: &[Vec3], rotations: &mut [Quat]) {
     let (skeleton, [left, right]) = (&*rig.skeleton, &rig.legs[..]) else {
         return;
     };
-    if skeleton.robot.is_some() {
-        return;
-    }
+    bend_as_shown(rig, rotations, |rotations| {
+        part(skeleton, [left, right], roots, rotations)
+    });
+}
+
+fn part(skeleton: &Skeleton, [left, right]: [&Leg; 2], roots: &[Vec3], rotations: &mut [Quat]) {
     let joints = skeleton.joint_count();
     for _ in 0..PASSES {
         let meetings: Vec<Meeting> = roots

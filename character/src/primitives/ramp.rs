@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 use troupe_motion::Vec3;
 
-use super::recipe::{CHANGE_S, GAMMA, LEAST_CHANGE_MPS, RESYNC_MPS};
+use super::recipe::{CHANGE_S, GAMMA, LEAST_CHANGE_MPS, RESYNC_MPS, STILL, VELOCITY_LAG_S};
 
 /// A velocity that follows the commands, as it is at one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -20,6 +20,8 @@ pub(crate) struct VelocityRamp {
     rate_mps2: f32,
     /// It has not been set to a character's velocity yet.
     fresh: bool,
+    /// It changes from the next plan's first frame on: until that takes over a character goes on as it did.
+    waits: bool,
 }
 
 impl VelocityRamp {
@@ -31,6 +33,7 @@ impl VelocityRamp {
             target: Vec3::ZERO,
             rate_mps2: 0.0,
             fresh: true,
+            waits: false,
         }
     }
 
@@ -42,6 +45,8 @@ impl VelocityRamp {
             velocity: now.velocity,
             target,
             rate_mps2: rate_mps2.max(now.velocity.distance(target) / CHANGE_S),
+            // Once it changes it goes on: who is given a command in every frame would never get anywhere.
+            waits: self.waits || !now.changes(),
             ..*self
         };
     }
@@ -60,10 +65,19 @@ impl VelocityRamp {
         }
     }
 
-    /// What comes behind `frame` for a character that goes at `actual` there.
+    /// What comes behind `frame`, where a plan starts, for a character that goes at `actual` there.
+    ///
+    /// What it waited is not caught up with, but by one who stands: a start may be sudden, and is not to be late.
     pub(crate) fn ramp(&mut self, frame: u64, fps: f32, actual: Vec3) -> Ramp {
+        if std::mem::take(&mut self.waits) && actual.length() >= STILL.0 {
+            self.frame = self.frame.max(frame);
+        }
         let ahead = self.ahead(frame, fps);
-        if !self.fresh && ahead.velocity.distance(actual) <= RESYNC_MPS {
+        let gained_mps = match ahead.changes() {
+            true => self.rate_mps2 * VELOCITY_LAG_S,
+            false => 0.0,
+        };
+        if !self.fresh && ahead.velocity.distance(actual) <= RESYNC_MPS + gained_mps {
             return ahead;
         }
         *self = Self {
@@ -73,6 +87,7 @@ impl VelocityRamp {
             ..*self
         };
         self.go_to(frame, fps, self.target, self.rate_mps2);
+        self.waits = false;
         self.ahead(frame, fps)
     }
 }
@@ -155,6 +170,49 @@ mod tests {
         let from = ramp.ramp(15, FPS, Vec3::Z * -3.0);
         assert_eq!(from.velocity(0.0), Vec3::Z * -3.0);
         assert_eq!(from.velocity(2.0), Vec3::X * 2.0);
+    }
+
+    #[test]
+    fn one_who_goes_changes_from_the_plan_on_and_one_who_stands_from_the_command_on() {
+        let told = |from: Vec3, target: Vec3| {
+            let mut ramp = VelocityRamp::new(0);
+            ramp.go_to(0, FPS, from, 3.0);
+            ramp.ramp(0, FPS, from);
+            ramp.go_to(30, FPS, target, 3.0);
+            ramp
+        };
+        let (ahead, aside) = (Vec3::Z * 1.2, Vec3::X * 1.2);
+        let turned = told(ahead, aside).ramp(33, FPS, ahead);
+        assert!(turned.velocity(0.0).abs_diff_eq(ahead, 1e-5));
+        let started = told(Vec3::ZERO, ahead).ramp(33, FPS, Vec3::ZERO);
+        assert!(started.velocity(0.0).abs_diff_eq(Vec3::Z * 0.3, 1e-5));
+    }
+
+    #[test]
+    fn commands_in_every_frame_do_not_hold_it() {
+        let mut ramp = VelocityRamp::new(0);
+        ramp.go_to(0, FPS, Vec3::Z, 3.0);
+        ramp.ramp(0, FPS, Vec3::Z);
+        for frame in 30..50 {
+            ramp.go_to(frame, FPS, Vec3::X * (1.0 + frame as f32 * 1e-3), 3.0);
+            let now = ramp.ahead(frame, FPS).velocity(0.0);
+            ramp.ramp(frame + 2, FPS, now);
+        }
+        assert!(ramp.ahead(50, FPS).velocity(0.0).distance(Vec3::X) < 0.1);
+    }
+
+    #[test]
+    fn what_is_measured_late_does_not_start_it_again() {
+        let mut ramp = VelocityRamp::new(0);
+        ramp.go_to(0, FPS, Vec3::Z * -3.0, 3.0);
+        ramp.ramp(0, FPS, Vec3::Z * -3.0);
+        ramp.go_to(30, FPS, Vec3::Z * 3.0, 3.0);
+        ramp.ramp(32, FPS, Vec3::Z * -3.0);
+        let same = ramp.ahead(42, FPS);
+        // As it was five frames before.
+        let lags = ramp.ahead(37, FPS).velocity(0.0);
+        assert!(same.velocity(0.0).distance(lags) > RESYNC_MPS);
+        assert_eq!(ramp.ramp(42, FPS, lags), same);
     }
 
     proptest! {

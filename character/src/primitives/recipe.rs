@@ -26,11 +26,13 @@ pub const LEAST_CHANGE_MPS: f32 = 0.1;
 /// How closely the root follows the ramp while the velocity changes. Left to itself the root stage goes at half of the new velocity in
 /// the first frame already.
 pub const CHANGE_RATIO: f32 = 1.0;
-/// The velocity's ramp starts again from the character where it is farther from it than this, m/s. What is measured of the character
-/// lags by five frames.
+/// The velocity's ramp starts again from the character where it is farther from it than this, m/s, and than what the character may
+/// have gained in [`VELOCITY_LAG_S`].
 pub const RESYNC_MPS: f32 = 1.2;
 /// Frames at 30 Hz over which the root's velocity at a plan's start is measured: enough to take the sway of a step out.
 pub const VELOCITY_FRAMES: usize = 10;
+/// Seconds by which that velocity lags behind. Without regard to it a run that is turned about starts again at every plan.
+pub const VELOCITY_LAG_S: f32 = 0.5 * VELOCITY_FRAMES as f32 / 30.0;
 /// How closely headings follow the spring: wholly. The root stage's own headings start every plan's turn again, so that a
 /// turn of 90° is 29° short after a second; with the spring's it is 1°.
 pub const HEADING_RATIO: f32 = 1.0;

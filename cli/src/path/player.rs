@@ -108,7 +108,7 @@ impl<'a> Player<'a> {
 
     fn act(&mut self, act: &'a Act) {
         match act {
-            Act::Interact { .. } | Act::EndInteraction => {
+            Act::Interact { .. } | Act::Skill { .. } | Act::EndInteraction => {
                 self.uses = true;
                 self.holds = false;
                 self.velocity.speed_mps = 0.0;

@@ -42,6 +42,7 @@ struct CommandEntry {
     wait_s: Option<Spanned<f32>>,
     after: Option<Spanned<String>>,
     interact: Option<String>,
+    skill: Option<String>,
     variant: Option<Spanned<String>>,
     approach: Option<Spanned<String>>,
     #[serde(default)]
@@ -196,7 +197,7 @@ impl Check<'_> {
                 height_m: self.number("height_m", entry.height_m.as_ref(), 0.0, 3.0)?,
             };
             if act.is_some() && (motion != Motion::AsBefore || manner != Manner::default()) {
-                let what = "interact, end, cancel, drop and perform exclude what says how to move; give that a [[command]] of its \
+                let what = "interact, skill, end, cancel, drop and perform exclude what says how to move; give that a [[command]] of its \
                             own";
                 return Err(self.fault(spanned, what));
             }
@@ -243,9 +244,10 @@ impl Check<'_> {
 
     /// What a command waits for that comes after these.
     fn moment(&self, after: &Spanned<String>, before: &[Timed]) -> Result<Moment, String> {
-        let interacts = |command: &Timed| matches!(command.act, Some(Act::Interact { .. }));
+        let interacts =
+            |command: &Timed| matches!(command.act, Some(Act::Interact { .. } | Act::Skill { .. }));
         if !before.iter().any(interacts) {
-            let what = "after waits for what an interact before it began, and there is none";
+            let what = "after waits for what an interact or a skill before it began, and there is none";
             return Err(self.fault(after, what));
         }
         match after.get_ref().as_str() {
@@ -266,12 +268,21 @@ impl Check<'_> {
             variant: entry.variant.as_ref().map(|name| name.get_ref().clone()),
             approach: entry.approach.as_ref().map(|name| name.get_ref().clone()),
         });
-        for (field, value) in [("variant", &entry.variant), ("approach", &entry.approach)] {
-            if let Some(value) = value.as_ref().filter(|_| interact.is_none()) {
-                return Err(self.fault(value, format!("{field} needs interact, which is missing")));
-            }
+        let skill = entry.skill.as_ref().map(|name| Act::Skill {
+            name: name.clone(),
+            variant: entry.variant.as_ref().map(|name| name.get_ref().clone()),
+        });
+        if let Some(value) = &entry.variant
+            && interact.is_none()
+            && skill.is_none()
+        {
+            let what = "variant needs interact or skill, which are missing";
+            return Err(self.fault(value, what));
         }
-        let mut acts = interact.into_iter().chain(
+        if let Some(value) = entry.approach.as_ref().filter(|_| interact.is_none()) {
+            return Err(self.fault(value, "approach needs interact, which is missing"));
+        }
+        let mut acts = interact.into_iter().chain(skill).chain(
             [
                 (entry.end, Act::EndInteraction),
                 (entry.cancel, Act::Cancel),
@@ -283,7 +294,8 @@ impl Check<'_> {
         );
         let act = acts.next();
         if acts.next().is_some() {
-            let what = "interact, end, cancel, drop and perform exclude each other: it has more than one";
+            let what =
+                "interact, skill, end, cancel, drop and perform exclude each other: it has more than one";
             return Err(self.fault(spanned, what));
         }
         Ok(act)

@@ -138,6 +138,12 @@ impl Path {
         (last + done).max(on_the_way + spare) + AFTERMATH_S
     }
 
+    /// Whether it does a skill.
+    pub(crate) fn does_skills(&self) -> bool {
+        let is_skill = |command: &Timed| matches!(command.act, Some(Act::Skill { .. }));
+        self.commands.iter().any(is_skill)
+    }
+
     /// Whether it does anything but move by time and place.
     pub(crate) fn acts(&self) -> bool {
         let moves = |command: &Timed| command.act.is_none() && matches!(command.when, When::At(_));

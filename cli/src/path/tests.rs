@@ -20,10 +20,11 @@ fn the_paths_of_the_repository_are_read() {
     for entry in std::fs::read_dir(folder).unwrap() {
         let file = entry.unwrap().path();
         let path = Path::read(&file).unwrap_or_else(|why| panic!("{why}"));
-        assert!(path.title.is_some() && path.limit_s() > 5.0);
+        assert!(path.title.is_some() && path.limit_s() > 3.0);
         let commanded = path.commanded(path.limit_s()).len();
         assert!(commanded > 2 || path.acts(), "{}", file.display());
-        assert_eq!(path.acts(), path.scene.is_some(), "{}", file.display());
+        let watched = path.scene.is_some() || path.does_skills();
+        assert_eq!(path.acts(), watched, "{}", file.display());
         names.push(file.file_stem().unwrap().to_string_lossy().into_owned());
     }
     names.sort();
@@ -33,11 +34,16 @@ fn the_paths_of_the_repository_are_read() {
             "bow",
             "cup",
             "figure-of-eight",
+            "g1-crawl",
+            "g1-jump",
+            "g1-lie-down",
+            "g1-sit-on-ground",
             "reversal",
             "robot",
             "sit",
             "square",
-            "style-changes"
+            "style-changes",
+            "walk"
         ]
     );
 }
@@ -104,15 +110,15 @@ fn what_is_wrong_is_named_with_its_line() {
         ),
         (
             "[[command]]\ntime_s = 0\n\n[[command]]\ntime_s = 1\nend = true\ndrop = true",
-            "line 4: interact, end, cancel, drop and perform exclude each other",
+            "line 4: interact, skill, end, cancel, drop and perform exclude each other",
         ),
         (
             "[[command]]\ntime_s = 0\ninteract = 'cup'\nspeed = 1",
-            "line 1: interact, end, cancel, drop and perform exclude what says how to move",
+            "line 1: interact, skill, end, cancel, drop and perform exclude what says how to move",
         ),
         (
             "[[command]]\ntime_s = 0\nperform = 'wave'\ncancel = true",
-            "line 1: interact, end, cancel, drop and perform exclude each other",
+            "line 1: interact, skill, end, cancel, drop and perform exclude each other",
         ),
         (
             "[[command]]\ntime_s = 0\ninteract = 'cup'\nhand = 'left'",
@@ -330,4 +336,28 @@ fn a_sentence_is_acted_out_until_the_next_command() {
             .intent(4.0, Vec2::ZERO)
             .is_some_and(|intent| intent.velocity.length() > 1.9)
     );
+}
+
+#[test]
+fn a_skill_is_done_and_waited_for() {
+    let path = parse(
+        "[[command]]\ntime_s = 1\nskill = 'lie-down'\nvariant = 'back'\n\
+         [[command]]\nafter = 'held'\nspeed = 0.5\n",
+    );
+    let mut player = Player::new(&path);
+    player.intent(1.0, Vec2::ZERO);
+    let acts: Vec<_> = player.take_acts().cloned().collect();
+    assert_eq!(acts, [Act::skill("lie-down").variant("back")]);
+    assert_eq!(player.next_command_s(), None, "it does not know when it will lie");
+    player.came(Moment::Held, 4.0);
+    assert_eq!(player.next_command_s(), Some(4.0));
+    for (text, told) in [
+        ("skill = 'jump'\ncancel = true", "exclude each other"),
+        ("skill = 'jump'\nspeed = 1", "exclude what says how to move"),
+        ("skill = 'jump'\napproach = 'front'", "approach needs interact"),
+        ("speed = 1\nvariant = 'back'", "variant needs interact or skill"),
+    ] {
+        let error = Path::parse(&format!("[[command]]\ntime_s = 1\n{text}")).unwrap_err();
+        assert!(error.contains(told), "{text}: {error}");
+    }
 }

@@ -1,25 +1,14 @@
 //! From a gait in a clip to key poses that the pack's own networks make.
 
-use glam::{Quat, Vec3};
-use troupe_client::{CONTEXT_FRAMES, Client, InBetween, Pack, RequestError};
+use troupe_client::{Client, Pack};
 use troupe_motion::clip::Clip;
-use troupe_motion::fk::world_transforms;
 use troupe_motion::gait::ClosedCycle;
 use troupe_motion::root::wrap_angle;
 use troupe_motion::rotation::{to_wxyz, yaw};
 use troupe_proto::v1;
 
 use crate::failure::Failure;
-
-/// Generated frames on either side of a key: as many as the server takes to fade a given pose out, so that the key is the
-/// networks' own.
-const MARGIN: usize = 8;
-/// Consecutive target keyframes: as many as context frames, so that both ends say where the motion goes.
-const TARGETS: usize = 4;
-/// The generated frame that becomes the key.
-const KEY: usize = CONTEXT_FRAMES - 1 + MARGIN;
-/// Frames of the segment around a key.
-const SEGMENT: usize = KEY + MARGIN + TARGETS;
+use crate::rebuild::{KEY, SEGMENT, distance};
 
 /// A gait with its keyframes.
 pub(super) struct Rebuilt {
@@ -36,28 +25,21 @@ pub(super) async fn rebuild(
     cycles: &[&ClosedCycle],
     keys: usize,
 ) -> Result<Rebuilt, Failure> {
-    if !pack.segment_frames().contains(&SEGMENT) {
-        return Err(Failure::Input(format!(
-            "pack `{}` cannot fill the {SEGMENT} frames around a key pose",
-            pack.name()
-        )));
-    }
     let moments = moments(cycles, keys);
     let sources = moments
         .iter()
         .map(|(cycle, at)| cycle.clip(at - KEY as f32, SEGMENT))
         .collect::<Result<Vec<Clip>, _>>()
         .map_err(|e| Failure::Other(e.to_string()))?;
-    let tasks: Vec<InBetween> = sources.iter().map(task).collect::<Result<_, _>>()?;
-    let answers = client.in_between_many(pack, &tasks).await?;
+    let answers = crate::rebuild::rebuild(client, pack, &sources).await?;
     let mut distance_m = 0.0;
     let mut keys = Vec::with_capacity(moments.len());
-    for ((answer, source), (cycle, at)) in answers.characters.iter().zip(&sources).zip(&moments) {
-        distance_m += distance(&answer.clip, source) / moments.len() as f32;
+    for ((answer, source), (cycle, at)) in answers.iter().zip(&sources).zip(&moments) {
+        distance_m += distance(answer, source) / moments.len() as f32;
         keys.push(v1::GaitKey {
             // The networks may be a centimetre or two off, which the feet would show at every step.
             height: source.root_at(KEY).position.y,
-            ..key(&answer.clip, cycle.heading_at(*at))
+            ..key(answer, cycle.heading_at(*at))
         });
     }
     let (left, forward, turn) = cycles[0].velocity();
@@ -93,11 +75,6 @@ fn moments<'a>(cycles: &[&'a ClosedCycle], keys: usize) -> Vec<(&'a ClosedCycle,
     }
 }
 
-/// The segment around a key as a task.
-fn task(clip: &Clip) -> Result<InBetween, RequestError> {
-    InBetween::from_clip_range(clip, CONTEXT_FRAMES - 1, SEGMENT - TARGETS..=SEGMENT - 1)
-}
-
 /// The key of a generated segment whose heading line points along `line` there.
 fn key(clip: &Clip, line: f32) -> v1::GaitKey {
     let [before, root, after] = [KEY - 1, KEY, KEY + 1].map(|f| clip.root_at(f));
@@ -113,21 +90,6 @@ fn key(clip: &Clip, line: f32) -> v1::GaitKey {
     }
 }
 
-/// Mean distance of the joints at the key, each seen from its root's place on the ground along its heading, metres.
-fn distance(generated: &Clip, source: &Clip) -> f32 {
-    let [a, b] = [generated, source].map(|clip| {
-        let joints = clip.skeleton.joint_count();
-        let (mut positions, mut turned) = (vec![Vec3::ZERO; joints], vec![Quat::IDENTITY; joints]);
-        let root = clip.root_at(KEY);
-        let mut pose = clip.rotations_at(KEY).to_vec();
-        pose[0] = yaw(-root.heading) * pose[0];
-        let height = root.position * Vec3::Y;
-        world_transforms(&clip.skeleton, height, &pose, &mut positions, &mut turned);
-        positions
-    });
-    a.iter().zip(&b).map(|(p, q)| p.distance(*q)).sum::<f32>() / a.len().max(1) as f32
-}
-
 /// Shifts a value of all keys so that its mean is the gait's.
 fn centre(keys: &mut [v1::GaitKey], of: impl Fn(&mut v1::GaitKey) -> &mut f32, wanted: f32) {
     let count = keys.len().max(1) as f32;
@@ -139,6 +101,7 @@ fn centre(keys: &mut [v1::GaitKey], of: impl Fn(&mut v1::GaitKey) -> &mut f32, w
 mod tests {
     use std::f32::consts::TAU;
 
+    use glam::{Quat, Vec3};
     use troupe_motion::root::heading_of;
 
     use super::*;
@@ -184,19 +147,6 @@ mod tests {
             |cycles: &[&ClosedCycle]| moments(cycles, 12).iter().map(|(_, at)| *at).collect::<Vec<_>>();
         assert_eq!(times(&[&still]), [0.0]);
         assert_eq!(times(&[&still, &still]), [0.0, 0.0]);
-    }
-
-    #[test]
-    fn distances_do_not_see_where_it_stands_or_faces() {
-        let here = clip(SEGMENT);
-        let mut there = here.clone();
-        for f in 0..SEGMENT {
-            there.root_positions[f] += Vec3::new(3.0, 0.0, -2.0);
-            there.rotations_at_mut(f)[0] = yaw(1.0) * here.rotations_at(f)[0];
-        }
-        assert!(distance(&there, &here) < 1e-5);
-        there.root_positions[KEY].y += 0.05;
-        assert!((distance(&there, &here) - 0.05).abs() < 1e-5);
     }
 
     #[test]

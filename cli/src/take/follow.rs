@@ -119,7 +119,7 @@ pub(crate) async fn follow(
         path,
         character,
         hz: options.rate.hz() as f32,
-        lives_in_scene: scene.is_some(),
+        is_watched: scene.is_some() || path.does_skills(),
         recording: Recording::of(&live),
         told: Vec::new(),
         seen: Seen::default(),
@@ -138,7 +138,8 @@ struct Taking<'a> {
     path: &'a Path,
     character: &'a Character,
     hz: f32,
-    lives_in_scene: bool,
+    /// Things may happen to it: it lives in a scene, or does skills.
+    is_watched: bool,
     recording: Recording,
     told: Vec<Order>,
     seen: Seen,
@@ -163,7 +164,7 @@ impl Taking<'_> {
                 return Err(self.in_vain(nth, moment));
             }
             self.command(live, &mut player, &mut style, place);
-            let frames = match self.lives_in_scene {
+            let frames = match self.is_watched {
                 // What is in the hand is told for the last frame of a step alone.
                 true => 1,
                 false => frames_until(frame, hz, player.next_command_s(), player.ends_s()),
@@ -242,7 +243,7 @@ impl Taking<'_> {
         player: &mut Player<'_>,
         first_frame: u64,
     ) -> Result<(), Failure> {
-        if !self.lives_in_scene {
+        if !self.is_watched {
             return Ok(());
         }
         let frame = self.recording.len() - 1;

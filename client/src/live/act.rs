@@ -5,7 +5,7 @@ use troupe_proto::v1;
 use super::path::LivePath;
 use super::performance::Performance;
 
-/// Something that a character does once: use an object of its scene, follow a path, or act out a sentence. It goes to the server with the next step or tick, or when it is sent.
+/// Something that a character does once: use an object of its scene, do a skill, follow a path, or act out a sentence. It goes to the server with the next step or tick, or when it is sent.
 ///
 /// ```
 /// use troupe_client::Act;
@@ -24,7 +24,14 @@ pub enum Act {
         /// Name of the side to come from. None: the nearest.
         approach: Option<String>,
     },
-    /// Leave an interaction that is held, such as sitting, by its exit.
+    /// Do a skill of the pack where it stands.
+    Skill {
+        /// Its name.
+        name: String,
+        /// Name of the way to do it. None: one by weight and seed.
+        variant: Option<String>,
+    },
+    /// Leave an interaction or a skill that is held, such as sitting, by its exit.
     EndInteraction,
     /// Break off whatever it does, at once, let go of what is in the hand, and stand.
     Cancel,
@@ -46,10 +53,18 @@ impl Act {
         }
     }
 
-    /// In this way. Nothing changes where it is no interaction.
+    /// Do the skill of this name, such as jumping or lying down.
+    pub fn skill(name: impl Into<String>) -> Self {
+        Self::Skill {
+            name: name.into(),
+            variant: None,
+        }
+    }
+
+    /// In this way. Nothing changes where it is neither an interaction nor a skill.
     #[must_use]
     pub fn variant(mut self, name: impl Into<String>) -> Self {
-        if let Self::Interact { variant, .. } = &mut self {
+        if let Self::Interact { variant, .. } | Self::Skill { variant, .. } = &mut self {
             *variant = Some(name.into());
         }
         self
@@ -80,6 +95,10 @@ impl Act {
                 instance: instance.clone(),
                 variant: variant.clone().unwrap_or_default(),
                 approach: approach.clone().unwrap_or_default(),
+            }),
+            Self::Skill { name, variant } => Intent::Skill(v1::UseSkill {
+                name: name.clone(),
+                variant: variant.clone().unwrap_or_default(),
             }),
             Self::EndInteraction => Intent::EndInteraction(v1::EndInteraction {}),
             Self::Cancel => Intent::Cancel(v1::Cancel {}),

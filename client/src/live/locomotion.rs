@@ -355,6 +355,7 @@ mod tests {
             let kind = match command.intent {
                 Some(Asked::Locomote(_)) => "locomote",
                 Some(Asked::Interact(_)) => "interact",
+                Some(Asked::Skill(_)) => "skill",
                 Some(Asked::Drop(_)) => "drop",
                 Some(Asked::Cancel(_)) => "cancel",
                 Some(Asked::EndInteraction(_)) => "end",
@@ -383,6 +384,8 @@ mod tests {
         intent.act(&Act::Cancel);
         *intent.wanted_mut() = Locomotion::walk(Vec3::X);
         assert_eq!(sent(&mut intent), [(5, "cancel"), (6, "locomote")]);
+        intent.act(&Act::skill("jump"));
+        assert_eq!(sent(&mut intent), [(7, "skill")]);
     }
 
     #[test]

@@ -75,3 +75,10 @@ def test_arrays_become_intents() -> None:
     assert (caught.value.field, caught.value.allowed) == ("velocities", "(2, 3)")
     with pytest.raises(troupe.InvalidArgumentError, match="finite"):
         locomotions([[0, 0, np.nan], [0, 0, 0]], None, None, before)
+
+
+def test_a_skill_is_an_act() -> None:
+    act = troupe.skill("lie-down", variant="back")
+    assert act.command.WhichOneof("intent") == "skill"
+    assert (act.command.skill.name, act.command.skill.variant) == ("lie-down", "back")
+    assert not act.lets_move

@@ -287,6 +287,21 @@ def test_a_character_sits_down_in_a_scene(client: troupe.Client) -> None:
     client.delete_scene("courtyard")
 
 
+def test_a_robot_sits_down_on_the_ground_and_rises(client: troupe.Client) -> None:
+    assert "sit-on-ground" in client.pack("g1").skills
+    with client.session(troupe.SessionOptions(seed=1), pack="g1") as session:
+        session.act(troupe.skill("sit-on-ground"))
+        session.step(100)
+        assert session.info().activity.kind == v1.ActivityKind.ACTIVITY_KIND_HELD
+        assert session.info().position.y < 0.2
+        session.act(troupe.end_interaction())
+        session.step(120)
+        assert session.events[-1].kind == "done"
+        with pytest.raises(troupe.SessionError) as caught:
+            session.act(troupe.skill("fly")).step()
+        assert caught.value.reason == "UNKNOWN_SKILL"
+
+
 def test_an_error_in_a_document_has_its_place(client: troupe.Client) -> None:
     text = (ROOT / "examples" / "objects" / "cup.toml").read_text()
     wrong = text.replace("reach_m = ", "reach_m = 60 # ", 1)

@@ -40,7 +40,7 @@ from troupe.events import Attached, Event, Fault, Left, NotAttached, Refused, Re
 from troupe.frames import Frames
 from troupe.generate import FollowPath, Generated, GeneratedPart
 from troupe.inbetween import InBetween, InBetweenAnswer, RootKey
-from troupe.intent import Act, Locomotion, cancel, drop, end_interaction, follow_path, interact
+from troupe.intent import Act, Locomotion, cancel, drop, end_interaction, follow_path, interact, skill
 from troupe.keyframe import Keyframe
 from troupe.live import Crowd, Drive, Session
 from troupe.mjcf import robot_mjcf
@@ -118,4 +118,5 @@ __all__ = [
     "join_clips",
     "join_frames",
     "robot_mjcf",
+    "skill",
 ]

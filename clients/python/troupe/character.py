@@ -33,7 +33,7 @@ class Character:
         self.convention = Convention(of.convention)
         """Axes and unit of all that it takes and gives."""
         self.events: list[Event] = []
-        """What happened to it in its scene in the last step."""
+        """What happened to it in the last step: with objects, in skills, on its path."""
         self.held: event_pb2.HeldObject | None = of.held if of.HasField("held") else None
         """What is in its hand at the last frame of the last step."""
         self._intent = Intent(of.last_sequence)

@@ -63,8 +63,16 @@ def interact(instance: str, *, variant: str = "", approach: str = "") -> Act:
     return Act(session_pb2.Command(interact=intent))
 
 
+def skill(name: str, *, variant: str = "") -> Act:
+    """Do a skill of the pack where the character stands, such as `jump` or `lie-down`.
+
+    `variant` is a way to do it (else one by weight and seed). `pack.skills` lists what there is.
+    """
+    return Act(session_pb2.Command(skill=session_pb2.UseSkill(name=name, variant=variant)))
+
+
 def end_interaction() -> Act:
-    """Leave an interaction that is held, such as sitting, by its exit."""
+    """Leave an interaction or a skill that is held, such as sitting, by its exit."""
     return Act(session_pb2.Command(end_interaction=session_pb2.EndInteraction()))
 
 

@@ -57,6 +57,11 @@ class Pack:
         """Whether it answers requests that name no pack."""
         return self.message.is_default
 
+    @property
+    def skills(self) -> tuple[str, ...]:
+        """Names of what its characters can do where they stand: see `troupe.skill`."""
+        return tuple(skill.name for skill in self.message.skills)
+
     def of_body(self, name: str) -> Pack:
         """The same pack with one of its bodies: its skeleton and robot are that body's. An empty name: the default body.
 

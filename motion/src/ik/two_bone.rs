@@ -19,7 +19,7 @@ pub(super) const STRAIGHTEST: f32 = 0.9995;
 const FOLDED_M: f32 = 1e-3;
 /// A limb whose middle joint lies nearer to the line between its ends than this share of the shorter bone is bent towards
 /// the pole, fading out up to here.
-const NEARLY_STRAIGHT: f32 = 0.05;
+const NEARLY_STRAIGHT: f32 = 0.15;
 /// Bones shorter than this are none, metres.
 pub(super) const SHORTEST_BONE_M: f32 = 1e-4;
 /// A goal as near as this is met already, metres.

@@ -164,6 +164,9 @@ pub struct SocketDoc {
     /// Whether the arm swings as in any walk while it carries the object. Default false: the hand stays where it is.
     #[serde(default, skip_serializing_if = "is_false")]
     pub swings: bool,
+    /// Whether the object stands upright however the joint turns, as a full cup does. Default false: it turns with the joint.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub upright: bool,
 }
 
 impl SocketDoc {

@@ -12,8 +12,13 @@ fn intents_of_objects_are_objects_with_one_member() {
         instance: "chair".into(),
         ..v1::Interact::default()
     };
+    let skill = v1::UseSkill {
+        name: "jump".into(),
+        ..v1::UseSkill::default()
+    };
     for (intent, name) in [
         (Intent::Interact(interact), "interact"),
+        (Intent::Skill(skill), "skill"),
         (Intent::EndInteraction(v1::EndInteraction {}), "end_interaction"),
         (Intent::Cancel(v1::Cancel {}), "cancel"),
         (Intent::Drop(v1::DropHeld {}), "drop"),

@@ -66,6 +66,8 @@ pub struct Outcome {
     pub skate_before_mm: f64,
     /// Joint acceleration that 99.5 % stay below from the command to the end, m/s².
     pub acceleration: f64,
+    /// The largest acceleration of a knee from the command to the end, and a second of what follows, m/s².
+    pub knee_acceleration: f64,
     /// The variant that was chosen.
     pub variant: String,
     /// Which of the twelve directions, of those trials.
@@ -205,6 +207,9 @@ impl Record {
         };
         outcome.skate_mm = skate(range.clone());
         outcome.skate_before_mm = skate(1..told.max(2));
+        let knees: Vec<usize> = pack.rig.legs.iter().map(|leg| leg.lower).collect();
+        let after = told..(range.end + fps as usize).min(motion.frames() - 1);
+        outcome.knee_acceleration = largest_acceleration(&motion, after, &knees, fps);
         outcome.acceleration = joint_accelerations_mps2(&motion, range, fps)
             .ok()
             .and_then(|values| percentile(values, 0.995))
@@ -310,6 +315,20 @@ impl Frame<'_> {
         let far = meant.iter().zip(self.positions).map(|(a, b)| a.distance(*b));
         far.fold(0.0, f32::max)
     }
+}
+
+/// The largest acceleration of some joints around the frames of a range, m/s².
+fn largest_acceleration(motion: &WorldMotion, range: Range<usize>, joints: &[usize], fps: f32) -> f64 {
+    let at = |frame: usize, joint: usize| motion.positions[frame * motion.joints + joint];
+    let largest = range
+        .filter(|&frame| frame > 0)
+        .flat_map(|frame| {
+            joints.iter().map(move |&joint| {
+                (at(frame + 1, joint) - 2.0 * at(frame, joint) + at(frame - 1, joint)).length()
+            })
+        })
+        .fold(0.0, f32::max);
+    f64::from(largest * fps * fps)
 }
 
 fn roughness(motion: &WorldMotion, range: Range<usize>, fps: f32) -> Roughness {

@@ -37,6 +37,8 @@ struct Object {
     skate_mm: f64,
     skate_before_mm: f64,
     acceleration_mps2: f64,
+    /// Median and 95th percentile of the largest of each interaction.
+    knee_acceleration_mps2: [f64; 2],
     variants: BTreeMap<String, usize>,
     /// Mean distance of a joint between trials of different variants, over their keyframes, centimetres.
     variety_cm: f64,
@@ -155,6 +157,10 @@ impl Report {
             skate_mm: mean(|outcome| outcome.skate_mm),
             skate_before_mm: mean(|outcome| outcome.skate_before_mm),
             acceleration_mps2: mean(|outcome| outcome.acceleration),
+            knee_acceleration_mps2: [0.5, 0.95].map(|share| {
+                let largest = done.iter().map(|outcome| outcome.knee_acceleration).collect();
+                percentile(largest, share).unwrap_or(f64::NAN)
+            }),
             variants,
             variety_cm: variety_cm(&done),
             soft_early_percent: percent(
@@ -232,9 +238,9 @@ impl fmt::Display for Report {
         }
         writeln!(
             f,
-            "\n| object | seconds | skate before, during (mm/frame) | acceleration, 99.5 % below (m/s²) | variants | variety (cm) | the same twice |"
+            "\n| object | seconds | skate before, during (mm/frame) | acceleration, 99.5 % below (m/s²) | sharpest of a knee: median, 95 % below | variants | variety (cm) | the same twice |"
         )?;
-        writeln!(f, "|---|---:|---|---:|---|---:|---|")?;
+        writeln!(f, "|---|---:|---|---:|---|---|---:|---|")?;
         for o in &self.objects {
             let variants: Vec<String> = o
                 .variants
@@ -243,12 +249,14 @@ impl fmt::Display for Report {
                 .collect();
             writeln!(
                 f,
-                "| {} | {:.1} | {:.1}, {:.1} | {:.0} | {} | {:.1} | {} of {} |",
+                "| {} | {:.1} | {:.1}, {:.1} | {:.0} | {:.0}, {:.0} | {} | {:.1} | {} of {} |",
                 o.name,
                 o.seconds,
                 o.skate_before_mm,
                 o.skate_mm,
                 o.acceleration_mps2,
+                o.knee_acceleration_mps2[0],
+                o.knee_acceleration_mps2[1],
                 variants.join(", "),
                 o.variety_cm,
                 o.twice_alike,

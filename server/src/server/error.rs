@@ -7,6 +7,7 @@ use crate::api::{KeysError, TokensError};
 use crate::records::RecordsError;
 use crate::telemetry::TracesError;
 use crate::world::LoadError;
+use troupe_character::document::DocumentError;
 use troupe_character::style::StyleError;
 use troupe_engine::EngineError;
 use troupe_engine::pack::PackError;
@@ -24,6 +25,9 @@ pub enum StartError {
     /// A style that cannot be used.
     #[error(transparent)]
     Style(#[from] StyleError),
+    /// A skill that cannot be used.
+    #[error(transparent)]
+    Skill(#[from] DocumentError),
     /// A scene or an object definition that cannot be used.
     #[error(transparent)]
     World(#[from] LoadError),

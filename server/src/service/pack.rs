@@ -1,13 +1,15 @@
 //! The public description of a pack.
 
+use troupe_character::object::Definition;
+use troupe_character::skill::Skills;
 use troupe_engine::pack::{Pack, VerMoDoc};
 use troupe_motion::model::Body;
 use troupe_motion::robot::Hinge;
 use troupe_motion::{Joint, Robot, Skeleton};
 use troupe_proto::v1;
 
-/// The public description of the pack, which `engine` runs.
-pub(super) fn describe(pack: &Pack, is_default: bool, engine: &str) -> v1::Pack {
+/// The public description of the pack, which `engine` runs and whose characters have these skills.
+pub(super) fn describe(pack: &Pack, skills: &Skills, is_default: bool, engine: &str) -> v1::Pack {
     let manifest = &pack.manifest;
     let (skeleton, dims) = (&pack.rig.skeleton, &pack.rig.dims);
     let contacts = skeleton.contacts.as_ref();
@@ -50,6 +52,18 @@ pub(super) fn describe(pack: &Pack, is_default: bool, engine: &str) -> v1::Pack 
         sampler_steps: (manifest.unimogen.as_ref()).map_or(0, |table| table.sampler_steps as u32),
         diffusion_steps: (manifest.unimogen.as_ref()).map_or(0, |table| table.diffusion_steps as u32),
         language: manifest.vermo.as_ref().map(describe_language),
+        skills: skills.iter().map(|skill| describe_skill(skill)).collect(),
+    }
+}
+
+fn describe_skill(skill: &Definition) -> v1::PackSkill {
+    v1::PackSkill {
+        name: skill.name.clone(),
+        description: skill.description.clone(),
+        variants: (skill.variants.iter())
+            .map(|variant| variant.name.clone())
+            .collect(),
+        held: skill.is_held(),
     }
 }
 
@@ -191,7 +205,7 @@ max_speed_rad_per_s = 9.0
 
     fn described(text: &str, is_default: bool) -> v1::Pack {
         let pack = Pack::from_manifest(Manifest::parse(text).unwrap(), Path::new("toy")).unwrap();
-        describe(&pack, is_default, "cpu")
+        describe(&pack, &Skills::default(), is_default, "cpu")
     }
 
     #[test]

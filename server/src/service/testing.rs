@@ -32,6 +32,7 @@ impl Service {
         Ok(Surroundings {
             rig: pack.rig().clone(),
             styles: pack.styles().clone(),
+            skills: pack.loaded.skills.clone(),
             world: Some(World {
                 scene: cell,
                 definitions: store.definitions().clone(),

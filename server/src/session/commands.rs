@@ -109,7 +109,7 @@ fn give(path: &Path<'_>, cell: &SessionCell, command: &v1::Command) -> Result<Co
         }
         None if priority.is_some() => live.character.note_command(command.sequence),
         None => {
-            let wanted = "locomote, follow_path, interact, perform, end_interaction, cancel or drop, or a priority without an intent";
+            let wanted = "locomote, follow_path, interact, skill, perform, end_interaction, cancel or drop, or a priority without an intent";
             return Err(path.field("intent").error("is missing", wanted).into());
         }
     };
@@ -150,6 +150,7 @@ fn intent(
             Some(Intent::FollowPath(path))
         }
         Some(Asked::Interact(asked)) => Some(interact(&path.field("interact"), asked)?),
+        Some(Asked::Skill(asked)) => Some(skill(&path.field("skill"), asked)?),
         Some(Asked::EndInteraction(_)) => Some(Intent::EndInteraction),
         Some(Asked::Cancel(_)) => Some(Intent::Cancel),
         Some(Asked::Drop(_)) => Some(Intent::Drop),
@@ -165,29 +166,50 @@ fn interact(path: &Path<'_>, asked: &v1::Interact) -> Result<Intent, FieldError>
             format!("1 to {MAX_ID_BYTES} bytes"),
         ));
     }
-    let chosen = |field, name: &str| match name.chars().count() {
+    Ok(Intent::Interact {
+        instance: Arc::from(asked.instance.as_str()),
+        variant: chosen(&path.field("variant"), &asked.variant)?,
+        approach: chosen(&path.field("approach"), &asked.approach)?,
+    })
+}
+
+fn skill(path: &Path<'_>, asked: &v1::UseSkill) -> Result<Intent, FieldError> {
+    let found = asked.name.chars().count();
+    if !(1..=MAX_NAME_CHARS).contains(&found) {
+        return Err(path.field("name").error(
+            format!("has {found} characters"),
+            format!("1 to {MAX_NAME_CHARS} characters"),
+        ));
+    }
+    Ok(Intent::Skill {
+        name: Arc::from(asked.name.as_str()),
+        variant: chosen(&path.field("variant"), &asked.variant)?,
+    })
+}
+
+/// A name that may be left out.
+fn chosen(path: &Path<'_>, name: &str) -> Result<Option<String>, FieldError> {
+    match name.chars().count() {
         0 => Ok(None),
         1..=MAX_NAME_CHARS => Ok(Some(name.to_owned())),
-        found => Err(path.field(field).error(
+        found => Err(path.error(
             format!("has {found} characters"),
             format!("at most {MAX_NAME_CHARS}, or none"),
         )),
-    };
-    Ok(Intent::Interact {
-        instance: Arc::from(asked.instance.as_str()),
-        variant: chosen("variant", &asked.variant)?,
-        approach: chosen("approach", &asked.approach)?,
-    })
+    }
 }
 
 /// The error of a command that the character could not carry out.
 fn refused(path: &Path<'_>, refusal: Refusal) -> SessionError {
     let interact = path.field("interact");
+    let skill = path.field("skill");
     let follow = path.field("follow_path");
     let first = follow.element("points", 0);
     let field = match &refusal {
         Refusal::TooManyCommands => path.field("intent"),
         Refusal::PathTooFar { .. } => first.field("position"),
+        Refusal::UnknownSkill { .. } | Refusal::SkillByPath => skill.field("name"),
+        Refusal::UnknownSkillVariant { .. } => skill.field("variant"),
         Refusal::UnknownVariant { .. } => interact.field("variant"),
         Refusal::UnknownApproach { .. } => interact.field("approach"),
         _ => interact.field("instance"),

@@ -207,6 +207,7 @@ fn parts(id: &Arc<str>, record: &[u8], packs: &LivePacks, world: &Store) -> Resu
     let around = Surroundings {
         rig: pack.rig().clone(),
         styles: pack.styles().clone(),
+        skills: pack.loaded.skills.clone(),
         world: resident.as_ref().map(|resident| World {
             scene: resident.cell().clone(),
             definitions: world.definitions().clone(),

@@ -63,12 +63,13 @@ pub(super) fn parts(
         gait: None,
         height_m: None,
     };
+    let character = Character::in_world(pack.rig().clone(), character, start, command, world);
     Ok(Parts {
         id,
         convention,
         seed: options.seed,
         ttl,
-        character: Character::in_world(pack.rig().clone(), character, start, command, world),
+        character: character.with_skills(pack.loaded.skills.clone()),
         style,
         priority,
         pack,

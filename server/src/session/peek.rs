@@ -187,6 +187,10 @@ fn command(cell: &SessionCell, waiting: &WaitingCommand) -> v1::Command {
                 variant: variant.clone().unwrap_or_default(),
                 approach: approach.clone().unwrap_or_default(),
             }),
+            Intent::Skill { name, variant } => Asked::Skill(v1::UseSkill {
+                name: name.to_string(),
+                variant: variant.clone().unwrap_or_default(),
+            }),
             Intent::Perform(words) => Asked::Perform(perform(words, cell.pack().rig().fps)),
             Intent::EndInteraction => Asked::EndInteraction(v1::EndInteraction {}),
             Intent::Cancel => Asked::Cancel(v1::Cancel {}),

@@ -61,6 +61,7 @@ impl Setup {
         );
         let loaded = LoadedPack {
             styles: vec![Arc::new(StyleTable::load(&pack.rig, &pack.folder, None).unwrap())],
+            skills: Arc::default(),
             batcher: batcher.await.unwrap(),
             engine: "idle",
             pack: Arc::new(pack),

@@ -32,6 +32,7 @@ mod service;
 mod session_errors;
 mod session_life;
 mod sessions;
+mod skills;
 mod strangers;
 mod tenants;
 mod traces;

@@ -27,7 +27,7 @@ impl Socket {
         Self(connect_async(url).await.unwrap().0)
     }
 
-    async fn text(&mut self, message: serde_json::Value) {
+    pub(super) async fn text(&mut self, message: serde_json::Value) {
         self.0
             .send(Message::Text(message.to_string().into()))
             .await
@@ -55,7 +55,7 @@ impl Socket {
     }
 
     /// The next answer as text, frames left out unless they are wanted.
-    async fn said(&mut self, frames: bool) -> Say {
+    pub(super) async fn said(&mut self, frames: bool) -> Say {
         loop {
             let Message::Text(text) = self.next().await else {
                 panic!("not text");

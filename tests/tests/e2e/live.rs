@@ -16,6 +16,7 @@ use troupe_proto::v1;
 use troupe_proto::v1::sessions_client::SessionsClient;
 
 use crate::cli::{Folder, failed, printed, troupe};
+use crate::crowd;
 use crate::motion::difference;
 use crate::server::{Server, shared};
 
@@ -75,31 +76,14 @@ async fn a_crowd_moves_as_each_of_it_would_alone() {
         per_request: 8,
         ..CrowdOptions::default()
     };
-    let mut crowd = Crowd::new(&client, &pack, crowd_options);
-    let members = crowd
-        .add(&(0..CROWD).map(options).collect::<Vec<_>>())
-        .await
-        .unwrap();
-    let mut recordings = members
-        .iter()
-        .map(|_| Recording::new(&pack, Convention::Native, Rate::Hz30))
-        .collect::<Vec<_>>();
-    for part in 0..dance(0).len() {
-        for (nth, &member) in members.iter().enumerate() {
-            *crowd.intent_mut(member).unwrap() = dance(nth)[part].1.clone();
-        }
-        let step = crowd.step(dance(0)[part].0).await.unwrap();
-        assert!(step.faults().is_empty());
-        for (member, frames) in step.characters() {
-            frames
-                .iter()
-                .for_each(|frame| recordings[member.index()].push(frame));
-        }
-    }
-    crowd.close().await.unwrap();
-    for (nth, recording) in recordings.into_iter().enumerate() {
+    let crowd = Crowd::new(&client, &pack, crowd_options);
+    let all: Vec<SessionOptions> = (0..CROWD).map(options).collect();
+    let parts = dance(0).map(|(frames, _)| frames);
+    let intent = |part: usize, nth: usize| dance(nth)[part].1.clone();
+    let together = crowd::perform(crowd, &pack, &all, &parts, intent).await;
+    for (nth, clip) in together.iter().enumerate() {
         let alone = solo(&client, &pack, &options(nth), &dance(nth)).await;
-        assert_same(&recording.into_clip().unwrap(), &alone);
+        assert_same(clip, &alone);
     }
 }
 

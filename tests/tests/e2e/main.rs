@@ -9,6 +9,7 @@ mod answers;
 mod bad_input;
 mod batching;
 mod cli;
+mod crowd;
 mod film;
 mod g1;
 mod http;

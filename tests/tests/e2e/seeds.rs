@@ -1,14 +1,14 @@
 //! What a session's seed changes: walkers differ, obey as well, and each is the same alone and in company.
 
-use troupe_client::{Client, Crowd, CrowdOptions, Locomotion, Pack, Rate, Recording, SessionOptions};
+use troupe_client::{Client, Crowd, CrowdOptions, Locomotion, Pack, SessionOptions};
 use troupe_motion::clip::Clip;
-use troupe_motion::conventions::Convention;
 use troupe_motion::fk::WorldMotion;
 use troupe_motion::gait::{ClosedCycle, CycleOptions, find_cycles};
 use troupe_motion::metrics::foot_skate_m_per_frame;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{Quat, Vec3};
 
+use crate::crowd::perform;
 use crate::server::shared;
 
 /// What everybody does: stand, walk straight on for twice as many frames.
@@ -22,32 +22,15 @@ const PHASES: usize = 32;
 
 /// Walkers of these seeds, stepped together.
 async fn walk(client: &Client, pack: &Pack, seeds: &[u64]) -> Vec<Clip> {
-    let mut crowd = Crowd::new(client, pack, CrowdOptions::default());
     let options: Vec<SessionOptions> = (seeds.iter())
         .map(|&seed| SessionOptions::new().seed(seed).style("normal"))
         .collect();
-    let members = crowd.add(&options).await.unwrap();
-    let mut recordings: Vec<Recording> = (members.iter())
-        .map(|_| Recording::new(pack, Convention::Native, Rate::Hz30))
-        .collect();
-    let walking = || Locomotion::walk(VELOCITY).facing(0.0);
-    for (frames, intent) in [(STAND, Locomotion::stand()), (WALK, walking()), (WALK, walking())] {
-        for &member in &members {
-            *crowd.intent_mut(member).unwrap() = intent.clone().style("normal");
-        }
-        let step = crowd.step(frames).await.unwrap();
-        assert!(step.faults().is_empty());
-        for (member, frames) in step.characters() {
-            frames
-                .iter()
-                .for_each(|frame| recordings[member.index()].push(frame));
-        }
-    }
-    crowd.close().await.unwrap();
-    recordings
-        .into_iter()
-        .map(|recording| recording.into_clip().unwrap())
-        .collect()
+    let intent = |part, _| match part {
+        0 => Locomotion::stand().style("normal"),
+        _ => Locomotion::walk(VELOCITY).facing(0.0).style("normal"),
+    };
+    let crowd = Crowd::new(client, pack, CrowdOptions::default());
+    perform(crowd, pack, &options, &[STAND, WALK, WALK], intent).await
 }
 
 /// The joints at [`PHASES`] phases of the steadiest step, seen from the root on the ground, facing ahead.

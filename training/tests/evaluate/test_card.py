@@ -51,7 +51,7 @@ def test_old_reports_have_no_nearest_window():
 
 def test_the_nearest_window_comes_from_a_report_of_the_same_windows():
     figure = {"mean": 0.25, "low": 0.2, "high": 0.3}
-    nearest = {"l2p_m": figure, "reached": figure, "nearer_than_pack": figure}
+    nearest = {"l2p_m": figure, "reached": figure, "nearer_than_pack": figure, "hinge_clamped_share": figure}
     other = {"gap_frames": 30, "windows": 7, "methods": {NEAREST: nearest}}
     baselines = {"stride_frames": 30, "evaluator": "a", "gaps": [{"gap_frames": 15}, other]}
     report = {"stride_frames": 30, "gaps": [plain_gap()]}
@@ -60,6 +60,7 @@ def test_the_nearest_window_comes_from_a_report_of_the_same_windows():
     found = rows(report["gaps"][0])
     assert found["target reached (%) ↑"] == ["50.0", "50.0", "25.0 (20.0–30.0)", "50.0"]
     assert found["windows with a lower L2P than the pack (%)"] == ["–", "–", "25.0 (20.0–30.0)", "–"]
+    assert "angles at their limits (%) ↓" not in found
     with pytest.raises(ValueError, match="windows"):
         add_nearest({"stride_frames": 20, "gaps": [plain_gap()]}, baselines)
     with pytest.raises(ValueError, match="windows"):

@@ -60,6 +60,8 @@ def add_nearest(report: dict[str, Any], baselines: dict[str, Any]) -> None:
         figures = other["methods"].get(NEAREST)
         if figures is None:
             raise ValueError(f"gap of {frames} frames: the other report has no {NEAREST}")
+        # Of hinges a server's report has nothing to stand beside.
+        figures = {name: figure for name, figure in figures.items() if not name.startswith("hinge_")}
         gap["nearest"] = {SERVER_NAMES.get(name, name): figure["mean"] for name, figure in figures.items()}
         gap.setdefault("metrics", {})["nearest"] = figures
 

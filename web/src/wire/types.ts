@@ -81,6 +81,7 @@ export type Intent =
   | { follow_path: FollowPath }
   | { perform: { text: string; pack?: string; seconds?: number; temperature?: number } }
   | { interact: { instance: string; variant?: string; approach?: string } }
+  | { skill: { name: string; variant?: string } }
   | { end_interaction: Record<string, never> }
   | { cancel: Record<string, never> }
   | { drop: Record<string, never> };

@@ -9,6 +9,7 @@ use super::super::{CROSSFADE_FRAMES, CharacterOptions};
 use super::{Carry, Footing};
 use crate::primitives::{Locomotion, LocomotionCommand};
 use crate::scene::Scene;
+use crate::skill::Skills;
 use troupe_motion::model::Rig;
 
 /// Frames of motion that are kept beyond where the next plan takes over, while a pose is held.
@@ -22,6 +23,7 @@ pub(in crate::live) struct Body<'a> {
     pub(in crate::live) locomotion: &'a mut Locomotion,
     pub(in crate::live) footing: &'a mut Footing,
     pub(in crate::live) carry: &'a mut Carry,
+    pub(in crate::live) skills: &'a Skills,
 }
 
 /// One frame as it is shown.

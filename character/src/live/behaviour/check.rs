@@ -176,7 +176,12 @@ impl Behaviour {
         }
         let instance = Arc::clone(&hand.instance);
         let interaction = Interaction::way_out(definition, variant);
-        self.doing = Doing::Using(Box::new(Using::way_out(instance, interaction, frame, body)));
+        self.doing = Doing::Using(Box::new(Using::where_it_stands(
+            instance,
+            interaction,
+            frame,
+            body,
+        )));
     }
 }
 
@@ -194,21 +199,28 @@ impl Checked {
     }
 }
 
-fn variant(definition: &Definition, name: Option<&str>, seed: u64) -> Result<usize, Refusal> {
+/// Index of the variant of this name; of one by weight without a name.
+pub(super) fn variant(definition: &Definition, name: Option<&str>, seed: u64) -> Result<usize, Refusal> {
     let Some(name) = name else {
         return Ok(definition.variant_for(seed));
     };
-    definition
-        .variant_named(name)
-        .ok_or_else(|| Refusal::UnknownVariant {
-            definition: definition.name.clone(),
-            name: name.to_owned(),
-            there_are: definition
-                .variants
-                .iter()
-                .map(|variant| variant.name.clone())
-                .collect(),
-        })
+    definition.variant_named(name).ok_or_else(|| {
+        let there_are = (definition.variants.iter())
+            .map(|variant| variant.name.clone())
+            .collect();
+        match definition.is_skill {
+            true => Refusal::UnknownSkillVariant {
+                skill: definition.name.clone(),
+                name: name.to_owned(),
+                there_are,
+            },
+            false => Refusal::UnknownVariant {
+                definition: definition.name.clone(),
+                name: name.to_owned(),
+                there_are,
+            },
+        }
+    })
 }
 
 fn approach(definition: &Definition, name: Option<&str>) -> Result<Option<usize>, Refusal> {

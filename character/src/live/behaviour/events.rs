@@ -42,9 +42,12 @@ impl Behaviour {
                         instance: Arc::clone(&using.instance),
                     });
                     if let Doing::Using(using) = std::mem::replace(&mut self.doing, Doing::Locomotion) {
-                        self.unreserve(&using.instance);
+                        self.unreserve(&using);
                     }
                     self.left_off = true;
+                    if let Some(intent) = self.waiting.take() {
+                        self.take_up(intent, now, body);
+                    }
                 }
             }
         }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use troupe_motion::fk::joint_transform;
 use troupe_motion::ik::Posed;
 use troupe_motion::interpolate::smoothstep;
-use troupe_motion::{Skeleton, Vec3};
+use troupe_motion::{Quat, Skeleton, Vec3};
 
 use super::super::{FailReason, World};
 use crate::object::{Definition, Socket};
@@ -99,18 +99,32 @@ impl Hand {
         let Some(socket) = self.socket() else {
             return self.from;
         };
-        joint(skeleton, socket, posed) * self.offset(socket, frame)
+        let at = joint(skeleton, socket, posed) * self.offset(socket, frame);
+        // It comes upright as it comes into the socket, and is put down as its rule has it.
+        let since = (frame - self.since as f64) as f32;
+        let rest = self.rest.map_or(0.0, |(end, _)| rest_share(end, frame));
+        self.raised(socket, at, socket.share(since) * (1.0 - rest))
+    }
+
+    /// An object at `at` that stands upright, where the socket has it so: turned by `share` of its tilt about its middle.
+    fn raised(&self, socket: &Socket, at: Transform, share: f32) -> Transform {
+        if !socket.upright {
+            return at;
+        }
+        let upright = Quat::from_rotation_arc(at.rotation * Vec3::Y, Vec3::Y) * at.rotation;
+        let rotation = at.rotation.slerp(upright, share);
+        let middle = self.definition.body.volume.center();
+        Transform::new(at.point(middle) - rotation * middle, rotation)
     }
 
     /// Where the object is in the joint's frame. Frames of a session that lasts are many, so they are not counted as `f32`.
     fn offset(&self, socket: &Socket, frame: f64) -> Transform {
         let since = (frame - self.since as f64) as f32;
         let held = socket.offset_at(self.from, self.held, since);
-        let Some((at, rest)) = self.rest else {
+        let Some((end, rest)) = self.rest else {
             return held;
         };
-        let share = 1.0 + (frame - at as f64) as f32 / REST_FRAMES;
-        let share = smoothstep(share.clamp(0.0, 1.0));
+        let share = rest_share(end, frame);
         Transform::new(
             held.position.lerp(rest.position, share),
             held.rotation.slerp(rest.rotation, share),
@@ -127,7 +141,7 @@ impl Hand {
     ) -> Option<(f32, Transform)> {
         let socket = self.socket()?;
         let joint = joint(skeleton, socket, posed);
-        let at = joint * self.held;
+        let at = self.raised(socket, joint * self.held, 1.0);
         let placed = self.definition.place(scene, &self.instance, at).ok()?.transform;
         let middle = self.definition.body.volume.center();
         let lift = placed.point(middle).y - at.point(middle).y;
@@ -197,6 +211,12 @@ impl Hand {
     }
 }
 
+/// How far an object that is put down at frame `end` has turned towards it, 0 to 1.
+fn rest_share(end: i64, frame: f64) -> f32 {
+    let share = 1.0 + (frame - end as f64) as f32 / REST_FRAMES;
+    smoothstep(share.clamp(0.0, 1.0))
+}
+
 /// The socket's joint in the world.
 fn joint(skeleton: &Skeleton, socket: &Socket, posed: Posed<'_>) -> Transform {
     let (position, rotation) = joint_transform(skeleton, posed.root, posed.rotations, socket.joint);
@@ -205,24 +225,56 @@ fn joint(skeleton: &Skeleton, socket: &Socket, posed: Posed<'_>) -> Transform {
 
 #[cfg(test)]
 mod tests {
-    use troupe_motion::Quat;
-
     use super::super::testing::{definitions, doll_rig};
     use super::*;
 
+    /// A hand that has taken the doll's cup to a socket that keeps it upright, or not.
+    fn hand(since: i64, upright: bool) -> Hand {
+        let mut definition = (*definitions(&doll_rig()).get("cup").unwrap().definition).clone();
+        definition.sockets[0].upright = upright;
+        Hand {
+            instance: "cup".into(),
+            definition: Arc::new(definition),
+            variant: 0,
+            socket: 0,
+            since,
+            from: Transform::new(Vec3::X, Quat::IDENTITY),
+            held: Transform::IDENTITY,
+            rest: None,
+        }
+    }
+
+    #[test]
+    fn what_is_kept_upright_stands_about_its_middle() {
+        let rig = doll_rig();
+        let joints = rig.skeleton.joint_count();
+        let mut rotations = vec![Quat::IDENTITY; joints];
+        rotations[0] = Quat::from_rotation_x(0.7) * Quat::from_rotation_y(0.4);
+        let posed = Posed {
+            root: Vec3::Y,
+            rotations: &rotations,
+        };
+        let at = |upright: bool, frame: f64| hand(0, upright).transform(&rig.skeleton, frame, posed);
+        let tilt = |at: Transform| (at.rotation * Vec3::Y).angle_between(Vec3::Y);
+        let (leans, stands) = (at(false, 60.0), at(true, 60.0));
+        assert!((tilt(leans) - 0.7).abs() < 1e-3 && tilt(stands) < 1e-3);
+        let middle = hand(0, true).definition.body.volume.center();
+        assert!(leans.point(middle).distance(stands.point(middle)) < 1e-5);
+        // It is taken as it lies, and comes upright as it comes into the socket.
+        assert!(at(true, 0.0).rotation.angle_between(at(false, 0.0).rotation) < 1e-3);
+        let coming: Vec<f32> = (0..6).map(|frame| tilt(at(true, f64::from(frame)))).collect();
+        assert!(
+            coming.windows(2).all(|pair| pair[1] <= pair[0] + 1e-4),
+            "{coming:?}"
+        );
+    }
+
     #[test]
     fn after_days_what_is_held_moves_as_at_once() {
-        let definition = definitions(&doll_rig()).get("cup").unwrap().definition;
         let at = |since: i64| {
             let hand = Hand {
-                instance: "cup".into(),
-                definition: Arc::clone(&definition),
-                variant: 0,
-                socket: 0,
-                since,
-                from: Transform::new(Vec3::X, Quat::IDENTITY),
-                held: Transform::IDENTITY,
                 rest: Some((since + 20, Transform::new(Vec3::Y, Quat::IDENTITY))),
+                ..hand(since, false)
             };
             let socket = hand.socket().unwrap();
             let parts = (0..80).map(|quarter| since as f64 + 0.25 * f64::from(quarter));

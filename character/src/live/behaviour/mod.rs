@@ -25,6 +25,7 @@ mod getting_up;
 mod hand;
 mod plans;
 mod sets;
+mod skill;
 mod using;
 
 #[cfg(test)]
@@ -37,6 +38,8 @@ mod ground_tests;
 mod random_tests;
 #[cfg(test)]
 mod shift_tests;
+#[cfg(test)]
+mod skill_tests;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
@@ -61,6 +64,7 @@ use fall::Fall;
 pub(super) use footing::Footing;
 use footing::Support;
 use hand::{Hand, Refused};
+pub(super) use skill::find as skill;
 use using::Using;
 
 /// What is to be done about a frame.
@@ -91,7 +95,7 @@ pub(super) struct Behaviour {
     left_off: bool,
     /// It stands up until this frame.
     gets_up_until: Option<i64>,
-    /// What a command asked for during a fall.
+    /// What a command asked for during a fall or a skill.
     waiting: Option<Intent>,
     events: Vec<CharacterEvent>,
     /// Frame of the last event.
@@ -221,6 +225,9 @@ impl Behaviour {
                 }
             };
         }
+        let Some(intent) = self.after_skill(intent, frame, body) else {
+            return false;
+        };
         match intent {
             Intent::Locomote(command) => {
                 if !self.interrupt(frame, body, Some(&command)) {
@@ -246,6 +253,11 @@ impl Behaviour {
             } => {
                 self.interrupt(frame, body, None);
                 self.begin(&instance, variant.as_deref(), approach.as_deref(), frame, body);
+                false
+            }
+            Intent::Skill { name, variant } => {
+                self.interrupt(frame, body, None);
+                self.begin_skill(&name, variant.as_deref(), frame, body);
                 false
             }
             Intent::EndInteraction => {
@@ -341,13 +353,17 @@ impl Behaviour {
                 message,
             },
         );
+        let waiting = self.waiting.take();
         self.stop_using(frame, body, None);
+        if let Some(intent) = waiting {
+            self.take_up(intent, frame, body);
+        }
     }
 
     /// Frees what an interaction has reserved; locomotion goes by `command`, or stands. What is in the hand stays there.
     fn stop_using(&mut self, frame: i64, body: &mut Body<'_>, command: Option<&LocomotionCommand>) {
         if let Doing::Using(using) = std::mem::replace(&mut self.doing, Doing::Locomotion) {
-            self.unreserve(using.instance());
+            self.unreserve(&using);
             let command = command.cloned().unwrap_or_else(|| body.standing());
             body.move_on(frame, command, using.approaches());
             self.left_off = true;
@@ -357,7 +373,11 @@ impl Behaviour {
         }
     }
 
-    fn unreserve(&self, instance: &str) {
+    fn unreserve(&self, using: &Using) {
+        if using.is_skill() {
+            return;
+        }
+        let instance = &**using.instance();
         let World { scene, holder, .. } = &self.world;
         if scene
             .snapshot()
@@ -448,7 +468,7 @@ impl Behaviour {
         let reason = FailReason::Removed;
         let message = format!("object {instance:?} was taken out of the scene, and of the hand");
         match &self.doing {
-            Doing::Using(using) if *using.instance() == instance => {
+            Doing::Using(using) if !using.is_skill() && *using.instance() == instance => {
                 self.fail(frame, body, Refused { reason, message });
             }
             _ => self.emit(

@@ -9,6 +9,7 @@ use troupe_motion::{ContactParams, Joint, Quat, Skeleton, Vec3};
 
 use crate::object::{Definition, Definitions};
 use crate::scene::{Collider, ColliderShape, Scene, Shape, Transform};
+use crate::skill::Skills;
 use crate::testing::rig_of;
 use troupe_motion::model::Rig;
 
@@ -244,6 +245,60 @@ keyframes = [{ place_m = [0.0, -0.05], heading_deg = 0.0, height_m = 0.45, from_
 name = "up"
 keyframes = [{ place_m = [0.0, 0.3], heading_deg = 0.0, height_m = 0.9, from_ground = true }]
 "#;
+
+/// Down to the ground and, when that is ended, up again; a squat; and a spring off the ground.
+pub(crate) const SKILLS: [&str; 2] = [
+    r#"
+format = 1
+name = "lie"
+variants = [{ name = "down", entry = "sink", exit = "rise" }, { name = "squat", weight = 0.0, entry = "bend" }]
+
+[[sets]]
+name = "sink"
+next = "lie"
+frames = 20
+drop_frames = 2
+keyframes = [{ height_m = 0.6, from_ground = true, heading_deg = 0.0, place_m = [0.0, 0.1] }]
+
+[[sets]]
+name = "lie"
+frames = 20
+hold_until_ended = true
+keyframes = [{ height_m = 0.4, from_ground = true, heading_deg = 0.0, place_m = [0.0, 0.2] }]
+
+[[sets]]
+name = "rise"
+frames = 24
+keyframes = [{ height_m = 0.9, from_ground = true, heading_deg = 0.0, place_m = [0.0, 0.1] }]
+
+[[sets]]
+name = "bend"
+hold_frames = 10
+keyframes = [{ height_m = 0.5, from_ground = true, heading_deg = 0.0 }]
+"#,
+    r#"
+format = 1
+name = "spring"
+variants = [{ name = "up", entry = "off" }]
+
+[[sets]]
+name = "off"
+next = "land"
+frames = 12
+drop_frames = 2
+keyframes = [{ height_m = 1.2, from_ground = true, heading_deg = 0.0, place_m = [0.0, 0.2] }]
+
+[[sets]]
+name = "land"
+frames = 12
+keyframes = [{ height_m = 0.9, from_ground = true, heading_deg = 0.0, place_m = [0.0, 0.2] }]
+"#,
+];
+
+pub(crate) fn skills(rig: &Rig) -> Arc<Skills> {
+    let read = |text: &&str| Definition::skill_from_toml(text, rig).unwrap();
+    Arc::new(Skills::new(SKILLS.iter().map(read)))
+}
 
 pub(crate) fn definitions(rig: &Rig) -> Arc<Definitions> {
     let all = [CUP, SIGN, BENCH].map(|text| Definition::from_toml(text, rig).unwrap());

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use troupe_motion::Vec3;
 use troupe_motion::rotation::angle_between;
 
-use super::super::{Activity, FailReason};
+use super::super::{Activity, FailReason, Intent};
 use super::hand::{Hand, Refused};
 use super::sets::Prepared;
 use super::{Behaviour, Body, Doing, Next};
@@ -92,8 +92,13 @@ impl Using {
         using
     }
 
-    /// A use that goes on with the way out of an object in the hand, once the character stands.
-    pub(super) fn way_out(instance: Arc<str>, interaction: Interaction, frame: i64, body: &Body<'_>) -> Self {
+    /// A use that begins once the character stands, wherever that is: of an object in the hand, or of none.
+    pub(super) fn where_it_stands(
+        instance: Arc<str>,
+        interaction: Interaction,
+        frame: i64,
+        body: &Body<'_>,
+    ) -> Self {
         let mut using = Self::idle(instance, interaction, None);
         let entry = Entry {
             key: body.root(frame),
@@ -125,6 +130,11 @@ impl Using {
 
     pub(super) fn instance(&self) -> &Arc<str> {
         &self.instance
+    }
+
+    /// Whether it is a skill: it has no object.
+    pub(super) fn is_skill(&self) -> bool {
+        self.definition().is_skill
     }
 
     pub(super) fn definition(&self) -> &Arc<Definition> {
@@ -292,14 +302,14 @@ impl Behaviour {
             .hand
             .as_ref()
             .is_some_and(|hand| hand.instance == using.instance);
-        if !held {
+        if !held && !using.is_skill() {
             let there = using.there(scene, &self.world.holder)?;
             using.follow(scene, there, frame, body)?;
         }
         if using.approaches() && !using.approach(scene, frame, body)? {
             return Ok(Next::Locomotion);
         }
-        let next = using.next(scene, frame, self.hand.as_ref(), body);
+        let next = using.next(scene, frame, (self.hand.as_ref(), self.waiting.as_ref()), body);
         self.turn_in_hand();
         next
     }
@@ -446,12 +456,12 @@ impl Using {
         }
     }
 
-    /// What is to be done for the motion that comes next.
+    /// What is to be done for the motion that comes next. `waiting` comes after it.
     fn next(
         &mut self,
         scene: &Scene,
         frame: i64,
-        hand: Option<&Hand>,
+        (hand, waiting): (Option<&Hand>, Option<&Intent>),
         body: &mut Body<'_>,
     ) -> Result<Next, Refused> {
         if self.interaction.now().is_some() {
@@ -467,7 +477,10 @@ impl Using {
             Some(Want::Leave(from)) => {
                 let at = from.max(frame + look_ahead);
                 self.interaction.on(Input::Leaving(at), &mut self.outputs);
-                let command = body.standing();
+                let command = match waiting {
+                    Some(Intent::Locomote(command)) => command.clone(),
+                    _ => body.standing(),
+                };
                 body.move_on(frame, command, false);
                 Ok(Next::Locomotion)
             }

@@ -28,9 +28,11 @@ Examples:
   troupe object new --from greet.bvh --frames 12,40,70 --variant nod --distance 1.0 --into wayside.toml
   troupe object new --from reach.bvh --frames 30,55,80 --name cup --points Hand_R --hand Hand_R --hold 55 \
 --release 80 --out cup.toml
-  troupe object new --from bow.bvh --frames 20,58 --name wayside --pack-folder models/human | less")]
+  troupe object new --from bow.bvh --frames 20,58 --name wayside --pack-folder models/human | less
+  troupe object new --skill --rebuild --pack g1 --from walk3_subject1.csv --start 6503 --frames 6519,6560,6602,6630 --hold 6560 \
+--name sit-on-ground --out models/g1/skills/sit-on-ground.toml")]
 pub(crate) struct New {
-    /// Motion clip: .bvh, .glb (reach.glb#Pick for one animation of several) or .npz.
+    /// Motion clip: .bvh, .glb (reach.glb#Pick for one animation of several) or .npz, or a robot's .csv or .npy.
     #[arg(long, value_name = "FILE")]
     pub(super) from: PathBuf,
 
@@ -91,6 +93,24 @@ pub(crate) struct New {
     #[arg(long, help_heading = THING)]
     pub(super) not_solid: bool,
 
+    /// Write a skill of a pack instead of an object: what a character does where it stands. Each keyframe is given from the one before
+    /// it, the first from --start. It belongs into the pack's folder `skills`.
+    #[arg(
+        long,
+        conflicts_with_all = ["shape", "distance", "height", "object_frame", "pivot", "shared", "not_solid", "points", "seat", "from_stand",
+            "hand", "release"],
+        help_heading = THING
+    )]
+    pub(super) skill: bool,
+
+    /// Frame of the clip at which the skill begins. Without it the first of FRAMES, which is then done on the spot.
+    #[arg(long, value_name = "FRAME", requires = "skill", help_heading = THING)]
+    pub(super) start: Option<usize>,
+
+    /// At the last frame the character stands as its style does, at that place: the pose of the clip is of no account.
+    #[arg(long, requires = "skill", help_heading = THING)]
+    pub(super) stand: bool,
+
     /// Name of this way to use the object. Without it the name of the definition.
     #[arg(long, value_name = "NAME", value_parser = name, help_heading = USE)]
     pub(super) variant: Option<String>,
@@ -147,6 +167,11 @@ pub(crate) struct New {
     /// Frame at which the object is put down.
     #[arg(long, value_name = "FRAME", requires = "hand", help_heading = USE)]
     pub(super) release: Option<usize>,
+
+    /// Have the server's pack rebuild every pose from the motion around it, so that the definition holds poses that its networks make,
+    /// and none of the clip.
+    #[arg(long, conflicts_with = "pack_folder", help_heading = WRITING)]
+    pub(super) rebuild: bool,
 
     /// File to write; without it standard output.
     #[arg(long, value_name = "FILE", help_heading = WRITING)]

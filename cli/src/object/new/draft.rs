@@ -7,7 +7,7 @@ use troupe_proto::docs::{
 };
 
 use super::args::{New, Size};
-use super::stage::{Stage, rounded};
+use super::stage::{Pose, Stage, rounded};
 use super::wish::{Limits, Wish};
 use super::wrong::Wrong;
 
@@ -56,8 +56,9 @@ pub(super) fn draft(
         (None, None) => Stage::before(&clip.skeleton, subject, new.distance, new.height),
     };
     let mut notes = Vec::new();
+    let start = new.start.map(|frame| Pose::of(clip, frame));
     let sets: Vec<SetDoc> = (0..poses.len())
-        .map(|nth| wish.set(nth, &poses, &stage, &mut notes))
+        .map(|nth| wish.set(nth, &poses, start.as_ref(), &stage, &mut notes))
         .collect();
     let name = new.name.clone().unwrap_or_default();
     let farthest = sets.iter().flat_map(|set| &set.keyframes).filter_map(from_object);
@@ -168,8 +169,13 @@ fn front(sets: &[SetDoc]) -> ApproachDoc {
     }
 }
 
-fn check_frames(new: &New, clip: &Clip) -> Result<(), Wrong> {
+/// Checks the frames that are asked for, their names and the weight.
+pub(super) fn check_frames(new: &New, clip: &Clip) -> Result<(), Wrong> {
     let last = clip.frames() - 1;
+    if let Some(start) = new.start.filter(|&start| start > last) {
+        let message = format!("{start} is not in the clip");
+        return Err(Wrong::new("--start", message, format!("0 to {last}")));
+    }
     if let Some(frame) = new.frames.iter().find(|&&frame| frame > last) {
         let message = format!("{frame} is not in the clip");
         return Err(Wrong::new("--frames", message, format!("0 to {last}")));

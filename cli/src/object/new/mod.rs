@@ -14,15 +14,18 @@ mod tests;
 use std::path::Path;
 
 use troupe_client::Pack;
-use troupe_proto::docs::ObjectDoc;
+use troupe_motion::clip::Clip;
+use troupe_proto::docs::{ObjectDoc, SkillDoc};
 
-use self::draft::draft;
+use self::draft::{check_frames, draft};
 use self::wish::Limits;
 use self::write::Source;
+use self::wrong::Wrong;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::files::read_clip;
 use crate::output::print;
+use crate::rebuild::{KEY, SEGMENT, distance, grounded, rebuild};
 
 pub(super) use self::args::New;
 
@@ -33,8 +36,16 @@ pub(super) async fn run(context: &Context, new: &New) -> Result<(), Failure> {
         return Err(Failure::file(out, why));
     }
     let pack = new.pack.get(context).await?;
-    let clip = read_clip(&new.from, &pack, new.scale, &context.term)?;
-    let old = new.into.as_deref().map(read).transpose()?;
+    let mut clip = read_clip(&new.from, &pack, new.scale, &context.term)?;
+    let old = new
+        .into
+        .as_deref()
+        .map(|file| read(file, new.skill))
+        .transpose()?;
+    if new.rebuild {
+        check_frames(new, &clip).map_err(|wrong| Failure::file(&new.from, wrong))?;
+        rebuilt(context, new, &mut clip).await?;
+    }
     let into = old.as_ref().map(|old| &old.doc);
     let made = draft(new, &clip, limits(&pack), into).map_err(|wrong| Failure::file(&new.from, wrong))?;
     for note in &made.notes {
@@ -49,10 +60,12 @@ pub(super) async fn run(context: &Context, new: &New) -> Result<(), Failure> {
             .into_owned(),
         frames: &new.frames,
         pack: pack.name(),
+        rebuilt: new.rebuild,
         skeleton: pack.skeleton(),
     };
     let text = match &old {
         Some(old) => format!("{}\n{}", old.text.trim_end(), write::addition(&made.doc, &source)),
+        None if new.skill => write::skill(&made.doc, &source),
         None => write::whole(&made.doc, &source),
     };
     let Some(file) = new.into.as_deref().or(new.out.as_deref()) else {
@@ -73,10 +86,44 @@ struct Old {
     doc: ObjectDoc,
 }
 
-fn read(file: &Path) -> Result<Old, Failure> {
+fn read(file: &Path, is_skill: bool) -> Result<Old, Failure> {
     let text = std::fs::read_to_string(file).map_err(|e| Failure::file(file, e))?;
-    let doc = toml::from_str(&text).map_err(|e| Failure::file(file, e))?;
+    let doc = match is_skill {
+        true => toml::from_str(&text).map(|skill: SkillDoc| skill.into()),
+        false => toml::from_str(&text),
+    };
+    let doc = doc.map_err(|e| Failure::file(file, e))?;
     Ok(Old { text, doc })
+}
+
+/// Puts into a clip, at each of the frames that become keyframes, the pose that the pack's networks make there.
+async fn rebuilt(context: &Context, new: &New, clip: &mut Clip) -> Result<(), Failure> {
+    let (client, pack) = context.connect_to_pack(&new.pack.pack).await?;
+    let (least, most) = (KEY, clip.frames().saturating_sub(SEGMENT - KEY));
+    let segment = |&frame: &usize| match (least..=most).contains(&frame) {
+        true => (clip.slice(frame - KEY..frame - KEY + SEGMENT)).map_err(|e| Failure::file(&new.from, e)),
+        false => {
+            let message = format!("{frame} is too near to an end of the clip to be rebuilt");
+            let wrong = Wrong::new("--frames", message, format!("{least} to {most}"));
+            Err(Failure::file(&new.from, wrong))
+        }
+    };
+    let segments: Vec<Clip> = new.frames.iter().map(segment).collect::<Result<_, _>>()?;
+    let answers = rebuild(&client, &pack, &segments).await?;
+    let mut off_m = 0.0_f32;
+    for ((answer, source), &frame) in answers.iter().zip(&segments).zip(&new.frames) {
+        off_m = off_m.max(distance(answer, source));
+        clip.root_positions[frame] = answer.root_positions[KEY].with_y(grounded(answer, source));
+        clip.rotations_at_mut(frame)
+            .copy_from_slice(answer.rotations_at(KEY));
+    }
+    context.term.note(format_args!(
+        "{} poses rebuilt by {}, at most {:.1} cm a joint from the clip",
+        answers.len(),
+        pack.name(),
+        off_m * 100.0
+    ));
+    Ok(())
 }
 
 /// Frames that a set may take.

@@ -6,7 +6,7 @@ use clap::Parser;
 use troupe_motion::clip::Clip;
 use troupe_motion::rotation::{angle_between, from_wxyz, yaw};
 use troupe_motion::{Joint, Quat, Skeleton, Vec3};
-use troupe_proto::docs::{KeyframeDoc, Motion, ObjectDoc, Origin, SetDoc};
+use troupe_proto::docs::{KeyframeDoc, Motion, ObjectDoc, Origin, SetDoc, SkillDoc};
 
 use super::args::New;
 use super::draft::{Draft, draft};
@@ -72,6 +72,7 @@ fn source<'a>(frames: &'a [usize], skeleton: &'a Skeleton) -> Source<'a> {
         clip: "a.bvh".to_owned(),
         frames,
         pack: "human",
+        rebuilt: false,
         skeleton,
     }
 }
@@ -407,4 +408,58 @@ fn documented_commands_are_understood() {
             assert!(line.is_ok(), "{file}: {arguments}: {}", line.unwrap_err());
         }
     }
+}
+
+#[test]
+fn each_keyframe_of_a_skill_is_given_from_the_one_before() {
+    let new = parse("--skill --start 10 --frames 30,70,90 --hold 70 --soft 30=2").unwrap();
+    let made = draft(&new, &clip(), LIMITS, None).unwrap();
+    let frames = [30, 70, 90];
+    let clip = clip();
+    let text = write::skill(&made.doc, &source(&frames, &clip.skeleton));
+    let skill: SkillDoc = toml::from_str(&text).unwrap();
+    assert_eq!(skill.variants[0].exit.as_deref(), Some("thing-3"));
+    let sets = &skill.sets;
+    assert_eq!(
+        sets.iter().map(|set| set.frames).collect::<Vec<_>>(),
+        [Some(20), Some(40), Some(20)]
+    );
+    assert!(
+        sets.iter()
+            .all(|set| set.motion.is_none() && set.origin == Origin::Object),
+        "the form has no need of it"
+    );
+    assert_eq!(sets[0].drop_frames, 2);
+    // It walks a centimetre a frame to frame 40.
+    for (set, ahead) in sets.iter().zip([0.2, 0.1, 0.0]) {
+        let place = key(set).place_m.unwrap();
+        assert!(near(&place, &[0.0, ahead]), "{place:?}");
+        assert_eq!(key(set).heading_deg, Some(0.0));
+    }
+    assert!(near(&[key(&sets[1]).height_m.unwrap()], &[0.45]));
+    let doc: ObjectDoc = skill.into();
+    assert!(
+        doc.sets
+            .iter()
+            .all(|set| set.origin == Origin::Character && set.motion == Some(Motion::Plan))
+    );
+    let stands = made_skill("--stand --frames 30,70");
+    assert!(key(&stands.sets[0]).rotations.is_some());
+    let last = key(&stands.sets[1]);
+    assert_eq!((last.rotations.as_ref(), last.height_m), (None, None));
+    assert!(near(&last.place_m.unwrap(), &[0.0, 0.1]));
+    assert!(wrong("--skill --start 200 --frames 30").contains("--start: 200 is not in the clip"));
+    assert!(wrong("--skill --frames 30 --distance 1").contains("--distance"));
+    assert!(wrong("--start 3 --frames 30").contains("--skill"));
+}
+
+fn made_skill(line: &str) -> ObjectDoc {
+    made(&format!("--skill {line}")).doc
+}
+
+#[test]
+fn a_skill_without_a_start_begins_on_the_spot() {
+    let made = made("--skill --frames 20,40");
+    assert!(near(&key(&made.doc.sets[0]).place_m.unwrap(), &[0.0, 0.0]));
+    assert_eq!(made.doc.sets[0].frames, None);
 }

@@ -157,7 +157,11 @@ impl<'a> Wish<'a> {
 
     /// Frames that the clip takes to a pose from the one before.
     fn clip_frames(&self, nth: usize) -> Option<u32> {
-        let before = self.new.frames[nth.checked_sub(1).filter(|_| !self.is_from_or_to_seat(nth))?];
+        let before = match nth.checked_sub(1) {
+            None => self.new.start?,
+            Some(_) if self.is_from_or_to_seat(nth) => return None,
+            Some(before) => self.new.frames[before],
+        };
         u32::try_from(self.new.frames[nth].abs_diff(before)).ok()
     }
 
@@ -185,9 +189,17 @@ impl<'a> Wish<'a> {
         self.hand.is_some() && nth > self.object
     }
 
-    pub(super) fn set(&self, nth: usize, poses: &[Pose], stage: &Stage, notes: &mut Vec<String>) -> SetDoc {
+    /// The set of a pose. `start`: where a skill begins.
+    pub(super) fn set(
+        &self,
+        nth: usize,
+        poses: &[Pose],
+        start: Option<&Pose>,
+        stage: &Stage,
+        notes: &mut Vec<String>,
+    ) -> SetDoc {
         let pose = &poses[nth];
-        let before = nth.checked_sub(1).map(|before| &poses[before]);
+        let before = nth.checked_sub(1).map_or(start, |before| Some(&poses[before]));
         let frames = self.timing(nth);
         if let (None, Some(clip_frames)) = (frames, self.clip_frames(nth)) {
             let Limits { least, most } = self.limits;
@@ -221,11 +233,15 @@ impl<'a> Wish<'a> {
             },
             hold_until_ended: self.held == Some(nth),
             events: attach.into_iter().chain(release).collect(),
-            keyframes: vec![self.keyframe(pose, before, taken, stage)],
+            keyframes: vec![self.keyframe(pose, (before, nth + 1 == poses.len()), taken, stage)],
         }
     }
 
     fn motion(&self, pose: &Pose, before: Option<&Pose>) -> Option<Motion> {
+        if self.new.skill {
+            // The networks make it where nothing else is said.
+            return self.new.motion.map(Motion::from);
+        }
         let low_m = low_hips_m(self.skeleton);
         let low = |pose: &Pose| pose.root.position.y - self.skeleton.ground_y_m < low_m;
         let low = self.points.is_empty() && (low(pose) || before.is_some_and(low));
@@ -235,8 +251,27 @@ impl<'a> Wish<'a> {
             .or(low.then_some(Motion::Stance))
     }
 
-    fn keyframe(&self, pose: &Pose, before: Option<&Pose>, taken: bool, stage: &Stage) -> KeyframeDoc {
+    fn keyframe(
+        &self,
+        pose: &Pose,
+        (before, is_last): (Option<&Pose>, bool),
+        taken: bool,
+        stage: &Stage,
+    ) -> KeyframeDoc {
         let ground = self.skeleton.ground_y_m;
+        if self.new.skill {
+            let view = View::of_character(before.unwrap_or(pose), ground);
+            let key = keyframe(pose, &view, false);
+            return match is_last && self.new.stand {
+                true => KeyframeDoc {
+                    height_m: None,
+                    from_ground: false,
+                    rotations: None,
+                    ..key
+                },
+                false => key,
+            };
+        }
         let view = match before {
             Some(before) if taken => View::of_character(before, ground),
             _ => View::of_object(stage, ground),
@@ -283,6 +318,7 @@ impl<'a> Wish<'a> {
             rotation: Some(rotation),
             blend_frames: 4,
             swings: false,
+            upright: false,
         })
     }
 }

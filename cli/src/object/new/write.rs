@@ -18,6 +18,8 @@ pub(super) struct Source<'a> {
     pub(super) frames: &'a [usize],
     /// The pack's name.
     pub(super) pack: &'a str,
+    /// The networks of the pack made the poses.
+    pub(super) rebuilt: bool,
     /// Whose joints the poses are of.
     pub(super) skeleton: &'a Skeleton,
 }
@@ -57,6 +59,22 @@ pub(super) fn whole(doc: &ObjectDoc, source: &Source<'_>) -> String {
     text.0
 }
 
+/// The whole skill.
+pub(super) fn skill(doc: &ObjectDoc, source: &Source<'_>) -> String {
+    let mut text = Text::default();
+    text.comment(format_args!("{}, {}.", doc.name, made(source)));
+    text.comment("Metres, degrees about +Y, rotations as w, x, y, z. docs/skills.md explains the fields. Each set is given from where the");
+    text.comment("character is as it begins.");
+    text.gap();
+    text.value("format", doc.format);
+    text.string("name", &doc.name);
+    if !doc.description.is_empty() {
+        text.string("description", &doc.description);
+    }
+    text.use_of(doc, source);
+    text.0
+}
+
 /// What is added to a definition: the drafted variant, its sets, and its sockets but for those that the definition has.
 pub(super) fn addition(doc: &ObjectDoc, source: &Source<'_>) -> String {
     let mut text = Text::default();
@@ -70,8 +88,12 @@ pub(super) fn addition(doc: &ObjectDoc, source: &Source<'_>) -> String {
 /// How it was made.
 fn made(source: &Source<'_>) -> String {
     let frames: Vec<_> = source.frames.iter().map(usize::to_string).collect();
+    let whose = match source.rebuilt {
+        true => "rebuilt by its networks; the poses are under the terms of its weights",
+        false => "the poses are under the clip's licence",
+    };
     format!(
-        "made from {}, frames {}, for pack {}; the poses are under the clip's licence",
+        "made from {}, frames {}, for pack {}; {whose}",
         source.clip,
         frames.join(", "),
         source.pack
@@ -121,6 +143,9 @@ impl Text {
         }
         if socket.swings {
             self.line("swings = true");
+        }
+        if socket.upright {
+            self.line("upright = true");
         }
     }
 

@@ -500,7 +500,7 @@ class Robot(_message.Message):
     def __init__(self, name: _Optional[str] = ..., hinges: _Optional[_Iterable[_Union[Hinge, _Mapping]]] = ..., qpos_size: _Optional[int] = ...) -> None: ...
 
 class Pack(_message.Message):
-    __slots__ = ("name", "version", "licence", "credits", "fps", "joints", "contact_joints", "context_frames", "max_targets", "min_frames", "max_frames", "frames_per_token", "heads", "codes", "content_hash", "is_default", "parameters", "figures_json", "left_axis", "ground_y", "contact_rules", "engine", "robot", "family", "capabilities", "bodies", "words", "sampler_steps", "diffusion_steps", "language")
+    __slots__ = ("name", "version", "licence", "credits", "fps", "joints", "contact_joints", "context_frames", "max_targets", "min_frames", "max_frames", "frames_per_token", "heads", "codes", "content_hash", "is_default", "parameters", "figures_json", "left_axis", "ground_y", "contact_rules", "engine", "robot", "family", "capabilities", "bodies", "words", "sampler_steps", "diffusion_steps", "language", "skills")
     NAME_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
     LICENCE_FIELD_NUMBER: _ClassVar[int]
@@ -531,6 +531,7 @@ class Pack(_message.Message):
     SAMPLER_STEPS_FIELD_NUMBER: _ClassVar[int]
     DIFFUSION_STEPS_FIELD_NUMBER: _ClassVar[int]
     LANGUAGE_FIELD_NUMBER: _ClassVar[int]
+    SKILLS_FIELD_NUMBER: _ClassVar[int]
     name: str
     version: str
     licence: str
@@ -561,7 +562,20 @@ class Pack(_message.Message):
     sampler_steps: int
     diffusion_steps: int
     language: Language
-    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ..., licence: _Optional[str] = ..., credits: _Optional[_Iterable[str]] = ..., fps: _Optional[float] = ..., joints: _Optional[_Iterable[_Union[Joint, _Mapping]]] = ..., contact_joints: _Optional[_Iterable[str]] = ..., context_frames: _Optional[int] = ..., max_targets: _Optional[int] = ..., min_frames: _Optional[int] = ..., max_frames: _Optional[int] = ..., frames_per_token: _Optional[int] = ..., heads: _Optional[int] = ..., codes: _Optional[int] = ..., content_hash: _Optional[str] = ..., is_default: _Optional[bool] = ..., parameters: _Optional[int] = ..., figures_json: _Optional[str] = ..., left_axis: _Optional[_Union[Vec3, _Mapping]] = ..., ground_y: _Optional[float] = ..., contact_rules: _Optional[_Union[ContactRules, _Mapping]] = ..., engine: _Optional[str] = ..., robot: _Optional[_Union[Robot, _Mapping]] = ..., family: _Optional[str] = ..., capabilities: _Optional[_Iterable[str]] = ..., bodies: _Optional[_Iterable[_Union[PackBody, _Mapping]]] = ..., words: _Optional[_Iterable[str]] = ..., sampler_steps: _Optional[int] = ..., diffusion_steps: _Optional[int] = ..., language: _Optional[_Union[Language, _Mapping]] = ...) -> None: ...
+    skills: _containers.RepeatedCompositeFieldContainer[PackSkill]
+    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ..., licence: _Optional[str] = ..., credits: _Optional[_Iterable[str]] = ..., fps: _Optional[float] = ..., joints: _Optional[_Iterable[_Union[Joint, _Mapping]]] = ..., contact_joints: _Optional[_Iterable[str]] = ..., context_frames: _Optional[int] = ..., max_targets: _Optional[int] = ..., min_frames: _Optional[int] = ..., max_frames: _Optional[int] = ..., frames_per_token: _Optional[int] = ..., heads: _Optional[int] = ..., codes: _Optional[int] = ..., content_hash: _Optional[str] = ..., is_default: _Optional[bool] = ..., parameters: _Optional[int] = ..., figures_json: _Optional[str] = ..., left_axis: _Optional[_Union[Vec3, _Mapping]] = ..., ground_y: _Optional[float] = ..., contact_rules: _Optional[_Union[ContactRules, _Mapping]] = ..., engine: _Optional[str] = ..., robot: _Optional[_Union[Robot, _Mapping]] = ..., family: _Optional[str] = ..., capabilities: _Optional[_Iterable[str]] = ..., bodies: _Optional[_Iterable[_Union[PackBody, _Mapping]]] = ..., words: _Optional[_Iterable[str]] = ..., sampler_steps: _Optional[int] = ..., diffusion_steps: _Optional[int] = ..., language: _Optional[_Union[Language, _Mapping]] = ..., skills: _Optional[_Iterable[_Union[PackSkill, _Mapping]]] = ...) -> None: ...
+
+class PackSkill(_message.Message):
+    __slots__ = ("name", "description", "variants", "held")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    DESCRIPTION_FIELD_NUMBER: _ClassVar[int]
+    VARIANTS_FIELD_NUMBER: _ClassVar[int]
+    HELD_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    description: str
+    variants: _containers.RepeatedScalarFieldContainer[str]
+    held: bool
+    def __init__(self, name: _Optional[str] = ..., description: _Optional[str] = ..., variants: _Optional[_Iterable[str]] = ..., held: _Optional[bool] = ...) -> None: ...
 
 class Language(_message.Message):
     __slots__ = ("tasks", "max_prompt_pieces", "max_agents", "audio_codes", "flow_steps", "sampling")

@@ -267,6 +267,14 @@ class Interact(_message.Message):
     approach: str
     def __init__(self, instance: _Optional[str] = ..., variant: _Optional[str] = ..., approach: _Optional[str] = ...) -> None: ...
 
+class UseSkill(_message.Message):
+    __slots__ = ("name", "variant")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VARIANT_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    variant: str
+    def __init__(self, name: _Optional[str] = ..., variant: _Optional[str] = ...) -> None: ...
+
 class EndInteraction(_message.Message):
     __slots__ = ()
     def __init__(self) -> None: ...
@@ -292,7 +300,7 @@ class Perform(_message.Message):
     def __init__(self, text: _Optional[str] = ..., pack: _Optional[str] = ..., seconds: _Optional[float] = ..., temperature: _Optional[float] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("session_id", "sequence", "at_frame", "locomote", "interact", "end_interaction", "cancel", "drop", "follow_path", "perform", "priority")
+    __slots__ = ("session_id", "sequence", "at_frame", "locomote", "interact", "end_interaction", "cancel", "drop", "follow_path", "perform", "skill", "priority")
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     AT_FRAME_FIELD_NUMBER: _ClassVar[int]
@@ -303,6 +311,7 @@ class Command(_message.Message):
     DROP_FIELD_NUMBER: _ClassVar[int]
     FOLLOW_PATH_FIELD_NUMBER: _ClassVar[int]
     PERFORM_FIELD_NUMBER: _ClassVar[int]
+    SKILL_FIELD_NUMBER: _ClassVar[int]
     PRIORITY_FIELD_NUMBER: _ClassVar[int]
     session_id: str
     sequence: int
@@ -314,8 +323,9 @@ class Command(_message.Message):
     drop: DropHeld
     follow_path: FollowPath
     perform: Perform
+    skill: UseSkill
     priority: float
-    def __init__(self, session_id: _Optional[str] = ..., sequence: _Optional[int] = ..., at_frame: _Optional[int] = ..., locomote: _Optional[_Union[Locomote, _Mapping]] = ..., interact: _Optional[_Union[Interact, _Mapping]] = ..., end_interaction: _Optional[_Union[EndInteraction, _Mapping]] = ..., cancel: _Optional[_Union[Cancel, _Mapping]] = ..., drop: _Optional[_Union[DropHeld, _Mapping]] = ..., follow_path: _Optional[_Union[FollowPath, _Mapping]] = ..., perform: _Optional[_Union[Perform, _Mapping]] = ..., priority: _Optional[float] = ...) -> None: ...
+    def __init__(self, session_id: _Optional[str] = ..., sequence: _Optional[int] = ..., at_frame: _Optional[int] = ..., locomote: _Optional[_Union[Locomote, _Mapping]] = ..., interact: _Optional[_Union[Interact, _Mapping]] = ..., end_interaction: _Optional[_Union[EndInteraction, _Mapping]] = ..., cancel: _Optional[_Union[Cancel, _Mapping]] = ..., drop: _Optional[_Union[DropHeld, _Mapping]] = ..., follow_path: _Optional[_Union[FollowPath, _Mapping]] = ..., perform: _Optional[_Union[Perform, _Mapping]] = ..., skill: _Optional[_Union[UseSkill, _Mapping]] = ..., priority: _Optional[float] = ...) -> None: ...
 
 class Problem(_message.Message):
     __slots__ = ("reason", "message", "field", "allowed")

@@ -96,7 +96,16 @@ impl Tabled for Refusal {
                 .allowed(format!("at most {MAX_LEAD_M} m")),
             Self::UnknownObject { .. } => NOT_FOUND.because("UNKNOWN_OBJECT"),
             Self::WrongPack { .. } => NOT_NOW.because("WRONG_PACK"),
-            Self::UnknownVariant { there_are, .. } => {
+            Self::SkillByPath => INVALID
+                .because("PACK_CANNOT")
+                .allowed("a pack whose characters go to keyframes"),
+            Self::UnknownSkill { there_are, .. } => INVALID.because("UNKNOWN_SKILL").allowed(match there_are
+                .is_empty()
+            {
+                true => "none: the pack has no skills".to_owned(),
+                false => there_are.join(", "),
+            }),
+            Self::UnknownVariant { there_are, .. } | Self::UnknownSkillVariant { there_are, .. } => {
                 INVALID.because("UNKNOWN_VARIANT").allowed(there_are.join(", "))
             }
             Self::UnknownApproach { there_are, .. } => {

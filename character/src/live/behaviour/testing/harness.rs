@@ -11,12 +11,13 @@ use super::super::super::{
     PerformCommand, PlanFailed, PlanRequest, PlanTrace, Refusal, SUB_FRAMES, Start, WordsPart, WordsRequest,
     World,
 };
-use super::{definitions, doll_rig, doll_style, room};
+use super::{definitions, doll_rig, doll_style, room, skills};
 use crate::Path;
 use crate::object::Definitions;
 use crate::primitives::path::AskedPoint;
 use crate::primitives::{LocomotionCommand, PathCommand};
 use crate::scene::{Holder, Instance, SceneCell, Transform};
+use crate::skill::Skills;
 use crate::style::Style;
 use troupe_motion::model::Rig;
 
@@ -81,6 +82,7 @@ pub(crate) struct Harness {
     pub(crate) character: Character,
     pub(crate) scene: Arc<SceneCell>,
     pub(crate) definitions: Arc<Definitions>,
+    pub(crate) skills: Arc<Skills>,
     pub(crate) rig: Arc<Rig>,
     pub(crate) style: Arc<Style>,
     pub(crate) clock: Clock,
@@ -118,13 +120,31 @@ impl Harness {
             definitions: Arc::clone(&definitions),
             holder: Holder::new(name),
         };
+        Self::in_world(Some(world), scene, definitions, place)
+    }
+
+    /// A character that lives in no scene.
+    pub(crate) fn nowhere() -> Self {
+        let world = World::level();
+        Self::in_world(None, world.scene, world.definitions, Vec3::ZERO)
+    }
+
+    fn in_world(
+        world: Option<World>,
+        scene: Arc<SceneCell>,
+        definitions: Arc<Definitions>,
+        place: Vec3,
+    ) -> Self {
         let (rig, style) = (doll_rig(), doll_style());
         let start = Start::Standing(GlobalRoot::new(place, 0.0));
         let standing = LocomotionCommand::standing(&style);
+        let skills = skills(&rig);
+        let character = Character::in_world(Arc::clone(&rig), options(), start, standing, world);
         Self {
-            character: Character::in_world(Arc::clone(&rig), options(), start, standing, Some(world)),
+            character: character.with_skills(Arc::clone(&skills)),
             scene,
             definitions,
+            skills,
             rig,
             style,
             clock: Clock::Waits,
@@ -165,6 +185,13 @@ impl Harness {
             instance: instance.into(),
             variant: (!variant.is_empty()).then(|| variant.to_owned()),
             approach: None,
+        })
+    }
+
+    pub(crate) fn skill(&mut self, name: &str, variant: &str) -> Result<(), Refusal> {
+        self.give(Intent::Skill {
+            name: name.into(),
+            variant: (!variant.is_empty()).then(|| variant.to_owned()),
         })
     }
 

@@ -23,7 +23,7 @@ import type { Message } from "@bufbuild/protobuf";
  * Describes the file troupe/v1/session.proto.
  */
 export const file_troupe_v1_session: GenFile = /*@__PURE__*/
-  fileDesc("Chd0cm91cGUvdjEvc2Vzc2lvbi5wcm90bxIJdHJvdXBlLnYxIuADCg5TZXNzaW9uT3B0aW9ucxIKCgJpZBgBIAEoCRIMCgRwYWNrGAIgASgJEg0KBXN0eWxlGAMgASgJEgwKBHNlZWQYBCABKAQSKQoKY29udmVudGlvbhgFIAEoDjIVLnRyb3VwZS52MS5Db252ZW50aW9uEiEKCHBvc2l0aW9uGAYgASgLMg8udHJvdXBlLnYxLlZlYzMSDwoHaGVhZGluZxgHIAEoAhIkCgdjb250ZXh0GAggAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhMKBnR0bF9tcxgJIAEoDUgAiAEBEh4KEWxvb2tfYWhlYWRfZnJhbWVzGAogASgNSAGIAQESIwoWcmVwbGFuX2ludGVydmFsX2ZyYW1lcxgLIAEoDUgCiAEBEhcKCnJvb3RfcmF0aW8YDCABKAJIA4gBARITCgt0ZW1wZXJhdHVyZRgNIAEoAhIVCghwcmlvcml0eRgOIAEoAkgEiAEBEg0KBXNjZW5lGA8gASgJEgwKBGJvZHkYECABKAlCCQoHX3R0bF9tc0IUChJfbG9va19haGVhZF9mcmFtZXNCGQoXX3JlcGxhbl9pbnRlcnZhbF9mcmFtZXNCDQoLX3Jvb3RfcmF0aW9CCwoJX3ByaW9yaXR5IkQKFUNyZWF0ZVNlc3Npb25zUmVxdWVzdBIrCghzZXNzaW9ucxgBIAMoCzIZLnRyb3VwZS52MS5TZXNzaW9uT3B0aW9ucyI+ChZDcmVhdGVTZXNzaW9uc1Jlc3BvbnNlEiQKCHNlc3Npb25zGAEgAygLMhIudHJvdXBlLnYxLlNlc3Npb24i0gEKDFNlc3Npb25TdGF0cxIZChFwbGFuc19mb3JfY29tbWFuZBgBIAEoBBIcChRwbGFuc19mb3JfbG93X2J1ZmZlchgCIAEoBBIaChJwbGFuc19mb3JfaW50ZXJ2YWwYAyABKAQSEgoKbGF0ZV9wbGFucxgEIAEoBBIRCgl1bmRlcnJ1bnMYBSABKAQSFAoMZmFpbGVkX3BsYW5zGAYgASgEEhYKDmV2ZW50c19kcm9wcGVkGAcgASgEEhgKEHBsYW5zX2Zvcl9vYmplY3QYCCABKAQi2AMKB1Nlc3Npb24SCgoCaWQYASABKAkSDAoEcGFjaxgCIAEoCRINCgVzdHlsZRgDIAEoCRIMCgRzZWVkGAQgASgEEikKCmNvbnZlbnRpb24YBSABKA4yFS50cm91cGUudjEuQ29udmVudGlvbhINCgVmcmFtZRgGIAEoBBIhCghwb3NpdGlvbhgHIAEoCzIPLnRyb3VwZS52MS5WZWMzEg8KB2hlYWRpbmcYCCABKAISDQoFc3BlZWQYCSABKAISFQoNbGFzdF9zZXF1ZW5jZRgKIAEoBBIfCgVjbG9jaxgLIAEoDjIQLnRyb3VwZS52MS5DbG9jaxIOCgZ0dGxfbXMYDCABKA0SFQoNZXhwaXJlc19pbl9tcxgNIAEoDRIXCg9idWZmZXJlZF9mcmFtZXMYDiABKA0SJgoFc3RhdHMYDyABKAsyFy50cm91cGUudjEuU2Vzc2lvblN0YXRzEhAKCHByaW9yaXR5GBAgASgCEg0KBXNjZW5lGBEgASgJEiUKCGFjdGl2aXR5GBIgASgLMhMudHJvdXBlLnYxLkFjdGl2aXR5EiMKBGhlbGQYEyABKAsyFS50cm91cGUudjEuSGVsZE9iamVjdBIMCgRib2R5GBQgASgJImQKDVNlc3Npb25SZXN1bWUSEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgVmcmFtZRgCIAEoBEgAiAEBEiEKBHBvc2UYAyABKAsyEy50cm91cGUudjEuS2V5ZnJhbWVCCAoGX2ZyYW1lIkMKFVJlc3VtZVNlc3Npb25zUmVxdWVzdBIqCghzZXNzaW9ucxgBIAMoCzIYLnRyb3VwZS52MS5TZXNzaW9uUmVzdW1lIl8KDlJlc3VtZWRTZXNzaW9uEiMKB3Nlc3Npb24YASABKAsyEi50cm91cGUudjEuU2Vzc2lvbhIQCghyZXN0b3JlZBgCIAEoCBIWCg5yZXN0b3JlZF9mcmFtZRgDIAEoBCJyChZSZXN1bWVTZXNzaW9uc1Jlc3BvbnNlEisKCHNlc3Npb25zGAEgAygLMhkudHJvdXBlLnYxLlJlc3VtZWRTZXNzaW9uEisKCHByb2JsZW1zGAIgAygLMhkudHJvdXBlLnYxLlNlc3Npb25Qcm9ibGVtIh8KEUdldFNlc3Npb25SZXF1ZXN0EgoKAmlkGAEgASgJIjwKE0xpc3RTZXNzaW9uc1JlcXVlc3QSEQoJcGFnZV9zaXplGAEgASgNEhIKCnBhZ2VfdG9rZW4YAiABKAkiZAoUTGlzdFNlc3Npb25zUmVzcG9uc2USJAoIc2Vzc2lvbnMYASADKAsyEi50cm91cGUudjEuU2Vzc2lvbhIXCg9uZXh0X3BhZ2VfdG9rZW4YAiABKAkSDQoFdG90YWwYAyABKA0iIwoUQ2xvc2VTZXNzaW9uc1JlcXVlc3QSCwoDaWRzGAEgAygJIicKFUNsb3NlU2Vzc2lvbnNSZXNwb25zZRIOCgZjbG9zZWQYASABKA0iigEKCExvY29tb3RlEiEKCHZlbG9jaXR5GAEgASgLMg8udHJvdXBlLnYxLlZlYzMSEwoGZmFjaW5nGAIgASgCSACIAQESDQoFc3R5bGUYAyABKAkSDAoEZ2FpdBgEIAEoCRITCgZoZWlnaHQYBSABKAJIAYgBAUIJCgdfZmFjaW5nQgkKB19oZWlnaHQibQoKRm9sbG93UGF0aBIkCgZwb2ludHMYASADKAsyFC50cm91cGUudjEuUGF0aFBvaW50EhIKBXNwZWVkGAIgASgCSACIAQESDQoFc3R5bGUYAyABKAkSDAoEbG9vcBgEIAEoCEIICgZfc3BlZWQiPwoISW50ZXJhY3QSEAoIaW5zdGFuY2UYASABKAkSDwoHdmFyaWFudBgCIAEoCRIQCghhcHByb2FjaBgDIAEoCSIQCg5FbmRJbnRlcmFjdGlvbiIICgZDYW5jZWwiCgoIRHJvcEhlbGQicQoHUGVyZm9ybRIMCgR0ZXh0GAEgASgJEgwKBHBhY2sYAiABKAkSFAoHc2Vjb25kcxgDIAEoAkgAiAEBEhgKC3RlbXBlcmF0dXJlGAQgASgCSAGIAQFCCgoIX3NlY29uZHNCDgoMX3RlbXBlcmF0dXJlIqgDCgdDb21tYW5kEhIKCnNlc3Npb25faWQYASABKAkSEAoIc2VxdWVuY2UYAiABKAQSFQoIYXRfZnJhbWUYAyABKARIAYgBARInCghsb2NvbW90ZRgEIAEoCzITLnRyb3VwZS52MS5Mb2NvbW90ZUgAEicKCGludGVyYWN0GAYgASgLMhMudHJvdXBlLnYxLkludGVyYWN0SAASNAoPZW5kX2ludGVyYWN0aW9uGAcgASgLMhkudHJvdXBlLnYxLkVuZEludGVyYWN0aW9uSAASIwoGY2FuY2VsGAggASgLMhEudHJvdXBlLnYxLkNhbmNlbEgAEiMKBGRyb3AYCSABKAsyEy50cm91cGUudjEuRHJvcEhlbGRIABIsCgtmb2xsb3dfcGF0aBgKIAEoCzIVLnRyb3VwZS52MS5Gb2xsb3dQYXRoSAASJQoHcGVyZm9ybRgLIAEoCzISLnRyb3VwZS52MS5QZXJmb3JtSAASFQoIcHJpb3JpdHkYBSABKAJIAogBAUIICgZpbnRlbnRCCwoJX2F0X2ZyYW1lQgsKCV9wcmlvcml0eSJKCgdQcm9ibGVtEg4KBnJlYXNvbhgBIAEoCRIPCgdtZXNzYWdlGAIgASgJEg0KBWZpZWxkGAMgASgJEg8KB2FsbG93ZWQYBCABKAkihAEKDUNvbW1hbmRSZXN1bHQSEgoKc2Vzc2lvbl9pZBgBIAEoCRIQCghzZXF1ZW5jZRgCIAEoBBIoCgZzdGF0dXMYAyABKA4yGC50cm91cGUudjEuQ29tbWFuZFN0YXR1cxIjCgdwcm9ibGVtGAQgASgLMhIudHJvdXBlLnYxLlByb2JsZW0iNgoOQ29tbWFuZFJlcXVlc3QSJAoIY29tbWFuZHMYASADKAsyEi50cm91cGUudjEuQ29tbWFuZCI8Cg9Db21tYW5kUmVzcG9uc2USKQoHcmVzdWx0cxgBIAMoCzIYLnRyb3VwZS52MS5Db21tYW5kUmVzdWx0IrACCgpGcmFtZUJsb2NrEgwKBHBhY2sYASABKAkSDQoFc2xvdHMYAiADKA0SEwoLZnJhbWVfY291bnQYAyABKA0SFAoMZmlyc3RfZnJhbWVzGAQgAygEEhYKDnJvb3RfcG9zaXRpb25zGAUgAygCEhEKCXJvdGF0aW9ucxgGIAMoAhIUCgxwYWNrZWRfcm9vdHMYByABKAwSGAoQcGFja2VkX3JvdGF0aW9ucxgIIAEoDBIQCghjb250YWN0cxgJIAEoDBIRCglwb3NpdGlvbnMYCiADKAISDQoFc2l4X2QYCyADKAISDAoEcXBvcxgMIAMoAhIXCg9oaW5nZV9yZXNpZHVhbHMYDSADKAISFgoOY2xhbXBlZF9oaW5nZXMYDiADKA0SDAoEYm9keRgPIAEoCSJXCg5TZXNzaW9uUHJvYmxlbRIMCgRzbG90GAEgASgNEhIKCnNlc3Npb25faWQYAiABKAkSIwoHcHJvYmxlbRgDIAEoCzISLnRyb3VwZS52MS5Qcm9ibGVtIsABCgtTdGVwUmVxdWVzdBITCgtzZXNzaW9uX2lkcxgBIAMoCRIOCgZmcmFtZXMYAiABKA0SDwoHcmF0ZV9oehgDIAEoDRIkCghjb21tYW5kcxgEIAMoCzISLnRyb3VwZS52MS5Db21tYW5kEiUKCGVuY29kaW5nGAUgASgOMhMudHJvdXBlLnYxLkVuY29kaW5nEhgKEHJldHVybl9wb3NpdGlvbnMYBiABKAgSFAoMcmV0dXJuX3NpeF9kGAcgASgIIokCCgxTdGVwUmVzcG9uc2USJQoGYmxvY2tzGAEgAygLMhUudHJvdXBlLnYxLkZyYW1lQmxvY2sSMQoPY29tbWFuZF9yZXN1bHRzGAIgAygLMhgudHJvdXBlLnYxLkNvbW1hbmRSZXN1bHQSKwoIcHJvYmxlbXMYAyADKAsyGS50cm91cGUudjEuU2Vzc2lvblByb2JsZW0SEAoIdG90YWxfdXMYBCABKAQSEQoJd2FpdGVkX3VzGAUgASgEEigKBmV2ZW50cxgGIAMoCzIYLnRyb3VwZS52MS5TZXNzaW9uRXZlbnRzEiMKBGhlbGQYByADKAsyFS50cm91cGUudjEuSGVsZE9iamVjdCKaAQoJRHJpdmVPcGVuEg8KB3JhdGVfaHoYASABKA0SJQoIZW5jb2RpbmcYAiABKA4yEy50cm91cGUudjEuRW5jb2RpbmcSGAoQcmV0dXJuX3Bvc2l0aW9ucxgDIAEoCBIWCg5jbG9zZV9zZXNzaW9ucxgEIAEoCBIUCgxyZXR1cm5fc2l4X2QYBSABKAgSDQoFd2F0Y2gYBiABKAkiIgoLRHJpdmVBdHRhY2gSEwoLc2Vzc2lvbl9pZHMYASADKAkiIgoLRHJpdmVEZXRhY2gSEwoLc2Vzc2lvbl9pZHMYASADKAkiwQEKDERyaXZlUmVxdWVzdBIkCgRvcGVuGAEgASgLMhQudHJvdXBlLnYxLkRyaXZlT3BlbkgAEigKBmF0dGFjaBgCIAEoCzIWLnRyb3VwZS52MS5Ecml2ZUF0dGFjaEgAEigKBmRldGFjaBgDIAEoCzIWLnRyb3VwZS52MS5Ecml2ZURldGFjaEgAEiwKB2NvbW1hbmQYBCABKAsyGS50cm91cGUudjEuQ29tbWFuZFJlcXVlc3RIAEIJCgdtZXNzYWdlIiwKCEF0dGFjaGVkEhIKCnNlc3Npb25faWQYASABKAkSDAoEc2xvdBgCIAEoDSJjCg1Ecml2ZUF0dGFjaGVkEiUKCHNlc3Npb25zGAEgAygLMhMudHJvdXBlLnYxLkF0dGFjaGVkEisKCHByb2JsZW1zGAIgAygLMhkudHJvdXBlLnYxLlNlc3Npb25Qcm9ibGVtIpEBCgtEcml2ZUZyYW1lcxIMCgR0aWNrGAEgASgEEiUKBmJsb2NrcxgCIAMoCzIVLnRyb3VwZS52MS5GcmFtZUJsb2NrEhUKDWRyb3BwZWRfdGlja3MYAyABKAQSEQoJdW5kZXJydW5zGAQgASgNEiMKBGhlbGQYBSADKAsyFS50cm91cGUudjEuSGVsZE9iamVjdCI5CgtEcml2ZUV2ZW50cxIqCghzZXNzaW9ucxgBIAMoCzIYLnRyb3VwZS52MS5TZXNzaW9uRXZlbnRzIjgKCURyaXZlTGVmdBIrCghzZXNzaW9ucxgBIAMoCzIZLnRyb3VwZS52MS5TZXNzaW9uUHJvYmxlbSIyCgxEcml2ZUNsb3NpbmcSIgoGcmVhc29uGAEgASgLMhIudHJvdXBlLnYxLlByb2JsZW0ingIKDURyaXZlUmVzcG9uc2USKAoGZnJhbWVzGAEgASgLMhYudHJvdXBlLnYxLkRyaXZlRnJhbWVzSAASLAoIYXR0YWNoZWQYAiABKAsyGC50cm91cGUudjEuRHJpdmVBdHRhY2hlZEgAEiQKBGxlZnQYAyABKAsyFC50cm91cGUudjEuRHJpdmVMZWZ0SAASLgoIY29tbWFuZHMYBCABKAsyGi50cm91cGUudjEuQ29tbWFuZFJlc3BvbnNlSAASKgoHY2xvc2luZxgFIAEoCzIXLnRyb3VwZS52MS5Ecml2ZUNsb3NpbmdIABIoCgZldmVudHMYBiABKAsyFi50cm91cGUudjEuRHJpdmVFdmVudHNIAEIJCgdtZXNzYWdlIjEKC1BlZWtSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDgoGZnJhbWVzGAIgASgNItkCCghQbGFuVmlldxIOCgZudW1iZXIYASABKAQSDQoFY2F1c2UYAiABKAkSFgoOYXNrZWRfYXRfZnJhbWUYAyABKAQSFAoMc3BsaWNlX2ZyYW1lGAQgASgEEiQKB2NvbnRleHQYBSADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJAoHdGFyZ2V0cxgGIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIiCglyb290X3JfZzEYByABKAsyDy50cm91cGUudjEuUm9vdBIRCglyb290X3JfZzIYCCADKAISEQoJcm9vdF9yX2czGAkgAygCEhEKCXJvb3Rfcl9nNBgKIAMoAhIOCgZ0b2tlbnMYCyADKA0SIQoZdG9rZW5fY291bnRfcHJvYmFiaWxpdGllcxgMIAMoAhIkCgVnYWl0cxgNIAMoCzIVLnRyb3VwZS52MS5HYWl0V2VpZ2h0IioKCkdhaXRXZWlnaHQSDAoEZ2FpdBgBIAEoCRIOCgZ3ZWlnaHQYAiABKAIitQEKDFBlZWtSZXNwb25zZRIjCgdzZXNzaW9uGAEgASgLMhIudHJvdXBlLnYxLlNlc3Npb24SJQoGZnV0dXJlGAIgASgLMhUudHJvdXBlLnYxLkZyYW1lQmxvY2sSIQoEcGxhbhgDIAEoCzITLnRyb3VwZS52MS5QbGFuVmlldxIRCglpbl9mbGlnaHQYBCABKAgSIwoHd2FpdGluZxgFIAEoCzISLnRyb3VwZS52MS5Db21tYW5kIi8KEUxpc3RTdHlsZXNSZXF1ZXN0EgwKBHBhY2sYASABKAkSDAoEYm9keRgCIAEoCSJpChJMaXN0U3R5bGVzUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIgCgZzdHlsZXMYAiADKAsyEC50cm91cGUudjEuU3R5bGUSFQoNZGVmYXVsdF9zdHlsZRgDIAEoCRIMCgRib2R5GAQgASgJIjwKD0dldFN0eWxlUmVxdWVzdBIMCgRwYWNrGAEgASgJEg0KBXN0eWxlGAIgASgJEgwKBGJvZHkYAyABKAkiTgoPUHV0U3R5bGVSZXF1ZXN0EgwKBHBhY2sYASABKAkSHwoFc3R5bGUYAiABKAsyEC50cm91cGUudjEuU3R5bGUSDAoEYm9keRgDIAEoCSLoAQoFU3R5bGUSDAoEbmFtZRgBIAEoCRIVCg1kZWZhdWx0X3NwZWVkGAIgASgCEh4KFnJlcGxhbl9pbnRlcnZhbF9mcmFtZXMYAyABKA0SHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBCADKA0SEQoJaXNfc3RhdGljGAUgASgIEhIKCnJvb3RfcmF0aW8YBiABKAISHgoFZ2FpdHMYByADKAsyDy50cm91cGUudjEuR2FpdBIQCghidWlsdF9pbhgIIAEoCBIjCgV3b3JkcxgJIAMoCzIULnRyb3VwZS52MS5TdHlsZVdvcmQinQEKBEdhaXQSDAoEbmFtZRgBIAEoCRIMCgRsZWZ0GAIgASgCEg8KB2ZvcndhcmQYAyABKAISDAoEdHVybhgEIAEoAhIVCg1wZXJpb2RfZnJhbWVzGAUgASgCEiAKBGtleXMYBiADKAsyEi50cm91cGUudjEuR2FpdEtleRIRCglrZXlfY291bnQYByABKA0SDgoGaGVpZ2h0GAggASgCIlkKB0dhaXRLZXkSEQoJcm90YXRpb25zGAEgAygCEg4KBmhlaWdodBgCIAEoAhIMCgRsZWZ0GAMgASgCEg8KB2ZvcndhcmQYBCABKAISDAoEdHVybhgFIAEoAipkCgpDb252ZW50aW9uEhUKEUNPTlZFTlRJT05fTkFUSVZFEAASFQoRQ09OVkVOVElPTl9VTlJFQUwQARIUChBDT05WRU5USU9OX1VOSVRZEAISEgoOQ09OVkVOVElPTl9ST1MQAyo4CgVDbG9jaxIOCgpDTE9DS19GUkVFEAASDgoKQ0xPQ0tfU1RFUBABEg8KC0NMT0NLX0RSSVZFEAIqfgoNQ29tbWFuZFN0YXR1cxIbChdDT01NQU5EX1NUQVRVU19BQ0NFUFRFRBAAEhsKF0NPTU1BTkRfU1RBVFVTX1JFUEVBVEVEEAESFwoTQ09NTUFORF9TVEFUVVNfTEFURRACEhoKFkNPTU1BTkRfU1RBVFVTX1JFRlVTRUQQAypFCghFbmNvZGluZxIQCgxFTkNPRElOR19GMzIQABIUChBFTkNPRElOR19DT01QQUNUEAESEQoNRU5DT0RJTkdfUVBPUxACMtAGCghTZXNzaW9ucxJVCg5DcmVhdGVTZXNzaW9ucxIgLnRyb3VwZS52MS5DcmVhdGVTZXNzaW9uc1JlcXVlc3QaIS50cm91cGUudjEuQ3JlYXRlU2Vzc2lvbnNSZXNwb25zZRJVCg5SZXN1bWVTZXNzaW9ucxIgLnRyb3VwZS52MS5SZXN1bWVTZXNzaW9uc1JlcXVlc3QaIS50cm91cGUudjEuUmVzdW1lU2Vzc2lvbnNSZXNwb25zZRI+CgpHZXRTZXNzaW9uEhwudHJvdXBlLnYxLkdldFNlc3Npb25SZXF1ZXN0GhIudHJvdXBlLnYxLlNlc3Npb24STwoMTGlzdFNlc3Npb25zEh4udHJvdXBlLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHy50cm91cGUudjEuTGlzdFNlc3Npb25zUmVzcG9uc2USUgoNQ2xvc2VTZXNzaW9ucxIfLnRyb3VwZS52MS5DbG9zZVNlc3Npb25zUmVxdWVzdBogLnRyb3VwZS52MS5DbG9zZVNlc3Npb25zUmVzcG9uc2USQAoHQ29tbWFuZBIZLnRyb3VwZS52MS5Db21tYW5kUmVxdWVzdBoaLnRyb3VwZS52MS5Db21tYW5kUmVzcG9uc2USNwoEU3RlcBIWLnRyb3VwZS52MS5TdGVwUmVxdWVzdBoXLnRyb3VwZS52MS5TdGVwUmVzcG9uc2USPgoFRHJpdmUSFy50cm91cGUudjEuRHJpdmVSZXF1ZXN0GhgudHJvdXBlLnYxLkRyaXZlUmVzcG9uc2UoATABEjcKBFBlZWsSFi50cm91cGUudjEuUGVla1JlcXVlc3QaFy50cm91cGUudjEuUGVla1Jlc3BvbnNlEkkKCkxpc3RTdHlsZXMSHC50cm91cGUudjEuTGlzdFN0eWxlc1JlcXVlc3QaHS50cm91cGUudjEuTGlzdFN0eWxlc1Jlc3BvbnNlEjgKCEdldFN0eWxlEhoudHJvdXBlLnYxLkdldFN0eWxlUmVxdWVzdBoQLnRyb3VwZS52MS5TdHlsZRI4CghQdXRTdHlsZRIaLnRyb3VwZS52MS5QdXRTdHlsZVJlcXVlc3QaEC50cm91cGUudjEuU3R5bGViBnByb3RvMw", [file_troupe_v1_event, file_troupe_v1_motion]);
+  fileDesc("Chd0cm91cGUvdjEvc2Vzc2lvbi5wcm90bxIJdHJvdXBlLnYxIuADCg5TZXNzaW9uT3B0aW9ucxIKCgJpZBgBIAEoCRIMCgRwYWNrGAIgASgJEg0KBXN0eWxlGAMgASgJEgwKBHNlZWQYBCABKAQSKQoKY29udmVudGlvbhgFIAEoDjIVLnRyb3VwZS52MS5Db252ZW50aW9uEiEKCHBvc2l0aW9uGAYgASgLMg8udHJvdXBlLnYxLlZlYzMSDwoHaGVhZGluZxgHIAEoAhIkCgdjb250ZXh0GAggAygLMhMudHJvdXBlLnYxLktleWZyYW1lEhMKBnR0bF9tcxgJIAEoDUgAiAEBEh4KEWxvb2tfYWhlYWRfZnJhbWVzGAogASgNSAGIAQESIwoWcmVwbGFuX2ludGVydmFsX2ZyYW1lcxgLIAEoDUgCiAEBEhcKCnJvb3RfcmF0aW8YDCABKAJIA4gBARITCgt0ZW1wZXJhdHVyZRgNIAEoAhIVCghwcmlvcml0eRgOIAEoAkgEiAEBEg0KBXNjZW5lGA8gASgJEgwKBGJvZHkYECABKAlCCQoHX3R0bF9tc0IUChJfbG9va19haGVhZF9mcmFtZXNCGQoXX3JlcGxhbl9pbnRlcnZhbF9mcmFtZXNCDQoLX3Jvb3RfcmF0aW9CCwoJX3ByaW9yaXR5IkQKFUNyZWF0ZVNlc3Npb25zUmVxdWVzdBIrCghzZXNzaW9ucxgBIAMoCzIZLnRyb3VwZS52MS5TZXNzaW9uT3B0aW9ucyI+ChZDcmVhdGVTZXNzaW9uc1Jlc3BvbnNlEiQKCHNlc3Npb25zGAEgAygLMhIudHJvdXBlLnYxLlNlc3Npb24i0gEKDFNlc3Npb25TdGF0cxIZChFwbGFuc19mb3JfY29tbWFuZBgBIAEoBBIcChRwbGFuc19mb3JfbG93X2J1ZmZlchgCIAEoBBIaChJwbGFuc19mb3JfaW50ZXJ2YWwYAyABKAQSEgoKbGF0ZV9wbGFucxgEIAEoBBIRCgl1bmRlcnJ1bnMYBSABKAQSFAoMZmFpbGVkX3BsYW5zGAYgASgEEhYKDmV2ZW50c19kcm9wcGVkGAcgASgEEhgKEHBsYW5zX2Zvcl9vYmplY3QYCCABKAQi2AMKB1Nlc3Npb24SCgoCaWQYASABKAkSDAoEcGFjaxgCIAEoCRINCgVzdHlsZRgDIAEoCRIMCgRzZWVkGAQgASgEEikKCmNvbnZlbnRpb24YBSABKA4yFS50cm91cGUudjEuQ29udmVudGlvbhINCgVmcmFtZRgGIAEoBBIhCghwb3NpdGlvbhgHIAEoCzIPLnRyb3VwZS52MS5WZWMzEg8KB2hlYWRpbmcYCCABKAISDQoFc3BlZWQYCSABKAISFQoNbGFzdF9zZXF1ZW5jZRgKIAEoBBIfCgVjbG9jaxgLIAEoDjIQLnRyb3VwZS52MS5DbG9jaxIOCgZ0dGxfbXMYDCABKA0SFQoNZXhwaXJlc19pbl9tcxgNIAEoDRIXCg9idWZmZXJlZF9mcmFtZXMYDiABKA0SJgoFc3RhdHMYDyABKAsyFy50cm91cGUudjEuU2Vzc2lvblN0YXRzEhAKCHByaW9yaXR5GBAgASgCEg0KBXNjZW5lGBEgASgJEiUKCGFjdGl2aXR5GBIgASgLMhMudHJvdXBlLnYxLkFjdGl2aXR5EiMKBGhlbGQYEyABKAsyFS50cm91cGUudjEuSGVsZE9iamVjdBIMCgRib2R5GBQgASgJImQKDVNlc3Npb25SZXN1bWUSEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgVmcmFtZRgCIAEoBEgAiAEBEiEKBHBvc2UYAyABKAsyEy50cm91cGUudjEuS2V5ZnJhbWVCCAoGX2ZyYW1lIkMKFVJlc3VtZVNlc3Npb25zUmVxdWVzdBIqCghzZXNzaW9ucxgBIAMoCzIYLnRyb3VwZS52MS5TZXNzaW9uUmVzdW1lIl8KDlJlc3VtZWRTZXNzaW9uEiMKB3Nlc3Npb24YASABKAsyEi50cm91cGUudjEuU2Vzc2lvbhIQCghyZXN0b3JlZBgCIAEoCBIWCg5yZXN0b3JlZF9mcmFtZRgDIAEoBCJyChZSZXN1bWVTZXNzaW9uc1Jlc3BvbnNlEisKCHNlc3Npb25zGAEgAygLMhkudHJvdXBlLnYxLlJlc3VtZWRTZXNzaW9uEisKCHByb2JsZW1zGAIgAygLMhkudHJvdXBlLnYxLlNlc3Npb25Qcm9ibGVtIh8KEUdldFNlc3Npb25SZXF1ZXN0EgoKAmlkGAEgASgJIjwKE0xpc3RTZXNzaW9uc1JlcXVlc3QSEQoJcGFnZV9zaXplGAEgASgNEhIKCnBhZ2VfdG9rZW4YAiABKAkiZAoUTGlzdFNlc3Npb25zUmVzcG9uc2USJAoIc2Vzc2lvbnMYASADKAsyEi50cm91cGUudjEuU2Vzc2lvbhIXCg9uZXh0X3BhZ2VfdG9rZW4YAiABKAkSDQoFdG90YWwYAyABKA0iIwoUQ2xvc2VTZXNzaW9uc1JlcXVlc3QSCwoDaWRzGAEgAygJIicKFUNsb3NlU2Vzc2lvbnNSZXNwb25zZRIOCgZjbG9zZWQYASABKA0iigEKCExvY29tb3RlEiEKCHZlbG9jaXR5GAEgASgLMg8udHJvdXBlLnYxLlZlYzMSEwoGZmFjaW5nGAIgASgCSACIAQESDQoFc3R5bGUYAyABKAkSDAoEZ2FpdBgEIAEoCRITCgZoZWlnaHQYBSABKAJIAYgBAUIJCgdfZmFjaW5nQgkKB19oZWlnaHQibQoKRm9sbG93UGF0aBIkCgZwb2ludHMYASADKAsyFC50cm91cGUudjEuUGF0aFBvaW50EhIKBXNwZWVkGAIgASgCSACIAQESDQoFc3R5bGUYAyABKAkSDAoEbG9vcBgEIAEoCEIICgZfc3BlZWQiPwoISW50ZXJhY3QSEAoIaW5zdGFuY2UYASABKAkSDwoHdmFyaWFudBgCIAEoCRIQCghhcHByb2FjaBgDIAEoCSIpCghVc2VTa2lsbBIMCgRuYW1lGAEgASgJEg8KB3ZhcmlhbnQYAiABKAkiEAoORW5kSW50ZXJhY3Rpb24iCAoGQ2FuY2VsIgoKCERyb3BIZWxkInEKB1BlcmZvcm0SDAoEdGV4dBgBIAEoCRIMCgRwYWNrGAIgASgJEhQKB3NlY29uZHMYAyABKAJIAIgBARIYCgt0ZW1wZXJhdHVyZRgEIAEoAkgBiAEBQgoKCF9zZWNvbmRzQg4KDF90ZW1wZXJhdHVyZSLOAwoHQ29tbWFuZBISCgpzZXNzaW9uX2lkGAEgASgJEhAKCHNlcXVlbmNlGAIgASgEEhUKCGF0X2ZyYW1lGAMgASgESAGIAQESJwoIbG9jb21vdGUYBCABKAsyEy50cm91cGUudjEuTG9jb21vdGVIABInCghpbnRlcmFjdBgGIAEoCzITLnRyb3VwZS52MS5JbnRlcmFjdEgAEjQKD2VuZF9pbnRlcmFjdGlvbhgHIAEoCzIZLnRyb3VwZS52MS5FbmRJbnRlcmFjdGlvbkgAEiMKBmNhbmNlbBgIIAEoCzIRLnRyb3VwZS52MS5DYW5jZWxIABIjCgRkcm9wGAkgASgLMhMudHJvdXBlLnYxLkRyb3BIZWxkSAASLAoLZm9sbG93X3BhdGgYCiABKAsyFS50cm91cGUudjEuRm9sbG93UGF0aEgAEiUKB3BlcmZvcm0YCyABKAsyEi50cm91cGUudjEuUGVyZm9ybUgAEiQKBXNraWxsGAwgASgLMhMudHJvdXBlLnYxLlVzZVNraWxsSAASFQoIcHJpb3JpdHkYBSABKAJIAogBAUIICgZpbnRlbnRCCwoJX2F0X2ZyYW1lQgsKCV9wcmlvcml0eSJKCgdQcm9ibGVtEg4KBnJlYXNvbhgBIAEoCRIPCgdtZXNzYWdlGAIgASgJEg0KBWZpZWxkGAMgASgJEg8KB2FsbG93ZWQYBCABKAkihAEKDUNvbW1hbmRSZXN1bHQSEgoKc2Vzc2lvbl9pZBgBIAEoCRIQCghzZXF1ZW5jZRgCIAEoBBIoCgZzdGF0dXMYAyABKA4yGC50cm91cGUudjEuQ29tbWFuZFN0YXR1cxIjCgdwcm9ibGVtGAQgASgLMhIudHJvdXBlLnYxLlByb2JsZW0iNgoOQ29tbWFuZFJlcXVlc3QSJAoIY29tbWFuZHMYASADKAsyEi50cm91cGUudjEuQ29tbWFuZCI8Cg9Db21tYW5kUmVzcG9uc2USKQoHcmVzdWx0cxgBIAMoCzIYLnRyb3VwZS52MS5Db21tYW5kUmVzdWx0IrACCgpGcmFtZUJsb2NrEgwKBHBhY2sYASABKAkSDQoFc2xvdHMYAiADKA0SEwoLZnJhbWVfY291bnQYAyABKA0SFAoMZmlyc3RfZnJhbWVzGAQgAygEEhYKDnJvb3RfcG9zaXRpb25zGAUgAygCEhEKCXJvdGF0aW9ucxgGIAMoAhIUCgxwYWNrZWRfcm9vdHMYByABKAwSGAoQcGFja2VkX3JvdGF0aW9ucxgIIAEoDBIQCghjb250YWN0cxgJIAEoDBIRCglwb3NpdGlvbnMYCiADKAISDQoFc2l4X2QYCyADKAISDAoEcXBvcxgMIAMoAhIXCg9oaW5nZV9yZXNpZHVhbHMYDSADKAISFgoOY2xhbXBlZF9oaW5nZXMYDiADKA0SDAoEYm9keRgPIAEoCSJXCg5TZXNzaW9uUHJvYmxlbRIMCgRzbG90GAEgASgNEhIKCnNlc3Npb25faWQYAiABKAkSIwoHcHJvYmxlbRgDIAEoCzISLnRyb3VwZS52MS5Qcm9ibGVtIsABCgtTdGVwUmVxdWVzdBITCgtzZXNzaW9uX2lkcxgBIAMoCRIOCgZmcmFtZXMYAiABKA0SDwoHcmF0ZV9oehgDIAEoDRIkCghjb21tYW5kcxgEIAMoCzISLnRyb3VwZS52MS5Db21tYW5kEiUKCGVuY29kaW5nGAUgASgOMhMudHJvdXBlLnYxLkVuY29kaW5nEhgKEHJldHVybl9wb3NpdGlvbnMYBiABKAgSFAoMcmV0dXJuX3NpeF9kGAcgASgIIokCCgxTdGVwUmVzcG9uc2USJQoGYmxvY2tzGAEgAygLMhUudHJvdXBlLnYxLkZyYW1lQmxvY2sSMQoPY29tbWFuZF9yZXN1bHRzGAIgAygLMhgudHJvdXBlLnYxLkNvbW1hbmRSZXN1bHQSKwoIcHJvYmxlbXMYAyADKAsyGS50cm91cGUudjEuU2Vzc2lvblByb2JsZW0SEAoIdG90YWxfdXMYBCABKAQSEQoJd2FpdGVkX3VzGAUgASgEEigKBmV2ZW50cxgGIAMoCzIYLnRyb3VwZS52MS5TZXNzaW9uRXZlbnRzEiMKBGhlbGQYByADKAsyFS50cm91cGUudjEuSGVsZE9iamVjdCKaAQoJRHJpdmVPcGVuEg8KB3JhdGVfaHoYASABKA0SJQoIZW5jb2RpbmcYAiABKA4yEy50cm91cGUudjEuRW5jb2RpbmcSGAoQcmV0dXJuX3Bvc2l0aW9ucxgDIAEoCBIWCg5jbG9zZV9zZXNzaW9ucxgEIAEoCBIUCgxyZXR1cm5fc2l4X2QYBSABKAgSDQoFd2F0Y2gYBiABKAkiIgoLRHJpdmVBdHRhY2gSEwoLc2Vzc2lvbl9pZHMYASADKAkiIgoLRHJpdmVEZXRhY2gSEwoLc2Vzc2lvbl9pZHMYASADKAkiwQEKDERyaXZlUmVxdWVzdBIkCgRvcGVuGAEgASgLMhQudHJvdXBlLnYxLkRyaXZlT3BlbkgAEigKBmF0dGFjaBgCIAEoCzIWLnRyb3VwZS52MS5Ecml2ZUF0dGFjaEgAEigKBmRldGFjaBgDIAEoCzIWLnRyb3VwZS52MS5Ecml2ZURldGFjaEgAEiwKB2NvbW1hbmQYBCABKAsyGS50cm91cGUudjEuQ29tbWFuZFJlcXVlc3RIAEIJCgdtZXNzYWdlIiwKCEF0dGFjaGVkEhIKCnNlc3Npb25faWQYASABKAkSDAoEc2xvdBgCIAEoDSJjCg1Ecml2ZUF0dGFjaGVkEiUKCHNlc3Npb25zGAEgAygLMhMudHJvdXBlLnYxLkF0dGFjaGVkEisKCHByb2JsZW1zGAIgAygLMhkudHJvdXBlLnYxLlNlc3Npb25Qcm9ibGVtIpEBCgtEcml2ZUZyYW1lcxIMCgR0aWNrGAEgASgEEiUKBmJsb2NrcxgCIAMoCzIVLnRyb3VwZS52MS5GcmFtZUJsb2NrEhUKDWRyb3BwZWRfdGlja3MYAyABKAQSEQoJdW5kZXJydW5zGAQgASgNEiMKBGhlbGQYBSADKAsyFS50cm91cGUudjEuSGVsZE9iamVjdCI5CgtEcml2ZUV2ZW50cxIqCghzZXNzaW9ucxgBIAMoCzIYLnRyb3VwZS52MS5TZXNzaW9uRXZlbnRzIjgKCURyaXZlTGVmdBIrCghzZXNzaW9ucxgBIAMoCzIZLnRyb3VwZS52MS5TZXNzaW9uUHJvYmxlbSIyCgxEcml2ZUNsb3NpbmcSIgoGcmVhc29uGAEgASgLMhIudHJvdXBlLnYxLlByb2JsZW0ingIKDURyaXZlUmVzcG9uc2USKAoGZnJhbWVzGAEgASgLMhYudHJvdXBlLnYxLkRyaXZlRnJhbWVzSAASLAoIYXR0YWNoZWQYAiABKAsyGC50cm91cGUudjEuRHJpdmVBdHRhY2hlZEgAEiQKBGxlZnQYAyABKAsyFC50cm91cGUudjEuRHJpdmVMZWZ0SAASLgoIY29tbWFuZHMYBCABKAsyGi50cm91cGUudjEuQ29tbWFuZFJlc3BvbnNlSAASKgoHY2xvc2luZxgFIAEoCzIXLnRyb3VwZS52MS5Ecml2ZUNsb3NpbmdIABIoCgZldmVudHMYBiABKAsyFi50cm91cGUudjEuRHJpdmVFdmVudHNIAEIJCgdtZXNzYWdlIjEKC1BlZWtSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDgoGZnJhbWVzGAIgASgNItkCCghQbGFuVmlldxIOCgZudW1iZXIYASABKAQSDQoFY2F1c2UYAiABKAkSFgoOYXNrZWRfYXRfZnJhbWUYAyABKAQSFAoMc3BsaWNlX2ZyYW1lGAQgASgEEiQKB2NvbnRleHQYBSADKAsyEy50cm91cGUudjEuS2V5ZnJhbWUSJAoHdGFyZ2V0cxgGIAMoCzITLnRyb3VwZS52MS5LZXlmcmFtZRIiCglyb290X3JfZzEYByABKAsyDy50cm91cGUudjEuUm9vdBIRCglyb290X3JfZzIYCCADKAISEQoJcm9vdF9yX2czGAkgAygCEhEKCXJvb3Rfcl9nNBgKIAMoAhIOCgZ0b2tlbnMYCyADKA0SIQoZdG9rZW5fY291bnRfcHJvYmFiaWxpdGllcxgMIAMoAhIkCgVnYWl0cxgNIAMoCzIVLnRyb3VwZS52MS5HYWl0V2VpZ2h0IioKCkdhaXRXZWlnaHQSDAoEZ2FpdBgBIAEoCRIOCgZ3ZWlnaHQYAiABKAIitQEKDFBlZWtSZXNwb25zZRIjCgdzZXNzaW9uGAEgASgLMhIudHJvdXBlLnYxLlNlc3Npb24SJQoGZnV0dXJlGAIgASgLMhUudHJvdXBlLnYxLkZyYW1lQmxvY2sSIQoEcGxhbhgDIAEoCzITLnRyb3VwZS52MS5QbGFuVmlldxIRCglpbl9mbGlnaHQYBCABKAgSIwoHd2FpdGluZxgFIAEoCzISLnRyb3VwZS52MS5Db21tYW5kIi8KEUxpc3RTdHlsZXNSZXF1ZXN0EgwKBHBhY2sYASABKAkSDAoEYm9keRgCIAEoCSJpChJMaXN0U3R5bGVzUmVzcG9uc2USDAoEcGFjaxgBIAEoCRIgCgZzdHlsZXMYAiADKAsyEC50cm91cGUudjEuU3R5bGUSFQoNZGVmYXVsdF9zdHlsZRgDIAEoCRIMCgRib2R5GAQgASgJIjwKD0dldFN0eWxlUmVxdWVzdBIMCgRwYWNrGAEgASgJEg0KBXN0eWxlGAIgASgJEgwKBGJvZHkYAyABKAkiTgoPUHV0U3R5bGVSZXF1ZXN0EgwKBHBhY2sYASABKAkSHwoFc3R5bGUYAiABKAsyEC50cm91cGUudjEuU3R5bGUSDAoEYm9keRgDIAEoCSLoAQoFU3R5bGUSDAoEbmFtZRgBIAEoCRIVCg1kZWZhdWx0X3NwZWVkGAIgASgCEh4KFnJlcGxhbl9pbnRlcnZhbF9mcmFtZXMYAyABKA0SHAoUYWxsb3dlZF90b2tlbl9jb3VudHMYBCADKA0SEQoJaXNfc3RhdGljGAUgASgIEhIKCnJvb3RfcmF0aW8YBiABKAISHgoFZ2FpdHMYByADKAsyDy50cm91cGUudjEuR2FpdBIQCghidWlsdF9pbhgIIAEoCBIjCgV3b3JkcxgJIAMoCzIULnRyb3VwZS52MS5TdHlsZVdvcmQinQEKBEdhaXQSDAoEbmFtZRgBIAEoCRIMCgRsZWZ0GAIgASgCEg8KB2ZvcndhcmQYAyABKAISDAoEdHVybhgEIAEoAhIVCg1wZXJpb2RfZnJhbWVzGAUgASgCEiAKBGtleXMYBiADKAsyEi50cm91cGUudjEuR2FpdEtleRIRCglrZXlfY291bnQYByABKA0SDgoGaGVpZ2h0GAggASgCIlkKB0dhaXRLZXkSEQoJcm90YXRpb25zGAEgAygCEg4KBmhlaWdodBgCIAEoAhIMCgRsZWZ0GAMgASgCEg8KB2ZvcndhcmQYBCABKAISDAoEdHVybhgFIAEoAipkCgpDb252ZW50aW9uEhUKEUNPTlZFTlRJT05fTkFUSVZFEAASFQoRQ09OVkVOVElPTl9VTlJFQUwQARIUChBDT05WRU5USU9OX1VOSVRZEAISEgoOQ09OVkVOVElPTl9ST1MQAyo4CgVDbG9jaxIOCgpDTE9DS19GUkVFEAASDgoKQ0xPQ0tfU1RFUBABEg8KC0NMT0NLX0RSSVZFEAIqfgoNQ29tbWFuZFN0YXR1cxIbChdDT01NQU5EX1NUQVRVU19BQ0NFUFRFRBAAEhsKF0NPTU1BTkRfU1RBVFVTX1JFUEVBVEVEEAESFwoTQ09NTUFORF9TVEFUVVNfTEFURRACEhoKFkNPTU1BTkRfU1RBVFVTX1JFRlVTRUQQAypFCghFbmNvZGluZxIQCgxFTkNPRElOR19GMzIQABIUChBFTkNPRElOR19DT01QQUNUEAESEQoNRU5DT0RJTkdfUVBPUxACMtAGCghTZXNzaW9ucxJVCg5DcmVhdGVTZXNzaW9ucxIgLnRyb3VwZS52MS5DcmVhdGVTZXNzaW9uc1JlcXVlc3QaIS50cm91cGUudjEuQ3JlYXRlU2Vzc2lvbnNSZXNwb25zZRJVCg5SZXN1bWVTZXNzaW9ucxIgLnRyb3VwZS52MS5SZXN1bWVTZXNzaW9uc1JlcXVlc3QaIS50cm91cGUudjEuUmVzdW1lU2Vzc2lvbnNSZXNwb25zZRI+CgpHZXRTZXNzaW9uEhwudHJvdXBlLnYxLkdldFNlc3Npb25SZXF1ZXN0GhIudHJvdXBlLnYxLlNlc3Npb24STwoMTGlzdFNlc3Npb25zEh4udHJvdXBlLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHy50cm91cGUudjEuTGlzdFNlc3Npb25zUmVzcG9uc2USUgoNQ2xvc2VTZXNzaW9ucxIfLnRyb3VwZS52MS5DbG9zZVNlc3Npb25zUmVxdWVzdBogLnRyb3VwZS52MS5DbG9zZVNlc3Npb25zUmVzcG9uc2USQAoHQ29tbWFuZBIZLnRyb3VwZS52MS5Db21tYW5kUmVxdWVzdBoaLnRyb3VwZS52MS5Db21tYW5kUmVzcG9uc2USNwoEU3RlcBIWLnRyb3VwZS52MS5TdGVwUmVxdWVzdBoXLnRyb3VwZS52MS5TdGVwUmVzcG9uc2USPgoFRHJpdmUSFy50cm91cGUudjEuRHJpdmVSZXF1ZXN0GhgudHJvdXBlLnYxLkRyaXZlUmVzcG9uc2UoATABEjcKBFBlZWsSFi50cm91cGUudjEuUGVla1JlcXVlc3QaFy50cm91cGUudjEuUGVla1Jlc3BvbnNlEkkKCkxpc3RTdHlsZXMSHC50cm91cGUudjEuTGlzdFN0eWxlc1JlcXVlc3QaHS50cm91cGUudjEuTGlzdFN0eWxlc1Jlc3BvbnNlEjgKCEdldFN0eWxlEhoudHJvdXBlLnYxLkdldFN0eWxlUmVxdWVzdBoQLnRyb3VwZS52MS5TdHlsZRI4CghQdXRTdHlsZRIaLnRyb3VwZS52MS5QdXRTdHlsZVJlcXVlc3QaEC50cm91cGUudjEuU3R5bGViBnByb3RvMw", [file_troupe_v1_event, file_troupe_v1_motion]);
 
 /**
  * What a new session is.
@@ -806,6 +806,36 @@ export const InteractSchema: GenMessage<Interact> = /*@__PURE__*/
   messageDesc(file_troupe_v1_session, 16);
 
 /**
+ * Do a skill of the session's pack where the character stands, such as lying down or jumping: go through the sets of one of its
+ * variants. One that moves stops first. Nothing is needed for it: no object and no scene. Commands that move the character, use an
+ * object or cancel come after the skill: a held one is left by its exit first, so who lies gets up before it walks.
+ *
+ * @generated from message troupe.v1.UseSkill
+ */
+export type UseSkill = Message<"troupe.v1.UseSkill"> & {
+  /**
+   * Name of the skill, one of Pack.skills.
+   *
+   * @generated from field: string name = 1;
+   */
+  name: string;
+
+  /**
+   * Name of the variant. Empty: one by weight. All choices of a session follow from its seed.
+   *
+   * @generated from field: string variant = 2;
+   */
+  variant: string;
+};
+
+/**
+ * Describes the message troupe.v1.UseSkill.
+ * Use `create(UseSkillSchema)` to create a new message.
+ */
+export const UseSkillSchema: GenMessage<UseSkill> = /*@__PURE__*/
+  messageDesc(file_troupe_v1_session, 17);
+
+/**
  * Leave an interaction that is held, such as sitting, by its exit. A character that carries an object goes through the exit of
  * the variant by which it took it: the way out. One that is on the way to an object turns away from it. On the way out, and
  * without any of these, this does nothing.
@@ -820,7 +850,7 @@ export type EndInteraction = Message<"troupe.v1.EndInteraction"> & {
  * Use `create(EndInteractionSchema)` to create a new message.
  */
 export const EndInteractionSchema: GenMessage<EndInteraction> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 17);
+  messageDesc(file_troupe_v1_session, 18);
 
 /**
  * Break off whatever the character does, at once, and stand. What is in the hand is let go: it is put down by its definition's
@@ -836,7 +866,7 @@ export type Cancel = Message<"troupe.v1.Cancel"> & {
  * Use `create(CancelSchema)` to create a new message.
  */
 export const CancelSchema: GenMessage<Cancel> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 18);
+  messageDesc(file_troupe_v1_session, 19);
 
 /**
  * Put down what is in the hand, by its definition's rule. With an empty hand it is accepted and does nothing.
@@ -851,11 +881,11 @@ export type DropHeld = Message<"troupe.v1.DropHeld"> & {
  * Use `create(DropHeldSchema)` to create a new message.
  */
 export const DropHeldSchema: GenMessage<DropHeld> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 19);
+  messageDesc(file_troupe_v1_session, 20);
 
 /**
  * Act out a sentence, and go on in locomotion. The character goes on as it does until the first frames have come, blends into them,
- * and takes up again what it did before; of a path that it followed, it stands. Every locomote, follow_path, interact, perform
+ * and takes up again what it did before; of a path that it followed, it stands. Every locomote, follow_path, interact, skill, perform
  * and cancel breaks a performance off, and so does a fall.
  *
  * @generated from message troupe.v1.Perform
@@ -897,7 +927,7 @@ export type Perform = Message<"troupe.v1.Perform"> & {
  * Use `create(PerformSchema)` to create a new message.
  */
 export const PerformSchema: GenMessage<Perform> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 20);
+  messageDesc(file_troupe_v1_session, 21);
 
 /**
  * What a character should do from now on.
@@ -923,8 +953,8 @@ export type Command = Message<"troupe.v1.Command"> & {
   /**
    * Frame of the session's timeline from which it holds. Left out, or in the past: now. At most 100000 frames ahead. Commands
    * that hold from the same frame on are carried out in the order of their numbers. A newer locomote replaces one that still
-   * waits for its frame, a newer interact, perform or cancel replaces interacts and performs that do. Of all others, none replaces another: at most 8
-   * wait, one more is refused (TOO_MANY_COMMANDS). What comes during a fall waits for its end, and of that the newest alone.
+   * waits for its frame, a newer interact, skill, perform or cancel replaces interacts, skills and performs that do. Of all others, none replaces another: at most 8
+   * wait, one more is refused (TOO_MANY_COMMANDS). What comes during a fall or a skill waits for its end, and of that the newest alone.
    *
    * @generated from field: optional uint64 at_frame = 3;
    */
@@ -992,6 +1022,14 @@ export type Command = Message<"troupe.v1.Command"> & {
      */
     value: Perform;
     case: "perform";
+  } | {
+    /**
+     * Do a skill of the pack.
+     *
+     * @generated from field: troupe.v1.UseSkill skill = 12;
+     */
+    value: UseSkill;
+    case: "skill";
   } | { case: undefined; value?: undefined };
 
   /**
@@ -1008,7 +1046,7 @@ export type Command = Message<"troupe.v1.Command"> & {
  * Use `create(CommandSchema)` to create a new message.
  */
 export const CommandSchema: GenMessage<Command> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 21);
+  messageDesc(file_troupe_v1_session, 22);
 
 /**
  * Why one of many could not be served.
@@ -1050,7 +1088,7 @@ export type Problem = Message<"troupe.v1.Problem"> & {
  * Use `create(ProblemSchema)` to create a new message.
  */
 export const ProblemSchema: GenMessage<Problem> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 22);
+  messageDesc(file_troupe_v1_session, 23);
 
 /**
  * Result of a command.
@@ -1092,7 +1130,7 @@ export type CommandResult = Message<"troupe.v1.CommandResult"> & {
  * Use `create(CommandResultSchema)` to create a new message.
  */
 export const CommandResultSchema: GenMessage<CommandResult> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 23);
+  messageDesc(file_troupe_v1_session, 24);
 
 /**
  * Gives commands.
@@ -1113,7 +1151,7 @@ export type CommandRequest = Message<"troupe.v1.CommandRequest"> & {
  * Use `create(CommandRequestSchema)` to create a new message.
  */
 export const CommandRequestSchema: GenMessage<CommandRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 24);
+  messageDesc(file_troupe_v1_session, 25);
 
 /**
  * Results of the commands.
@@ -1134,7 +1172,7 @@ export type CommandResponse = Message<"troupe.v1.CommandResponse"> & {
  * Use `create(CommandResponseSchema)` to create a new message.
  */
 export const CommandResponseSchema: GenMessage<CommandResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 25);
+  messageDesc(file_troupe_v1_session, 26);
 
 /**
  * Frames of characters of one pack and body, packed by column. With C characters, F frames each, J joints: every column holds all
@@ -1258,7 +1296,7 @@ export type FrameBlock = Message<"troupe.v1.FrameBlock"> & {
  * Use `create(FrameBlockSchema)` to create a new message.
  */
 export const FrameBlockSchema: GenMessage<FrameBlock> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 26);
+  messageDesc(file_troupe_v1_session, 27);
 
 /**
  * A session of a call that could not be served.
@@ -1293,7 +1331,7 @@ export type SessionProblem = Message<"troupe.v1.SessionProblem"> & {
  * Use `create(SessionProblemSchema)` to create a new message.
  */
 export const SessionProblemSchema: GenMessage<SessionProblem> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 27);
+  messageDesc(file_troupe_v1_session, 28);
 
 /**
  * Advances characters.
@@ -1356,7 +1394,7 @@ export type StepRequest = Message<"troupe.v1.StepRequest"> & {
  * Use `create(StepRequestSchema)` to create a new message.
  */
 export const StepRequestSchema: GenMessage<StepRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 28);
+  messageDesc(file_troupe_v1_session, 29);
 
 /**
  * The next frames.
@@ -1419,7 +1457,7 @@ export type StepResponse = Message<"troupe.v1.StepResponse"> & {
  * Use `create(StepResponseSchema)` to create a new message.
  */
 export const StepResponseSchema: GenMessage<StepResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 29);
+  messageDesc(file_troupe_v1_session, 30);
 
 /**
  * Opens a stream.
@@ -1477,7 +1515,7 @@ export type DriveOpen = Message<"troupe.v1.DriveOpen"> & {
  * Use `create(DriveOpenSchema)` to create a new message.
  */
 export const DriveOpenSchema: GenMessage<DriveOpen> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 30);
+  messageDesc(file_troupe_v1_session, 31);
 
 /**
  * Takes sessions onto the stream.
@@ -1498,7 +1536,7 @@ export type DriveAttach = Message<"troupe.v1.DriveAttach"> & {
  * Use `create(DriveAttachSchema)` to create a new message.
  */
 export const DriveAttachSchema: GenMessage<DriveAttach> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 31);
+  messageDesc(file_troupe_v1_session, 32);
 
 /**
  * Takes sessions off the stream.
@@ -1519,7 +1557,7 @@ export type DriveDetach = Message<"troupe.v1.DriveDetach"> & {
  * Use `create(DriveDetachSchema)` to create a new message.
  */
 export const DriveDetachSchema: GenMessage<DriveDetach> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 32);
+  messageDesc(file_troupe_v1_session, 33);
 
 /**
  * What a client says on the stream.
@@ -1572,7 +1610,7 @@ export type DriveRequest = Message<"troupe.v1.DriveRequest"> & {
  * Use `create(DriveRequestSchema)` to create a new message.
  */
 export const DriveRequestSchema: GenMessage<DriveRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 33);
+  messageDesc(file_troupe_v1_session, 34);
 
 /**
  * A session that is now on the stream.
@@ -1600,7 +1638,7 @@ export type Attached = Message<"troupe.v1.Attached"> & {
  * Use `create(AttachedSchema)` to create a new message.
  */
 export const AttachedSchema: GenMessage<Attached> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 34);
+  messageDesc(file_troupe_v1_session, 35);
 
 /**
  * Result of an attach.
@@ -1628,7 +1666,7 @@ export type DriveAttached = Message<"troupe.v1.DriveAttached"> & {
  * Use `create(DriveAttachedSchema)` to create a new message.
  */
 export const DriveAttachedSchema: GenMessage<DriveAttached> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 35);
+  messageDesc(file_troupe_v1_session, 36);
 
 /**
  * A tick's frames.
@@ -1677,7 +1715,7 @@ export type DriveFrames = Message<"troupe.v1.DriveFrames"> & {
  * Use `create(DriveFramesSchema)` to create a new message.
  */
 export const DriveFramesSchema: GenMessage<DriveFrames> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 36);
+  messageDesc(file_troupe_v1_session, 37);
 
 /**
  * What happened to sessions of the stream. It comes before the frames of the tick that it happened in, and none of it is left
@@ -1700,7 +1738,7 @@ export type DriveEvents = Message<"troupe.v1.DriveEvents"> & {
  * Use `create(DriveEventsSchema)` to create a new message.
  */
 export const DriveEventsSchema: GenMessage<DriveEvents> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 37);
+  messageDesc(file_troupe_v1_session, 38);
 
 /**
  * Why a session left the stream.
@@ -1721,7 +1759,7 @@ export type DriveLeft = Message<"troupe.v1.DriveLeft"> & {
  * Use `create(DriveLeftSchema)` to create a new message.
  */
 export const DriveLeftSchema: GenMessage<DriveLeft> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 38);
+  messageDesc(file_troupe_v1_session, 39);
 
 /**
  * The stream ends after this.
@@ -1742,7 +1780,7 @@ export type DriveClosing = Message<"troupe.v1.DriveClosing"> & {
  * Use `create(DriveClosingSchema)` to create a new message.
  */
 export const DriveClosingSchema: GenMessage<DriveClosing> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 39);
+  messageDesc(file_troupe_v1_session, 40);
 
 /**
  * What the server says on the stream.
@@ -1811,7 +1849,7 @@ export type DriveResponse = Message<"troupe.v1.DriveResponse"> & {
  * Use `create(DriveResponseSchema)` to create a new message.
  */
 export const DriveResponseSchema: GenMessage<DriveResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 40);
+  messageDesc(file_troupe_v1_session, 41);
 
 /**
  * Asks for the future of a session.
@@ -1839,7 +1877,7 @@ export type PeekRequest = Message<"troupe.v1.PeekRequest"> & {
  * Use `create(PeekRequestSchema)` to create a new message.
  */
 export const PeekRequestSchema: GenMessage<PeekRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 41);
+  messageDesc(file_troupe_v1_session, 42);
 
 /**
  * A plan: what was asked of the networks, and what each stage made of it, in the session's convention.
@@ -1944,7 +1982,7 @@ export type PlanView = Message<"troupe.v1.PlanView"> & {
  * Use `create(PlanViewSchema)` to create a new message.
  */
 export const PlanViewSchema: GenMessage<PlanView> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 42);
+  messageDesc(file_troupe_v1_session, 43);
 
 /**
  * A gait's part in a blend.
@@ -1972,7 +2010,7 @@ export type GaitWeight = Message<"troupe.v1.GaitWeight"> & {
  * Use `create(GaitWeightSchema)` to create a new message.
  */
 export const GaitWeightSchema: GenMessage<GaitWeight> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 43);
+  messageDesc(file_troupe_v1_session, 44);
 
 /**
  * A session's buffered future.
@@ -2021,7 +2059,7 @@ export type PeekResponse = Message<"troupe.v1.PeekResponse"> & {
  * Use `create(PeekResponseSchema)` to create a new message.
  */
 export const PeekResponseSchema: GenMessage<PeekResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 44);
+  messageDesc(file_troupe_v1_session, 45);
 
 /**
  * Asks for the styles of a pack.
@@ -2049,7 +2087,7 @@ export type ListStylesRequest = Message<"troupe.v1.ListStylesRequest"> & {
  * Use `create(ListStylesRequestSchema)` to create a new message.
  */
 export const ListStylesRequestSchema: GenMessage<ListStylesRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 45);
+  messageDesc(file_troupe_v1_session, 46);
 
 /**
  * The styles of a pack.
@@ -2091,7 +2129,7 @@ export type ListStylesResponse = Message<"troupe.v1.ListStylesResponse"> & {
  * Use `create(ListStylesResponseSchema)` to create a new message.
  */
 export const ListStylesResponseSchema: GenMessage<ListStylesResponse> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 46);
+  messageDesc(file_troupe_v1_session, 47);
 
 /**
  * Asks for one style.
@@ -2126,7 +2164,7 @@ export type GetStyleRequest = Message<"troupe.v1.GetStyleRequest"> & {
  * Use `create(GetStyleRequestSchema)` to create a new message.
  */
 export const GetStyleRequestSchema: GenMessage<GetStyleRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 47);
+  messageDesc(file_troupe_v1_session, 48);
 
 /**
  * Adds a style.
@@ -2161,7 +2199,7 @@ export type PutStyleRequest = Message<"troupe.v1.PutStyleRequest"> & {
  * Use `create(PutStyleRequestSchema)` to create a new message.
  */
 export const PutStyleRequestSchema: GenMessage<PutStyleRequest> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 48);
+  messageDesc(file_troupe_v1_session, 49);
 
 /**
  * A way to move: gaits between which the command's velocity chooses and blends.
@@ -2238,7 +2276,7 @@ export type Style = Message<"troupe.v1.Style"> & {
  * Use `create(StyleSchema)` to create a new message.
  */
 export const StyleSchema: GenMessage<Style> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 49);
+  messageDesc(file_troupe_v1_session, 50);
 
 /**
  * One way to move at one velocity: a cycle of keyframes.
@@ -2308,7 +2346,7 @@ export type Gait = Message<"troupe.v1.Gait"> & {
  * Use `create(GaitSchema)` to create a new message.
  */
 export const GaitSchema: GenMessage<Gait> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 50);
+  messageDesc(file_troupe_v1_session, 51);
 
 /**
  * A pose of a gait, in the heading's frame: the character faces +Z.
@@ -2357,7 +2395,7 @@ export type GaitKey = Message<"troupe.v1.GaitKey"> & {
  * Use `create(GaitKeySchema)` to create a new message.
  */
 export const GaitKeySchema: GenMessage<GaitKey> = /*@__PURE__*/
-  messageDesc(file_troupe_v1_session, 51);
+  messageDesc(file_troupe_v1_session, 52);
 
 /**
  * Axes, handedness and unit of everything that a session takes and gives.

@@ -1,22 +1,19 @@
-//! Writes the files in `examples/`: the synthetic walk as BVH on a pack's skeleton, and a request made of it as JSON.
+//! Prints a request as JSON: a gap in a BVH clip on a pack's skeleton, such as `examples/request.json` of `examples/walk.bvh`.
 //!
 //! ```text
-//! cargo run -p troupe-tests --example sample_motion -- models/human examples
+//! cargo run -p troupe-tests --example sample_request -- models/human examples/walk.bvh > examples/request.json
 //! ```
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use serde::Deserialize;
 use serde_json::json;
 use troupe_client::Key;
-use troupe_motion::bvh::{BvhFile, BvhWriteOptions, write};
+use troupe_motion::bvh::{self, BvhOptions};
 use troupe_motion::skeleton::Skeleton;
-use troupe_tests::walk::Walk;
 
-/// Frames of the walk.
-const FRAMES: usize = 120;
 /// The request's context is `CONTEXT - 3 ..= CONTEXT`.
 const CONTEXT: usize = 33;
 /// The request's target keyframe.
@@ -28,20 +25,15 @@ struct Manifest {
 }
 
 fn main() -> anyhow::Result<()> {
-    let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
-    let (pack, out) = (arguments.next(), arguments.next());
-    let (pack, out) = pack
-        .zip(out)
-        .context("usage: sample_motion PACK_FOLDER OUT_FOLDER")?;
-
+    let arguments: Vec<_> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    let [pack, clip] = arguments.as_slice() else {
+        bail!("usage: sample_request PACK_FOLDER CLIP.bvh");
+    };
     let manifest = std::fs::read_to_string(pack.join("pack.toml")).context("reading pack.toml")?;
     let skeleton = Arc::new(toml::from_str::<Manifest>(&manifest)?.skeleton);
-    let walk = Walk {
-        frames: FRAMES,
-        turn_rps: 0.4,
-        ..Walk::default()
-    };
-    let clip = walk.on(&skeleton);
+    let bytes = std::fs::read(clip).with_context(|| clip.display().to_string())?;
+    let clip = bvh::parse_bytes(&bytes)?.to_clip_on(&skeleton, &BvhOptions::default())?;
+
     let key = |frame| Key::from_clip(&clip, frame).map(|key| key.to_message());
     let context = (CONTEXT - 3..=CONTEXT).map(key).collect::<Result<Vec<_>, _>>()?;
     let request = json!({
@@ -53,8 +45,6 @@ fn main() -> anyhow::Result<()> {
             "seed": 7,
         }]
     });
-    let file = BvhFile::from_clip(&clip, &BvhWriteOptions::default())?;
-    std::fs::write(out.join("walk.bvh"), write(&file))?;
-    std::fs::write(out.join("request.json"), format!("{request}\n"))?;
+    println!("{request}");
     Ok(())
 }

@@ -1,0 +1,87 @@
+//! Skills: beginning one where the character stands, and what a command does meanwhile.
+
+use std::sync::Arc;
+
+use super::super::{EventKind, Intent, Refusal};
+use super::check::variant;
+use super::using::Using;
+use super::{Behaviour, Body, Doing};
+use crate::object::Definition;
+use crate::primitives::LocomotionCommand;
+use crate::primitives::object::Interaction;
+use crate::skill::Skills;
+
+/// A skill of a pack and the index of its variant, by their names, or by `seed` where the variant has none.
+///
+/// # Errors
+/// [`Refusal::UnknownSkill`] or [`Refusal::UnknownSkillVariant`].
+pub(in crate::live) fn find<'a>(
+    skills: &'a Skills,
+    pack: &str,
+    name: &Arc<str>,
+    wanted: Option<&str>,
+    seed: u64,
+) -> Result<(&'a Arc<Definition>, usize), Refusal> {
+    let definition = skills.get(name).ok_or_else(|| Refusal::UnknownSkill {
+        pack: pack.to_owned(),
+        name: Arc::clone(name),
+        there_are: skills.names(),
+    })?;
+    Ok((definition, variant(definition, wanted, seed)?))
+}
+
+impl Behaviour {
+    /// Begins a skill once the character stands. Both names were checked with the command.
+    pub(super) fn begin_skill(
+        &mut self,
+        name: &Arc<str>,
+        wanted: Option<&str>,
+        frame: i64,
+        body: &mut Body<'_>,
+    ) {
+        let seed = self.seed(body);
+        let Ok((definition, variant)) = find(body.skills, body.rig.name(), name, wanted, seed) else {
+            return;
+        };
+        self.begun += 1;
+        self.emit(
+            frame,
+            EventKind::Started {
+                instance: Arc::clone(name),
+                definition: definition.name.clone(),
+                variant: definition.variants[variant].name.clone(),
+                approach: None,
+                seed,
+            },
+        );
+        let interaction = Interaction::new(Arc::clone(definition), variant);
+        let using = Using::where_it_stands(Arc::clone(name), interaction, frame, body);
+        self.doing = Doing::Using(Box::new(using));
+    }
+
+    /// Keeps a command for the end of the skill that is under way, and has a held one left by its exit: from the middle of a jump,
+    /// or from the ground, locomotion cannot go on. The command back where it need not wait.
+    pub(super) fn after_skill(&mut self, intent: Intent, frame: i64, body: &Body<'_>) -> Option<Intent> {
+        let Doing::Using(using) = &mut self.doing else {
+            return Some(intent);
+        };
+        let waits = !matches!(intent, Intent::EndInteraction | Intent::Drop | Intent::Perform(_));
+        let has_begun = using.interaction.now().is_some() && !using.leaves();
+        if !waits || !using.is_skill() || !has_begun {
+            if waits {
+                // What waited gives way to what comes after it.
+                self.waiting = None;
+            }
+            return Some(intent);
+        }
+        using.end();
+        self.waiting = Some(match intent {
+            Intent::Cancel => {
+                self.let_go(frame, body);
+                Intent::Locomote(LocomotionCommand::standing(&body.locomotion.command().style))
+            }
+            intent => intent,
+        });
+        None
+    }
+}
