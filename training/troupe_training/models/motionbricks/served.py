@@ -45,9 +45,7 @@ class RootStage(nn.Module):
         count_noise: Tensor,
         root_noise: Tensor | None = None,
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Slot values ``[B, 8, .]`` and masks ``[B, 8]``, counts ``[B, 14]``, ``root_noise`` ``[B, K]``; what comes out,
-        `OUTPUTS` names.
-        """
+        """Slot values ``[B, 8, .]``, masks ``[B, 8]``, counts ``[B, 14]``, noise ``[B, K]``; what comes out, `OUTPUTS` names."""
         module = self.module
         values = {"local_root": key_local_root, "global_root": key_global_root, "pose": key_pose}
         f = module.constraints(values, {"local_root": has_local_root, "global_root": has_global_root, "pose": has_pose})

@@ -100,7 +100,8 @@ def observation(
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Places and speeds as one vector: what is observed ``[B, D]``, factors ``[B, D, K]``, variances and 0/1 ``[B, D]``.
 
-    ``missing`` ``[B, T, 4]``, ``curves`` ``[B, T, K, 4]``, ``envelope`` ``[B, T]``. Entries of given frames are zero, with a variance of 1.
+    ``missing`` ``[B, T, 4]``, ``curves`` ``[B, T, K, 4]``, ``envelope`` ``[B, T]``.
+    Entries of given frames are zero, with a variance of 1.
     """
     open_ = (envelope > SMALLEST_ENVELOPE).float()
     missing = missing * open_[..., None]
@@ -162,7 +163,7 @@ def choice_loss(store: ClipStore, frames_budget: int, root: RootModule) -> Loss[
     Files that are held back are noted alone.
     """
     files = held_back(store)
-    seen, kept = (store.part(lambda clip, of=of: (file_of(clip) in files) == of) for of in (False, True))
+    seen, kept = store.part(lambda clip: file_of(clip) not in files), store.part(lambda clip: file_of(clip) in files)
 
     def terms_of(model: RootChoice, of: ClipStore, generator: Generator, frames: int) -> tuple[Tensor, Tensor]:
         given, segments = choice_pass(of, frames, root, generator)

@@ -26,7 +26,9 @@ PREDICTED_ROOTS = 0.9
 GUIDED_SHARE = 0.25
 # Share of the updates under the conditions of live control.
 LIVE_SHARE = 0.4
-DRAWS = 4  # of tokens for each sample, of which the nearest are decoded
+# Of tokens for each sample, of which the nearest are decoded. None: draws did not make answers more varied, and cost the
+# likeliest answer a hundredth of its L2P (docs/evaluation.md).
+DRAWS = 0
 
 
 @dataclass

@@ -45,7 +45,12 @@ def _trained(stage: Stage[ModelConfig, M], run: Path, store: ClipStore, substitu
 
 
 def train_stage(
-    stage: str, job: Job, preset: str | ModelConfig, teacher_run: Path | None = None, draws: int = DRAWS, curve_frames: int = 4
+    stage: str,
+    job: Job,
+    preset: str | ModelConfig,
+    teacher_run: Path | None = None,
+    draws: int = DRAWS,
+    curve_frames: int = 4,
 ) -> bool:
     """Trains one stage, resuming its checkpoint; true when its budget is spent.
 
