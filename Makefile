@@ -190,11 +190,12 @@ film-crowd: runtime
 	cargo build --release --package troupe-cli
 	scripts/with-server.sh scripts/film-crowd.sh target/release/troupe docs/images/crowd.png
 
-# The moving picture of docs/words.md: six characters that act out the sentences of examples/casts/words.toml, through a running server.
+# The pictures of docs/live.md: characters that turn about, step aside and differ by seed, through a running server.
 film-live: runtime
 	cargo build --release --package troupe-cli
 	scripts/with-server.sh scripts/film-live.sh target/release/troupe docs/images
 
+# The moving picture of docs/words.md: six characters that act out the sentences of examples/casts/words.toml, through a running server.
 film-words: runtime
 	cargo build --release --package troupe-cli
 	scripts/with-server.sh scripts/film-words.sh target/release/troupe docs/images/words.png

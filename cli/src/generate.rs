@@ -160,7 +160,9 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
         pack.description().version
     ));
     if let Some(found) = &made.feasibility {
-        context.term.note(format_args!("{}", verdict(found, pack.skeleton())));
+        context
+            .term
+            .note(format_args!("{}", verdict(found, pack.skeleton())));
     }
     Ok(())
 }

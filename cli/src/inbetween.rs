@@ -95,7 +95,9 @@ pub(super) async fn run(context: &Context, command: &Inbetween) -> Result<(), Fa
         filled.answers.pack, filled.answers.pack_version
     ));
     if let Some(found) = &filled.answer.feasibility {
-        context.term.note(format_args!("{}", verdict(found, filled.pack.skeleton())));
+        context
+            .term
+            .note(format_args!("{}", verdict(found, filled.pack.skeleton())));
     }
     Ok(())
 }

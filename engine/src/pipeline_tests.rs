@@ -393,7 +393,11 @@ fn the_root_stage_gets_noise_that_follows_seed_and_temperature() {
     assert_eq!((one.len(), one), (6, again));
     assert_eq!((likeliest, padding), (&vec![0.0; 6], &vec![0.0; 6]));
     assert_eq!(*half, one.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
-    assert_eq!(noise_of(&[drawn(2, 1.0)]), [two.clone()], "alone and in company");
+    assert_eq!(
+        noise_of(&[drawn(2, 1.0)]),
+        std::slice::from_ref(&two),
+        "alone and in company"
+    );
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Roots that are drawn, on ONNX Runtime. Needs the library (`make runtime`).
 //!
-//! The packs are that of people with a root stage that adds a mix of its noise to the trajectory's x and z.
+//! The packs are that of the robot, which has none of its own, with a root stage that adds a mix of its noise to the trajectory's x and z.
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 
@@ -24,8 +24,8 @@ const CHOICES: usize = 16;
 /// Of an ONNX file.
 const TRAJECTORY: &str = "global_root";
 
-fn people() -> Pack {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/human");
+fn robot() -> Pack {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/g1");
     Pack::load(&folder).unwrap()
 }
 
@@ -35,9 +35,9 @@ fn way(choice: usize) -> [f32; 2] {
     [0.02 * angle.sin(), 0.02 * angle.cos()]
 }
 
-/// The pack of people with other files: its root stage takes `choices` numbers, and the manifest speaks of `promised`.
+/// The pack of the robot with other files: its root stage takes `choices` numbers, and the manifest speaks of `promised`.
 fn drawing(name: &str, choices: usize, promised: usize) -> Pack {
-    let mut pack = people();
+    let mut pack = robot();
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::create_dir_all(&folder).unwrap();
     for stage in Stage::ALL {
@@ -166,7 +166,7 @@ fn trajectory(motion: &Motion) -> &[f32] {
 
 #[test]
 fn at_temperature_0_roots_are_those_of_the_pack_without_choices() {
-    let (selector, plain) = (selector(), people());
+    let (selector, plain) = (selector(), robot());
     let drawing = drawing("choices-zero", CHOICES, CHOICES);
     let items = tasks(&selector, &plain, 0.0);
     for engine in engines(&selector) {
@@ -305,7 +305,7 @@ fn the_graph_and_the_manifest_speak_of_the_same_choices() {
 #[test]
 fn choices_are_read_from_a_packs_files() {
     let folder: PathBuf = drawing("choices-files", CHOICES, CHOICES).folder;
-    let mut manifest = people().manifest;
+    let mut manifest = robot().manifest;
     manifest.root_choices = Some(CHOICES);
     let names = Stage::ALL.map(Stage::file_name);
     manifest.content_hash = troupe_engine::pack::content_hash(&folder, &names).unwrap();

@@ -100,8 +100,8 @@ pub fn load_styles(pack: &Pack, folder: Option<PathBuf>) -> Result<Vec<Arc<Style
 /// The skills of a pack; none of a pack of many bodies.
 ///
 /// # Errors
-/// [`DocumentError`].
-pub fn load_skills(pack: &Pack) -> Result<Arc<Skills>, DocumentError> {
+/// [`DocumentError`], boxed: it is long beside the other reasons why a server does not start.
+pub fn load_skills(pack: &Pack) -> Result<Arc<Skills>, Box<DocumentError>> {
     match pack.bodies.is_empty() {
         true => Ok(Arc::new(Skills::load(&pack.folder, &pack.rig)?)),
         false => Ok(Arc::default()),

@@ -101,7 +101,7 @@ fn what_is_wrong_is_named_with_its_line() {
         ),
         (
             "[[command]]\ntime_s = 0\nspeed = 1\n[[command]]\nafter = 'held'",
-            "line 5: after waits for what an interact before it began",
+            "line 5: after waits for what an interact or a skill before it began",
         ),
         ("[[command]]\nwait_s = -1", "line 2: wait_s is -1"),
         (

@@ -27,7 +27,7 @@ pub enum StartError {
     Style(#[from] StyleError),
     /// A skill that cannot be used.
     #[error(transparent)]
-    Skill(#[from] DocumentError),
+    Skill(#[from] Box<DocumentError>),
     /// A scene or an object definition that cannot be used.
     #[error(transparent)]
     World(#[from] LoadError),

@@ -436,7 +436,7 @@ fn each_keyframe_of_a_skill_is_given_from_the_one_before() {
         assert!(near(&place, &[0.0, ahead]), "{place:?}");
         assert_eq!(key(set).heading_deg, Some(0.0));
     }
-    assert!(near(&[key(&sets[1]).height_m.unwrap()], &[0.45]));
+    assert!(near(&[key(&sets[1]).height_m.unwrap()], &[0.5]));
     let doc: ObjectDoc = skill.into();
     assert!(
         doc.sets
