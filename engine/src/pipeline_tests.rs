@@ -395,7 +395,7 @@ fn the_root_stage_gets_noise_that_follows_seed_and_temperature() {
     assert_eq!(*half, one.iter().map(|value| 0.5 * value).collect::<Vec<_>>());
     assert_eq!(
         noise_of(&[drawn(2, 1.0)]),
-        std::slice::from_ref(&two),
+        std::slice::from_ref(two),
         "alone and in company"
     );
 }

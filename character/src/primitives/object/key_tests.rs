@@ -27,7 +27,7 @@ fn worked_out(
     from: &(Vec3, Vec<Quat>),
 ) -> Result<Vec<Key>, Unreachable> {
     let (rig, style) = (doll_rig(), doll_style());
-    let legs = troupe_motion_legs(&rig.skeleton);
+    let legs = legs(&rig.skeleton);
     let body = BodyParts {
         skeleton: &rig.skeleton,
         legs: &legs,
