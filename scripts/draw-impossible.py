@@ -22,6 +22,7 @@ mpl.use("agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib import font_manager
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 # Units of the figures of a verdict, by the end of their names.
@@ -244,6 +245,8 @@ def draw(out: Path) -> None:
             text(190, ground + 64 + 22 * row, line, DARK)
         print(f"{case.title}: {refusal['message']}\n  accepted: {case.possible.format(most)}")
     figure.savefig(out)
+    # A palette makes a third of the file.
+    Image.open(out).convert("RGB").quantize(128, dither=Image.Dither.NONE).save(out, optimize=True)
 
 
 if __name__ == "__main__":
