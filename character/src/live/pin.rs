@@ -23,8 +23,6 @@ use crate::primitives::object::recipe::SETTLE_FRAMES;
 const LEAST_STEP_M: f32 = 0.05;
 const LEAST_STEP_FRAMES: usize = 5;
 const STEP_OVER_M: f32 = 0.06;
-/// A foot that goes farther over the ground in a frame, metres, does not stand: 0.4 m/s, above which the data has no contact.
-const GOES_M: f32 = 0.4 / 30.0;
 /// At most so many frames are taken off an end of a contact, and so many are left of it.
 const MOST_TAKEN_OFF: usize = 4;
 const LEAST_LEFT: usize = 3;
@@ -38,6 +36,8 @@ pub struct Pins {
     pub settles: bool,
     /// The legs of the pack's skeleton.
     pub legs: Arc<[Leg]>,
+    /// Frames a second of plans.
+    pub fps: f32,
 }
 
 impl Pins {
@@ -75,11 +75,16 @@ impl Pins {
                 fading,
             );
         }
+        let fastest_mps = skeleton
+            .contacts
+            .as_ref()
+            .map_or(f32::INFINITY, |c| c.max_speed_mps);
+        let goes_m = fastest_mps / self.fps;
         for leg in self.legs.iter() {
             for span in runs(&plan.contacts[..first], |contacts| {
                 contacts & leg.contact_bits() != 0
             }) {
-                let_go(leg, span, first, plan, skeleton);
+                let_go(leg, span, (first, goes_m), plan, skeleton);
             }
         }
         lock_feet(
@@ -166,8 +171,15 @@ fn runs(contacts: &[u8], is_such: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
 }
 
 /// Takes those frames off the ends of a contact in which the foot is on its way already, faster than any that stands. To hold it in
-/// them would leave it too few frames to go where it goes, and its knee would jump.
-fn let_go(leg: &Leg, span: Range<usize>, first: usize, plan: &mut LivePlan, skeleton: &Skeleton) {
+/// them would leave it too few frames to go where it goes, and its knee would jump. Faster: by more than `goes_m` in a frame, over the
+/// ground. Frames from `first` on may not change.
+fn let_go(
+    leg: &Leg,
+    span: Range<usize>,
+    (first, goes_m): (usize, f32),
+    plan: &mut LivePlan,
+    skeleton: &Skeleton,
+) {
     let joints = skeleton.joint_count();
     let goes = |plan: &LivePlan, frame: usize| {
         let on_toe = leg.contacts[1].is_some_and(|bit| plan.contacts[frame] & (1 << bit) != 0);
@@ -176,10 +188,10 @@ fn let_go(leg: &Leg, span: Range<usize>, first: usize, plan: &mut LivePlan, skel
             let pose = &plan.rotations[frame * joints..(frame + 1) * joints];
             joint_transform(skeleton, plan.roots[frame], pose, joint).0
         });
-        (now - before).with_y(0.0).length() > GOES_M
+        (now - before).with_y(0.0).length() > goes_m
     };
     let most = span.len().saturating_sub(LEAST_LEFT).min(2 * MOST_TAKEN_OFF);
-    // One that goes on in a frame that may not change, or in a keyframe, is not shortened there.
+    // One that goes on in the context, or in a keyframe, is not shortened there.
     let (begins, ends) = (span.start > CONTEXT_FRAMES, span.end < first);
     let late = (0..MOST_TAKEN_OFF.min(most))
         .take_while(|taken| ends && goes(plan, span.end - 1 - taken))

@@ -221,6 +221,7 @@ impl Prepared {
                 keys: self.keys.clone(),
                 settles: set.comes_to_rest(),
                 legs: Arc::clone(body.footing.legs()),
+                fps: body.rig.fps,
             },
         }
     }
