@@ -1,7 +1,8 @@
-//! Generates the Rust types from `troupe/v1/*.proto`, and the gRPC services where the feature `grpc` is on, without a system
-//! `protoc`.
+//! Generates the Rust types from `troupe/v1/*.proto`, and the gRPC services where the feature
+//! `grpc` is on, without a system `protoc`.
 //!
-//! What the types need beside (their JSON form, what requests may contain) follows from the descriptors.
+//! What the types need beside (their JSON form, what requests may contain) follows from the
+//! descriptors.
 
 use std::collections::BTreeSet;
 use std::error::Error;
@@ -15,7 +16,8 @@ use protox::prost_reflect::{
 
 const PACKAGE: &str = "troupe.v1";
 
-/// Lists that were added when the JSON form was in use. Empty ones are left out of the JSON, all others are written.
+/// Lists that were added when the JSON form was in use. Empty ones are left out of the JSON, all
+/// others are written.
 const LEFT_OUT_WHEN_EMPTY: [&str; 16] = [
     "Keyframe.qpos",
     "Frames.six_d",
@@ -111,8 +113,8 @@ fn is_list(pool: &DescriptorPool, field: &str) -> bool {
         .is_some_and(|field| field.is_list())
 }
 
-/// Full names of the messages that a client sends. An unknown JSON field there is a mistake worth reporting; in answers
-/// it must be tolerated, so that an older client can read a newer server.
+/// Full names of the messages that a client sends. An unknown JSON field there is a mistake worth
+/// reporting; in answers it must be tolerated, so that an older client can read a newer server.
 fn request_messages(pool: &DescriptorPool) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     let mut left: Vec<MessageDescriptor> = methods(pool).iter().map(MethodDescriptor::input).collect();
@@ -172,7 +174,8 @@ fn word(values: &EnumDescriptor, name: &str) -> String {
     name.strip_prefix(&prefix).unwrap_or(name).to_ascii_lowercase()
 }
 
-/// The tables of `src/rpc.rs`: every remote procedure with the lists of its request, and the procedure of every request.
+/// The tables of `src/rpc.rs`: every remote procedure with the lists of its request, and the
+/// procedure of every request.
 fn rpcs(pool: &DescriptorPool) -> Result<String, String> {
     let mut table = String::from("/// Every remote procedure.\npub const RPCS: &[Rpc] = &[\n");
     let mut requests = String::new();
@@ -190,8 +193,8 @@ fn rpcs(pool: &DescriptorPool) -> Result<String, String> {
     Ok(format!("{table}];\n{requests}"))
 }
 
-/// Writes every list of messages or texts in `message`, and deeper. Numbers are not counted: they take as much on the wire
-/// as in memory.
+/// Writes every list of messages or texts in `message`, and deeper. Numbers are not counted: they
+/// take as much on the wire as in memory.
 fn find_lists(
     message: &MessageDescriptor,
     way: &mut Vec<FieldDescriptor>,

@@ -94,7 +94,8 @@ def cases(example: dict) -> list[Case]:
         return character(34, [at(target, places[-1] * (1, 0, 1) + ahead * metres + (0, height, 0))])
 
     def lying(degrees: float) -> dict:
-        # Tipped over backwards about where it stands, by the axis that points to the left. Lying, the hips are 12 cm up.
+        # Tipped over backwards about where it stands, by the axis that points to the left. Lying,
+        # the hips are 12 cm up.
         angle = math.radians(degrees)
         up = (height * math.cos(angle) + 0.12 * math.sin(angle)) * np.array([0, 1, 0])
         key = at(target, places[-1] * (1, 0, 1) + ahead * (1.7 - height * math.sin(angle)) + up)

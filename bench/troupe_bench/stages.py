@@ -106,7 +106,8 @@ class Stages:
         self.counts = self.max_tokens - self.min_tokens + 1
         self.choices: int = manifest.get("root_choices", 0)
         self.group = group
-        # OpenVINO plans again for a batch size it has not met; ONNX Runtime's own kernels do not mind.
+        # OpenVINO plans again for a batch size it has not met; ONNX Runtime's own kernels do not
+        # mind.
         self.pad_batch = engine != "cpu"
         longest = {"tokens": self.max_tokens, "4*tokens": self.max_tokens * self.per_token}
         self.root, self.pose, self.decoder = (

@@ -21,8 +21,8 @@ impl fmt::Display for FieldError {
 
 impl std::error::Error for FieldError {}
 
-/// The place of a value in a request: a chain of steps on the stack, so naming every value costs nothing until one is
-/// wrong.
+/// The place of a value in a request: a chain of steps on the stack, so naming every value costs
+/// nothing until one is wrong.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Path<'a> {
     parent: Option<&'a Path<'a>>,

@@ -21,8 +21,9 @@ pub struct Checked {
 }
 
 impl Checked {
-    /// A keyframe of parts that need no checks: rotations of unit length, joint 0 in the world, and everything finite. A
-    /// pose needs a height, from `height`, the root or the velocity, and is left out without one.
+    /// A keyframe of parts that need no checks: rotations of unit length, joint 0 in the world, and
+    /// everything finite. A pose needs a height, from `height`, the root or the velocity, and is
+    /// left out without one.
     pub fn of(
         root: Option<GlobalRoot>,
         height: Option<f32>,
@@ -130,8 +131,8 @@ impl<'a> KeyWriter<'a> {
         }
     }
 
-    /// Tensors of consecutive keyframes. A velocity that is not given follows from the root of the keyframe before it;
-    /// the first keyframe takes that of the second, as in training.
+    /// Tensors of consecutive keyframes. A velocity that is not given follows from the root of the
+    /// keyframe before it; the first keyframe takes that of the second, as in training.
     pub fn write(&mut self, frame: &SegmentFrame, keys: &[Checked]) -> Vec<KeyTensors> {
         let roots: Vec<Option<GlobalRoot>> = keys
             .iter()
@@ -180,7 +181,8 @@ impl<'a> KeyWriter<'a> {
     fn pose(&mut self, frame: &SegmentFrame, pose: &CheckedPose) -> Box<[f32]> {
         self.local.copy_from_slice(&pose.rotations);
         self.local[0] = frame.to_segment_rotation(self.local[0]);
-        // Features are relative to the projected root, so the root stands above the origin whatever its place.
+        // Features are relative to the projected root, so the root stands above the origin whatever
+        // its place.
         let root = Vec3::new(0.0, pose.height, 0.0);
         world_transforms(
             self.skeleton,

@@ -1,9 +1,10 @@
 //! Live characters, pure: no clock, thread, network or file handle is kept here, and nothing waits.
 //!
-//! Commands change what a character wants ([`primitives`], [`style`]); whenever it needs a plan it asks for one, and what the
-//! generator made is cross-faded into its motion buffer ([`live`], [`post`]). A [`scene`] has ground, colliders and objects; an
-//! [`object`] definition says what characters can do with a thing, and a [`skill`] what they can do where they stand. All are
-//! read from TOML or JSON by [`document`], whose errors name line and field.
+//! Commands change what a character wants ([`primitives`], [`style`]); whenever it needs a plan it
+//! asks for one, and what the generator made is cross-faded into its motion buffer ([`live`],
+//! [`post`]). A [`scene`] has ground, colliders and objects; an [`object`] definition says what
+//! characters can do with a thing, and a [`skill`] what they can do where they stand. All are read
+//! from TOML or JSON by [`document`], whose errors name line and field.
 
 pub mod document;
 pub mod field;

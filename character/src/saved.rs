@@ -1,8 +1,8 @@
 //! Characters as bytes, and back: what a server keeps, so that they outlive it.
 //!
-//! A saved character is its whole state. What it shares with others is not in it: styles and definitions are there by name, and its rig
-//! and scene are those that it is restored with ([`Surroundings`]). A plan on its way is not saved; a restored character asks for
-//! another.
+//! A saved character is its whole state. What it shares with others is not in it: styles and
+//! definitions are there by name, and its rig and scene are those that it is restored with
+//! ([`Surroundings`]). A plan on its way is not saved; a restored character asks for another.
 
 use std::sync::Arc;
 

@@ -39,7 +39,8 @@ fn through_bytes(rig: &mut Harness) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// A clock that waits has a plan in flight at its end now and then, which a restored character asks for again.
+    /// A clock that waits has a plan in flight at its end now and then, which a restored character
+    /// asks for again.
     #[test]
     fn a_restored_character_goes_on_as_if_nothing_had_been(
         events in prop::collection::vec(event(), 1..30),
@@ -154,7 +155,8 @@ fn goes_on_from_what_was_seen(lost: u64) {
     rig.run(CROSSFADE_FRAMES + 2);
     assert_eq!(rig.frames[from + 4].frame, last.frame + 1);
     let (acceleration, step) = rig.roughness(from);
-    // A pose says nothing of velocities: they change at the seam by as much as the lost command had changed them.
+    // A pose says nothing of velocities: they change at the seam by as much as the lost command had
+    // changed them.
     assert!(
         acceleration < 100.0 && step < 0.1,
         "{lost} frames: {acceleration} m/s\u{b2}, {step} m"

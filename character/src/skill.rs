@@ -1,7 +1,9 @@
-//! Skills: what the characters of a pack can do where they stand, such as lying down, getting up and jumping.
+//! Skills: what the characters of a pack can do where they stand, such as lying down, getting up
+//! and jumping.
 //!
-//! A skill is written as the sets of a smart object are ([`crate::object`]), without an object: each set's keyframes are given from
-//! where the character is as the set begins. A pack has its skills in the folder `skills`, a TOML or JSON file each.
+//! A skill is written as the sets of a smart object are ([`crate::object`]), without an object:
+//! each set's keyframes are given from where the character is as the set begins. A pack has its
+//! skills in the folder `skills`, a TOML or JSON file each.
 
 use std::collections::BTreeMap;
 use std::path::Path as FilePath;
@@ -32,7 +34,8 @@ impl Skills {
     /// Those in the folder `skills` of a pack, which it need not have.
     ///
     /// # Errors
-    /// [`DocumentError`] for the first file that is not a skill of this pack, or has the name of another.
+    /// [`DocumentError`] for the first file that is not a skill of this pack, or has the name of
+    /// another.
     pub fn load(pack_folder: &FilePath, rig: &Rig) -> Result<Self, DocumentError> {
         let skills = read_folder(
             &pack_folder.join(FOLDER),

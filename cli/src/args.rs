@@ -60,7 +60,8 @@ pub(crate) struct Arguments {
 /// Certificates, for https:// addresses.
 #[derive(Debug, clap::Args)]
 pub(crate) struct TlsArgs {
-    /// Certificates of the authorities to trust with an https:// address (PEM file). Left out: those of the system.
+    /// Certificates of the authorities to trust with an https:// address (PEM file). Left out:
+    /// those of the system.
     #[arg(long, global = true, env = "TROUPE_CA", value_name = "FILE", help_heading = COMMON)]
     ca: Option<PathBuf>,
 

@@ -16,8 +16,9 @@ use crate::tokens::Tokens;
 
 /// Put a clip into words.
 ///
-/// For packs with the capability `describe`. The words are printed as they are found. A pack reads some seconds at a time
-/// (`troupe packs` has its longest segment); --from and --to name a part of a longer clip.
+/// For packs with the capability `describe`. The words are printed as they are found. A pack reads
+/// some seconds at a time (`troupe packs` has its longest segment); --from and --to name a part of
+/// a longer clip.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -25,7 +26,8 @@ Examples:
   troupe describe walk.bvh --from 300 --to 500 --seed 3
   troupe describe horse.glb#Walk --json")]
 pub(crate) struct Describe {
-    /// Motion clip: .bvh, .glb or .npz, or a robot's .csv or .npy. horse.glb#Walk names one animation of several.
+    /// Motion clip: .bvh, .glb or .npz, or a robot's .csv or .npy. horse.glb#Walk names one
+    /// animation of several.
     #[arg(value_name = "CLIP")]
     pub(crate) clip: PathBuf,
 

@@ -21,7 +21,8 @@ pub(crate) fn figures(found: &Feasibility) -> [(&'static str, &'static str, Opti
     ]
 }
 
-/// One line: whether the motion of a skeleton is feasible, and by which figure it is farthest from it or nearest to its limit.
+/// One line: whether the motion of a skeleton is feasible, and by which figure it is farthest from
+/// it or nearest to its limit.
 pub(crate) fn verdict(found: &Feasibility, skeleton: &Skeleton) -> String {
     let word = if found.feasible {
         "feasible"

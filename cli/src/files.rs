@@ -26,7 +26,8 @@ pub(crate) struct Scale {
     #[arg(long, help_heading = CLIPS, value_enum, default_value_t = Unit::Cm)]
     pub(crate) unit: Unit,
 
-    /// Also take clips whose bones have other lengths; their rotations are played on the pack's bones.
+    /// Also take clips whose bones have other lengths; their rotations are played on the pack's
+    /// bones.
     #[arg(long, help_heading = CLIPS)]
     pub(crate) other_bones: bool,
 }
@@ -56,8 +57,9 @@ impl Unit {
     }
 }
 
-/// The file of a clip that is named without its ending: the first that is there, of those that [`read_clip`] takes. Where none
-/// is, that of the pack's own clips: CSV of robots, BVH of all others.
+/// The file of a clip that is named without its ending: the first that is there, of those that
+/// [`read_clip`] takes. Where none is, that of the pack's own clips: CSV of robots, BVH of all
+/// others.
 pub(super) fn clip_in(folder: &Path, name: &str, pack: &Pack) -> PathBuf {
     let first = match pack.robot() {
         Some(_) => files::Format::Csv,
@@ -97,8 +99,9 @@ pub(super) fn read_clip(path: &Path, pack: &Pack, scale: Scale, term: &Term) -> 
     Ok(resampled)
 }
 
-/// Reads a clip onto a skeleton at the file's own rate, joints by name or by the hinges of the skeleton's robot. A glb's animation
-/// is sampled at `glb_fps`; which one, the path says behind a `#` where there are several.
+/// Reads a clip onto a skeleton at the file's own rate, joints by name or by the hinges of the
+/// skeleton's robot. A glb's animation is sampled at `glb_fps`; which one, the path says behind a
+/// `#` where there are several.
 ///
 /// # Errors
 /// A sentence that says what is wrong with the file.
@@ -130,7 +133,8 @@ pub(super) fn read_clip_on(
     })
 }
 
-/// `horse.glb#Walk` as a file and the name of an animation in it. A file of the whole name comes first.
+/// `horse.glb#Walk` as a file and the name of an animation in it. A file of the whole name comes
+/// first.
 fn split_animation(path: &Path) -> (PathBuf, Option<String>) {
     let whole = path.to_string_lossy();
     match whole.rsplit_once('#') {
@@ -155,7 +159,8 @@ pub(super) fn read_document(path: &Path) -> Result<v1::Document, Failure> {
     })
 }
 
-/// The failure of a call that was given the document in `path`: what is wrong with the document is wrong with the file.
+/// The failure of a call that was given the document in `path`: what is wrong with the document is
+/// wrong with the file.
 pub(super) fn document_failure(path: &Path, error: ClientError) -> Failure {
     match error {
         ClientError::Refused(refusal) if refusal.reason.as_deref() == Some("INVALID_DOCUMENT") => {
@@ -215,7 +220,8 @@ impl Format {
         ))
     }
 
-    /// Writes a clip; BVH in the unit of `scale`, all others in metres as they must be. CSV and `qpos` have 30 rows a second.
+    /// Writes a clip; BVH in the unit of `scale`, all others in metres as they must be. CSV and
+    /// `qpos` have 30 rows a second.
     pub(super) fn write(self, clip: &Clip, path: &Path, scale: Scale) -> Result<(), Failure> {
         let bytes = self
             .bytes(clip, scale)

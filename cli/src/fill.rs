@@ -17,8 +17,8 @@ const SAMPLING: &str = "Pack and sampling";
 /// Which gap of which clip to fill, and how.
 #[derive(Debug, Args)]
 pub(crate) struct Gap {
-    /// Motion clip: .bvh, .glb or .npz, or a robot's .csv (root x y z qx qy qz qw, then the hinges' angles) or .npy (qpos).
-    /// horse.glb#Walk names one animation of several.
+    /// Motion clip: .bvh, .glb or .npz, or a robot's .csv (root x y z qx qy qz qw, then the hinges'
+    /// angles) or .npy (qpos). horse.glb#Walk names one animation of several.
     #[arg(long, value_name = "FILE")]
     pub(crate) clip: PathBuf,
 
@@ -34,12 +34,13 @@ pub(crate) struct Gap {
     #[arg(long, default_value_t = 1, value_name = "1-4", value_parser = clap::value_parser!(u8).range(1..=4))]
     pub(crate) target_frames: u8,
 
-    /// TOML file of roots that the motion is to pass: [[root]] with a `frame`, counted as FROM and TO, and any of
-    /// `at` ([x, z] in metres), `height_m` and `heading_deg`.
+    /// TOML file of roots that the motion is to pass: [[root]] with a `frame`, counted as FROM and
+    /// TO, and any of `at` ([x, z] in metres), `height_m` and `heading_deg`.
     #[arg(long, value_name = "FILE")]
     pub(crate) roots: Option<PathBuf>,
 
-    /// Refuse a gap that cannot be filled with motion as the pack's data shows, and say what would be possible.
+    /// Refuse a gap that cannot be filled with motion as the pack's data shows, and say what would
+    /// be possible.
     #[arg(long)]
     pub(crate) strict: bool,
 
@@ -88,7 +89,8 @@ pub(super) struct Filled {
     pub(super) answers: InBetweenAnswers,
 }
 
-/// Reads the clip and has the server fill its gap; `length` is the clip's own where it is not given.
+/// Reads the clip and has the server fill its gap; `length` is the clip's own where it is not
+/// given.
 pub(super) async fn fill(
     context: &Context,
     gap: &Gap,

@@ -23,9 +23,9 @@ const PICTURE_WIDTH: u32 = 1600;
 
 /// Have a body follow a path.
 ///
-/// For packs with the capability `path`, whose one network moves many bodies. The path is a file as `drive` takes it: its
-/// start and its waypoints count, with their speeds and waits, where they say so with headings. What it says of commands and styles does
-/// not.
+/// For packs with the capability `path`, whose one network moves many bodies. The path is a file as
+/// `drive` takes it: its start and its waypoints count, with their speeds and waits, where they say
+/// so with headings. What it says of commands and styles does not.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -38,7 +38,8 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "FILE")]
     pub(crate) path: PathBuf,
 
-    /// File to write; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a robot.
+    /// File to write; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a
+    /// robot.
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 

@@ -16,9 +16,10 @@ use crate::splice::splice;
 
 /// Replace what lies between two frames of a clip by generated motion.
 ///
-/// FROM and the three frames in front of it are the context, TO is the target keyframe. Both stay as they are; the
-/// frames between them are generated. Joints are mapped by name onto the pack's skeleton, and a clip at another rate
-/// is resampled to the pack's first, so FROM and TO count frames at the pack's rate.
+/// FROM and the three frames in front of it are the context, TO is the target keyframe. Both stay
+/// as they are; the frames between them are generated. Joints are mapped by name onto the pack's
+/// skeleton, and a clip at another rate is resampled to the pack's first, so FROM and TO count
+/// frames at the pack's rate.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -30,12 +31,13 @@ pub(crate) struct Inbetween {
     #[command(flatten)]
     pub(crate) gap: Gap,
 
-    /// File to write; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a robot.
+    /// File to write; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a
+    /// robot.
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 
-    /// Frames from the first context frame to the last target keyframe, where the gap is to be filled faster or slower
-    /// than in the clip.
+    /// Frames from the first context frame to the last target keyframe, where the gap is to be
+    /// filled faster or slower than in the clip.
     #[arg(long, value_name = "FRAMES", conflicts_with = "free_timing")]
     pub(crate) frame_count: Option<u32>,
 

@@ -1,4 +1,5 @@
-//! The `troupe` command line, as a function, so that its binary is one line and tests can run the very same code.
+//! The `troupe` command line, as a function, so that its binary is one line and tests can run the
+//! very same code.
 
 mod animate;
 mod args;

@@ -9,17 +9,19 @@ use troupe_motion::skeleton::ContactParams;
 
 use crate::failure::Failure;
 
-/// Generated frames on either side of a key: as many as the server takes to fade a given pose out, so that the key is the
-/// networks' own.
+/// Generated frames on either side of a key: as many as the server takes to fade a given pose out,
+/// so that the key is the networks' own.
 const MARGIN: usize = 8;
-/// Consecutive target keyframes: as many as context frames, so that both ends say where the motion goes.
+/// Consecutive target keyframes: as many as context frames, so that both ends say where the motion
+/// goes.
 const TARGETS: usize = 4;
 /// The generated frame that becomes the key.
 pub(crate) const KEY: usize = CONTEXT_FRAMES - 1 + MARGIN;
 /// Frames of the segment around a key.
 pub(crate) const SEGMENT: usize = KEY + MARGIN + TARGETS;
 
-/// Has the pack make the motion of each segment of [`SEGMENT`] frames from its ends; frame [`KEY`] of each is the networks' own.
+/// Has the pack make the motion of each segment of [`SEGMENT`] frames from its ends; frame [`KEY`]
+/// of each is the networks' own.
 pub(crate) async fn rebuild(client: &Client, pack: &Pack, segments: &[Clip]) -> Result<Vec<Clip>, Failure> {
     if !pack.segment_frames().contains(&SEGMENT) {
         return Err(Failure::Input(format!(
@@ -39,7 +41,8 @@ fn task(clip: &Clip) -> Result<InBetween, RequestError> {
     InBetween::from_clip_range(clip, CONTEXT_FRAMES - 1, SEGMENT - TARGETS..=SEGMENT - 1)
 }
 
-/// Mean distance of the joints at the key, each seen from its root's place on the ground along its heading, metres.
+/// Mean distance of the joints at the key, each seen from its root's place on the ground along its
+/// heading, metres.
 pub(crate) fn distance(generated: &Clip, source: &Clip) -> f32 {
     let [a, b] = [generated, source].map(|clip| {
         let joints = clip.skeleton.joint_count();
@@ -54,8 +57,9 @@ pub(crate) fn distance(generated: &Clip, source: &Clip) -> f32 {
     a.iter().zip(&b).map(|(p, q)| p.distance(*q)).sum::<f32>() / a.len().max(1) as f32
 }
 
-/// Height of the root at the key with which the generated pose comes as near to the ground as the clip's, and not below it, metres.
-/// Where the clip's own pose is far from what the networks make, its height would lift or sink them.
+/// Height of the root at the key with which the generated pose comes as near to the ground as the
+/// clip's, and not below it, metres. Where the clip's own pose is far from what the networks make,
+/// its height would lift or sink them.
 pub(crate) fn grounded(generated: &Clip, source: &Clip) -> f32 {
     let lowest = |clip: &Clip| {
         let skeleton = &clip.skeleton;

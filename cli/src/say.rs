@@ -20,8 +20,9 @@ const PICTURE_WIDTH: u32 = 1600;
 
 /// Make motion of words.
 ///
-/// For packs with the capability `text`. What the model may not do well, such as words that its training did not use, is said as a
-/// note. With --past the motion goes on from the end of a clip; the file has what follows it.
+/// For packs with the capability `text`. What the model may not do well, such as words that its
+/// training did not use, is said as a note. With --past the motion goes on from the end of a clip;
+/// the file has what follows it.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -34,7 +35,8 @@ pub(crate) struct Say {
     #[arg(value_name = "WORDS")]
     pub(crate) text: String,
 
-    /// File to write; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a robot.
+    /// File to write; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a
+    /// robot.
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 
@@ -46,12 +48,13 @@ pub(crate) struct Say {
     #[arg(long, value_name = "SECONDS")]
     pub(crate) seconds: Option<Seconds>,
 
-    /// Go on from the end of this clip: .bvh, .glb or .npz, or a robot's .csv or .npy. horse.glb#Walk names one animation of several.
+    /// Go on from the end of this clip: .bvh, .glb or .npz, or a robot's .csv or .npy.
+    /// horse.glb#Walk names one animation of several.
     #[arg(long, value_name = "FILE")]
     pub(crate) past: Option<PathBuf>,
 
-    /// What another character does in the same motion; again for a third one. Each has a file of its own: wave.glb, wave-2.glb. For packs
-    /// with the capability `agents`.
+    /// What another character does in the same motion; again for a third one. Each has a file of
+    /// its own: wave.glb, wave-2.glb. For packs with the capability `agents`.
     #[arg(long, value_name = "WORDS", conflicts_with = "past")]
     pub(crate) beside: Vec<String>,
 
@@ -116,7 +119,8 @@ pub(super) async fn run(context: &Context, command: &Say) -> Result<(), Failure>
     Ok(())
 }
 
-/// A file for each character: the first has the name that was given, others have their number in it.
+/// A file for each character: the first has the name that was given, others have their number in
+/// it.
 fn outs(out: &Path, others: usize) -> Vec<PathBuf> {
     let stem = out.file_stem().unwrap_or_default().to_string_lossy();
     let ending = out.extension().unwrap_or_default().to_string_lossy();

@@ -14,7 +14,8 @@ use crate::output::{print, table, to_json};
 
 /// Put scenes on the server, and show those that it has: what characters stand on and use.
 ///
-/// Colliders carry characters, are in the way to objects, and are what things are put on. They do not stop locomotion.
+/// Colliders carry characters, are in the way to objects, and are what things are put on. They do
+/// not stop locomotion.
 #[derive(Debug, Args)]
 pub(super) struct Scene {
     #[command(subcommand)]
@@ -29,7 +30,8 @@ enum Action {
     Delete(Delete),
 }
 
-/// Create scenes from files, or replace those of their names. Sessions that are in one go on in the new one.
+/// Create scenes from files, or replace those of their names. Sessions that are in one go on in the
+/// new one.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

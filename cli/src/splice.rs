@@ -10,7 +10,8 @@ pub(super) fn gap_of(segment: &Clip, target_frames: usize) -> Range<usize> {
     CONTEXT_FRAMES..segment.frames().saturating_sub(target_frames).max(CONTEXT_FRAMES)
 }
 
-/// The clip up to `from`, the generated frames, and the clip from `to` on. The clip's own frames stay as they are.
+/// The clip up to `from`, the generated frames, and the clip from `to` on. The clip's own frames
+/// stay as they are.
 ///
 /// # Errors
 /// [`ClipError`] where `from` or `to` is outside the clip.

@@ -4,7 +4,8 @@ use clap::{CommandFactory as _, Parser as _};
 
 use crate::args::Arguments;
 
-/// The long help of a command, at a fixed width and without the environment of whoever runs the tests.
+/// The long help of a command, at a fixed width and without the environment of whoever runs the
+/// tests.
 fn help(command: &[&str]) -> String {
     let mut root = Arguments::command()
         .term_width(100)

@@ -12,15 +12,18 @@ pub(crate) struct Tokens {
     #[arg(long, help_heading = SAMPLING, default_value_t = 0)]
     pub(crate) seed: u64,
 
-    /// 0 takes the most likely tokens; above, they are drawn with the seed. Without it as the pack says.
+    /// 0 takes the most likely tokens; above, they are drawn with the seed. Without it as the pack
+    /// says.
     #[arg(long, help_heading = SAMPLING, value_name = "0-2")]
     pub(crate) temperature: Option<f32>,
 
-    /// How many of the likeliest tokens may be drawn; 0 for all of them. Without it as the pack says.
+    /// How many of the likeliest tokens may be drawn; 0 for all of them. Without it as the pack
+    /// says.
     #[arg(long, help_heading = SAMPLING, value_name = "COUNT")]
     pub(crate) top_k: Option<u32>,
 
-    /// The likeliest tokens that may be drawn are together at least so likely. Without it as the pack says.
+    /// The likeliest tokens that may be drawn are together at least so likely. Without it as the
+    /// pack says.
     #[arg(long, help_heading = SAMPLING, value_name = "0-1")]
     pub(crate) top_p: Option<f32>,
 

@@ -1,11 +1,12 @@
-//! Steps a crowd as fast as the server answers: the Rust side of `clients/python/scripts/bench_crowd.py`, which does the same.
+//! Steps a crowd as fast as the server answers: the Rust side of
+//! `clients/python/scripts/bench_crowd.py`, which does the same.
 //!
 //! ```text
 //! cargo run --release --package troupe-client --example bench_crowd -- --count 50 --seconds 20
 //! ```
 //!
-//! All characters walk; every second each gets a new heading. Prints character frames a second and the time of a step, for floats
-//! and compact frames in turns.
+//! All characters walk; every second each gets a new heading. Prints character frames a second and
+//! the time of a step, for floats and compact frames in turns.
 
 use std::f32::consts::PI;
 use std::time::{Duration, Instant};

@@ -4,9 +4,10 @@
 //! cargo run --release --package troupe-client --example crowd -- --count 200 --seconds 60
 //! ```
 //!
-//! By default the loop keeps the time itself: at every tick it steps all characters by one frame. With `--drive` the server
-//! does, and the loop takes ticks as they come. Ticks are timed from when they were due, not from when the loop got round to
-//! them. Underruns are the server's own count: a step waits for its plans, so that it has none, but comes late instead.
+//! By default the loop keeps the time itself: at every tick it steps all characters by one frame.
+//! With `--drive` the server does, and the loop takes ticks as they come. Ticks are timed from when
+//! they were due, not from when the loop got round to them. Underruns are the server's own count: a
+//! step waits for its plans, so that it has none, but comes late instead.
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
@@ -279,8 +280,8 @@ impl Wanderer {
         ((1.0 - far.min(1.0)) * 10.0).round() / 10.0
     }
 
-    /// Every second to four of them, something else: mostly to go somewhere, sometimes to stand or to look elsewhere than
-    /// where it goes.
+    /// Every second to four of them, something else: mostly to go somewhere, sometimes to stand or
+    /// to look elsewhere than where it goes.
     fn decide(&mut self, tick: u32, rate: u32, intent: &mut Locomotion) {
         if tick < self.decides_at {
             return;
@@ -392,7 +393,8 @@ impl Report {
     }
 }
 
-/// Prints a line each second. It asks the server for its figures, beside the loop so as not to hold it up.
+/// Prints a line each second. It asks the server for its figures, beside the loop so as not to hold
+/// it up.
 async fn print_seconds(client: Client, ids: Vec<String>, mut seconds: mpsc::Receiver<Second>) {
     println!(
         "second  tick p50     p99     max ms  late  plans: command  low buffer  interval  late  underruns"

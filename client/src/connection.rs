@@ -294,7 +294,8 @@ impl Client {
     }
 }
 
-/// Connects a channel for generated clients, for calls that [`Client`] does not have. `tune` may change the transport.
+/// Connects a channel for generated clients, for calls that [`Client`] does not have. `tune` may
+/// change the transport.
 ///
 /// # Errors
 /// [`ClientError::Address`], [`ClientError::Certificate`] and [`ClientError::Unreachable`].
@@ -312,8 +313,8 @@ pub async fn channel(
     Ok(InterceptedService::new(channel, bearer))
 }
 
-/// Reads the address and applies the options. Small messages must not wait for large ones, so Nagle's algorithm is
-/// off.
+/// Reads the address and applies the options. Small messages must not wait for large ones, so
+/// Nagle's algorithm is off.
 fn endpoint(url: &str, options: &ConnectOptions) -> Result<Endpoint, ClientError> {
     let fault = |reason: String| ClientError::Address {
         url: url.to_owned(),

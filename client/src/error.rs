@@ -36,7 +36,8 @@ pub enum ClientError {
         /// The transport's words.
         reason: String,
     },
-    /// The server did not answer within [`ConnectOptions::request_timeout`](crate::ConnectOptions::request_timeout).
+    /// The server did not answer within
+    /// [`ConnectOptions::request_timeout`](crate::ConnectOptions::request_timeout).
     #[error("the server at {url} did not answer within {} s", after.as_secs_f32())]
     TimedOut {
         /// The server's address.
@@ -83,7 +84,8 @@ pub struct Violation {
     pub field: String,
     /// What is wrong and what would be right.
     pub description: String,
-    /// What the field may be, such as `12 to 64`, where the server tells it apart from the description.
+    /// What the field may be, such as `12 to 64`, where the server tells it apart from the
+    /// description.
     pub allowed: Option<String>,
 }
 
@@ -220,7 +222,8 @@ impl ClientError {
         }
     }
 
-    /// Whether the session expired: nobody touched it for its time to live. A new one can be opened in its place.
+    /// Whether the session expired: nobody touched it for its time to live. A new one can be opened
+    /// in its place.
     pub fn is_session_expired(&self) -> bool {
         self.session_problem()
             .is_some_and(|problem| problem.kind == ProblemKind::SessionExpired)
@@ -240,9 +243,10 @@ impl ClientError {
         let source_is_transport = std::error::Error::source(status).is_some_and(|source| {
             source.is::<tonic::transport::Error>() || source.is::<tonic::ConnectError>()
         });
-        // Unknown: the connection broke under the call, as where a server asks for a certificate that does not come. Under
-        // a stream, as where the server is killed, the status has no source; one of a server would have metadata.
-        // Cancelled: it broke before the call was on its way.
+        // Unknown: the connection broke under the call, as where a server asks for a certificate
+        // that does not come. Under a stream, as where the server is killed, the status has no
+        // source; one of a server would have metadata. Cancelled: it broke before the call was on
+        // its way.
         let timed_out = std::error::Error::source(status).is_some_and(|s| s.is::<tonic::TimeoutExpired>())
             || (status.code() == Code::Cancelled && status.message() == "Timeout expired");
         let broken = match status.code() {
@@ -304,7 +308,8 @@ impl Refusal {
                 allowed: about("allowed").filter(|_| about("field").as_ref() == Some(&of.field)),
             })
             .collect::<Vec<_>>();
-        // Only invalid arguments come with a bad request; other errors may be about a field as well.
+        // Only invalid arguments come with a bad request; other errors may be about a field as
+        // well.
         if let (true, Some(field)) = (violations.is_empty(), about("field")) {
             let description = status.message().to_owned();
             violations.push(Violation {

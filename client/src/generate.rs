@@ -36,8 +36,8 @@ impl FollowPath {
         Self::through(points)
     }
 
-    /// Through places, each with its heading (radians) and time (seconds from the begin), where these are given. All have
-    /// times, or none has.
+    /// Through places, each with its heading (radians) and time (seconds from the begin), where
+    /// these are given. All have times, or none has.
     pub fn through(points: impl IntoIterator<Item = (Vec3, Option<f32>, Option<f32>)>) -> Self {
         let point = |(place, heading, time): (Vec3, Option<f32>, Option<f32>)| v1::PathPoint {
             position: Some(v1::Vec3 {
@@ -103,8 +103,8 @@ impl FollowPath {
         self
     }
 
-    /// Whether the server is to refuse a path that the body cannot follow as its data shows, and to end with an error where frames are
-    /// not feasible.
+    /// Whether the server is to refuse a path that the body cannot follow as its data shows, and to
+    /// end with an error where frames are not feasible.
     #[must_use]
     pub fn strict(mut self, yes: bool) -> Self {
         self.goal.strict = yes;
@@ -159,14 +159,16 @@ pub struct Generating {
     ended: bool,
     /// What the model was asked for that it may not do well. They are there with the first part.
     pub notes: Vec<String>,
-    /// Of the parts that came the one that is farthest from feasible; none where the body has no limits.
+    /// Of the parts that came the one that is farthest from feasible; none where the body has no
+    /// limits.
     pub feasibility: Option<v1::Feasibility>,
 }
 
 /// Frames of one character of a motion that is being made.
 #[derive(Debug, Clone)]
 pub struct GeneratedPart {
-    /// Whose they are: 0 for the first character, 1 and more for the others of a [`Prompt`](crate::Prompt).
+    /// Whose they are: 0 for the first character, 1 and more for the others of a
+    /// [`Prompt`](crate::Prompt).
     pub character: usize,
     /// Its next frames.
     pub clip: Clip,
@@ -186,7 +188,8 @@ pub struct Generated {
 }
 
 impl Client {
-    /// Has a body follow a path: that of `pack`, see [`Pack::of_body`]. Frames come in parts, as they are made.
+    /// Has a body follow a path: that of `pack`, see [`Pack::of_body`]. Frames come in parts, as
+    /// they are made.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -293,7 +296,8 @@ fn clip(frames: &v1::Frames, pack: &Pack) -> Result<Clip, AnswerError> {
 }
 
 impl Pack {
-    /// The pack with one of its bodies: its skeleton and robot are that body's. The empty name is that of the default body.
+    /// The pack with one of its bodies: its skeleton and robot are that body's. The empty name is
+    /// that of the default body.
     ///
     /// # Errors
     /// [`RequestError::UnknownBody`], with the names that there are.

@@ -54,8 +54,8 @@ impl Key {
         (0..clip.frames()).map(|frame| Self::at(clip, frame)).collect()
     }
 
-    /// Fixes where the root joint is (world, metres) and which way it faces (radians about +Y). Without a heading the
-    /// pose's is taken, and a pose must be given.
+    /// Fixes where the root joint is (world, metres) and which way it faces (radians about +Y).
+    /// Without a heading the pose's is taken, and a pose must be given.
     #[must_use]
     pub fn root(mut self, position_m: Vec3, heading: Option<f32>) -> Self {
         self.root = Some(v1::Root {
@@ -65,7 +65,8 @@ impl Key {
         self
     }
 
-    /// Fixes how the root moves: metres per second along world X and Z, and radians per second about +Y.
+    /// Fixes how the root moves: metres per second along world X and Z, and radians per second
+    /// about +Y.
     #[must_use]
     pub fn velocity(mut self, x_mps: f32, z_mps: f32, angular_rps: f32) -> Self {
         self.velocity = Some(v1::RootVelocity {
@@ -77,14 +78,16 @@ impl Key {
         self
     }
 
-    /// Fixes the pose: one rotation for each joint, the first in the world, the others relative to their parents.
+    /// Fixes the pose: one rotation for each joint, the first in the world, the others relative to
+    /// their parents.
     #[must_use]
     pub fn pose(mut self, rotations: &[Quat]) -> Self {
         self.rotations = Some(rotations.iter().copied().flat_map(to_wxyz).collect());
         self
     }
 
-    /// Fixes the root joint's height above the ground in metres, which a keyframe without a root needs.
+    /// Fixes the root joint's height above the ground in metres, which a keyframe without a root
+    /// needs.
     #[must_use]
     pub fn root_height(mut self, height_m: f32) -> Self {
         self.root_height = Some(height_m);
@@ -128,7 +131,8 @@ pub enum SegmentLength {
     PredictedFrom(Vec<u32>),
 }
 
-/// One character's gap to fill: four context frames, target keyframes, and how to fill what lies between.
+/// One character's gap to fill: four context frames, target keyframes, and how to fill what lies
+/// between.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InBetween {
     character: v1::Character,
@@ -137,7 +141,8 @@ pub struct InBetween {
 }
 
 impl InBetween {
-    /// A gap between four context frames and one to four target keyframes, of a length that the model predicts.
+    /// A gap between four context frames and one to four target keyframes, of a length that the
+    /// model predicts.
     pub fn new(context: [Key; CONTEXT_FRAMES], targets: impl IntoIterator<Item = Key>) -> Self {
         let character = v1::Character {
             context: context.iter().map(Key::to_message).collect(),
@@ -150,8 +155,9 @@ impl InBetween {
         }
     }
 
-    /// The gap of a clip between `from`, the last context frame, and `to`, the target keyframe: the clip's own length,
-    /// its poses and its roots at both ends. The clip must be on the pack's skeleton and at its rate.
+    /// The gap of a clip between `from`, the last context frame, and `to`, the target keyframe: the
+    /// clip's own length, its poses and its roots at both ends. The clip must be on the pack's
+    /// skeleton and at its rate.
     ///
     /// # Errors
     /// [`RequestError::ContextCut`], [`RequestError::FrameOutside`] and [`RequestError::Order`].
@@ -259,23 +265,25 @@ impl InBetween {
         self
     }
 
-    /// Whether feet that stand are held still by bending the legs (they are unless this says false).
+    /// Whether feet that stand are held still by bending the legs (they are unless this says
+    /// false).
     #[must_use]
     pub fn hold_feet(mut self, yes: bool) -> Self {
         self.character.hold_feet = Some(yes);
         self
     }
 
-    /// Whether the server is to refuse the task where its answer would not be feasible, and to say what would be.
+    /// Whether the server is to refuse the task where its answer would not be feasible, and to say
+    /// what would be.
     #[must_use]
     pub fn strict(mut self, yes: bool) -> Self {
         self.character.strict = yes;
         self
     }
 
-    /// Where the root is to be in some frames, in rising order, or in every one. Between them the predicted way is moved along by a smooth
-    /// curve; the pose tokens stay those of the predicted way. The segment's length must be given ([`SegmentLength::Frames`], or that of a
-    /// clip).
+    /// Where the root is to be in some frames, in rising order, or in every one. Between them the
+    /// predicted way is moved along by a smooth curve; the pose tokens stay those of the predicted
+    /// way. The segment's length must be given ([`SegmentLength::Frames`], or that of a clip).
     #[must_use]
     pub fn root(mut self, keys: impl IntoIterator<Item = RootKey>) -> Self {
         self.character.root = keys.into_iter().map(RootKey::to_message).collect();
@@ -285,7 +293,8 @@ impl InBetween {
     /// The task on the wire.
     ///
     /// # Errors
-    /// [`RequestError::FrameRate`] and [`RequestError::Joints`] where the clip it was taken from does not fit the pack.
+    /// [`RequestError::FrameRate`] and [`RequestError::Joints`] where the clip it was taken from
+    /// does not fit the pack.
     pub fn to_message(&self, pack: &Pack) -> Result<v1::Character, RequestError> {
         if let Some((fps, joints)) = self.source {
             pack.check_clip(fps, joints)?;
@@ -299,7 +308,8 @@ impl InBetween {
 pub struct InBetweenAnswer {
     /// The name given with the task.
     pub id: String,
-    /// The whole segment, from the first context frame to the last target keyframe, on the pack's skeleton.
+    /// The whole segment, from the first context frame to the last target keyframe, on the pack's
+    /// skeleton.
     pub clip: Clip,
     /// Frames x contact joints: probability that the joint is in contact with the ground.
     pub contacts: Vec<f32>,
@@ -307,13 +317,16 @@ pub struct InBetweenAnswer {
     pub positions: Vec<Vec3>,
     /// Frames x numbers of a robot's `qpos`; empty unless asked for.
     pub qpos: Vec<f32>,
-    /// One a frame: how far a robot's hinges could not follow, radians; empty where the pack has no robot.
+    /// One a frame: how far a robot's hinges could not follow, radians; empty where the pack has no
+    /// robot.
     pub hinge_residuals: Vec<f32>,
-    /// One a frame: a robot's hinges that were asked for more than their limits; empty where the pack has no robot.
+    /// One a frame: a robot's hinges that were asked for more than their limits; empty where the
+    /// pack has no robot.
     pub clamped_hinges: Vec<u32>,
     /// What each stage produced; none unless asked for.
     pub intermediates: Option<v1::Intermediates>,
-    /// Whether the motion stays within what the pack's data does; none where the pack has no limits.
+    /// Whether the motion stays within what the pack's data does; none where the pack has no
+    /// limits.
     pub feasibility: Option<v1::Feasibility>,
 }
 

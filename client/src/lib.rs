@@ -34,7 +34,8 @@
 //! # }
 //! ```
 //!
-//! Frames of single requests go by the conventions of `motion.proto`: right-handed, Y up, +Z forward, metres, radians.
+//! Frames of single requests go by the conventions of `motion.proto`: right-handed, Y up, +Z
+//! forward, metres, radians.
 
 mod connection;
 mod error;

@@ -13,7 +13,8 @@ const MAX_METRICS_BYTES: usize = 16 << 20;
 const MAX_TOLD_CHARS: usize = 300;
 
 impl Client {
-    /// The server's `/metrics`, as it gives them to Prometheus. Where it asks for keys, one of the role `metrics` or `admin`.
+    /// The server's `/metrics`, as it gives them to Prometheus. Where it asks for keys, one of the
+    /// role `metrics` or `admin`.
     ///
     /// # Errors
     /// See [`ClientError`]; [`ClientError::Refused`] where the key has another role.

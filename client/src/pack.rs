@@ -10,7 +10,8 @@ use troupe_proto::v1;
 
 use crate::error::{AnswerError, RequestError};
 
-/// A pack that a server has loaded, with its skeleton ready for motion maths. Clones share what they hold.
+/// A pack that a server has loaded, with its skeleton ready for motion maths. Clones share what
+/// they hold.
 #[derive(Debug, Clone)]
 pub struct Pack {
     message: Arc<v1::Pack>,
@@ -86,11 +87,12 @@ impl Pack {
         &self.message
     }
 
-    /// Checks that the pack can fill the gap between two frames of a clip: `from`, the last context frame, and `to`,
-    /// the target keyframe.
+    /// Checks that the pack can fill the gap between two frames of a clip: `from`, the last context
+    /// frame, and `to`, the target keyframe.
     ///
     /// # Errors
-    /// [`RequestError::ContextCut`] and [`RequestError::Span`], which name the frames that would do.
+    /// [`RequestError::ContextCut`] and [`RequestError::Span`], which name the frames that would
+    /// do.
     pub fn check_span(&self, from: usize, to: usize) -> Result<(), RequestError> {
         let least = self.context_frames().saturating_sub(1);
         if from < least {
@@ -114,7 +116,8 @@ impl Pack {
         Ok(())
     }
 
-    /// Checks that a clip of that rate and of so many joints is on the pack's skeleton and at its rate.
+    /// Checks that a clip of that rate and of so many joints is on the pack's skeleton and at its
+    /// rate.
     pub(crate) fn check_clip(&self, fps: f32, joints: usize) -> Result<(), RequestError> {
         if (fps - self.fps()).abs() > 1e-2 {
             return Err(RequestError::FrameRate {

@@ -12,7 +12,8 @@ pub struct SessionError {
     pub session: String,
     /// Why.
     pub problem: Problem,
-    /// The id of the request that failed, which the server's log lines show. None where it is a part of an answer.
+    /// The id of the request that failed, which the server's log lines show. None where it is a
+    /// part of an answer.
     pub request_id: Option<String>,
 }
 

@@ -3,8 +3,8 @@
 use glam::Vec2;
 use troupe_proto::v1;
 
-/// What the root is to be in a frame of a segment, for [`InBetween::root`](crate::InBetween::root): any part of place, height and heading. The rest stays as
-/// the networks make it.
+/// What the root is to be in a frame of a segment, for [`InBetween::root`](crate::InBetween::root):
+/// any part of place, height and heading. The rest stays as the networks make it.
 ///
 /// ```
 /// use glam::Vec2;

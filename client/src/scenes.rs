@@ -11,8 +11,8 @@ use crate::live::convention_to_wire;
 use crate::pack::Pack;
 
 impl Client {
-    /// Creates a scene, or replaces the one of its name: sessions that are in it go on in the new one. It is given in the
-    /// convention that it names.
+    /// Creates a scene, or replaces the one of its name: sessions that are in it go on in the new
+    /// one. It is given in the convention that it names.
     ///
     /// # Errors
     /// See [`ClientError`].

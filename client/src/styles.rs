@@ -34,7 +34,8 @@ impl Client {
             .await
     }
 
-    /// Adds a style to a pack, or replaces one that was added, and returns it as the server keeps it.
+    /// Adds a style to a pack, or replaces one that was added, and returns it as the server keeps
+    /// it.
     ///
     /// # Errors
     /// See [`ClientError`].

@@ -41,7 +41,8 @@ impl TokenSampling {
         self
     }
 
-    /// The likeliest tokens that may be drawn are together at least so likely: above 0, up to 1 for all of them.
+    /// The likeliest tokens that may be drawn are together at least so likely: above 0, up to 1 for
+    /// all of them.
     #[must_use]
     pub fn top_p(mut self, probability: f32) -> Self {
         self.0.top_p = Some(probability);
@@ -133,8 +134,8 @@ impl Prompt {
         self
     }
 
-    /// Adds a character of the same motion, and what goes before it: as many frames as before the first. For packs with the
-    /// capability `agents`.
+    /// Adds a character of the same motion, and what goes before it: as many frames as before the
+    /// first. For packs with the capability `agents`.
     #[must_use]
     pub fn beside(mut self, text: impl Into<String>, past: &[Key]) -> Self {
         self.goal.others.push(v1::Agent {
@@ -154,7 +155,8 @@ impl Prompt {
         self
     }
 
-    /// Steps of the pack's flow decoder, whose frames are finer and come in one part; 0 for the plain decoder.
+    /// Steps of the pack's flow decoder, whose frames are finer and come in one part; 0 for the
+    /// plain decoder.
     #[must_use]
     pub fn flow_steps(mut self, steps: u32) -> Self {
         self.goal.flow_steps = Some(steps);

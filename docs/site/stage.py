@@ -19,7 +19,8 @@ LINK = re.compile(r"(?<=\]\()([^()\s]+)(?=\))")
 NAMED = re.compile(r"\[([^\]]+)\]\(([^()\s]+\.md)\)")
 RECORDS = "decisions/README.md"
 FENCE = re.compile(r"^(```|~~~)")
-# Of WebP, 0 to 100: lines and letters of plots stay sharp. What moves is large, and looked at less closely.
+# Of WebP, 0 to 100: lines and letters of plots stay sharp. What moves is large, and looked at less
+# closely.
 QUALITY, MOVING_QUALITY = 80, 30
 MOST_WIDTH = 1600
 # Pictures that stay as they are.

@@ -1,4 +1,5 @@
-//! How fast a UniMoGen pack is, by engine: accuracy beside f32, one motion alone, batches of many bodies, the same padded to the largest body, and a profile.
+//! How fast a UniMoGen pack is, by engine: accuracy beside f32, one motion alone, batches of many
+//! bodies, the same padded to the largest body, and a profile.
 //!
 //! `cargo run --release -p troupe-engine --example unimogen -- --engine openvino-bf16`
 

@@ -1,5 +1,6 @@
-//! How fast a VerMo pack writes: tokens a second alone and in company beside a bare loop over the same graph, continuous beside static
-//! batching, and the time to the first frames. All are measured in turns; the median of the rounds counts.
+//! How fast a VerMo pack writes: tokens a second alone and in company beside a bare loop over the
+//! same graph, continuous beside static batching, and the time to the first frames. All are
+//! measured in turns; the median of the rounds counts.
 //!
 //! `cargo run --release -p troupe-engine --example vermo`
 
@@ -182,14 +183,16 @@ impl Bench {
         })
     }
 
-    /// Tokens a second of so many requests of these lengths, which all come at once; prompts are read and frames decoded.
+    /// Tokens a second of so many requests of these lengths, which all come at once; prompts are
+    /// read and frames decoded.
     fn written(&mut self, lengths: &[usize]) -> Result<f64, Failed> {
         let started = Instant::now();
         self.write(lengths, started)?;
         Ok(lengths.iter().sum::<usize>() as f64 / started.elapsed().as_secs_f64())
     }
 
-    /// Seconds that so many requests of these lengths take, so many at a time: the next ones begin only when all of those before are done.
+    /// Seconds that so many requests of these lengths take, so many at a time: the next ones begin
+    /// only when all of those before are done.
     fn in_batches(&mut self, lengths: &[usize], together: usize) -> Result<f64, Failed> {
         let started = Instant::now();
         for batch in lengths.chunks(together) {

@@ -1,7 +1,8 @@
 //! Results of accuracy checks, kept in files for the next start.
 //!
-//! A check takes seconds and depends on nothing but the pack's files, the libraries, the CPU and this version of the server: these
-//! are a file's name. A folder that cannot be read or written costs the check, and nothing else.
+//! A check takes seconds and depends on nothing but the pack's files, the libraries, the CPU and
+//! this version of the server: these are a file's name. A folder that cannot be read or written
+//! costs the check, and nothing else.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -6,7 +6,8 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum EngineChoice {
-    /// OpenVINO in bf16 where it can run and the pack passes its accuracy check, else the CPU in f32.
+    /// OpenVINO in bf16 where it can run and the pack passes its accuracy check, else the CPU in
+    /// f32.
     Auto,
     /// ONNX Runtime's own CPU kernels, f32.
     Cpu,
@@ -94,9 +95,9 @@ pub struct Workers {
 }
 
 impl Workers {
-    /// `count` workers with `threads` threads over all of them; 0 leaves either to this machine, of which the process may
-    /// use `available` cores. As many workers as threads is best: one network scales badly over threads, several side by
-    /// side scale well.
+    /// `count` workers with `threads` threads over all of them; 0 leaves either to this machine, of
+    /// which the process may use `available` cores. As many workers as threads is best: one network
+    /// scales badly over threads, several side by side scale well.
     pub fn plan(count: usize, threads: usize, available: usize) -> Self {
         let threads = if threads == 0 { available.max(1) } else { threads };
         let count = if count == 0 {

@@ -9,8 +9,8 @@ pub(crate) trait FillRows {
     /// Fills `row` of the root stage's input, apart from the noise.
     fn fill_root_input(&self, dims: &Dims, row: usize, input: &mut RootInput);
 
-    /// Fills `row` of the later stages' input: all tokens masked, keyframe poses at their frames, and r_g3, which is
-    /// `trajectory`, under the root guide.
+    /// Fills `row` of the later stages' input: all tokens masked, keyframe poses at their frames,
+    /// and r_g3, which is `trajectory`, under the root guide.
     fn fill_token_input(
         &self,
         dims: &Dims,
@@ -27,7 +27,8 @@ impl FillRows for KeyframeTask {
         for (slot, key) in self.context.iter().enumerate() {
             fill_slot(dims, row, slot, key, input);
         }
-        // Slots count from the end of the last token; a given frame count may leave frames behind the last target.
+        // Slots count from the end of the last token; a given frame count may leave frames behind
+        // the last target.
         let spare = self.frames.map_or(0, |frames| {
             dims.tokens_for(frames) * dims.frames_per_token - frames
         });

@@ -1,7 +1,9 @@
-//! One way to host a model family: a worker steps jobs, and a family says which network call its jobs need next.
+//! One way to host a model family: a worker steps jobs, and a family says which network call its
+//! jobs need next.
 //!
-//! MotionBricks runs its three networks once for a batch of jobs. A diffusion model runs one network a few times, and jobs may
-//! join between the runs. An autoregressive model runs a network once a token. All of them are a [`Generator`].
+//! MotionBricks runs its three networks once for a batch of jobs. A diffusion model runs one
+//! network a few times, and jobs may join between the runs. An autoregressive model runs a network
+//! once a token. All of them are a [`Generator`].
 
 use std::time::Duration;
 
@@ -53,7 +55,8 @@ impl StepReport {
 
 /// One model family on one worker: owns its networks and the state of the jobs that it runs.
 ///
-/// The same job gives the same answer, bit for bit, whatever jobs are beside it and whenever it joined them.
+/// The same job gives the same answer, bit for bit, whatever jobs are beside it and whenever it
+/// joined them.
 pub trait Generator: Send {
     /// How many more jobs it can take now.
     fn free(&self) -> usize;
@@ -61,17 +64,19 @@ pub trait Generator: Send {
     /// Whether it has no job.
     fn is_idle(&self) -> bool;
 
-    /// Takes a job, which joins at the next step. For no more than [`Generator::free`] jobs, each of a kind that the
-    /// pack's capabilities name.
+    /// Takes a job, which joins at the next step. For no more than [`Generator::free`] jobs, each
+    /// of a kind that the pack's capabilities name.
     fn admit(&mut self, id: JobId, task: Task);
 
     /// Drops a job: nobody wants its answer any more. One that it does not have is no matter.
     fn cancel(&mut self, id: JobId);
 
-    /// One network call, or one chain of them, for the jobs that it holds or the oldest of them; tells `out` what became of these.
+    /// One network call, or one chain of them, for the jobs that it holds or the oldest of them;
+    /// tells `out` what became of these.
     ///
     /// # Errors
-    /// [`EngineError`] where the call fails. All jobs fail with it, and are [cleared](Generator::clear).
+    /// [`EngineError`] where the call fails. All jobs fail with it, and are
+    /// [cleared](Generator::clear).
     fn step(&mut self, out: &mut dyn FnMut(JobId, Progress)) -> Result<StepReport, EngineError>;
 
     /// Drops all jobs, after a step that failed or panicked.

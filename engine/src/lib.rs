@@ -1,7 +1,9 @@
-//! Inference: the three stages of a pack behind the [`Stages`] trait, and the [`Pipeline`] that takes a batch of
-//! characters through them. One thread owns a pipeline. Only networks of OpenVINO are shared: see [`onnx::NetworkPool`].
+//! Inference: the three stages of a pack behind the [`Stages`] trait, and the [`Pipeline`] that
+//! takes a batch of characters through them. One thread owns a pipeline. Only networks of OpenVINO
+//! are shared: see [`onnx::NetworkPool`].
 //!
-//! [`onnx::OnnxStages`] runs the stages on ONNX Runtime. Other engines (and tests) implement [`Stages`].
+//! [`onnx::OnnxStages`] runs the stages on ONNX Runtime. Other engines (and tests) implement
+//! [`Stages`].
 
 pub mod accuracy;
 mod checks;
@@ -40,22 +42,27 @@ pub use vermo::VerMo;
 
 /// Runs the networks of one pack.
 ///
-/// `rows` is the batch size of the call, and the token axis of the pose stage and the decoder is [`TokenInput::length`],
-/// one of [`lengths`]. Unless it takes [any batch](Stages::any_batch), `rows` is one of [`BatchSizes`]: an engine sees few
-/// different shapes, all of them during warm-up. Only the first `rows` rows of inputs and outputs count; inputs have room for more,
-/// up to a multiple of 8, which hold values of other batches. A row's result must not depend on the other rows.
+/// `rows` is the batch size of the call, and the token axis of the pose stage and the decoder is
+/// [`TokenInput::length`], one of [`lengths`]. Unless it takes [any batch](Stages::any_batch),
+/// `rows` is one of [`BatchSizes`]: an engine sees few different shapes, all of them during
+/// warm-up. Only the first `rows` rows of inputs and outputs count; inputs have room for more, up
+/// to a multiple of 8, which hold values of other batches. A row's result must not depend on the
+/// other rows.
 pub trait Stages: Send {
-    /// Whether a batch of any size is as fast as those of the warm-up. Then batches are not padded, and warm-up is short.
+    /// Whether a batch of any size is as fast as those of the warm-up. Then batches are not padded,
+    /// and warm-up is short.
     fn any_batch(&self) -> bool {
         false
     }
 
-    /// Whether the engine opens more shapes in the background as they are asked for. Then warm-up meets the smallest batch alone.
+    /// Whether the engine opens more shapes in the background as they are asked for. Then warm-up
+    /// meets the smallest batch alone.
     fn opens_on_demand(&self) -> bool {
         false
     }
 
-    /// Whether the pose stage and the decoder take calls that are shorter than the pack's longest segment.
+    /// Whether the pose stage and the decoder take calls that are shorter than the pack's longest
+    /// segment.
     fn any_length(&self) -> bool {
         true
     }

@@ -17,7 +17,8 @@ pub struct MotionBricks {
 }
 
 impl MotionBricks {
-    /// A generator over a pipeline, which is warm. Steps have up to `max_batch` jobs, as many as the pipeline was made for.
+    /// A generator over a pipeline, which is warm. Steps have up to `max_batch` jobs, as many as
+    /// the pipeline was made for.
     pub fn new(pipeline: Pipeline, max_batch: usize) -> Self {
         Self {
             pipeline,

@@ -1,10 +1,12 @@
 //! Takes a batch of characters through root, pose and decoder.
 //!
-//! Where the engine is slow in shapes that it has not met, batches are padded to one of its [sizes](BatchSizes) with neutral
-//! rows, so that it sees few shapes. Behind the root stage, which chooses token counts, rows part into groups of one
-//! [length](lengths) each, so that a short segment does not pay for a long one beside it. A row's own token count decides
-//! its length: the same request has the same frames, bit for bit, whatever it travels with. In a group, rows are ordered by their number of pose passes: the pose stage
-//! runs on a shrinking prefix, and characters that asked for one pass do not pay for those that asked for ten.
+//! Where the engine is slow in shapes that it has not met, batches are padded to one of its
+//! [sizes](BatchSizes) with neutral rows, so that it sees few shapes. Behind the root stage, which
+//! chooses token counts, rows part into groups of one [length](lengths) each, so that a short
+//! segment does not pay for a long one beside it. A row's own token count decides its length: the
+//! same request has the same frames, bit for bit, whatever it travels with. In a group, rows are
+//! ordered by their number of pose passes: the pose stage runs on a shrinking prefix, and
+//! characters that asked for one pass do not pay for those that asked for ten.
 
 use std::cmp::Reverse;
 use std::time::{Duration, Instant};
@@ -17,11 +19,12 @@ use super::tensors::{ROOM_MULTIPLE, Rows};
 use super::{BatchSizes, DecoderOutput, EngineError, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 use crate::pack::Stage;
 
-/// Token axes that an engine is asked for, in rising order: the most tokens, three quarters of it, and so on down to half.
-/// It is the most alone where the engine does not take `any` length.
+/// Token axes that an engine is asked for, in rising order: the most tokens, three quarters of it,
+/// and so on down to half. It is the most alone where the engine does not take `any` length.
 ///
-/// They are few, for a batch of segments of all lengths parts into a group for each. A call of a stage costs as much as one or
-/// two rows of the longest segment do, and with OpenVINO each length has networks of its own.
+/// They are few, for a batch of segments of all lengths parts into a group for each. A call of a
+/// stage costs as much as one or two rows of the longest segment do, and with OpenVINO each length
+/// has networks of its own.
 pub fn lengths(dims: &Dims, any: bool) -> Vec<usize> {
     let shortest = match any {
         true => (dims.max_tokens / 2).max(dims.min_tokens),
@@ -40,7 +43,8 @@ pub fn length_of(lengths: &[usize], tokens: usize) -> usize {
     longer.or(lengths.last().copied()).unwrap_or(tokens)
 }
 
-/// Rows of the batch that [`Pipeline::trial`] tells of, where so many fit: what a busy server has at least.
+/// Rows of the batch that [`Pipeline::trial`] tells of, where so many fit: what a busy server has
+/// at least.
 const TRIAL_ROWS: usize = 8;
 
 /// Where a batch's time in the engine went.
@@ -116,9 +120,10 @@ impl Pipeline {
         self.stages
     }
 
-    /// Runs every stage once in every shape: the first run of a shape is slow, so it must not meet a caller. The largest
-    /// comes first, for the engine's memory grows by less then. An engine that takes any batch runs the largest and the smallest
-    /// alone, and one that [opens shapes on demand](Stages::opens_on_demand) the smallest. Then a batch is run again, for its
+    /// Runs every stage once in every shape: the first run of a shape is slow, so it must not meet
+    /// a caller. The largest comes first, for the engine's memory grows by less then. An engine
+    /// that takes any batch runs the largest and the smallest alone, and one that [opens shapes on
+    /// demand](Stages::opens_on_demand) the smallest. Then a batch is run again, for its
     /// [time](Pipeline::trial).
     ///
     /// # Errors
@@ -146,7 +151,8 @@ impl Pipeline {
         self.check_finite(rows)
     }
 
-    /// Whether networks that were given nothing answered with numbers. Those of a broken pack do not.
+    /// Whether networks that were given nothing answered with numbers. Those of a broken pack do
+    /// not.
     fn check_finite(&self, rows: usize) -> Result<(), EngineError> {
         let all = |values: &Rows<f32>| (0..rows).all(|row| all_finite(values.row(row)));
         let stages = [
@@ -192,8 +198,9 @@ impl Pipeline {
             .decoder(rows, &self.token_input, &mut self.decoder_output)
     }
 
-    /// Runs a batch; the answers are in the order of `items`, which must not be more than the largest batch. A character
-    /// for which a stage gives values out of the contract has an error of its own; the others are served.
+    /// Runs a batch; the answers are in the order of `items`, which must not be more than the
+    /// largest batch. A character for which a stage gives values out of the contract has an error
+    /// of its own; the others are served.
     ///
     /// # Errors
     /// [`EngineError`] where a stage fails. The whole batch fails with it.
@@ -296,7 +303,8 @@ impl Pipeline {
         }
     }
 
-    /// Gives the decoder the roots of those that override them. The pose stage has run on the predicted ones.
+    /// Gives the decoder the roots of those that override them. The pose stage has run on the
+    /// predicted ones.
     fn override_roots(&mut self, group: &[Member<'_>]) {
         for (row, member) in group.iter().enumerate() {
             if let Some(given) = &member.item.root_override {
@@ -336,8 +344,8 @@ impl Pipeline {
             })
     }
 
-    /// Runs the pose stage until every row of the group has its tokens. A row whose logits are not usable goes on as
-    /// padding.
+    /// Runs the pose stage until every row of the group has its tokens. A row whose logits are not
+    /// usable goes on as padding.
     fn choose_tokens(
         &mut self,
         group: &[Member<'_>],

@@ -350,7 +350,8 @@ fn the_decoder_alone_sees_an_overridden_root() {
         assert_eq!(trace.root_r_g3, [3.0; 24 * 5]);
         assert_eq!(trace.tokens, [3; 12], "tokens of the predicted root");
     }
-    // The toy decoder writes where it ends into the rotations, and answers the roots that it was given.
+    // The toy decoder writes where it ends into the rotations, and answers the roots that it was
+    // given.
     assert_eq!(motions[0].rotations, [3.0; 24 * 12]);
     assert_eq!(motions[1].rotations, [4.0; 24 * 12]);
     let root = |frame: usize| &motions[1].root[frame * 5..][..3];
@@ -418,7 +419,8 @@ fn drawn(seed: u64, temperature: f32) -> KeyframeTask {
 
 #[test]
 fn outputs_out_of_the_contract_fail_their_own_row_only() {
-    // The engine spoils row 0: in the root stage that is the first item, behind it the one with the most passes.
+    // The engine spoils row 0: in the root stage that is the first item, behind it the one with the
+    // most passes.
     let items = [(1.0, 1), (2.0, 3), (3.0, 2)].map(|(mark, steps)| item_of(mark, 5, steps));
     let good = run(&mut pipeline(Echo::default()), &items);
     for (stage, bad, says) in [

@@ -1,4 +1,5 @@
-//! Counter-based random numbers: they depend on a seed and a counter alone, never on what was drawn before.
+//! Counter-based random numbers: they depend on a seed and a counter alone, never on what was drawn
+//! before.
 
 use std::f64::consts::TAU;
 
@@ -17,7 +18,8 @@ pub(crate) fn step64(base: u64, index: u64) -> u64 {
     mix64(base.wrapping_add(GOLDEN.wrapping_mul(index.wrapping_add(1))))
 }
 
-/// Standard normal noise: Box and Muller on the two halves of `step64(key, pair)` for each pair of numbers, in 64 bits, rounded to 32.
+/// Standard normal noise: Box and Muller on the two halves of `step64(key, pair)` for each pair of
+/// numbers, in 64 bits, rounded to 32.
 pub(crate) fn normal(key: u64, out: &mut [f32]) {
     let unit = |half: u64| (half as f64 + 0.5) / 2_f64.powi(32);
     for (pair, out) in out.chunks_mut(2).enumerate() {

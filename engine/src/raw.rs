@@ -1,5 +1,5 @@
-//! The stages alone in a loop, with inputs that are filled once: what an engine could do at best, with no request around
-//! it. Benchmarks and `troupe-server doctor` measure with it.
+//! The stages alone in a loop, with inputs that are filled once: what an engine could do at best,
+//! with no request around it. Benchmarks and `troupe-server doctor` measure with it.
 
 use std::time::Instant;
 
@@ -104,8 +104,8 @@ impl RawLoop {
     }
 }
 
-/// A straight walk of `frames` frames (at 1.2 m/s where there are 30 a second) towards one target, with the same neutral
-/// pose feature at each keyframe: a task for measurements.
+/// A straight walk of `frames` frames (at 1.2 m/s where there are 30 a second) towards one target,
+/// with the same neutral pose feature at each keyframe: a task for measurements.
 pub fn straight_walk(dims: &Dims, frames: usize) -> KeyframeTask {
     const SPEED_MPS: f32 = 1.2;
     let tokens = dims.tokens_for(frames);

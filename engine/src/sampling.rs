@@ -1,5 +1,6 @@
-//! Random choices: token counts, root trajectories and pose tokens. Every character has its own generator, so that a choice depends on
-//! the character's seed and logits alone, never on the batch it travels in.
+//! Random choices: token counts, root trajectories and pose tokens. Every character has its own
+//! generator, so that a choice depends on the character's seed and logits alone, never on the batch
+//! it travels in.
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -10,7 +11,8 @@ use troupe_motion::model::all_finite;
 
 use crate::random::normal;
 
-/// Random streams of a character, one a purpose: a choice in one stage does not shift those of another.
+/// Random streams of a character, one a purpose: a choice in one stage does not shift those of
+/// another.
 #[derive(Debug, Clone, Copy)]
 enum Stream {
     Count = 1,
@@ -24,8 +26,8 @@ fn generator(seed: u64, stream: Stream) -> ChaCha8Rng {
     generator
 }
 
-/// Fills `noise` with `temperature` times standard Gumbel noise: added to log-probabilities, the largest sum is a
-/// sample at that temperature. All zero at temperature 0.
+/// Fills `noise` with `temperature` times standard Gumbel noise: added to log-probabilities, the
+/// largest sum is a sample at that temperature. All zero at temperature 0.
 pub(super) fn fill_count_noise(seed: u64, temperature: f32, noise: &mut [f32]) {
     noise.fill(0.0);
     if temperature > 0.0 {
@@ -36,7 +38,8 @@ pub(super) fn fill_count_noise(seed: u64, temperature: f32, noise: &mut [f32]) {
     }
 }
 
-/// Fills `noise` with `temperature` times standard normal numbers, which choose a root trajectory. All zero at temperature 0.
+/// Fills `noise` with `temperature` times standard normal numbers, which choose a root trajectory.
+/// All zero at temperature 0.
 pub(super) fn fill_root_noise(seed: u64, temperature: f32, noise: &mut [f32]) {
     noise.fill(0.0);
     if temperature > 0.0 && !noise.is_empty() {
@@ -52,8 +55,8 @@ fn open_unit(generator: &mut ChaCha8Rng) -> f32 {
     ((generator.next_u32() >> 8) as f32 + 0.5) / (1 << 24) as f32
 }
 
-/// How many of `total` tokens stay masked after `pass` of `passes`: the cosine schedule of MaskGIT (Chang et al. 2022,
-/// section 3.3), which the pose module uses (MotionBricks, section 5).
+/// How many of `total` tokens stay masked after `pass` of `passes`: the cosine schedule of MaskGIT
+/// (Chang et al. 2022, section 3.3), which the pose module uses (MotionBricks, section 5).
 pub(super) fn masked_after(total: usize, pass: u32, passes: u32) -> usize {
     if pass >= passes {
         return 0;
@@ -81,10 +84,12 @@ impl PoseSampler {
         }
     }
 
-    /// Commits tokens after pass number `pass` (from 1): all that are masked in the last pass, else the most confident.
+    /// Commits tokens after pass number `pass` (from 1): all that are masked in the last pass, else
+    /// the most confident.
     ///
-    /// `tokens` are the character's (token, head) entries without padding, `logits` their `codes` logits each. An
-    /// entry equal to `codes` is masked. Answers `false`, with nothing committed, where a logit is not finite.
+    /// `tokens` are the character's (token, head) entries without padding, `logits` their `codes`
+    /// logits each. An entry equal to `codes` is masked. Answers `false`, with nothing committed,
+    /// where a logit is not finite.
     pub(super) fn commit(&mut self, pass: u32, codes: usize, logits: &[f32], tokens: &mut [i64]) -> bool {
         let masked = codes as i64;
         self.candidates.clear();
@@ -121,7 +126,8 @@ impl PoseSampler {
 
 /// Index of the largest value, the first of equals; 0 of none.
 fn argmax(values: &[f32]) -> usize {
-    // As many running maxima as a processor takes at once; which of them has the largest is looked up after.
+    // As many running maxima as a processor takes at once; which of them has the largest is looked
+    // up after.
     const LANES: usize = 8;
     let larger = |a: f32, b: f32| if b > a { b } else { a };
     let (chunks, rest) = values.as_chunks::<LANES>();

@@ -29,7 +29,8 @@ pub struct Decision {
     pub batching: Batching,
     /// Why this one and no other.
     pub why: String,
-    /// The accuracy check of the engine that was to be had beside the reference, where there was one.
+    /// The accuracy check of the engine that was to be had beside the reference, where there was
+    /// one.
     pub check: Option<Check>,
 }
 
@@ -75,7 +76,8 @@ impl Selector {
     /// Chooses the engine for `pack`, which is checked for accuracy where it is not the reference.
     ///
     /// # Errors
-    /// [`EngineError::Unusable`] where an engine is named and cannot serve, and what else fails on the way.
+    /// [`EngineError::Unusable`] where an engine is named and cannot serve, and what else fails on
+    /// the way.
     pub fn choose(&self, pack: &Pack) -> Result<Decision, EngineError> {
         let missing = |engine| self.missing(engine);
         let check = |engine| self.kept_check(pack, engine);
@@ -129,8 +131,8 @@ impl Selector {
         Ok(decision)
     }
 
-    /// [`Selector::choose`] for all packs that are served, side by side: an accuracy check takes seconds, most of them on one
-    /// core.
+    /// [`Selector::choose`] for all packs that are served, side by side: an accuracy check takes
+    /// seconds, most of them on one core.
     pub fn choose_all(&self, packs: &[Pack]) -> Vec<Result<Decision, EngineError>> {
         std::thread::scope(|scope| {
             let choosing: Vec<_> = packs
@@ -144,7 +146,8 @@ impl Selector {
         })
     }
 
-    /// The generator of one worker, warm, for up to `max_batch` jobs at a time. The pack's family decides which.
+    /// The generator of one worker, warm, for up to `max_batch` jobs at a time. The pack's family
+    /// decides which.
     ///
     /// # Errors
     /// [`EngineError`] where the networks do not load or run.
@@ -227,7 +230,8 @@ impl Selector {
         OnnxStages::load(&self.runtime, pack, options, &self.pool)
     }
 
-    /// Why there are no networks of fixed shapes for this pack, in its part of the pool. None where there are.
+    /// Why there are no networks of fixed shapes for this pack, in its part of the pool. None where
+    /// there are.
     fn no_fixed_shapes(&self, pack: &Pack) -> Option<String> {
         let memory_bytes = self.pool.budget_bytes() / self.packs.max(1) as u64;
         no_fixed_shapes(&self.runtime, pack, memory_bytes)

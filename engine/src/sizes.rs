@@ -2,8 +2,9 @@
 
 use std::iter::successors;
 
-/// The batch sizes that an engine is asked for. One that takes any batch as it is gets every size; for another there are
-/// few, and its batches are padded up to one of them, so that it sees few shapes.
+/// The batch sizes that an engine is asked for. One that takes any batch as it is gets every size;
+/// for another there are few, and its batches are padded up to one of them, so that it sees few
+/// shapes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BatchSizes {
     /// In rising order, the largest batch last; never empty.
@@ -11,9 +12,9 @@ pub struct BatchSizes {
 }
 
 impl BatchSizes {
-    /// Sizes of batches of up to `max_batch` rows, at least one, for an engine that takes `any` batch or pads. The sizes
-    /// of one that pads are powers of two, from 4 on the numbers half-way between them, and `max_batch` itself: less
-    /// than a third of a batch is padding.
+    /// Sizes of batches of up to `max_batch` rows, at least one, for an engine that takes `any`
+    /// batch or pads. The sizes of one that pads are powers of two, from 4 on the numbers half-way
+    /// between them, and `max_batch` itself: less than a third of a batch is padding.
     pub fn new(max_batch: usize, any: bool) -> Self {
         let largest = max_batch.max(1);
         let sizes = match any {
@@ -28,8 +29,8 @@ impl BatchSizes {
         Self { sizes }
     }
 
-    /// Sizes of batches of up to `max_batch` rows for an engine that cuts them into calls of up to `rows`, at least one: any up
-    /// to half of that, then whole calls, and `max_batch` itself.
+    /// Sizes of batches of up to `max_batch` rows for an engine that cuts them into calls of up to
+    /// `rows`, at least one: any up to half of that, then whole calls, and `max_batch` itself.
     pub fn of_calls(max_batch: usize, rows: usize) -> Self {
         let (largest, rows) = (max_batch.max(1), rows.max(1));
         let sizes = (1..=rows / 2)
@@ -51,8 +52,8 @@ impl BatchSizes {
         self.sizes.last().copied().unwrap_or(1)
     }
 
-    /// The size of a batch of so many rows, padding included: the smallest that holds them. More than the largest batch
-    /// are left as they are.
+    /// The size of a batch of so many rows, padding included: the smallest that holds them. More
+    /// than the largest batch are left as they are.
     pub fn for_rows(&self, rows: usize) -> usize {
         let size = self.sizes.iter().find(|&&size| size >= rows);
         size.copied().unwrap_or(rows)

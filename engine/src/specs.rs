@@ -42,8 +42,9 @@ impl TensorSpec {
 
 /// The tensors of the stages of a pack of these sizes.
 pub trait StageTensors {
-    /// Input tensors of a stage, in the order in which the engine hands them over. Time is open where a graph takes any
-    /// number N of tokens from the fewest to the most, and N times [`Dims::frames_per_token`] frames.
+    /// Input tensors of a stage, in the order in which the engine hands them over. Time is open
+    /// where a graph takes any number N of tokens from the fewest to the most, and N times
+    /// [`Dims::frames_per_token`] frames.
     fn inputs(&self, stage: Stage) -> Vec<TensorSpec>;
 
     /// Output tensors of a stage.

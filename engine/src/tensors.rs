@@ -4,11 +4,12 @@ use std::ops::Range;
 
 use troupe_motion::model::{Dims, GLOBAL_ROOT, LOCAL_ROOT, SIX_D};
 
-/// Inputs have room for a multiple of so many rows: an engine may run a batch in calls of fixed sizes, up to this one, and the
-/// last of them reads rows behind the batch.
+/// Inputs have room for a multiple of so many rows: an engine may run a batch in calls of fixed
+/// sizes, up to this one, and the last of them reads rows behind the batch.
 pub(super) const ROOM_MULTIPLE: usize = 8;
 
-/// A batch of equally wide rows in one allocation, without gaps: the first rows are a tensor as they lie.
+/// A batch of equally wide rows in one allocation, without gaps: the first rows are a tensor as
+/// they lie.
 #[derive(Debug, Clone)]
 pub struct Rows<T> {
     data: Vec<T>,
@@ -24,7 +25,8 @@ impl<T: Copy + Default> Rows<T> {
         }
     }
 
-    /// Makes every row `width` elements wide, at most the width it was made with. What rows hold is lost.
+    /// Makes every row `width` elements wide, at most the width it was made with. What rows hold is
+    /// lost.
     fn set_width(&mut self, width: usize) {
         self.width = width;
     }
@@ -72,10 +74,12 @@ impl<T: Copy + Default> Rows<T> {
     }
 }
 
-/// Input of the root stage. `S` slots: the context frames, then the last frames of the segment; absent entries are zero.
+/// Input of the root stage. `S` slots: the context frames, then the last frames of the segment;
+/// absent entries are zero.
 #[derive(Debug, Clone)]
 pub struct RootInput {
-    /// `[S, 4]`: velocity x and z in m/s, angular velocity in rad/s, height in metres; segment frame.
+    /// `[S, 4]`: velocity x and z in m/s, angular velocity in rad/s, height in metres; segment
+    /// frame.
     pub key_local_root: Rows<f32>,
     /// `[S, 5]`: x, y, z in metres, cosine and sine of the heading; segment frame.
     pub key_global_root: Rows<f32>,
@@ -91,8 +95,8 @@ pub struct RootInput {
     pub allowed_counts: Rows<f32>,
     /// `[counts]`: added to the counts' log-probabilities before the choice.
     pub count_noise: Rows<f32>,
-    /// `[root choices]`: which of the ways to the targets the trajectory takes, temperature times standard normal numbers. Empty
-    /// for a pack whose root stage has no such input.
+    /// `[root choices]`: which of the ways to the targets the trajectory takes, temperature times
+    /// standard normal numbers. Empty for a pack whose root stage has no such input.
     pub root_noise: Rows<f32>,
 }
 
@@ -154,7 +158,8 @@ impl RootOutput {
     }
 }
 
-/// Input of the pose stage and of the decoder, laid out for calls of N tokens and F frames: N is [`Self::length`].
+/// Input of the pose stage and of the decoder, laid out for calls of N tokens and F frames: N is
+/// [`Self::length`].
 #[derive(Debug, Clone)]
 pub struct TokenInput {
     length: usize,
@@ -190,7 +195,8 @@ impl TokenInput {
         self.length
     }
 
-    /// Lays the rows out for calls of `length` tokens, at most the pack's most. What rows hold is lost.
+    /// Lays the rows out for calls of `length` tokens, at most the pack's most. What rows hold is
+    /// lost.
     pub(super) fn set_length(&mut self, dims: &Dims, length: usize) {
         let frames = length * dims.frames_per_token;
         self.length = length;
@@ -200,14 +206,15 @@ impl TokenInput {
         self.frame_mask.set_width(frames);
     }
 
-    /// Makes `row`, which is no part of the batch, harmless for a call that reads it: whatever else it holds, its codes and its
-    /// token count are such as there are.
+    /// Makes `row`, which is no part of the batch, harmless for a call that reads it: whatever else
+    /// it holds, its codes and its token count are such as there are.
     pub fn spare_row(&mut self, row: usize, num_tokens: usize) {
         self.tokens.fill_row(row, 0);
         self.num_tokens.fill_row(row, num_tokens as i64);
     }
 
-    /// Makes `row` neutral: `num_tokens` tokens of code 0 without any keyframe, standing at the origin.
+    /// Makes `row` neutral: `num_tokens` tokens of code 0 without any keyframe, standing at the
+    /// origin.
     pub fn clear_row(&mut self, row: usize, num_tokens: usize) {
         self.tokens.fill_row(row, 0);
         self.num_tokens.fill_row(row, num_tokens as i64);

@@ -1,8 +1,9 @@
-//! A tiny model family without networks, for tests: what it can do is known, and it needs several steps for each job.
+//! A tiny model family without networks, for tests: what it can do is known, and it needs several
+//! steps for each job.
 //!
-//! It proves that scheduler, sessions and API know no family. Keyframes are met by a straight walk, after [`STEPS`] steps, and
-//! paths are followed in the neutral pose.
-//! Words are acted out a part of [`PART_FRAMES`] frames a step, one part a word. A motion is put into words, a word a step.
+//! It proves that scheduler, sessions and API know no family. Keyframes are met by a straight walk,
+//! after [`STEPS`] steps, and paths are followed in the neutral pose. Words are acted out a part of
+//! [`PART_FRAMES`] frames a step, one part a word. A motion is put into words, a word a step.
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

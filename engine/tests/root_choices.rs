@@ -1,6 +1,7 @@
 //! Roots that are drawn, on ONNX Runtime. Needs the library (`make runtime`).
 //!
-//! The packs are that of the robot, which has none of its own, with a root stage that adds a mix of its noise to the trajectory's x and z.
+//! The packs are that of the robot, which has none of its own, with a root stage that adds a mix of
+//! its noise to the trajectory's x and z.
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 
@@ -35,7 +36,8 @@ fn way(choice: usize) -> [f32; 2] {
     [0.02 * angle.sin(), 0.02 * angle.cos()]
 }
 
-/// The pack of the robot with other files: its root stage takes `choices` numbers, and the manifest speaks of `promised`.
+/// The pack of the robot with other files: its root stage takes `choices` numbers, and the manifest
+/// speaks of `promised`.
 fn drawing(name: &str, choices: usize, promised: usize) -> Pack {
     let mut pack = robot();
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);

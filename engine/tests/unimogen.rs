@@ -1,7 +1,8 @@
-//! UniMoGen on ONNX Runtime: the reference's motion, and the same bits alone and in company. Needs the library (`make runtime`).
+//! UniMoGen on ONNX Runtime: the reference's motion, and the same bits alone and in company. Needs
+//! the library (`make runtime`).
 //!
-//! 200 random mixes on each engine, of the trained pack's bodies and of made-up ones with 19 to 100 joints, take minutes:
-//! `cargo test -p troupe-engine --test unimogen -- --ignored --nocapture`
+//! 200 random mixes on each engine, of the trained pack's bodies and of made-up ones with 19 to 100
+//! joints, take minutes: `cargo test -p troupe-engine --test unimogen -- --ignored --nocapture`
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 

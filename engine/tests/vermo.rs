@@ -1,7 +1,8 @@
-//! VerMo on ONNX Runtime: the reference's logits, tokens and frames, and the same bits alone and in company. Needs the library
-//! (`make runtime`).
+//! VerMo on ONNX Runtime: the reference's logits, tokens and frames, and the same bits alone and in
+//! company. Needs the library (`make runtime`).
 //!
-//! 200 random mixes take minutes: `cargo test -p troupe-engine --test vermo -- --ignored --nocapture`
+//! 200 random mixes take minutes: `cargo test -p troupe-engine --test vermo -- --ignored
+//! --nocapture`
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 

@@ -37,7 +37,8 @@ const SESSIONS: Option<&str> = Some("Sessions");
 const SCENES: Option<&str> = Some("Scenes");
 
 #[rustfmt::skip]
-/// Every call. The first byte of the input is one's place here, with [`HTTP`] for the call over HTTP.
+/// Every call. The first byte of the input is one's place here, with [`HTTP`] for the call over
+/// HTTP.
 pub const CALLS: [Call; 30] = [
     Call { rpc: "InBetween", service: MOTION, method: Method::POST, path: "/v1/inbetween", changes: Changes::Nothing },
     Call { rpc: "Generate", service: MOTION, method: Method::POST, path: "/v1/generate", changes: Changes::Nothing },
@@ -126,7 +127,8 @@ fn framed(message: &[u8]) -> Vec<u8> {
     [&[0], length.to_be_bytes().as_slice(), message].concat()
 }
 
-/// A call: its place in [`CALLS`], then what it carries. No answer is the server's fault, and every error says what is wrong.
+/// A call: its place in [`CALLS`], then what it carries. No answer is the server's fault, and every
+/// error says what is wrong.
 pub fn calls(bytes: &[u8]) {
     let Some((&first, bytes)) = bytes.split_first() else {
         return;

@@ -26,7 +26,8 @@ pub const YARD: &str = include_str!("../corpus/scene/toy-yard.toml");
 /// Most sessions that a page lists.
 const PAGE: u32 = 1000;
 
-/// A running server with the pack `toy`, the scene `yard`, and the sessions `a`, who lives in it, and `b`.
+/// A running server with the pack `toy`, the scene `yard`, and the sessions `a`, who lives in it,
+/// and `b`.
 pub struct Local {
     runtime: Runtime,
     handle: ServerHandle,
@@ -185,7 +186,8 @@ impl Local {
         }
     }
 
-    /// Sessions, scenes and definitions are as at the start again. Styles stay: no call takes them away.
+    /// Sessions, scenes and definitions are as at the start again. Styles stay: no call takes them
+    /// away.
     pub async fn reset(&self) {
         let service = self.service();
         self.close_sessions();

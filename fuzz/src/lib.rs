@@ -1,6 +1,8 @@
-//! What fuzzing runs: each function takes any bytes, reads them as Troupe would, and panics where a promise is broken.
+//! What fuzzing runs: each function takes any bytes, reads them as Troupe would, and panics where a
+//! promise is broken.
 //!
-//! `fuzz_targets/` hands them to libFuzzer; `tests/corpus.rs` runs the corpus and changed copies of it on any toolchain.
+//! `fuzz_targets/` hands them to libFuzzer; `tests/corpus.rs` runs the corpus and changed copies of
+//! it on any toolchain.
 
 mod calls;
 mod home;
@@ -58,7 +60,8 @@ pub const TARGETS: [Target; 15] = [
     ("websocket", websocket),
 ];
 
-/// libFuzzer's changes of bytes for a quarter, and [`mutate`] for the rest. Answers how many bytes of `data` count.
+/// libFuzzer's changes of bytes for a quarter, and [`mutate`] for the rest. Answers how many bytes
+/// of `data` count.
 pub fn mutated(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
     if seed.is_multiple_of(4) {
         return libfuzzer_sys::fuzzer_mutate(data, size, max_size);
@@ -80,15 +83,17 @@ macro_rules! target {
     };
 }
 
-/// With the feature `planted`: a bug that the fuzzer must find. It is where all `steps` are taken, which say what has been read.
+/// With the feature `planted`: a bug that the fuzzer must find. It is where all `steps` are taken,
+/// which say what has been read.
 fn planted<const COUNT: usize>(steps: impl FnOnce() -> [bool; COUNT]) {
     if cfg!(feature = "planted") {
         climb(&steps());
     }
 }
 
-/// Panics at the end of all steps. Each step that is taken is an edge of its own, so that the fuzzer goes on from there. Without the
-/// marks the compiler makes one comparison of all steps, and nothing tells the fuzzer that it came closer.
+/// Panics at the end of all steps. Each step that is taken is an edge of its own, so that the
+/// fuzzer goes on from there. Without the marks the compiler makes one comparison of all steps, and
+/// nothing tells the fuzzer that it came closer.
 fn climb(steps: &[bool]) {
     let marks: [fn(); 3] = [mark::<1>, mark::<2>, mark::<3>];
     for (step, mark) in steps.iter().zip(marks) {
@@ -174,7 +179,8 @@ pub fn bvh(bytes: &[u8]) {
     }
 }
 
-/// Frames in compact form. Whatever the bytes, rotations have unit length and survive another round.
+/// Frames in compact form. Whatever the bytes, rotations have unit length and survive another
+/// round.
 pub fn codec(bytes: &[u8]) {
     let (mut rotations, mut roots) = (Vec::new(), Vec::new());
     codec::read_rotations(bytes, &mut rotations);
@@ -354,7 +360,8 @@ pub fn manifest(bytes: &[u8]) {
     }
 }
 
-/// An object definition, as TOML and as JSON. One that is accepted is accepted again as it is written.
+/// An object definition, as TOML and as JSON. One that is accepted is accepted again as it is
+/// written.
 pub fn object(bytes: &[u8]) {
     let rig = &home().pack.rig;
     for (text, format) in texts(bytes) {
@@ -403,8 +410,8 @@ fn explained(error: &DocumentError) {
     assert!(!error.message.is_empty() && !error.to_string().is_empty());
 }
 
-/// Asserts that a message is the same after a round of JSON. A number too large for `f32` is read as infinity, which JSON
-/// cannot write; validation refuses it.
+/// Asserts that a message is the same after a round of JSON. A number too large for `f32` is read
+/// as infinity, which JSON cannot write; validation refuses it.
 fn survives<T: Serialize + DeserializeOwned + PartialEq + std::fmt::Debug>(message: &T) {
     if format!("{message:?}").contains("inf") {
         return;

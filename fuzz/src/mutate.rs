@@ -1,4 +1,5 @@
-//! Changes that leave an input in shape: a fuzzer that knows bytes alone hardly ever gets past a reader of JSON.
+//! Changes that leave an input in shape: a fuzzer that knows bytes alone hardly ever gets past a
+//! reader of JSON.
 
 use rand::seq::{IndexedRandom as _, IteratorRandom as _};
 use rand::{RngExt as _, SeedableRng as _};
@@ -29,8 +30,8 @@ const NUMBERS: [&str; 18] = [
     "1e38",
 ];
 
-/// A changed copy of an input, the same for the same seed: a number or a word is another, or a part of its JSON is gone, there twice
-/// or moved.
+/// A changed copy of an input, the same for the same seed: a number or a word is another, or a part
+/// of its JSON is gone, there twice or moved.
 pub fn mutate(bytes: &[u8], seed: u64) -> Vec<u8> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut changed = bytes.to_vec();

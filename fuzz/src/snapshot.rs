@@ -29,15 +29,16 @@ impl Kept {
         let name = format!("troupe-fuzz-{}-{thread:?}", std::process::id());
         let folder: PathBuf = std::env::temp_dir().join(name);
         let local = Local::start(Some(folder.clone()));
-        // What is there is in memory from here on, and nothing is uploaded. The store's own file is open.
+        // What is there is in memory from here on, and nothing is uploaded. The store's own file is
+        // open.
         let _ = std::fs::remove_dir_all(folder);
         let around = local.service().surroundings("toy", "yard", "a").expect("a scene");
         Self { local, around }
     }
 }
 
-/// A character (`c`), the record of a session (`s`) or of the objects of a scene (`o`). What cannot be restored is an error, and
-/// what can be is the same when it is saved again.
+/// A character (`c`), the record of a session (`s`) or of the objects of a scene (`o`). What cannot
+/// be restored is an error, and what can be is the same when it is saved again.
 pub fn snapshot(bytes: &[u8]) {
     let Some((kind, bytes)) = bytes.split_first() else {
         return;

@@ -24,7 +24,8 @@ fn message(piece: &[u8]) -> Message {
     }
 }
 
-/// A stream's messages, text and binary. The server says why the stream ends, in the form of the first message, and closes it.
+/// A stream's messages, text and binary. The server says why the stream ends, in the form of the
+/// first message, and closes it.
 pub fn websocket(bytes: &[u8]) {
     let pieces = bytes.split(|byte| *byte == SEPARATOR).take(MAX_MESSAGES);
     let messages: Vec<Message> = pieces.map(message).collect();

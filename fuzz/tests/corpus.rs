@@ -1,5 +1,5 @@
-//! Every target on its corpus, on the examples, and on changed copies of both. The changes are the same in every run;
-//! TROUPE_FUZZ_RUNS says how many there are for each target.
+//! Every target on its corpus, on the examples, and on changed copies of both. The changes are the
+//! same in every run; TROUPE_FUZZ_RUNS says how many there are for each target.
 
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
@@ -48,7 +48,8 @@ fn seeds(target: &str) -> Vec<Vec<u8>> {
     files.iter().map(|file| std::fs::read(file).unwrap()).collect()
 }
 
-/// A changed copy: [`mutate`]'s, or a few bytes are turned, cut, repeated, or replaced by a piece or by a part of another seed.
+/// A changed copy: [`mutate`]'s, or a few bytes are turned, cut, repeated, or replaced by a piece
+/// or by a part of another seed.
 fn changed(seeds: &[Vec<u8>], random: &mut ChaCha8Rng) -> Vec<u8> {
     let mut bytes = seeds.choose(random).unwrap().clone();
     if random.random_bool(0.5) {

@@ -1,5 +1,6 @@
-//! Overload: arrivals at several times of what a server can do. Are those that it admits answered as fast as ever, is its memory
-//! bounded, do live characters go on moving, and how soon is all as it was?
+//! Overload: arrivals at several times of what a server can do. Are those that it admits answered
+//! as fast as ever, is its memory bounded, do live characters go on moving, and how soon is all as
+//! it was?
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,8 @@ const STEADY_BINS: usize = 10;
 /// How the overload is made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Overload {
-    /// Requests a second that the server can do. None: found by clients that wait for their answers.
+    /// Requests a second that the server can do. None: found by clients that wait for their
+    /// answers.
     pub capacity: Option<f64>,
     /// Clients that find the capacity.
     pub clients: u32,
@@ -63,8 +65,9 @@ pub struct OverloadReport {
     pub p99_ratio: f64,
     /// Share of requests that were refused in the overload.
     pub refused_share: f64,
-    /// From the end of the overload to the begin of the first second in which nothing is refused and at least 90 % of requests
-    /// stay below the p99 at 90 % of capacity, seconds. None: there was no such second.
+    /// From the end of the overload to the begin of the first second in which nothing is refused
+    /// and at least 90 % of requests stay below the p99 at 90 % of capacity, seconds. None: there
+    /// was no such second.
     pub recovery_s: Option<f64>,
     /// The server's resident memory.
     pub memory: Option<OverloadMemory>,
@@ -233,7 +236,8 @@ fn report(
     })
 }
 
-/// Seconds from the end of the overload until all is as usual. Bins count from the begin of the load; all moments are seconds.
+/// Seconds from the end of the overload until all is as usual. Bins count from the begin of the
+/// load; all moments are seconds.
 fn recovery(bins: &[FineBin], end: f64, stop: f64, normal_ms: f64) -> Option<f64> {
     let (first, last) = ((end / BIN_S).ceil() as usize, (stop / BIN_S).floor() as usize);
     let tail = bins.get(first..last.min(bins.len()))?;
@@ -296,7 +300,8 @@ mod tests {
 
     #[test]
     fn recovery_is_the_begin_of_the_first_usual_second() {
-        // 2 s of overload, 0.4 s of late answers, a refusal at 0.9 s, then as usual; one late bin at the very end.
+        // 2 s of overload, 0.4 s of late answers, a refusal at 0.9 s, then as usual; one late bin
+        // at the very end.
         let mut bins = vec![bin(500, 9); 20];
         bins.extend(vec![bin(300, 0); 4]);
         bins.extend(vec![bin(10, 0); 5]);

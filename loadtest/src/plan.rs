@@ -12,7 +12,8 @@ use crate::arrivals::{Process, Stages};
 /// A load test, whole.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plan {
-    /// Address of the server, such as `http://127.0.0.1:8080`; of the plain HTTP workload the whole address.
+    /// Address of the server, such as `http://127.0.0.1:8080`; of the plain HTTP workload the whole
+    /// address.
     pub server: String,
     /// What is asked.
     pub workload: Workload,
@@ -108,7 +109,8 @@ pub enum Load {
         process: Process,
         /// Requests a second.
         stages: Stages,
-        /// Most requests on their way at once, of each process; what is due beyond is dropped and counted.
+        /// Most requests on their way at once, of each process; what is due beyond is dropped and
+        /// counted.
         max_in_flight: u32,
     },
     /// Clients that wait for their answers.
@@ -155,7 +157,8 @@ pub struct Stepping {
     /// The characters.
     #[serde(flatten)]
     pub live: Live,
-    /// A step is due with every frame, as in a game. Otherwise the next is asked for as soon as one is there.
+    /// A step is due with every frame, as in a game. Otherwise the next is asked for as soon as one
+    /// is there.
     pub paced: bool,
 }
 
@@ -217,7 +220,8 @@ impl Workload {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LatencyOf {
-    /// From the moment when a request was due until its answer was there: free of coordinated omission.
+    /// From the moment when a request was due until its answer was there: free of coordinated
+    /// omission.
     AnswerFromDue,
     /// From sending a request until its answer was there.
     AnswerFromSending,

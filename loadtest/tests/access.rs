@@ -87,8 +87,9 @@ async fn with_a_key_and_certificates_it_gets_in() {
     }
     let (output, _) = run("", &in_full[..3]).await;
     assert_eq!(output.status.code(), Some(4), "without a key");
-    // The server refuses a client that is done with its handshake. Where the connection closes under what the client writes, it does
-    // not read why, so the reason is looked for in several tries.
+    // The server refuses a client that is done with its handshake. Where the connection closes
+    // under what the client writes, it does not read why, so the reason is looked for in several
+    // tries.
     let mut reasons = String::new();
     for _ in 0..10 {
         let (output, _) = run("", &[ca, in_full[3]]).await;

@@ -1,5 +1,5 @@
-//! A smoke run of the load tester: the real program against the real server with the repository's pack, every workload for a
-//! moment.
+//! A smoke run of the load tester: the real program against the real server with the repository's
+//! pack, every workload for a moment.
 //!
 //! It needs the ONNX Runtime library (`make runtime` fetches it).
 
@@ -66,7 +66,8 @@ impl Ran {
     }
 }
 
-/// Runs the program with a report and a page against the server, one at a time: they would disturb each other.
+/// Runs the program with a report and a page against the server, one at a time: they would disturb
+/// each other.
 async fn program(arguments: &str) -> Ran {
     static ALONE: Mutex<()> = Mutex::const_new(());
     let _alone = ALONE.lock().await;

@@ -1,4 +1,5 @@
-//! Instructions that the pure parts take for a segment of 64 frames, counted under valgrind: `make bench-instructions`.
+//! Instructions that the pure parts take for a segment of 64 frames, counted under valgrind: `make
+//! bench-instructions`.
 #![allow(
     missing_docs,
     unused_qualifications,

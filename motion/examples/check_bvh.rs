@@ -1,4 +1,5 @@
-//! Checks a folder of BVH clips and reports every one that does not load or is not fit for use, by name and reason.
+//! Checks a folder of BVH clips and reports every one that does not load or is not fit for use, by
+//! name and reason.
 //!
 //! `cargo run --release -p troupe-motion --example check_bvh -- FOLDER [--verbose]`
 //!

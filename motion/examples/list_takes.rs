@@ -1,8 +1,10 @@
-//! How the takes of a walk differ from each other, for the walkers of a crowd:
-//! `cargo run -p troupe-motion --example list_takes -- PACK.toml FOLDER [LIST-OF-CLIPS-TO-LEAVE-OUT] > models/PACK/takes.json`.
+//! How the takes of a walk differ from each other, for the walkers of a crowd: `cargo run -p
+//! troupe-motion --example list_takes -- PACK.toml FOLDER [LIST-OF-CLIPS-TO-LEAVE-OUT] >
+//! models/PACK/takes.json`.
 //!
-//! Of every take named `SET_walk_STYLE_NUMBER` whose set has at least three of the style: how its joints above the legs are turned on average against
-//! the mean of these takes, and how quick its steps are for its speed.
+//! Of every take named `SET_walk_STYLE_NUMBER` whose set has at least three of the style: how its
+//! joints above the legs are turned on average against the mean of these takes, and how quick its
+//! steps are for its speed.
 
 use std::collections::BTreeMap;
 use std::error::Error;

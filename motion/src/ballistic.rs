@@ -47,7 +47,8 @@ impl Throw {
         self.velocity - Vec3::Y * (GRAVITY_MPS2 * s)
     }
 
-    /// When it passes `height` on its way down, seconds. Above its summit: `None`; negative where that was before it started.
+    /// When it passes `height` on its way down, seconds. Above its summit: `None`; negative where
+    /// that was before it started.
     fn falls_to(&self, height: f32) -> Option<f32> {
         let up = self.velocity.y;
         let root = up * up + 2.0 * GRAVITY_MPS2 * (self.position.y - height);
@@ -56,9 +57,10 @@ impl Throw {
 
     /// Where it meets the ground.
     ///
-    /// `ground` is asked once for each frame (`fps`) of the way down, with where the point was and where it is then, and
-    /// answers the height of the ground that it meets in between, if any. `None` where nothing is met within `max_s` seconds,
-    /// of which 20 count ([`MAX_FALL_S`]), or something is not finite.
+    /// `ground` is asked once for each frame (`fps`) of the way down, with where the point was and
+    /// where it is then, and answers the height of the ground that it meets in between, if any.
+    /// `None` where nothing is met within `max_s` seconds, of which 20 count ([`MAX_FALL_S`]), or
+    /// something is not finite.
     pub fn lands(
         &self,
         fps: f32,
@@ -101,12 +103,14 @@ pub struct Drop<'a> {
     pub velocity: Vec3,
     /// Height of the ground that it ends on, metres in the world.
     pub floor_m: f32,
-    /// When the way over the ground would come to where it has to end, before a wall, seconds; none where nothing is in the way.
+    /// When the way over the ground would come to where it has to end, before a wall, seconds; none
+    /// where nothing is in the way.
     pub wall_s: Option<f32>,
-    /// How the character stands afterwards: `root.y` over the ground; its place and heading over the ground do not count.
+    /// How the character stands afterwards: `root.y` over the ground; its place and heading over
+    /// the ground do not count.
     pub standing: Posed<'a>,
-    /// Poses of the frames behind the one that it starts from, as if it did not fall: joints go on as they moved while the fall
-    /// takes over. The last counts on; none: they stop at once.
+    /// Poses of the frames behind the one that it starts from, as if it did not fall: joints go on
+    /// as they moved while the fall takes over. The last counts on; none: they stop at once.
     pub under_way: &'a [Quat],
     /// The pose in the air; `None`: `standing` with arms raised and legs drawn up a little.
     pub air: Option<&'a [Quat]>,
@@ -129,14 +133,14 @@ pub struct Fall {
     pub depth_m: f32,
 }
 
-/// How far below standing the root of a character with legs of `leg_m` metres comes when it lands at `impact_mps`: the
-/// faster the deeper, up to 0.45 of its legs.
+/// How far below standing the root of a character with legs of `leg_m` metres comes when it lands
+/// at `impact_mps`: the faster the deeper, up to 0.45 of its legs.
 pub fn landing_depth(impact_mps: f32, leg_m: f32) -> f32 {
     (0.04 + 0.05 * impact_mps.max(0.0)).min(0.45 * leg_m.max(0.0))
 }
 
-/// Feet touch the ground this far before the root is at its standing height, as a share of the legs: straight legs could
-/// not reach ahead.
+/// Feet touch the ground this far before the root is at its standing height, as a share of the
+/// legs: straight legs could not reach ahead.
 const GIVE_SHARE: f32 = 0.04;
 /// Shortest and longest time in which the way over the ground is braked, seconds.
 const BRAKE_S: (f32, f32) = (0.1, 0.35);
@@ -152,20 +156,23 @@ const CROUCH_BOW: f32 = 0.9;
 const FULL_BOW_DEPTH_M: f32 = 0.34;
 /// Below this speed a landing is not braked, m/s.
 const SOFT_MPS: f32 = 0.1;
-/// Pose in the air: arms raised by so many radians, feet drawn up by shares of the legs, up and forward.
+/// Pose in the air: arms raised by so many radians, feet drawn up by shares of the legs, up and
+/// forward.
 const ARMS_UP: f32 = 0.6;
 const FEET_UP_SHARE: f32 = 0.10;
 const FEET_AHEAD_SHARE: f32 = 0.05;
 
 /// Falls from a pose and stands up again.
 ///
-/// The root flies as a [`Throw`] until the legs meet the ground, is braked evenly within [`landing_depth`], and comes up on
-/// the path of least jerk. What is left of its way over the ground is braked too, feet set down ahead by as much as the
-/// legs reach, or in the air already, where a wall ends it. From touch-down on the feet stand. The last frame is `standing` exactly, turned to the heading of `from`,
-/// over its feet. A character that is lower than it would touch the ground, or nearly there, sets its feet down within 0.2 s.
+/// The root flies as a [`Throw`] until the legs meet the ground, is braked evenly within
+/// [`landing_depth`], and comes up on the path of least jerk. What is left of its way over the
+/// ground is braked too, feet set down ahead by as much as the legs reach, or in the air already,
+/// where a wall ends it. From touch-down on the feet stand. The last frame is `standing` exactly,
+/// turned to the heading of `from`, over its feet. A character that is lower than it would touch
+/// the ground, or nearly there, sets its feet down within 0.2 s.
 ///
-/// There are no frames where a pose lacks rotations, something is not finite, `fps` is not in (0, 240], or the way down
-/// takes more than [`MAX_FALL_S`].
+/// There are no frames where a pose lacks rotations, something is not finite, `fps` is not in (0,
+/// 240], or the way down takes more than [`MAX_FALL_S`].
 pub fn fall_motion(skeleton: &Skeleton, legs: &[Leg], from: Posed<'_>, drop: &Drop<'_>) -> Fall {
     let joints = skeleton.joint_count();
     let air_fits = drop
@@ -282,7 +289,8 @@ impl Course {
     }
 }
 
-/// How far ahead of the hips feet can be set down when the root is `lower` than in `standing`, metres.
+/// How far ahead of the hips feet can be set down when the root is `lower` than in `standing`,
+/// metres.
 fn lead(skeleton: &Skeleton, legs: &[Leg], standing: Posed<'_>, lower: f32) -> f32 {
     let place = |joint: usize| joint_transform(skeleton, standing.root, standing.rotations, joint).0;
     let lead = legs.iter().map(|leg| {
@@ -392,7 +400,8 @@ impl<'a> Faller<'a> {
         fall
     }
 
-    /// The pose of a frame in the air: into the pose of the air, before the end into the landing, and not below the ground.
+    /// The pose of a frame in the air: into the pose of the air, before the end into the landing,
+    /// and not below the ground.
     fn flying(&self, s: f32, touch_s: f32, landing: &[Quat], pose: &mut [Quat]) {
         self.body(s, pose);
         let weight = smoothstep(1.0 - ((touch_s - s) / LEGS_OUT_S).clamp(0.0, 1.0));
@@ -487,7 +496,8 @@ fn air_pose(skeleton: &Skeleton, legs: &[Leg], standing: &[Quat]) -> Vec<Quat> {
             [upper, end].map(|joint| joint_transform(skeleton, Vec3::ZERO, standing, joint));
         let down = hand.0 - shoulder.0;
         if down.y < 0.0 {
-            // About the forward axis the left arm, at the side that `left` points to, comes up with a positive turn.
+            // About the forward axis the left arm, at the side that `left` points to, comes up with
+            // a positive turn.
             let side = if shoulder.0.dot(left) < 0.0 { -1.0 } else { 1.0 };
             let turn = Quat::from_axis_angle(forward, ARMS_UP * side);
             turn_limb(skeleton, &mut pose, arm, turn);

@@ -2,8 +2,9 @@
 
 use glam::Vec3;
 
-/// The points of two straight bones, each from its first end to its second, that are nearest to each other (Ericson 2005,
-/// "Real-time collision detection", section 5.1.9). Of parallel ones that lie beside each other, one pair of many.
+/// The points of two straight bones, each from its first end to its second, that are nearest to
+/// each other (Ericson 2005, "Real-time collision detection", section 5.1.9). Of parallel ones that
+/// lie beside each other, one pair of many.
 pub fn nearest_points([a, a_end]: [Vec3; 2], [b, b_end]: [Vec3; 2]) -> [Vec3; 2] {
     let (u, v, between) = (a_end - a, b_end - b, a - b);
     let (uu, vv, uv) = (u.length_squared(), v.length_squared(), u.dot(v));

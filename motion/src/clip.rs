@@ -12,7 +12,8 @@ use crate::skeleton::Skeleton;
 /// The longest clip that [`Clip::resample`] makes, frames.
 pub const MAX_FRAMES: usize = 1 << 22;
 
-/// The most rotations (frames times joints) of a clip that is made by resampling or from a file; 1 GiB of them.
+/// The most rotations (frames times joints) of a clip that is made by resampling or from a file; 1
+/// GiB of them.
 pub const MAX_ROTATIONS: usize = 1 << 26;
 
 /// Motion on a skeleton.
@@ -70,8 +71,8 @@ pub enum ClipError {
 }
 
 impl Clip {
-    /// Checks and builds a clip: at least one frame, all values finite, rotations of unit length within 0.001 (they
-    /// are then normalised).
+    /// Checks and builds a clip: at least one frame, all values finite, rotations of unit length
+    /// within 0.001 (they are then normalised).
     ///
     /// # Errors
     /// [`ClipError`] with the first frame that is wrong.
@@ -184,8 +185,8 @@ impl Clip {
         })
     }
 
-    /// The clip at another rate: linear root, slerp rotations. The first frame stays; the last new frame is the
-    /// last that does not lie behind the clip's end.
+    /// The clip at another rate: linear root, slerp rotations. The first frame stays; the last new
+    /// frame is the last that does not lie behind the clip's end.
     ///
     /// # Errors
     /// [`ClipError::Rate`] or [`ClipError::TooLong`].
@@ -198,7 +199,8 @@ impl Clip {
         }
         let step = f64::from(self.fps) / f64::from(fps);
         let last = self.frames() - 1;
-        // A ten-thousandth of a frame of slack, so that exact ratios keep their last frame in spite of rounding.
+        // A ten-thousandth of a frame of slack, so that exact ratios keep their last frame in spite
+        // of rounding.
         let count = ((last as f64 + 1e-4) / step).floor() + 1.0;
         let joints = self.skeleton.joint_count();
         if count > MAX_FRAMES.min(MAX_ROTATIONS / joints) as f64 {

@@ -1,9 +1,11 @@
-//! The compact form of frames: a root in tenths of a millimetre and smallest-three quaternions of 15 bits a component.
+//! The compact form of frames: a root in tenths of a millimetre and smallest-three quaternions of
+//! 15 bits a component.
 //!
-//! A unit quaternion's largest component follows from the other three, which lie within ±1/√2. Each of those takes the
-//! low 15 bits of a little-endian 16-bit word, in the order (w, x, y, z); the top bits of the first two words, lower first,
-//! say which component is left out. That component is positive: `q` and `-q` are the same rotation, and one of them
-//! has it so. The top bit of the third word is 0.
+//! A unit quaternion's largest component follows from the other three, which lie within ±1/√2. Each
+//! of those takes the low 15 bits of a little-endian 16-bit word, in the order (w, x, y, z); the
+//! top bits of the first two words, lower first, say which component is left out. That component is
+//! positive: `q` and `-q` are the same rotation, and one of them has it so. The top bit of the
+//! third word is 0.
 //!
 //! | part | bytes | error |
 //! |---|---|---|
@@ -24,12 +26,14 @@ pub const BYTES_PER_ROTATION: usize = 6;
 pub const ROOT_STEP_M: f32 = 1e-4;
 /// Largest angle between a rotation and what its encoding decodes to, radians.
 ///
-/// Half a step is h = 1 / (32767 √2). The three written components are off by at most h each and the fourth by at most
-/// 3 h (worst where all four are 1/2), so the angle is at most 2 √12 h = 1.495e-4; the rest is rounding.
+/// Half a step is h = 1 / (32767 √2). The three written components are off by at most h each and
+/// the fourth by at most 3 h (worst where all four are 1/2), so the angle is at most 2 √12 h =
+/// 1.495e-4; the rest is rounding.
 pub const MAX_ROTATION_ERROR_RAD: f32 = 1.6e-4;
 /// Largest error of an encoded root position along each axis, metres, within 256 m of the origin.
 ///
-/// It is half a [`ROOT_STEP_M`] and the rounding of a 32-bit float. Farther out the float's own spacing is coarser.
+/// It is half a [`ROOT_STEP_M`] and the rounding of a 32-bit float. Farther out the float's own
+/// spacing is coarser.
 pub const MAX_ROOT_ERROR_M: f32 = 6e-5;
 
 /// Highest value of a component's 15 bits.
@@ -37,7 +41,8 @@ const COMPONENT_MAX: u16 = 0x7fff;
 /// The bit above a component.
 const INDEX_BIT: u16 = 0x8000;
 
-/// Encodes a rotation. Its length does not matter; one that is not finite, or zero, becomes the identity.
+/// Encodes a rotation. Its length does not matter; one that is not finite, or zero, becomes the
+/// identity.
 #[inline]
 pub fn encode_rotation(rotation: Quat) -> [u16; 3] {
     let length = rotation.length();
@@ -66,7 +71,8 @@ pub fn encode_rotation(rotation: Quat) -> [u16; 3] {
     words
 }
 
-/// Decodes a rotation: of unit length for any words, with the component that was left out not negative.
+/// Decodes a rotation: of unit length for any words, with the component that was left out not
+/// negative.
 #[inline]
 pub fn decode_rotation(words: [u16; 3]) -> Quat {
     let largest = usize::from(words[0] >> 15) | usize::from(words[1] >> 15) << 1;
@@ -80,8 +86,8 @@ pub fn decode_rotation(words: [u16; 3]) -> Quat {
     from_wxyz(q).normalize()
 }
 
-/// Encodes a root position in steps of [`ROOT_STEP_M`]. A coordinate beyond ±214748 m, or infinite, takes the nearest end
-/// of the range; NaN becomes 0.
+/// Encodes a root position in steps of [`ROOT_STEP_M`]. A coordinate beyond ±214748 m, or infinite,
+/// takes the nearest end of the range; NaN becomes 0.
 #[inline]
 pub fn encode_root(position: Vec3) -> [i32; 3] {
     // In double precision, so that only the rounding to a step loses anything; the cast saturates.
@@ -96,7 +102,8 @@ pub fn decode_root(steps: [i32; 3]) -> Vec3 {
     Vec3::from_array(steps.map(|v| (f64::from(v) * f64::from(ROOT_STEP_M)) as f32))
 }
 
-/// Appends encoded rotations, [`BYTES_PER_ROTATION`] each. Allocates only where `out` lacks the room.
+/// Appends encoded rotations, [`BYTES_PER_ROTATION`] each. Allocates only where `out` lacks the
+/// room.
 pub fn write_rotations(rotations: &[Quat], out: &mut Vec<u8>) {
     out.reserve(rotations.len() * BYTES_PER_ROTATION);
     for &rotation in rotations {
@@ -106,7 +113,8 @@ pub fn write_rotations(rotations: &[Quat], out: &mut Vec<u8>) {
     }
 }
 
-/// Appends decoded rotations; bytes of an incomplete one at the end are left out. Allocates only where `out` lacks the room.
+/// Appends decoded rotations; bytes of an incomplete one at the end are left out. Allocates only
+/// where `out` lacks the room.
 pub fn read_rotations(bytes: &[u8], out: &mut Vec<Quat>) {
     let (rotations, _) = bytes.as_chunks::<BYTES_PER_ROTATION>();
     out.extend(rotations.iter().map(|b| {
@@ -118,7 +126,8 @@ pub fn read_rotations(bytes: &[u8], out: &mut Vec<Quat>) {
     }));
 }
 
-/// Appends encoded root positions, [`BYTES_PER_ROOT`] each. Allocates only where `out` lacks the room.
+/// Appends encoded root positions, [`BYTES_PER_ROOT`] each. Allocates only where `out` lacks the
+/// room.
 pub fn write_roots(positions: &[Vec3], out: &mut Vec<u8>) {
     out.reserve(positions.len() * BYTES_PER_ROOT);
     for &position in positions {
@@ -128,8 +137,8 @@ pub fn write_roots(positions: &[Vec3], out: &mut Vec<u8>) {
     }
 }
 
-/// Appends decoded root positions; bytes of an incomplete one at the end are left out. Allocates only where `out` lacks
-/// the room.
+/// Appends decoded root positions; bytes of an incomplete one at the end are left out. Allocates
+/// only where `out` lacks the room.
 pub fn read_roots(bytes: &[u8], out: &mut Vec<Vec3>) {
     let (positions, _) = bytes.as_chunks::<BYTES_PER_ROOT>();
     out.extend(positions.iter().map(|b| {
@@ -175,7 +184,8 @@ mod tests {
         for word in encode_rotation(Quat::IDENTITY) {
             assert!((16383..=16384).contains(&word));
         }
-        // Half a turn about x, y, z leaves out component 1, 2, 3: lower bit in the first word, higher in the second.
+        // Half a turn about x, y, z leaves out component 1, 2, 3: lower bit in the first word,
+        // higher in the second.
         for (q, bits) in [
             (Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), [1, 0, 0]),
             (Quat::from_xyzw(0.0, 1.0, 0.0, 0.0), [0, 1, 0]),

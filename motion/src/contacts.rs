@@ -4,8 +4,8 @@ use crate::features::velocities;
 use crate::fk::WorldMotion;
 use crate::skeleton::ContactParams;
 
-/// Contact labels, `frames * contact joints`: true where the joint is lower than `max_height_m` over the ground **and**
-/// slower ([`velocities`], in 3D) than `max_speed_mps`.
+/// Contact labels, `frames * contact joints`: true where the joint is lower than `max_height_m`
+/// over the ground **and** slower ([`velocities`], in 3D) than `max_speed_mps`.
 ///
 /// `ground_y_m` is the height of the ground plane in the world.
 ///
@@ -54,7 +54,8 @@ mod tests {
 
     #[test]
     fn height_and_speed_both_end_it() {
-        // Frame 2 is 5 cm higher: ankles at 12 cm (limit 12), toes at 7 (limit 6). The lift is too fast for all of them.
+        // Frame 2 is 5 cm higher: ankles at 12 cm (limit 12), toes at 7 (limit 6). The lift is too
+        // fast for all of them.
         let mut clip = stand(6);
         for f in 2..6 {
             clip.root_positions[f] += Vec3::new(0.0, 0.0499, 0.0);

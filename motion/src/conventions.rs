@@ -1,9 +1,12 @@
-//! Conversions between Troupe's convention and those of engines and robots: axes, handedness and units.
+//! Conversions between Troupe's convention and those of engines and robots: axes, handedness and
+//! units.
 //!
-//! Troupe: right-handed, metres, X to the character's left, Y up, Z forward. A conversion is a signed permutation of axes
-//! and a scale. Rotations convert by change of basis, joint by joint, so forward kinematics commutes with it: convert a
-//! skeleton's offsets with [`Convention::position_from_native`] and a pose's rotations with
-//! [`Convention::rotation_from_native`], and positions come out converted. Bones' local axes change with it.
+//! Troupe: right-handed, metres, X to the character's left, Y up, Z forward. A conversion is a
+//! signed permutation of axes and a scale. Rotations convert by change of basis, joint by joint, so
+//! forward kinematics commutes with it: convert a skeleton's offsets with
+//! [`Convention::position_from_native`] and a pose's rotations with
+//! [`Convention::rotation_from_native`], and positions come out converted. Bones' local axes change
+//! with it.
 
 use glam::{Mat3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -19,8 +22,9 @@ pub enum Convention {
     Unreal,
     /// Unity: left-handed, X right, Y up, Z forward, metres.
     Unity,
-    /// ROS (REP 103) and MuJoCo: right-handed, X forward, Y left, Z up, metres. Quaternions are (w, x, y, z) in MuJoCo and
-    /// (x, y, z, w) in ROS messages; this type does not concern itself with the order.
+    /// ROS (REP 103) and MuJoCo: right-handed, X forward, Y left, Z up, metres. Quaternions are (w,
+    /// x, y, z) in MuJoCo and (x, y, z, w) in ROS messages; this type does not concern itself with
+    /// the order.
     Ros,
 }
 
@@ -38,7 +42,8 @@ impl Convention {
         matches!(self, Self::Unreal | Self::Unity)
     }
 
-    /// The signed permutation from native axes to the convention's: `v' = M v`. Its inverse is its transpose.
+    /// The signed permutation from native axes to the convention's: `v' = M v`. Its inverse is its
+    /// transpose.
     pub fn axes_from_native(self) -> Mat3 {
         // Columns: where native X (left), Y (up) and Z (forward) point.
         match self {
@@ -82,7 +87,8 @@ impl Convention {
         Quat::from_vec4(v.extend(q.w))
     }
 
-    /// A native heading, or its rate, about the convention's up axis: positive as its handedness has it.
+    /// A native heading, or its rate, about the convention's up axis: positive as its handedness
+    /// has it.
     pub fn heading_from_native(self, heading: f32) -> f32 {
         heading * self.angle_sign()
     }

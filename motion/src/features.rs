@@ -1,4 +1,5 @@
-//! Pose features and velocities: the per-joint state that the model reads (MotionBricks, section 4).
+//! Pose features and velocities: the per-joint state that the model reads (MotionBricks, section
+//! 4).
 
 use glam::{Quat, Vec3};
 
@@ -6,14 +7,16 @@ use crate::fk::{WorldMotion, world_transforms};
 use crate::rotation::{from_six_d, six_d};
 use crate::skeleton::Skeleton;
 
-/// Numbers a joint in a pose feature: position relative to the projected root (3), world rotation in 6D form (6).
+/// Numbers a joint in a pose feature: position relative to the projected root (3), world rotation
+/// in 6D form (6).
 pub const FEATURES_PER_JOINT: usize = 9;
 
 /// Writes the pose feature of one pose into `out` (`joints * 9`).
 ///
-/// `root` is the world position of the pelvis and `local` the pose (joint 0 in the world, others parent-relative).
-/// Positions are world-oriented and relative to the projected root `(root.x, 0, root.z)`, metres. Allocates a scratch
-/// buffer; where world transforms are at hand, [`pose_features_from_world`] does not.
+/// `root` is the world position of the pelvis and `local` the pose (joint 0 in the world, others
+/// parent-relative). Positions are world-oriented and relative to the projected root `(root.x, 0,
+/// root.z)`, metres. Allocates a scratch buffer; where world transforms are at hand,
+/// [`pose_features_from_world`] does not.
 ///
 /// # Panics
 /// If `local` is shorter than the skeleton or `out` than `joints * 9`.
@@ -25,7 +28,8 @@ pub fn pose_features(skeleton: &Skeleton, root: Vec3, local: &[Quat], out: &mut 
     pose_features_from_world(root, &positions, &rotations, out);
 }
 
-/// Writes the pose feature of one frame's world transforms into `out` (`joints * 9`). Does not allocate.
+/// Writes the pose feature of one frame's world transforms into `out` (`joints * 9`). Does not
+/// allocate.
 ///
 /// # Panics
 /// If `out` is shorter than `positions.len() * 9`.
@@ -49,7 +53,8 @@ pub fn world_rotations_from_features(features: &[f32], out: &mut [Quat]) {
     }
 }
 
-/// World velocities in m/s by backward difference, `frames * joints`; frame 0 copies frame 1 (zero where there is none).
+/// World velocities in m/s by backward difference, `frames * joints`; frame 0 copies frame 1 (zero
+/// where there is none).
 pub fn velocities(motion: &WorldMotion, fps: f32) -> Vec<Vec3> {
     let joints = motion.joints;
     let mut out = vec![Vec3::ZERO; motion.positions.len()];

@@ -7,8 +7,9 @@ use crate::skeleton::Skeleton;
 
 /// World positions (metres) and rotations of every joint.
 ///
-/// `root` is the world position of joint 0 and `local` the pose (joint 0 in the world, others parent-relative).
-/// Does not allocate. Rotations are not renormalised: unit quaternions in give unit quaternions out to rounding.
+/// `root` is the world position of joint 0 and `local` the pose (joint 0 in the world, others
+/// parent-relative). Does not allocate. Rotations are not renormalised: unit quaternions in give
+/// unit quaternions out to rounding.
 ///
 /// # Panics
 /// If `local`, `out_pos` or `out_rot` is shorter than the skeleton.
@@ -35,7 +36,8 @@ pub fn world_transforms(
     }
 }
 
-/// World position (metres) and rotation of one joint, in time that grows with its depth. Does not allocate.
+/// World position (metres) and rotation of one joint, in time that grows with its depth. Does not
+/// allocate.
 ///
 /// The same as [`world_transforms`] gives it, bit for bit.
 ///
@@ -45,8 +47,8 @@ pub fn joint_transform(skeleton: &Skeleton, root: Vec3, local: &[Quat], joint: u
     transforms_down_to(skeleton, root, local, joint, &mut |_, _, _| {})
 }
 
-/// World positions (metres) and rotations of the joints from joint 0 down to `joint`, each told to `visit` on the way, in time
-/// that grows with its depth. Does not allocate.
+/// World positions (metres) and rotations of the joints from joint 0 down to `joint`, each told to
+/// `visit` on the way, in time that grows with its depth. Does not allocate.
 ///
 /// The same as [`world_transforms`] gives them, bit for bit.
 ///

@@ -1,5 +1,5 @@
-//! Writes motions of one skeleton as a glTF 2.0 document of JSON alone: a node a joint, an animation a motion, the numbers in a
-//! `data:` URI.
+//! Writes motions of one skeleton as a glTF 2.0 document of JSON alone: a node a joint, an
+//! animation a motion, the numbers in a `data:` URI.
 
 use gltf_json as json;
 use json::Index;
@@ -29,11 +29,13 @@ pub struct GltfMotion {
     pub name: String,
     /// World position of the root, one a frame, metres.
     pub roots: Vec<Vec3>,
-    /// `frames * joints` rotations in the order of the joints, each relative to its parent; the root's in the world.
+    /// `frames * joints` rotations in the order of the joints, each relative to its parent; the
+    /// root's in the world.
     pub rotations: Vec<Quat>,
 }
 
-/// A document of `motions`, which are of `joints` and have a frame every `1 / fps` seconds, with a root extension by its name.
+/// A document of `motions`, which are of `joints` and have a frame every `1 / fps` seconds, with a
+/// root extension by its name.
 ///
 /// # Errors
 /// [`GlbError::Json`] where the document cannot be written.

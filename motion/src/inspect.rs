@@ -3,8 +3,9 @@
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 
-/// What a clip must keep to. The defaults are those that training keeps to (`training/troupe_training/data/prepare.py`); it
-/// holds them against clips at 30 fps, so resample a clip first ([`Clip::resample`]) for the same verdict.
+/// What a clip must keep to. The defaults are those that training keeps to
+/// (`training/troupe_training/data/prepare.py`); it holds them against clips at 30 fps, so resample
+/// a clip first ([`Clip::resample`]) for the same verdict.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limits {
     /// Fewest frames; 16 by default.
@@ -67,7 +68,8 @@ pub enum Issue {
     },
 }
 
-/// Everything that is wrong with `clip`, at most one entry a kind, the worst frame of each; empty where it is fit.
+/// Everything that is wrong with `clip`, at most one entry a kind, the worst frame of each; empty
+/// where it is fit.
 pub fn inspect(clip: &Clip, limits: &Limits) -> Vec<Issue> {
     let mut issues = Vec::new();
     let frames = clip.frames();

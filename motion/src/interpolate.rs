@@ -5,8 +5,9 @@ use glam::{Quat, Vec3};
 use crate::clip::{Clip, ClipError};
 use crate::rotation::slerp_pose;
 
-/// Blends two poses: linear root position, slerp of every rotation along the shorter way. `t` = 0 gives `from`, 1 gives
-/// `to`. Writes one rotation a joint into `out` and returns the root position. Does not allocate.
+/// Blends two poses: linear root position, slerp of every rotation along the shorter way. `t` = 0
+/// gives `from`, 1 gives `to`. Writes one rotation a joint into `out` and returns the root
+/// position. Does not allocate.
 pub fn blend(from: (Vec3, &[Quat]), to: (Vec3, &[Quat]), t: f32, out: &mut [Quat]) -> Vec3 {
     slerp_pose(from.1, to.1, t, out);
     from.0.lerp(to.0, t)
@@ -18,15 +19,17 @@ pub fn smoothstep(t: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// `10t³ - 15t⁴ + 6t⁵`: from 0 to 1 with speed and acceleration 0 at both ends, as a hand or a hip moves (the path of least
-/// jerk, Flash and Hogan 1985). `t` outside 0 to 1 counts as the nearer end.
+/// `10t³ - 15t⁴ + 6t⁵`: from 0 to 1 with speed and acceleration 0 at both ends, as a hand or a hip
+/// moves (the path of least jerk, Flash and Hogan 1985). `t` outside 0 to 1 counts as the nearer
+/// end.
 #[inline]
 pub fn min_jerk(t: f32) -> f32 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (10.0 - t * (15.0 - 6.0 * t))
 }
 
-/// Cubic Hermite: from one value to another `span` later, each with its slope; `t` goes from 0 to 1.
+/// Cubic Hermite: from one value to another `span` later, each with its slope; `t` goes from 0 to
+/// 1.
 #[inline]
 pub fn hermite(t: f32, span: f32, (from, leaving): (f32, f32), (to, arriving): (f32, f32)) -> f32 {
     let (t2, t3) = (t * t, t * t * t);
@@ -36,8 +39,9 @@ pub fn hermite(t: f32, span: f32, (from, leaving): (f32, f32), (to, arriving): (
         + (t3 - t2) * span * arriving
 }
 
-/// The slope of such a curve at a knot: that of the parabola through it and its neighbours. `slopes` lead to the knot and away from
-/// it, over `spans`. Limited as by Fritsch and Carlson (1980), so that the curve never passes a knot and comes back.
+/// The slope of such a curve at a knot: that of the parabola through it and its neighbours.
+/// `slopes` lead to the knot and away from it, over `spans`. Limited as by Fritsch and Carlson
+/// (1980), so that the curve never passes a knot and comes back.
 #[inline]
 pub fn knot_slope([before, after]: [f32; 2], spans: [f32; 2]) -> f32 {
     let share = spans[0] / (spans[0] + spans[1]);
@@ -48,7 +52,8 @@ pub fn knot_slope([before, after]: [f32; 2], spans: [f32; 2]) -> f32 {
     }
 }
 
-/// A copy of `clip` whose frames strictly between `from` and `to` are interpolated between these two.
+/// A copy of `clip` whose frames strictly between `from` and `to` are interpolated between these
+/// two.
 ///
 /// # Errors
 /// [`ClipError::Range`] unless `from < to < frames`.

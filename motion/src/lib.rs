@@ -1,13 +1,13 @@
 //! The motion core of Troupe: pure maths and file formats, without async, network or inference.
 //!
-//! Conventions, unless an item says otherwise: right-handed, Y up, +Z forward, metres, seconds, radians.
-//! A heading ψ is the angle about +Y; forward is `(sin ψ, 0, cos ψ)`. Arrays over frames and joints are flat
-//! and frame-major: entry `frame * joints + joint`. Rotations of a pose are one quaternion a joint: joint 0 (the
-//! pelvis) in the world, every other relative to its parent.
+//! Conventions, unless an item says otherwise: right-handed, Y up, +Z forward, metres, seconds,
+//! radians. A heading ψ is the angle about +Y; forward is `(sin ψ, 0, cos ψ)`. Arrays over frames
+//! and joints are flat and frame-major: entry `frame * joints + joint`. Rotations of a pose are one
+//! quaternion a joint: joint 0 (the pelvis) in the world, every other relative to its parent.
 //!
-//! State of a frame (MotionBricks, section 4): global root `r_g` ([`root::GlobalRoot`]), local root `r_l`
-//! ([`root::LocalRoot`]), joint positions relative to the projected root and 6D rotations in the world
-//! ([`features`]), joint velocities, and foot contacts ([`contacts`]).
+//! State of a frame (MotionBricks, section 4): global root `r_g` ([`root::GlobalRoot`]), local root
+//! `r_l` ([`root::LocalRoot`]), joint positions relative to the projected root and 6D rotations in
+//! the world ([`features`]), joint velocities, and foot contacts ([`contacts`]).
 
 pub mod ballistic;
 pub mod bones;

@@ -32,7 +32,8 @@ impl GroundPath {
         (grows && !points.is_empty()).then_some(Self { points })
     }
 
-    /// Times by the way's length, at `speed_mps`, from 0 on. Points in one place are a hundredth of a second apart.
+    /// Times by the way's length, at `speed_mps`, from 0 on. Points in one place are a hundredth of
+    /// a second apart.
     pub fn times_at(places: &[[f32; 2]], speed_mps: f32) -> Vec<f32> {
         let mut time_s = 0.0;
         let mut last = None;
@@ -57,7 +58,8 @@ impl GroundPath {
         after.min(self.points.len() - 1)
     }
 
-    /// World x and z at a time: a cubic curve through the points, which waits at the first one, and stays at the last.
+    /// World x and z at a time: a cubic curve through the points, which waits at the first one, and
+    /// stays at the last.
     pub fn place(&self, time_s: f32) -> [f32; 2] {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
         let Some(before) = after.checked_sub(1) else {
@@ -90,8 +92,9 @@ impl GroundPath {
         }
     }
 
-    /// `[frames][x, z, heading]`, metres and radians, from `start_s` on. Between points with headings they turn evenly; a point
-    /// without one heads along the way, and where the way stands still it goes on heading as before.
+    /// `[frames][x, z, heading]`, metres and radians, from `start_s` on. Between points with
+    /// headings they turn evenly; a point without one heads along the way, and where the way stands
+    /// still it goes on heading as before.
     pub fn frames(&self, start_s: f32, fps: f32, count: usize) -> Vec<[f32; 3]> {
         let time = |frame: usize| start_s + frame as f32 / fps;
         let mut headings: Vec<Option<f32>> = match self.points.iter().any(|point| point.heading.is_some()) {

@@ -1,8 +1,8 @@
 //! Pinning: generated frames meet the keyframes they were given, without a pop.
 //!
-//! The networks come close to a keyframe, not onto it. [`crate::segment::pin_targets`] takes up what is left of the root over the whole
-//! gap (root interpolation, MotionBricks fig. 14), [`pin_poses`] what is left of the pose over a few frames on either
-//! side.
+//! The networks come close to a keyframe, not onto it. [`crate::segment::pin_targets`] takes up
+//! what is left of the root over the whole gap (root interpolation, MotionBricks fig. 14),
+//! [`pin_poses`] what is left of the pose over a few frames on either side.
 
 use glam::Quat;
 
@@ -14,15 +14,17 @@ use crate::rotation::align_sign;
 pub struct PosePin<'a> {
     /// The frame.
     pub frame: usize,
-    /// Its rotations, in the form of the generated ones: joint 0 in the world or segment, others parent-relative.
+    /// Its rotations, in the form of the generated ones: joint 0 in the world or segment, others
+    /// parent-relative.
     pub rotations: &'a [Quat],
 }
 
 /// Turns generated poses so that every pinned frame has exactly its given rotations.
 ///
-/// What a pin still lacks fades out over `reach_frames` on either side, sooner where the next pin is nearer, so pins do
-/// not disturb each other. `rotations` holds `joints` rotations a frame. Pins past the end or without `joints` rotations
-/// are left out; they must come in the order of their frames.
+/// What a pin still lacks fades out over `reach_frames` on either side, sooner where the next pin
+/// is nearer, so pins do not disturb each other. `rotations` holds `joints` rotations a frame. Pins
+/// past the end or without `joints` rotations are left out; they must come in the order of their
+/// frames.
 pub fn pin_poses(rotations: &mut [Quat], joints: usize, pins: &[PosePin<'_>], reach_frames: usize) {
     let frames = rotations.len() / joints.max(1);
     let pins: Vec<&PosePin<'_>> = pins
@@ -73,8 +75,8 @@ fn residual(given: Quat, made: Quat) -> Quat {
     if turn.w < 0.0 { -turn } else { turn }
 }
 
-/// How much of what a pin lacks a frame takes at `distance` frames from it: 1 at the pin, 0 from `reach` frames on, flat at
-/// both ends.
+/// How much of what a pin lacks a frame takes at `distance` frames from it: 1 at the pin, 0 from
+/// `reach` frames on, flat at both ends.
 pub fn fade(distance: usize, reach: usize) -> f32 {
     if distance == 0 {
         return 1.0;

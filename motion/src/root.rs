@@ -1,4 +1,5 @@
-//! The root: global (`r_g`) and local (`r_l`) form, and the pelvis heading (MotionBricks, section 4).
+//! The root: global (`r_g`) and local (`r_l`) form, and the pelvis heading (MotionBricks, section
+//! 4).
 
 use serde::{Deserialize, Serialize};
 use std::f32::consts::{PI, TAU};
@@ -14,7 +15,8 @@ pub struct GlobalRoot {
     pub heading: f32,
 }
 
-/// Local root `r_l`: how the pelvis moves. Velocities are in the world's ground plane, not turned by the heading.
+/// Local root `r_l`: how the pelvis moves. Velocities are in the world's ground plane, not turned
+/// by the heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LocalRoot {
     /// Velocity along world X, m/s.
@@ -48,7 +50,8 @@ impl GlobalRoot {
         [self.position.x, self.position.y, self.position.z, cos, sin]
     }
 
-    /// From `[x, y, z, cos ψ, sin ψ]`; cosine and sine need not be normalised. The heading is in (-π, π].
+    /// From `[x, y, z, cos ψ, sin ψ]`; cosine and sine need not be normalised. The heading is in
+    /// (-π, π].
     #[inline]
     pub fn from_array(a: [f32; 5]) -> Self {
         Self {
@@ -128,10 +131,12 @@ pub fn wrap_angle(angle: f32) -> f32 {
     }
 }
 
-/// Heading of a pose, radians in (-π, π]: the way that the pelvis' left, turned a quarter about +Y, points on the ground.
+/// Heading of a pose, radians in (-π, π]: the way that the pelvis' left, turned a quarter about +Y,
+/// points on the ground.
 ///
-/// `pelvis` is the pelvis' world rotation and `left_axis` the skeleton's left in the pelvis' frame. Bending forward or
-/// back does not change it. Where the left points straight up or down the heading is not defined, and 0 comes back.
+/// `pelvis` is the pelvis' world rotation and `left_axis` the skeleton's left in the pelvis' frame.
+/// Bending forward or back does not change it. Where the left points straight up or down the
+/// heading is not defined, and 0 comes back.
 #[inline]
 pub fn heading_of(pelvis: Quat, left_axis: Vec3) -> f32 {
     let left = pelvis * left_axis;
@@ -146,8 +151,8 @@ pub fn heading_of(pelvis: Quat, left_axis: Vec3) -> f32 {
     }
 }
 
-/// Backward differences: `v[t] = (x[t] - x[t-1]) * fps`, `omega[t] = wrap(ψ[t] - ψ[t-1]) * fps`; frame 0 copies
-/// the velocities of frame 1 (zero where there is no frame 1).
+/// Backward differences: `v[t] = (x[t] - x[t-1]) * fps`, `omega[t] = wrap(ψ[t] - ψ[t-1]) * fps`;
+/// frame 0 copies the velocities of frame 1 (zero where there is no frame 1).
 pub fn local_from_global(roots: &[GlobalRoot], fps: f32) -> Vec<LocalRoot> {
     let mut out = Vec::with_capacity(roots.len());
     let Some(first) = roots.first() else { return out };
@@ -176,8 +181,8 @@ pub fn local_from_global(roots: &[GlobalRoot], fps: f32) -> Vec<LocalRoot> {
 
 /// Integrates local roots: the inverse of [`local_from_global`].
 ///
-/// Frame 0 of the answer is `start`; frame t adds `local[t]`'s velocities to frame t-1 and takes its height.
-/// As many frames come back as `local` has. Sums are kept in double precision.
+/// Frame 0 of the answer is `start`; frame t adds `local[t]`'s velocities to frame t-1 and takes
+/// its height. As many frames come back as `local` has. Sums are kept in double precision.
 pub fn global_from_local(start: GlobalRoot, local: &[LocalRoot], fps: f32) -> Vec<GlobalRoot> {
     let dt = 1.0 / f64::from(fps);
     let (mut x, mut z) = (f64::from(start.position.x), f64::from(start.position.z));
@@ -224,7 +229,8 @@ mod tests {
 
     #[test]
     fn heading_follows_yaw_and_ignores_a_bow() {
-        // A pelvis whose left is its -Y, as the Bandai-Namco skeleton's: rest rotation takes -Y to +X.
+        // A pelvis whose left is its -Y, as the Bandai-Namco skeleton's: rest rotation takes -Y to
+        // +X.
         let rest = Quat::from_rotation_z(FRAC_PI_2);
         for psi in [-3.0f32, -1.0, 0.0, 0.5, 2.0, 3.1] {
             let bow = Quat::from_rotation_y(psi) * Quat::from_rotation_x(1.4) * rest;

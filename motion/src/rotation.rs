@@ -3,17 +3,19 @@
 use glam::{Quat, Vec3};
 use wide::f32x4;
 
-/// The 6D form of a rotation: the first two columns of its matrix, column 0 then column 1 (Zhou et al. 2019).
+/// The 6D form of a rotation: the first two columns of its matrix, column 0 then column 1 (Zhou et
+/// al. 2019).
 #[inline]
 pub fn six_d(q: Quat) -> [f32; 6] {
     let (a, b) = (q * Vec3::X, q * Vec3::Y);
     [a.x, a.y, a.z, b.x, b.y, b.z]
 }
 
-/// The unit quaternion whose matrix columns are the Gram-Schmidt orthonormalisation of the two columns in `d`.
+/// The unit quaternion whose matrix columns are the Gram-Schmidt orthonormalisation of the two
+/// columns in `d`.
 ///
-/// Inverse of [`six_d`] up to the quaternion's sign. Never fails: where the columns are zero, parallel or not
-/// finite, the missing direction is chosen arbitrarily but deterministically.
+/// Inverse of [`six_d`] up to the quaternion's sign. Never fails: where the columns are zero,
+/// parallel or not finite, the missing direction is chosen arbitrarily but deterministically.
 pub fn from_six_d(d: [f32; 6]) -> Quat {
     let a = Vec3::new(d[0], d[1], d[2]);
     let b = Vec3::new(d[3], d[4], d[5]);
@@ -27,7 +29,8 @@ pub fn from_six_d(d: [f32; 6]) -> Quat {
     Quat::from_mat3(&glam::Mat3::from_cols(x, y, x.cross(y)))
 }
 
-/// [`from_six_d`] of as many rotations as both `six_d` (six numbers each) and `out` hold. Does not allocate.
+/// [`from_six_d`] of as many rotations as both `six_d` (six numbers each) and `out` hold. Does not
+/// allocate.
 ///
 /// Four at a time, to the last bit what [`from_six_d`] gives one by one.
 pub fn from_six_ds(six_d: &[f32], out: &mut [Quat]) {
@@ -49,9 +52,11 @@ pub fn from_six_ds(six_d: &[f32], out: &mut [Quat]) {
     one_by_one(rest, out_rest);
 }
 
-/// Four rotations at once, or nothing where the columns of one are not well apart or not of a usual size.
+/// Four rotations at once, or nothing where the columns of one are not well apart or not of a usual
+/// size.
 ///
-/// The branches of [`from_six_d`], and of the quaternion of a matrix after it, become choices number by number.
+/// The branches of [`from_six_d`], and of the quaternion of a matrix after it, become choices
+/// number by number.
 #[inline]
 fn four_from_six_d(d: &[[f32; 6]; 4]) -> Option<[Quat; 4]> {
     let across_four = |number: usize| f32x4::new([d[0][number], d[1][number], d[2][number], d[3][number]]);
@@ -95,8 +100,8 @@ fn four_from_six_d(d: &[[f32; 6]; 4]) -> Option<[Quat; 4]> {
     Some(f32x4::transpose(columns).map(|row| Quat::from_array(row.to_array())))
 }
 
-/// Square of the sine below which two columns count as nearly along each other: what is left of one across the other
-/// has lost digits then.
+/// Square of the sine below which two columns count as nearly along each other: what is left of one
+/// across the other has lost digits then.
 const NEARLY_ALONG: f32 = 1e-3;
 
 /// A direction across `x`, as near to `y` as its digits allow.
@@ -111,7 +116,8 @@ fn across(x: Vec3, y: Vec3) -> Vec3 {
     }
 }
 
-/// Spherical interpolation along the shorter way from `a` (`t` = 0) to `b` (`t` = 1), of unit length.
+/// Spherical interpolation along the shorter way from `a` (`t` = 0) to `b` (`t` = 1), of unit
+/// length.
 #[inline]
 pub fn slerp(a: Quat, b: Quat, t: f32) -> Quat {
     a.slerp(b, t).normalize()

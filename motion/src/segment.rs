@@ -1,4 +1,5 @@
-//! The segment frame, in which the model works, and the pinning of a generated root to given targets.
+//! The segment frame, in which the model works, and the pinning of a generated root to given
+//! targets.
 
 use glam::{Quat, Vec3};
 
@@ -7,8 +8,8 @@ use crate::interpolate::smoothstep;
 use crate::root::{GlobalRoot, LocalRoot, wrap_angle};
 use crate::rotation::yaw;
 
-/// A frame on the ground: the projected root of the last context frame is its origin, and that root's heading is 0 in it.
-/// Heights do not change.
+/// A frame on the ground: the projected root of the last context frame is its origin, and that
+/// root's heading is 0 in it. Heights do not change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SegmentFrame {
     /// World position of the origin, y = 0.
@@ -46,7 +47,8 @@ impl SegmentFrame {
         yaw(self.heading) * v
     }
 
-    /// World rotation to segment rotation. In a pose only joint 0 needs it: the others are parent-relative.
+    /// World rotation to segment rotation. In a pose only joint 0 needs it: the others are
+    /// parent-relative.
     pub fn to_segment_rotation(&self, q: Quat) -> Quat {
         yaw(-self.heading) * q
     }
@@ -72,7 +74,8 @@ impl SegmentFrame {
         )
     }
 
-    /// World local root to segment local root: the velocity turns, angular velocity and height stay.
+    /// World local root to segment local root: the velocity turns, angular velocity and height
+    /// stay.
     pub fn to_segment_local_root(&self, l: LocalRoot) -> LocalRoot {
         turn_local_root(l, -self.heading)
     }
@@ -82,8 +85,9 @@ impl SegmentFrame {
         turn_local_root(l, self.heading)
     }
 
-    /// Turns pose features (`[.., joints * 9]`, any number of frames) from the world to the segment frame, in place.
-    /// Their positions are relative to their own projected root, so they only turn.
+    /// Turns pose features (`[.., joints * 9]`, any number of frames) from the world to the segment
+    /// frame, in place. Their positions are relative to their own projected root, so they only
+    /// turn.
     pub fn rotate_pose_features_to_segment(&self, features: &mut [f32]) {
         rotate_pose_features(features, -self.heading);
     }
@@ -124,14 +128,15 @@ pub struct RootPin {
 
 /// Moves a generated root to given target roots (root interpolation, MotionBricks fig. 14).
 ///
-/// The residual between given and generated root (position and heading) at each target is spread over the frames since
-/// the one before it (the last context frame, where the residual counts as zero, for the first target) with a smoothstep
-/// ramp; frames behind the last target keep its residual. Poses turn about their root with the heading's part: `rotations`
-/// holds `roots.len() * joints` rotations of which each frame's joint 0 is in the world and changes. After it the
+/// The residual between given and generated root (position and heading) at each target is spread
+/// over the frames since the one before it (the last context frame, where the residual counts as
+/// zero, for the first target) with a smoothstep ramp; frames behind the last target keep its
+/// residual. Poses turn about their root with the heading's part: `rotations` holds `roots.len() *
+/// joints` rotations of which each frame's joint 0 is in the world and changes. After it the
 /// targets' roots are met to rounding.
 ///
-/// Targets may come in any order; those at or before `last_context_frame` or past the end are left out. All in one frame
-/// of reference, world or segment.
+/// Targets may come in any order; those at or before `last_context_frame` or past the end are left
+/// out. All in one frame of reference, world or segment.
 pub fn pin_targets(
     roots: &mut [GlobalRoot],
     rotations: &mut [Quat],
@@ -323,7 +328,8 @@ mod tests {
 
     #[test]
     fn the_residual_is_spread_with_smoothstep() {
-        // Frames 4..=7 lie between context (3) and target (8), one metre off to the right and half a turn.
+        // Frames 4..=7 lie between context (3) and target (8), one metre off to the right and half
+        // a turn.
         let mut roots = vec![GlobalRoot::new(Vec3::ZERO, 0.0); 10];
         let mut rotations = vec![Quat::IDENTITY; 10];
         let target = RootPin {

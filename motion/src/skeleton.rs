@@ -1,4 +1,5 @@
-//! The skeleton: joints with parents and offsets, the pelvis' left axis, the ground, and the contact joints.
+//! The skeleton: joints with parents and offsets, the pelvis' left axis, the ground, and the
+//! contact joints.
 
 use std::collections::HashMap;
 
@@ -17,11 +18,13 @@ pub struct Joint {
     pub name: String,
     /// Index of the parent, smaller than the joint's own; `None` for joint 0 only.
     pub parent: Option<usize>,
-    /// Offset from the parent in the parent's frame, metres. Joint 0's is not used: its place is the root position.
+    /// Offset from the parent in the parent's frame, metres. Joint 0's is not used: its place is
+    /// the root position.
     pub offset_m: Vec3,
 }
 
-/// Which joints touch the ground, and when they count as touching it. The four lists have one entry a contact joint.
+/// Which joints touch the ground, and when they count as touching it. The four lists have one entry
+/// a contact joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactParams {
     /// Joint indices.
@@ -34,8 +37,9 @@ pub struct ContactParams {
     pub clearance_m: Vec<f32>,
 }
 
-/// A validated joint hierarchy. Reads and writes (serde) the `[skeleton]` table of a pack's `pack.toml`, where
-/// parents and contact joints go by name; a robot's hinges have a table of their own ([`RobotDoc`]).
+/// A validated joint hierarchy. Reads and writes (serde) the `[skeleton]` table of a pack's
+/// `pack.toml`, where parents and contact joints go by name; a robot's hinges have a table of their
+/// own ([`RobotDoc`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "SkeletonDoc", into = "SkeletonDoc")]
 #[non_exhaustive]

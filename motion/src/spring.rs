@@ -4,12 +4,13 @@ use std::ops::{Add, Mul, Sub};
 
 use crate::root::wrap_angle;
 
-/// Place and velocity after `t` seconds of a spring with damping `gamma` (1/s) that started at `x0` with velocity
-/// `v0` and is drawn to `target`.
+/// Place and velocity after `t` seconds of a spring with damping `gamma` (1/s) that started at `x0`
+/// with velocity `v0` and is drawn to `target`.
 ///
-/// The place is the paper's equation 6, `x(t) = target + (d + (v0 + γ d) t) e^(-γ t)` with `d = x0 - target`, the velocity its
-/// derivative, `(v0 - γ (v0 + γ d) t) e^(-γ t)`. It solves `x'' = -2 γ x' - γ² (x - target)`: critically damped, so that it
-/// reaches the target as fast as a spring can without swinging about it.
+/// The place is the paper's equation 6, `x(t) = target + (d + (v0 + γ d) t) e^(-γ t)` with `d = x0
+/// - target`, the velocity its derivative, `(v0 - γ (v0 + γ d) t) e^(-γ t)`. It solves `x'' = -2 γ
+/// x' - γ² (x - target)`: critically damped, so that it reaches the target as fast as a spring can
+/// without swinging about it.
 ///
 /// For `f32`, `glam::Vec2` and `glam::Vec3`.
 #[inline]
@@ -23,8 +24,8 @@ where
     (target + (d + j * t) * decay, (v0 - j * (gamma * t)) * decay)
 }
 
-/// [`critically_damped`] for headings, in radians and radians per second: from `heading` the shorter way round to `target`.
-/// The heading comes back in (-π, π].
+/// [`critically_damped`] for headings, in radians and radians per second: from `heading` the
+/// shorter way round to `target`. The heading comes back in (-π, π].
 #[inline]
 pub fn critically_damped_heading(heading: f32, omega: f32, target: f32, gamma: f32, t: f32) -> (f32, f32) {
     let turn = wrap_angle(target - heading);
@@ -32,8 +33,9 @@ pub fn critically_damped_heading(heading: f32, omega: f32, target: f32, gamma: f
     (wrap_angle(heading + turned), omega)
 }
 
-/// Way that a velocity makes in `t` seconds while it follows a critically damped spring from `v0` to `target`, from rest: the
-/// integral of [`critically_damped`] for velocities with no acceleration at first.
+/// Way that a velocity makes in `t` seconds while it follows a critically damped spring from `v0`
+/// to `target`, from rest: the integral of [`critically_damped`] for velocities with no
+/// acceleration at first.
 ///
 /// `target t + (v0 - target) (2/γ - (2/γ + t) e^(-γ t))`. `gamma` must be above 0.
 #[inline]
@@ -72,7 +74,8 @@ mod tests {
 
     #[test]
     fn equation_six_by_hand() {
-        // x0 = 0, v0 = 0, target 1, γ = 2, t = 1: 1 - (1 + 2) e^-2 = 0.59399; v = γ² t e^(-γ t) = 4 e^-2 = 0.54134.
+        // x0 = 0, v0 = 0, target 1, γ = 2, t = 1: 1 - (1 + 2) e^-2 = 0.59399; v = γ² t e^(-γ t) = 4
+        // e^-2 = 0.54134.
         let (x, v) = critically_damped(0.0f32, 0.0, 1.0, 2.0, 1.0);
         assert!(
             (x - 0.593_994).abs() < 1e-5 && (v - 0.541_341).abs() < 1e-5,

@@ -1,7 +1,8 @@
 //! Motion between two poses with the feet held: sitting down, standing up, picking something up.
 //!
-//! Made, not generated: hips on the path of least jerk, joints turned the short way, legs by inverse kinematics. Where the
-//! feet of the two poses stand apart they step across, one after the other.
+//! Made, not generated: hips on the path of least jerk, joints turned the short way, legs by
+//! inverse kinematics. Where the feet of the two poses stand apart they step across, one after the
+//! other.
 
 use std::f32::consts::PI;
 
@@ -22,21 +23,23 @@ const MAX_LIFT_M: f32 = 0.08;
 /// The part of the motion in which feet step.
 const STEPS_FROM: f32 = 0.1;
 const STEPS_TO: f32 = 0.9;
-/// The longest that a leg may have to be, as a share of its length, before the root comes down for it, and how far it does at
-/// most, metres.
+/// The longest that a leg may have to be, as a share of its length, before the root comes down for
+/// it, and how far it does at most, metres.
 const LONGEST: f32 = 0.999;
 const MAX_DROP_M: f32 = 0.15;
-/// Half the window that the root's coming down is smoothed over, and how far from both ends it is whole, frames.
+/// Half the window that the root's coming down is smoothed over, and how far from both ends it is
+/// whole, frames.
 const DROP_HALF_WINDOW: usize = 3;
 const EDGE_FRAMES: usize = 6;
 
-/// Hips lower than this over the ground are in no clip that the default pack was trained on, metres.
+/// Hips lower than this over the ground are in no clip that the default pack was trained on,
+/// metres.
 pub const LOW_HIPS_M: f32 = 0.70;
 /// The same as a share of the legs' length, for robots: that pack's are 0.80 m long.
 const LOW_HIPS_SHARE: f32 = LOW_HIPS_M / 0.80;
 
-/// Hips lower than this over the ground are those of one who sits or crouches, and networks hardly know them, metres. It is
-/// [`LOW_HIPS_M`] for people, and goes by the legs for robots.
+/// Hips lower than this over the ground are those of one who sits or crouches, and networks hardly
+/// know them, metres. It is [`LOW_HIPS_M`] for people, and goes by the legs for robots.
 pub fn low_hips_m(skeleton: &Skeleton) -> f32 {
     let legs = match skeleton.robot {
         Some(_) => legs(skeleton),
@@ -48,14 +51,15 @@ pub fn low_hips_m(skeleton: &Skeleton) -> f32 {
 
 /// Goes from one pose to another with the feet on the ground.
 ///
-/// `count` frames (at least one) come back, those after `from`; the last is `to` exactly, up to the signs of its
-/// quaternions. The root goes straight on the path of least jerk. Feet that are at the same place in both poses stay there;
-/// others step, the one in front first, and are in contact but for the time of their step; where a leg would be too short for
-/// that the root comes down. `lean` bows the trunk forward on
-/// the way, by so many radians halfway, arms hanging.
+/// `count` frames (at least one) come back, those after `from`; the last is `to` exactly, up to the
+/// signs of its quaternions. The root goes straight on the path of least jerk. Feet that are at the
+/// same place in both poses stay there; others step, the one in front first, and are in contact but
+/// for the time of their step; where a leg would be too short for that the root comes down. `lean`
+/// bows the trunk forward on the way, by so many radians halfway, arms hanging.
 ///
-/// Where a pose is not finite all frames are `to`; where one lacks rotations there are no frames. [`Motion::short_m`] tells
-/// how far a leg was too short for its foot's place, which can happen where steps are long.
+/// Where a pose is not finite all frames are `to`; where one lacks rotations there are no frames.
+/// [`Motion::short_m`] tells how far a leg was too short for its foot's place, which can happen
+/// where steps are long.
 pub fn stance_transition(
     skeleton: &Skeleton,
     legs: &[Leg],
@@ -105,7 +109,8 @@ pub fn stance_transition(
     motion
 }
 
-/// Brings the root down by what the legs need, smoothly, and the feet to their places, in all frames but the last.
+/// Brings the root down by what the legs need, smoothly, and the feet to their places, in all
+/// frames but the last.
 fn hold_feet(skeleton: &Skeleton, legs: &[Leg], steps: &[Step], needs: &[f32], motion: &mut Motion) {
     let count = motion.frames();
     for (frame, drop) in (1..count).zip(cover(needs, DROP_HALF_WINDOW)) {
@@ -128,7 +133,8 @@ fn hold_feet(skeleton: &Skeleton, legs: &[Leg], steps: &[Step], needs: &[f32], m
 struct Step {
     from: (Vec3, Quat),
     to: (Vec3, Quat),
-    /// When it steps, as a part of the motion; `None`: it stands, sliding over what little there is.
+    /// When it steps, as a part of the motion; `None`: it stands, sliding over what little there
+    /// is.
     time: Option<(f32, f32)>,
 }
 
@@ -162,7 +168,8 @@ impl Step {
     }
 }
 
-/// The steps of all feet, one after the other: first that which is furthest ahead on the way of the root.
+/// The steps of all feet, one after the other: first that which is furthest ahead on the way of the
+/// root.
 fn steps(skeleton: &Skeleton, legs: &[Leg], from: Posed<'_>, to: Posed<'_>) -> Vec<Step> {
     let foot = |posed: Posed<'_>, leg: &Leg| joint_transform(skeleton, posed.root, posed.rotations, leg.foot);
     let mut steps: Vec<Step> = legs

@@ -1,8 +1,9 @@
 //! Walking over ground of varying heights: a flat motion is lifted onto it.
 //!
-//! Feet take the height of the ground that they are planted on and pass from one to the next in their swing; the root goes
-//! with the mean of the feet, smoothed, and no higher than the legs allow; legs follow by inverse kinematics. Flat motion
-//! and lifts stay apart, so that a buffer of flat motion can be lifted again whenever the motion or the ground changes.
+//! Feet take the height of the ground that they are planted on and pass from one to the next in
+//! their swing; the root goes with the mean of the feet, smoothed, and no higher than the legs
+//! allow; legs follow by inverse kinematics. Flat motion and lifts stay apart, so that a buffer of
+//! flat motion can be lifted again whenever the motion or the ground changes.
 
 use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
@@ -15,8 +16,8 @@ use crate::ik::{Leg, LegTrack, MAX_LEGS, cover, forward, smooth, spans, two_bone
 use crate::interpolate::smoothstep;
 use crate::skeleton::Skeleton;
 
-/// The straightest that the root's height leaves a leg, as a share of its length, unless it is straighter in the flat
-/// motion.
+/// The straightest that the root's height leaves a leg, as a share of its length, unless it is
+/// straighter in the flat motion.
 const STRAIGHTEST: f32 = 0.9985;
 /// Frames over which new lifts take over from those that are known.
 const TAKE_OVER_FRAMES: usize = 10;
@@ -26,9 +27,11 @@ const MOST_HALF_WINDOW: usize = 30;
 const SWING_HALF_WINDOW: usize = 2;
 /// A foot may cut a corner of the ground this near to where it is planted, frames.
 const CORNER_FRAMES: usize = 6;
-/// A foot that was in the air before anything that is known is at its new height after so many frames.
+/// A foot that was in the air before anything that is known is at its new height after so many
+/// frames.
 const GO_ON_FRAMES: usize = 15;
-/// The most that a foot goes up or down in a frame, metres: where it catches up with its way, and ever.
+/// The most that a foot goes up or down in a frame, metres: where it catches up with its way, and
+/// ever.
 const MOST_RATE_M: (f32, f32) = (0.07, 0.1);
 /// A planted foot that moves less than this in a frame stands, metres.
 const STANDS_M: f32 = 1e-4;
@@ -79,12 +82,14 @@ impl Default for Terrain {
 
 /// The lifts of a flat motion, one a frame, into `out`.
 ///
-/// `ground` answers the height of the ground at `(x, z)`, NaN where there is none to know, which leaves a foot at the height
-/// that it had. `contacts` holds a byte a frame. The first `known.len()` frames are lifted by `known`, which was shown: the
-/// others go on from there, a planted foot at its height until it leaves the ground, a swinging one from where it is. Ground that is at `h` everywhere lifts everything by `h`.
+/// `ground` answers the height of the ground at `(x, z)`, NaN where there is none to know, which
+/// leaves a foot at the height that it had. `contacts` holds a byte a frame. The first
+/// `known.len()` frames are lifted by `known`, which was shown: the others go on from there, a
+/// planted foot at its height until it leaves the ground, a swinging one from where it is. Ground
+/// that is at `h` everywhere lifts everything by `h`.
 ///
-/// The same input gives the same lifts. A foot that is in the air at either end of the motion is taken to come from or land
-/// on the ground below it.
+/// The same input gives the same lifts. A foot that is in the air at either end of the motion is
+/// taken to come from or land on the ground below it.
 #[expect(clippy::too_many_arguments, reason = "a motion by its columns")]
 pub fn lifts(
     skeleton: &Skeleton,
@@ -127,11 +132,11 @@ pub fn lifts(
     lift_root(&feet, &cap, known, options.half_window.min(MOST_HALF_WINDOW), out);
 }
 
-/// Lifts one frame: the root and, by the legs, the feet, which keep their rotation in the world. Answers how far a leg falls
-/// short of its foot's place, metres.
+/// Lifts one frame: the root and, by the legs, the feet, which keep their rotation in the world.
+/// Answers how far a leg falls short of its foot's place, metres.
 ///
-/// A lift that is the same for root and feet moves the root and leaves the pose bit for bit; one that is not finite changes
-/// nothing and answers infinity. Does not allocate.
+/// A lift that is the same for root and feet moves the root and leaves the pose bit for bit; one
+/// that is not finite changes nothing and answers infinity. Does not allocate.
 pub fn lift_frame(
     skeleton: &Skeleton,
     legs: &[Leg],
@@ -164,8 +169,8 @@ pub fn lift_frame(
     short
 }
 
-/// Lifts a whole flat motion ([`lifts`] with nothing known, and [`lift_frame`]); answers the farthest that a leg falls
-/// short, metres.
+/// Lifts a whole flat motion ([`lifts`] with nothing known, and [`lift_frame`]); answers the
+/// farthest that a leg falls short, metres.
 pub fn lift_motion(
     skeleton: &Skeleton,
     legs: &[Leg],
@@ -225,8 +230,9 @@ fn lift_root(feet: &[f32], cap: &[f32], known: &[Lift], half: usize, out: &mut [
     }
 }
 
-/// What was `shown` comes first; what differs from it in the first frame behind fades out until the foot comes down. A foot that
-/// is to stand sooner than it was going to comes down late, for it goes up and down no faster than it may.
+/// What was `shown` comes first; what differs from it in the first frame behind fades out until the
+/// foot comes down. A foot that is to stand sooner than it was going to comes down late, for it
+/// goes up and down no faster than it may.
 fn take_over(shown: &[f32], comes_down: usize, lifts: &mut [f32]) {
     let mut meant = lifts[shown.len().saturating_sub(1)];
     if let Some(last) = shown.last() {
@@ -246,7 +252,8 @@ fn take_over(shown: &[f32], comes_down: usize, lifts: &mut [f32]) {
 }
 
 impl LegTrack {
-    /// How much higher than with the foot the hip could be in a frame before the leg is straight, metres.
+    /// How much higher than with the foot the hip could be in a frame before the leg is straight,
+    /// metres.
     fn room(&self, frame: usize, leg_m: f32) -> f32 {
         let over = self.hips[frame] - self.feet[frame];
         let longest = (leg_m * STRAIGHTEST).max(over.length());
@@ -299,7 +306,8 @@ impl LegTrack {
         for span in planted.into_iter().skip(taken_up.unwrap_or_default()) {
             height = match shown[..span.end.min(shown.len())] {
                 _ if span.start >= shown.len() => None,
-                // A foot that was planted when it was shown stays where it is, unless it was still on its way down.
+                // A foot that was planted when it was shown stays where it is, unless it was still
+                // on its way down.
                 [.., before, last] if (last - before).abs() < STANDS_M => Some(last),
                 [only] => Some(only),
                 _ => None,
@@ -331,8 +339,9 @@ impl LegTrack {
         lifts
     }
 
-    /// The foot's lifts between frames `from` and `to`: up early or down late, and over what is in between. One that
-    /// has not taken off here, but before anything that is known, has had its clearance: it goes to its new height soon.
+    /// The foot's lifts between frames `from` and `to`: up early or down late, and over what is in
+    /// between. One that has not taken off here, but before anything that is known, has had its
+    /// clearance: it goes to its new height soon.
     fn swing(
         &self,
         leg: &Leg,
@@ -369,7 +378,8 @@ impl LegTrack {
         }
     }
 
-    /// The least lift that keeps foot and toe over the ground in a frame; minus infinity where the ground is not known.
+    /// The least lift that keeps foot and toe over the ground in a frame; minus infinity where the
+    /// ground is not known.
     fn least(&self, leg: &Leg, frame: usize, ground: &mut impl FnMut(f32, f32) -> f32) -> f32 {
         let places = [self.feet[frame], self.toes[frame]];
         places

@@ -15,7 +15,8 @@ fn joint(name: &str, parent: Option<usize>, offset: [f32; 3]) -> Joint {
     }
 }
 
-/// A pelvis with a spine and two straight legs of 0.9 m, feet with toes; 7 cm ankles and 2 cm toes over the ground.
+/// A pelvis with a spine and two straight legs of 0.9 m, feet with toes; 7 cm ankles and 2 cm toes
+/// over the ground.
 pub(crate) fn biped() -> Arc<Skeleton> {
     let joints = vec![
         joint("Hips", None, [0.0, 0.0, 0.0]),

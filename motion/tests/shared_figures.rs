@@ -1,5 +1,5 @@
-//! Rust's measures and pinning against Python's: a small motion whose figures both test suites compute
-//! (`training/tests/evaluate/test_shared_figures.py` writes the file).
+//! Rust's measures and pinning against Python's: a small motion whose figures both test suites
+//! compute (`training/tests/evaluate/test_shared_figures.py` writes the file).
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 

@@ -1,6 +1,7 @@
 //! How enumerations and bytes are written in JSON: words and base64.
 
-/// A module for `#[serde(with)]` on the fields of one enumeration: its values without their prefix, in lower case.
+/// A module for `#[serde(with)]` on the fields of one enumeration: its values without their prefix,
+/// in lower case.
 macro_rules! words {
     ($module:ident, $ty:ty, $prefix:literal) => {
         /// An enumeration as a word.

@@ -1,10 +1,12 @@
-//! The public contract of Troupe, generated from `troupe/v1/*.proto`: the protobuf messages, the same messages as JSON
-//! (serde, `snake_case` names) with their `OpenAPI` schemas, and, with the feature `grpc`, the gRPC clients and servers.
+//! The public contract of Troupe, generated from `troupe/v1/*.proto`: the protobuf messages, the
+//! same messages as JSON (serde, `snake_case` names) with their `OpenAPI` schemas, and, with the
+//! feature `grpc`, the gRPC clients and servers.
 //!
-//! A message missing a JSON field reads as protobuf does: the field takes its default. Requests refuse unknown
-//! fields, answers tolerate them.
+//! A message missing a JSON field reads as protobuf does: the field takes its default. Requests
+//! refuse unknown fields, answers tolerate them.
 //!
-//! [`docs`] has the documents that people write: smart objects and scenes. [`rpc`] lists the remote procedures.
+//! [`docs`] has the documents that people write: smart objects and scenes. [`rpc`] lists the remote
+//! procedures.
 
 pub mod docs;
 pub mod json;

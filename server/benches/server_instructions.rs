@@ -1,4 +1,5 @@
-//! Instructions that the server's own parts take, counted under valgrind: `make bench-instructions`.
+//! Instructions that the server's own parts take, counted under valgrind: `make
+//! bench-instructions`.
 #![allow(
     missing_docs,
     unused_qualifications,

@@ -1,5 +1,5 @@
-//! How many plans a second the networks of a pack make on this machine: the raw ONNX Runtime loop, by engine, workers,
-//! batch size and segment length. No server with its allocator can do better.
+//! How many plans a second the networks of a pack make on this machine: the raw ONNX Runtime loop,
+//! by engine, workers, batch size and segment length. No server with its allocator can do better.
 //!
 //! ```text
 //! cargo run --release -p troupe-server --example engine_throughput -- --help
@@ -53,8 +53,9 @@ struct Args {
         value_name = "FRAMES,.."
     )]
     frames: Vec<usize>,
-    /// What is in the loop: the networks alone, all on every worker; the same with root and pose on every other worker and the
-    /// decoder of the batch before on the next; or the server's pipeline, with its filling and sampling too.
+    /// What is in the loop: the networks alone, all on every worker; the same with root and pose on
+    /// every other worker and the decoder of the batch before on the next; or the server's
+    /// pipeline, with its filling and sampling too.
     #[arg(long = "loop", value_enum, default_value = "raw")]
     kind: LoopKind,
     /// Seconds a measurement.
@@ -63,8 +64,8 @@ struct Args {
     /// Measurements of each row, in turns; the median counts.
     #[arg(long, default_value_t = 1, value_name = "COUNT")]
     repeats: usize,
-    /// Time that a worker sleeps before each call, which does not count: what a lone caller's requests cost a core that has
-    /// nothing to do in between.
+    /// Time that a worker sleeps before each call, which does not count: what a lone caller's
+    /// requests cost a core that has nothing to do in between.
     #[arg(long, default_value_t = 0, value_name = "MICROSECONDS")]
     pause_us: u64,
     /// Whether waiting threads of a worker spin.
@@ -75,7 +76,8 @@ struct Args {
     json: bool,
 }
 
-/// A pack whose networks of fixed shapes take more has one network for all shapes, as in the server.
+/// A pack whose networks of fixed shapes take more has one network for all shapes, as in the
+/// server.
 const MOST_NETWORK_BYTES: u64 = 200 << 20;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
@@ -155,7 +157,8 @@ impl Turns {
         (front, decoder)
     }
 
-    /// Runs `stages` when it is its turn; not at all where that does not come in time, for the other worker has come to its end.
+    /// Runs `stages` when it is its turn; not at all where that does not come in time, for the
+    /// other worker has come to its end.
     fn take(
         &self,
         patience: Duration,
@@ -338,20 +341,23 @@ fn engines(wanted: &[EngineChoice], runtime: &Runtime) -> Vec<EngineKind> {
     engines
 }
 
-/// How long a worker waits for a batch of another while networks may have to be opened, and while it measures.
+/// How long a worker waits for a batch of another while networks may have to be opened, and while
+/// it measures.
 const WARM_UP: Duration = Duration::from_secs(60);
 const LAST_TURN: Duration = Duration::from_millis(50);
 
 /// One measurement of one shape.
 struct Run {
     plans_per_s: f64,
-    /// Of every call on every worker that ends batches, with its wait for its turn, sorted, milliseconds.
+    /// Of every call on every worker that ends batches, with its wait for its turn, sorted,
+    /// milliseconds.
     calls: Vec<f64>,
     sum: StageTimes,
     busy: Duration,
 }
 
-/// Runs batches of (rows, frames) on all workers for `time`, each after a `pause`, and one at first that does not count.
+/// Runs batches of (rows, frames) on all workers for `time`, each after a `pause`, and one at first
+/// that does not count.
 fn measure(
     works: &mut [Work],
     dims: &Dims,
@@ -435,7 +441,8 @@ impl Run {
 }
 
 impl Row {
-    /// Takes another measurement of the same shape in. The row's other figures are those of its median.
+    /// Takes another measurement of the same shape in. The row's other figures are those of its
+    /// median.
     fn join(&mut self, run: &Run) {
         let other = run.row(self.engine, self.kind, self.workers, self.batch, self.frames);
         self.repeats.push(run.plans_per_s);

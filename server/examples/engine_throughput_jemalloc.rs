@@ -1,4 +1,5 @@
-//! [`engine_throughput`] with the allocator that the server has: what of its speed is that of its allocator.
+//! [`engine_throughput`] with the allocator that the server has: what of its speed is that of its
+//! allocator.
 
 #[path = "engine_throughput.rs"]
 mod engine_throughput;

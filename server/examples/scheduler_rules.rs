@@ -1,6 +1,6 @@
-//! What three rules of the scheduler are worth: idle workers share what waits, a batch is capped by its time, and where the
-//! engine cuts batches into calls it has whole ones. A
-//! simulation of the scheduler itself with modelled workers: every run gives the same figures, on every machine.
+//! What three rules of the scheduler are worth: idle workers share what waits, a batch is capped by
+//! its time, and where the engine cuts batches into calls it has whole ones. A simulation of the
+//! scheduler itself with modelled workers: every run gives the same figures, on every machine.
 //!
 //! A batch of n characters takes a + b·n. One step a batch, two workers.
 //!

@@ -1,7 +1,8 @@
-//! Live characters of the bodies of a pack, without a server: a minute of commands, then a path. Prints how smooth they are, how
-//! well they obey, and what a plan takes.
+//! Live characters of the bodies of a pack, without a server: a minute of commands, then a path.
+//! Prints how smooth they are, how well they obey, and what a plan takes.
 //!
-//! `cargo run --release -p troupe-server --example wander_bodies -- --pack models/unimogen --bodies human,g1,h1_2,horse`
+//! `cargo run --release -p troupe-server --example wander_bodies -- --pack models/unimogen --bodies
+//! human,g1,h1_2,horse`
 
 use std::f32::consts::TAU;
 use std::path::PathBuf;

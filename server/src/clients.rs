@@ -1,7 +1,8 @@
-//! Who asks, and how much of the server it may have at a time: memory for requests and answers on their way, and streams.
+//! Who asks, and how much of the server it may have at a time: memory for requests and answers on
+//! their way, and streams.
 //!
-//! A client is a key; without keys, a connection. What it takes counts for the client, for the address of its connection, and for all
-//! together, and each has a limit.
+//! A client is a key; without keys, a connection. What it takes counts for the client, for the
+//! address of its connection, and for all together, and each has a limit.
 
 mod identity;
 mod turns;
@@ -250,7 +251,8 @@ impl Clients {
         })
     }
 
-    /// The client of an account, on a connection of `connected`. Where its quota is another than before, it counts anew.
+    /// The client of an account, on a connection of `connected`. Where its quota is another than
+    /// before, it counts anew.
     pub fn with_key(&self, account: &str, quota: Quota, connected: &Client) -> Arc<Client> {
         let mut keys = self.by_key.lock().unwrap_or_else(PoisonError::into_inner);
         let known = keys.get(account).filter(|level| level.quota == quota).cloned();
@@ -345,8 +347,8 @@ impl Client {
         })
     }
 
-    /// Room for `count` more sessions, if the client has a quota of them. Those of its sessions that `is_open` does not know any
-    /// more count no longer.
+    /// Room for `count` more sessions, if the client has a quota of them. Those of its sessions
+    /// that `is_open` does not know any more count no longer.
     ///
     /// # Errors
     /// [`Exhausted`] where there is no room for all of them.

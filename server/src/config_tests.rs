@@ -79,7 +79,8 @@ fn the_committed_template_is_current() {
     );
 }
 
-/// The help as a terminal of usual width shows it. Defaults of this machine's environment do not show.
+/// The help as a terminal of usual width shows it. Defaults of this machine's environment do not
+/// show.
 fn help(command: &mut clap::Command) -> String {
     command
         .clone()

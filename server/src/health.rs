@@ -1,5 +1,5 @@
-//! The health check of the command line: asks a running server whether it is ready. An image needs no HTTP client for its
-//! health check then.
+//! The health check of the command line: asks a running server whether it is ready. An image needs
+//! no HTTP client for its health check then.
 
 mod tls;
 
@@ -43,8 +43,8 @@ pub enum HealthError {
     },
 }
 
-/// The readiness page of a server on this machine that listens on `listen`. Every address (0.0.0.0 or ::) is asked on the
-/// loopback interface.
+/// The readiness page of a server on this machine that listens on `listen`. Every address (0.0.0.0
+/// or ::) is asked on the loopback interface.
 ///
 /// # Errors
 /// Never for an address with a port; the library cannot know that.

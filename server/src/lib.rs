@@ -1,7 +1,8 @@
 //! Troupe's motion server.
 //!
 //! # Layers
-//! A module knows those above it in this table, and none below it. `scripts/check-layers.sh` holds it to that.
+//! A module knows those above it in this table, and none below it. `scripts/check-layers.sh` holds
+//! it to that.
 //!
 //! | module | holds |
 //! |---|---|
@@ -22,13 +23,14 @@
 //! Each layer has an error of its own. They become answers in one place, [`api`].
 //!
 //! # The way of a request
-//! A request arrives over gRPC or HTTP, is checked and brought into each character's segment frame ([`inbetween`]), waits in a
-//! bounded queue and travels with whatever else waits ([`batch`]), passes the networks of a pack (`troupe-engine`), and comes
-//! back as frames.
+//! A request arrives over gRPC or HTTP, is checked and brought into each character's segment frame
+//! ([`inbetween`]), waits in a bounded queue and travels with whatever else waits ([`batch`]),
+//! passes the networks of a pack (`troupe-engine`), and comes back as frames.
 //!
 //! # The way of a live character
-//! Commands change what a character wants (`troupe-character`). Whenever it needs a plan, its session has one made on the same
-//! way through the batcher, and cross-fades it into the frames that a step or a stream takes ([`session`]).
+//! Commands change what a character wants (`troupe-character`). Whenever it needs a plan, its
+//! session has one made on the same way through the batcher, and cross-fades it into the frames
+//! that a step or a stream takes ([`session`]).
 //!
 //! # Embedding
 //! ```no_run

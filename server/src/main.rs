@@ -16,14 +16,16 @@ use troupe_server::doctor::Report;
 use troupe_server::health;
 use troupe_server::server::{ServerHandle, Stopped, serve};
 
-/// The process's allocator, the C libraries' too: in one run of a network, ONNX Runtime and OpenVINO take and give back memory
-/// hundreds of times, and the C library's own took 5 % of a worker's time for it.
+/// The process's allocator, the C libraries' too: in one run of a network, ONNX Runtime and
+/// OpenVINO take and give back memory hundreds of times, and the C library's own took 5 % of a
+/// worker's time for it.
 #[cfg(all(target_os = "linux", target_env = "gnu", target_arch = "x86_64"))]
 #[global_allocator]
 static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 
-/// What nobody needs goes back to the system though the server is idle, and bit by bit: by default memory of 8 MiB and more goes at
-/// once, and when 100 large bodies ended together, nothing ran for half a second. `MALLOC_CONF` in the environment has the last word.
+/// What nobody needs goes back to the system though the server is idle, and bit by bit: by default
+/// memory of 8 MiB and more goes at once, and when 100 large bodies ended together, nothing ran for
+/// half a second. `MALLOC_CONF` in the environment has the last word.
 #[cfg(all(target_os = "linux", target_env = "gnu", target_arch = "x86_64"))]
 #[allow(unsafe_code, reason = "the allocator looks for this name")]
 #[unsafe(export_name = "malloc_conf")]
@@ -126,10 +128,12 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     Ok(code)
 }
 
-/// Has this thread, when it wakes, take a free core or wait for the end of a time slice, but not push a worker off its core.
+/// Has this thread, when it wakes, take a free core or wait for the end of a time slice, but not
+/// push a worker off its core.
 ///
-/// A batch that is done wakes as many callers as it had characters. Where workers keep all cores busy, each of them would drive a
-/// network out of the core's caches for a tenth of a millisecond of work.
+/// A batch that is done wakes as many callers as it had characters. Where workers keep all cores
+/// busy, each of them would drive a network out of the core's caches for a tenth of a millisecond
+/// of work.
 #[cfg(target_os = "linux")]
 #[allow(
     unsafe_code,
@@ -139,8 +143,9 @@ fn interrupt_nobody() {
     // Zero is the one priority of this policy; musl's struct has fields of another policy besides.
     // SAFETY: integers, for which all zeroes are a value.
     let priority: libc::sched_param = unsafe { std::mem::zeroed() };
-    // SAFETY: the pointer is valid for the call, and 0 names the calling thread. It needs no privilege; a sandbox that refuses
-    // it all the same makes a busy server slower, and nothing else.
+    // SAFETY: the pointer is valid for the call, and 0 names the calling thread. It needs no
+    // privilege; a sandbox that refuses it all the same makes a busy server slower, and nothing
+    // else.
     unsafe { libc::sched_setscheduler(0, libc::SCHED_BATCH, &raw const priority) };
 }
 
@@ -152,7 +157,8 @@ fn start_logging(config: &Config) -> anyhow::Result<()> {
     let logging = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_ansi(io::stderr().is_terminal())
-        // Reports of lines that could not be written go to standard error too, and panic where it is closed.
+        // Reports of lines that could not be written go to standard error too, and panic where it
+        // is closed.
         .log_internal_errors(false)
         .with_writer(io::stderr);
     match config.log_format {
@@ -162,8 +168,9 @@ fn start_logging(config: &Config) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Connections that the system takes before the server does. A client that finds no place among them tries again after a second; 1,024, the
-/// usual number, made a health check wait for it while somebody opened 1,000. The system may allow fewer (`net.core.somaxconn`).
+/// Connections that the system takes before the server does. A client that finds no place among
+/// them tries again after a second; 1,024, the usual number, made a health check wait for it while
+/// somebody opened 1,000. The system may allow fewer (`net.core.somaxconn`).
 const LISTEN_BACKLOG: u32 = 4096;
 
 fn listen(address: SocketAddr) -> io::Result<TcpListener> {
@@ -171,7 +178,8 @@ fn listen(address: SocketAddr) -> io::Result<TcpListener> {
         SocketAddr::V4(_) => TcpSocket::new_v4(),
         SocketAddr::V6(_) => TcpSocket::new_v6(),
     }?;
-    // As `TcpListener::bind`: the server may start again while connections of the process before are being closed.
+    // As `TcpListener::bind`: the server may start again while connections of the process before
+    // are being closed.
     #[cfg(unix)]
     socket.set_reuseaddr(true)?;
     socket.bind(address)?;
@@ -204,7 +212,8 @@ async fn serve_until_stopped(config: Config) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// Reads files again at each SIGHUP. Without such files the signal ends the process, as it does where a terminal is closed.
+/// Reads files again at each SIGHUP. Without such files the signal ends the process, as it does
+/// where a terminal is closed.
 #[cfg_attr(not(unix), allow(unused_variables, reason = "there is no such signal"))]
 async fn reload_at_hangup(server: &ServerHandle) {
     #[cfg(unix)]
@@ -275,7 +284,8 @@ fn greeting(server: &ServerHandle) -> String {
     )
 }
 
-/// Ctrl-c, and SIGTERM where there is such a thing. Made once, so that no signal between two waits is lost.
+/// Ctrl-c, and SIGTERM where there is such a thing. Made once, so that no signal between two waits
+/// is lost.
 struct StopSignals {
     #[cfg(unix)]
     interrupt: tokio::signal::unix::Signal,

@@ -5,7 +5,8 @@
 #[error("a worker stopped before it was done")]
 pub struct WorkerStopped;
 
-/// Runs CPU work for a request: here where it is for at most `inline` things, on the blocking pool where it is for more.
+/// Runs CPU work for a request: here where it is for at most `inline` things, on the blocking pool
+/// where it is for more.
 ///
 /// # Errors
 /// [`WorkerStopped`].

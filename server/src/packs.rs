@@ -87,7 +87,8 @@ impl UnknownBody {
     }
 }
 
-/// The styles of a pack: of each of its bodies, or of its one skeleton. Added ones are in `folder`, below the pack's name.
+/// The styles of a pack: of each of its bodies, or of its one skeleton. Added ones are in `folder`,
+/// below the pack's name.
 ///
 /// # Errors
 /// [`StyleError`].
@@ -108,7 +109,8 @@ pub fn load_skills(pack: &Pack) -> Result<Arc<Skills>, Box<DocumentError>> {
     }
 }
 
-/// What `table` gives for each body of the pack (its place, rig and folder), or for the pack's one skeleton.
+/// What `table` gives for each body of the pack (its place, rig and folder), or for the pack's one
+/// skeleton.
 fn each_styles(
     pack: &Pack,
     folder: Option<PathBuf>,
@@ -130,7 +132,8 @@ fn names(capabilities: &[Capability]) -> String {
 }
 
 impl LoadedPack {
-    /// Checks that the pack can do what the request asks for; `field` names the pack in the request.
+    /// Checks that the pack can do what the request asks for; `field` names the pack in the
+    /// request.
     ///
     /// # Errors
     /// [`CannotDo`].
@@ -147,8 +150,8 @@ impl LoadedPack {
         }
     }
 
-    /// The place of a body among the pack's, which is that of its styles too; of the default one where the name, given in `field`, is
-    /// empty. 0 for a pack of one skeleton.
+    /// The place of a body among the pack's, which is that of its styles too; of the default one
+    /// where the name, given in `field`, is empty. 0 for a pack of one skeleton.
     ///
     /// # Errors
     /// [`UnknownBody`].

@@ -1,7 +1,7 @@
 //! What outlives the process: records by name, in one file.
 //!
-//! The file is a database that is whole at any moment, whenever the process is killed or the power goes. What is in a record is the
-//! business of those who write it.
+//! The file is a database that is whole at any moment, whenever the process is killed or the power
+//! goes. What is in a record is the business of those who write it.
 
 #[cfg(test)]
 pub(crate) mod disk;
@@ -163,8 +163,8 @@ impl Records {
         read_all(database, kind).map_err(|error| self.failed(error))
     }
 
-    /// Writes all changes, or none of them. They are on the disk when this returns. After an error the file is opened again by the
-    /// next call.
+    /// Writes all changes, or none of them. They are on the disk when this returns. After an error
+    /// the file is opened again by the next call.
     ///
     /// # Errors
     /// [`RecordsError::File`]; what was there before is there still.

@@ -30,8 +30,8 @@ fn change(rng: &mut ChaCha8Rng, now: &All) -> (Changes, All) {
     (changes, then)
 }
 
-/// Full disks and lost power in the middle of writing: afterwards there is all of a change or nothing of it, and what was written
-/// before is there.
+/// Full disks and lost power in the middle of writing: afterwards there is all of a change or
+/// nothing of it, and what was written before is there.
 #[test]
 fn a_thousand_faults_lose_nothing_that_was_written() {
     let (mut failed, mut pulled, mut torn) = (0, 0, 0);

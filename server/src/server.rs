@@ -59,12 +59,14 @@ const CALLERS_ENGINE: &str = "other";
 const UPKEEP_INTERVAL: Duration = Duration::from_secs(5);
 /// Time that streams have to end beyond that for requests.
 const FAREWELL: Duration = Duration::from_millis(500);
-/// How often sessions are looked through for those whose time is up. Expiry itself does not wait for that.
+/// How often sessions are looked through for those whose time is up. Expiry itself does not wait
+/// for that.
 const SWEEP_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Makes the stages of a pack for one worker, on the thread that will own them.
 pub type StagesFactory = Box<dyn Fn(&Pack) -> Result<Box<dyn Stages>, EngineError> + Send + Sync>;
-/// Makes the generator of a pack for one worker, whose batches have up to so many jobs, on the thread that will own it.
+/// Makes the generator of a pack for one worker, whose batches have up to so many jobs, on the
+/// thread that will own it.
 pub type MakeGenerator = Box<dyn Fn(&Pack, usize) -> Result<Box<dyn Generator>, EngineError> + Send + Sync>;
 
 /// A pack and what runs it.
@@ -96,8 +98,8 @@ impl PackSource {
     }
 }
 
-/// Most connections of a server: those that `config` asks for, or as many as the system's limit of open files leaves room for. Raises
-/// that limit as far as it may.
+/// Most connections of a server: those that `config` asks for, or as many as the system's limit of
+/// open files leaves room for. Raises that limit as far as it may.
 ///
 /// # Errors
 /// [`StartError::Files`] where there is no room for those that are asked for.
@@ -147,17 +149,19 @@ pub fn packs_of(config: &Config) -> Result<Vec<PackSource>, StartError> {
     Ok(sources)
 }
 
-/// Starts a server on `listener` with the packs that `config` names. The port answers at once; requests are served when
-/// [`ServerHandle::ready`] says so.
+/// Starts a server on `listener` with the packs that `config` names. The port answers at once;
+/// requests are served when [`ServerHandle::ready`] says so.
 ///
 /// # Errors
-/// [`StartError`] where the server cannot be set up. Packs load later: [`ServerHandle::ready`] tells their errors.
+/// [`StartError`] where the server cannot be set up. Packs load later: [`ServerHandle::ready`]
+/// tells their errors.
 pub async fn serve(config: Config, listener: TcpListener) -> Result<ServerHandle, StartError> {
     let for_packs = config.clone();
     serve_packs(config, listener, move || packs_of(&for_packs)).await
 }
 
-/// [`serve`], with packs and engines of the caller's choice. `packs` runs on the pool for blocking work.
+/// [`serve`], with packs and engines of the caller's choice. `packs` runs on the pool for blocking
+/// work.
 ///
 /// # Errors
 /// [`StartError`] where the server cannot be set up.
@@ -352,7 +356,8 @@ async fn start(
     let (sources, store) = tokio::task::spawn_blocking(read).await.map_err(gone)??;
     let default = default_pack(&config, &sources)?;
     let loading = sources.into_iter().map(|source| load(&config, &service, source));
-    // All of them, for a library should not be left while another pack's workers are still inside it.
+    // All of them, for a library should not be left while another pack's workers are still inside
+    // it.
     let loaded = join_all(loading).await.into_iter().collect::<Result<_, _>>()?;
     let opening = service.clone();
     let (interval, tenants) = (config.snapshot_interval(), config.tenant_options());

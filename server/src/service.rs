@@ -1,4 +1,5 @@
-//! The service behind both fronts: finds the pack, checks the request, has it served, and makes the answer.
+//! The service behind both fronts: finds the pack, checks the request, has it served, and makes the
+//! answer.
 
 mod describe;
 mod error;
@@ -37,15 +38,17 @@ pub use error::ServiceError;
 pub use generate::Generation;
 pub use streamed::Streamed;
 
-/// Requests of up to this many characters are checked and finished on the task that received them; larger ones go to the
-/// pool for blocking work, so that they do not hold up other connections.
+/// Requests of up to this many characters are checked and finished on the task that received them;
+/// larger ones go to the pool for blocking work, so that they do not hold up other connections.
 const INLINE_CHARACTERS: usize = 4;
 
-/// When the answer to a request should be there, from its arrival on. It is the same for all, so they are served in the
-/// order of their arrival; beside the plans of live characters their class offset is added.
+/// When the answer to a request should be there, from its arrival on. It is the same for all, so
+/// they are served in the order of their arrival; beside the plans of live characters their class
+/// offset is added.
 const REQUEST_TARGET: Duration = Duration::from_millis(100);
 
-/// The service as a tenant has it. It starts without packs and serves once [`Service::open`] has given it some.
+/// The service as a tenant has it. It starts without packs and serves once [`Service::open`] has
+/// given it some.
 #[derive(Debug)]
 pub struct Service {
     common: Arc<Common>,
@@ -68,7 +71,8 @@ struct Common {
 }
 
 impl Service {
-    /// A service that is not ready yet. Its callers do not wait for an answer longer than `timeout`.
+    /// A service that is not ready yet. Its callers do not wait for an answer longer than
+    /// `timeout`.
     pub fn new(limits: RequestLimits, timeout: Duration, sessions: Sessions, telemetry: Telemetry) -> Self {
         Self {
             common: Arc::new(Common {
@@ -84,7 +88,8 @@ impl Service {
         }
     }
 
-    /// Starts to serve, with the sessions of `records`; gives what keeps them from now on. Only the first call counts. This blocks.
+    /// Starts to serve, with the sessions of `records`; gives what keeps them from now on. Only the
+    /// first call counts. This blocks.
     ///
     /// # Errors
     /// [`RecordsError`] where the records cannot be read.
@@ -111,7 +116,8 @@ impl Service {
     /// The service as `tenant` has it. The first time this reads the tenant's files.
     ///
     /// # Errors
-    /// [`ServiceError::Starting`], [`ServiceError::TooManyTenants`], and [`ServiceError::Tenant`] where its files cannot be read.
+    /// [`ServiceError::Starting`], [`ServiceError::TooManyTenants`], and [`ServiceError::Tenant`]
+    /// where its files cannot be read.
     pub async fn of(self: &Arc<Self>, tenant: Tenant) -> Result<Arc<Self>, ServiceError> {
         if tenant.is_none() {
             return Ok(self.clone());
@@ -129,7 +135,8 @@ impl Service {
         }))
     }
 
-    /// Reports "not ready" from now on, so that no new work is sent here. What comes is still served.
+    /// Reports "not ready" from now on, so that no new work is sent here. What comes is still
+    /// served.
     pub fn announce_stop(&self) {
         self.common.draining.store(true, Ordering::Relaxed);
     }
@@ -145,7 +152,8 @@ impl Service {
         &self.common.telemetry
     }
 
-    /// Sets the metrics that nothing else sets: to be called every few seconds, and before metrics are read.
+    /// Sets the metrics that nothing else sets: to be called every few seconds, and before metrics
+    /// are read.
     pub fn look(&self) {
         self.common
             .metrics

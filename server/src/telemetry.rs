@@ -1,7 +1,8 @@
-//! The registry of metrics, behind names of our own: nothing else in the server speaks to a metrics library. Every server has
-//! its own registry, so several can live in one process.
+//! The registry of metrics, behind names of our own: nothing else in the server speaks to a metrics
+//! library. Every server has its own registry, so several can live in one process.
 //!
-//! Each layer names its metrics ([`Metric`]) and owns their handles: `batch::metrics`, `session::metrics`, `api::metrics`.
+//! Each layer names its metrics ([`Metric`]) and owns their handles: `batch::metrics`,
+//! `session::metrics`, `api::metrics`.
 
 mod request;
 mod traces;
@@ -67,7 +68,8 @@ impl Seldom {
 /// A metric of one or more labelled series.
 #[derive(Debug, Clone, Copy)]
 pub struct Metric {
-    /// Its name. The name of a histogram ends in a unit that has buckets: `_seconds`, `_size`, `_ratio` or `_frames`.
+    /// Its name. The name of a histogram ends in a unit that has buckets: `_seconds`, `_size`,
+    /// `_ratio` or `_frames`.
     pub name: &'static str,
     /// What it says, for people.
     pub help: &'static str,
@@ -152,8 +154,8 @@ impl Telemetry {
         self.recorder.handle().render()
     }
 
-    /// Folds recorded samples into their buckets; to be called every few seconds, or samples pile up where nobody
-    /// scrapes.
+    /// Folds recorded samples into their buckets; to be called every few seconds, or samples pile
+    /// up where nobody scrapes.
     pub fn run_upkeep(&self) {
         self.recorder.handle().run_upkeep();
     }

@@ -1,11 +1,13 @@
-//! Writes the requests of the benchmarks: in-betweens of a clip, each as a gRPC message for the server, as JSON, and as a
-//! plain binary body for other servers of the same networks. The body holds what the networks read, so that those servers
-//! need no code for segment frames and features; `bench/troupe_bench/body.py` describes it.
+//! Writes the requests of the benchmarks: in-betweens of a clip, each as a gRPC message for the
+//! server, as JSON, and as a plain binary body for other servers of the same networks. The body
+//! holds what the networks read, so that those servers need no code for segment frames and
+//! features; `bench/troupe_bench/body.py` describes it.
 //!
 //! ```text
 //! cargo run -p troupe-tests --example bench_requests -- PACK_FOLDER CLIP.bvh OUT_FOLDER LENGTHS COUNT
 //! ```
-//! LENGTHS are the frames of a segment, such as `64`, or two numbers such as `12-64` for lengths between them in turn.
+//! LENGTHS are the frames of a segment, such as `64`, or two numbers such as `12-64` for lengths
+//! between them in turn.
 
 use std::path::{Path, PathBuf};
 
@@ -109,7 +111,8 @@ fn write_request(
     }))
 }
 
-/// The binary body: header, then one column after the other over context and targets. All numbers are little-endian.
+/// The binary body: header, then one column after the other over context and targets. All numbers
+/// are little-endian.
 fn body(item: &KeyframeTask, dims: &Dims) -> Vec<u8> {
     let keys: Vec<&KeyTensors> = item.context.iter().chain(&item.targets).collect();
     let mut bytes = MAGIC.to_vec();

@@ -1,4 +1,5 @@
-//! Prints a request as JSON: a gap in a BVH clip on a pack's skeleton, such as `examples/request.json` of `examples/walk.bvh`.
+//! Prints a request as JSON: a gap in a BVH clip on a pack's skeleton, such as
+//! `examples/request.json` of `examples/walk.bvh`.
 //!
 //! ```text
 //! cargo run -p troupe-tests --example sample_request -- models/human examples/walk.bvh > examples/request.json

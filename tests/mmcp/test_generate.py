@@ -178,7 +178,8 @@ def test_feet_stand_on_uneven_ground(ours):
         if not name.startswith("Foot"):
             continue
         foot = answer.positions()[0, :, answer.names.index(name)]
-        # In the middle of a contact the ankle is as high over a step below the foot as it is over a floor.
+        # In the middle of a contact the ankle is as high over a step below the foot as it is over a
+        # floor.
         middle = np.convolve(stands, np.ones(5), "same") == 5
         off = [min(abs(y - height(z + ahead) - 0.12) for ahead in (0, 0.1, 0.2)) for _, y, z in foot[middle]]
         assert len(off) > 5

@@ -1,4 +1,5 @@
-//! A `troupe-server` in a process of its own: started with default limits, watched, stopped and killed.
+//! A `troupe-server` in a process of its own: started with default limits, watched, stopped and
+//! killed.
 
 use std::io::{self, Read as _, Write as _};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -25,7 +26,8 @@ pub fn release(name: &str) -> PathBuf {
     target.join("release").join(name)
 }
 
-/// What a server keeps when its process ends: an address, and a temporary folder for its store and its cache.
+/// What a server keeps when its process ends: an address, and a temporary folder for its store and
+/// its cache.
 #[derive(Debug)]
 pub struct Home {
     binary: PathBuf,
@@ -34,7 +36,8 @@ pub struct Home {
 }
 
 impl Home {
-    /// A home with a free port of the loopback interface, for the server of the release build or another `binary`.
+    /// A home with a free port of the loopback interface, for the server of the release build or
+    /// another `binary`.
     ///
     /// # Errors
     /// Where the binary is not there, or the folder cannot be made.
@@ -258,7 +261,8 @@ impl Server {
         Ok(numbers.filter_map(|n| n.parse::<f64>().ok()).sum::<f64>() / CLOCK_TICKS)
     }
 
-    /// Processor time of its threads so far that run no network, in seconds: of those whose names do not begin with `worker-`.
+    /// Processor time of its threads so far that run no network, in seconds: of those whose names
+    /// do not begin with `worker-`.
     ///
     /// # Errors
     /// Where the process is gone, or the kernel keeps no such times (`CONFIG_SCHED_INFO`).

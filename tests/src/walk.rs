@@ -43,8 +43,8 @@ impl Default for Walk {
 const STRIDES_PER_SECOND: f32 = 1.0;
 
 impl Walk {
-    /// The walk on a skeleton whose joints are named as usual (`UpperLeg_L`, `LowerArm_R`, ...); other joints hold
-    /// still. The lower foot is always on the ground.
+    /// The walk on a skeleton whose joints are named as usual (`UpperLeg_L`, `LowerArm_R`, ...);
+    /// other joints hold still. The lower foot is always on the ground.
     ///
     /// # Panics
     /// Where the skeleton cannot carry a clip, which a valid one can.

@@ -100,7 +100,8 @@ def person(at: dict[str, np.ndarray], sole_m: float) -> Shape:
     for side, mark in ((1, "L"), (-1, "R")):
         arm, elbow, wrist = (at[f"{name}_{mark}"] for name in ("UpperArm", "LowerArm", "Hand"))
         hip, knee, ankle = (at[f"{name}_{mark}"] for name in ("UpperLeg", "LowerLeg", "Foot"))
-        # Shoulder: from the neck's foot over the joint; the flesh reaches farther out than the joint.
+        # Shoulder: from the neck's foot over the joint; the flesh reaches farther out than the
+        # joint.
         add(
             off("Neck", side * 0.02, -0.035, -0.014),
             arm + size * np.array([side * 0.012, 0.0, 0.0]),

@@ -97,7 +97,8 @@ def surface(shape: Shape, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     share = 1 - TRIANGLES / len(triangles)
     vertices, triangles = fast_simplification.simplify(vertices.astype(np.float32), triangles.astype(np.int32), share)
     vertices = vertices.astype(np.float64)
-    # Simplification leaves the surface a little; two steps of Newton's method bring vertices back to it.
+    # Simplification leaves the surface a little; two steps of Newton's method bring vertices back
+    # to it.
     for _ in range(2):
         vertices -= shape.distance(vertices)[:, None] * shape.gradient(vertices)
     return vertices, triangles
@@ -121,7 +122,8 @@ def weights_of(rig: Rig, vertices: np.ndarray, triangles: np.ndarray) -> np.ndar
         for end in ends:
             distances[:, j] = np.minimum(distances[:, j], from_segment(vertices, rig.places[j], end))
     weights = (distances + 0.004) ** -FALL
-    # Only the nearest bone and its neighbours in the tree: an arm does not move the thigh beside it.
+    # Only the nearest bone and its neighbours in the tree: an arm does not move the thigh beside
+    # it.
     near = neighbours(rig.parents)
     weights *= near[distances.argmin(axis=1)]
     weights /= weights.sum(axis=1, keepdims=True)

@@ -1,4 +1,5 @@
-// What characters look like: people in the project's own body, capsules, and skins that are dropped.
+// What characters look like: people in the project's own body, capsules, and skins that are
+// dropped.
 import { readFileSync } from 'node:fs';
 import { resolve } from 'node:path';
 import type { Page } from '@playwright/test';

@@ -1,4 +1,5 @@
-// The documentation at /docs. That no page asks anybody else is what all tests here look at (viewer.ts).
+// The documentation at /docs. That no page asks anybody else is what all tests here look at
+// (viewer.ts).
 import AxeBuilder from '@axe-core/playwright';
 import { expect, test } from './viewer';
 

@@ -93,7 +93,8 @@ test('walks along a path that is drawn, and arrives', async ({ page, open }) => 
   expect(apart(await ownPlace(page), before)).toBeGreaterThan(0.5);
 });
 
-// Software takes 20 s for a picture of 200 bodies with their shadows: this one is for machines with a GPU.
+// Software takes 20 s for a picture of 200 bodies with their shadows: this one is for machines with
+// a GPU.
 test('draws 200 characters within the time of a frame @gpu', async ({ page, open }) => {
   test.setTimeout(120_000);
   // A small picture: software drawing of the picture itself is not what is measured.

@@ -26,7 +26,8 @@ test(`${CHARACTERS} characters at ${RATE_HZ} Hz @measure`, async ({ page, server
   test.setTimeout(300_000);
   const worker = readdirSync(ASSETS).find((name) => /^drive\.worker-.*\.js$/.test(name));
   if (!worker) throw new Error('web/dist has no worker: npm run build');
-  // A page of the server on which nothing is drawn, so that only the stream and its worker take time.
+  // A page of the server on which nothing is drawn, so that only the stream and its worker take
+  // time.
   await page.goto(`${server.page}healthz`);
   await page.evaluate(
     async ([count, chunk]) => {

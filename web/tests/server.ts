@@ -71,7 +71,8 @@ export class TroupeServer {
   /** Processor time that the process has taken, seconds. Linux only. */
   cpuSeconds(): number {
     const stat = readFileSync(`/proc/${this.child?.pid}/stat`, 'utf8');
-    // Behind the name, which may hold spaces: user and system time are the 12th and the 13th, in hundredths.
+    // Behind the name, which may hold spaces: user and system time are the 12th and the 13th, in
+    // hundredths.
     const numbers = stat.slice(stat.lastIndexOf(')') + 2).split(' ');
     return (Number(numbers[11]) + Number(numbers[12])) / 100;
   }

@@ -1,4 +1,5 @@
-// Skills of the own character. But for the last test they are two small ones of a robot, written here: its hips go down and up.
+// Skills of the own character. But for the last test they are two small ones of a robot, written
+// here: its hips go down and up.
 import { mkdirSync, mkdtempSync, readdirSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';

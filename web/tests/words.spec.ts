@@ -1,5 +1,5 @@
-// Sentences that the own character acts out. But for the last test the words come from a tiny pack of random weights: what it does
-// means nothing.
+// Sentences that the own character acts out. But for the last test the words come from a tiny pack
+// of random weights: what it does means nothing.
 import { mkdtempSync, rmSync, symlinkSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';

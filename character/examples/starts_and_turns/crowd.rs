@@ -1,4 +1,5 @@
-//! How much the walkers of a crowd differ by their seeds, beside the takes of the data; and what that costs.
+//! How much the walkers of a crowd differ by their seeds, beside the takes of the data; and what
+//! that costs.
 
 use troupe_motion::Vec3;
 use troupe_motion::clip::Clip;
@@ -19,7 +20,8 @@ const STEADY_FRAMES: usize = 240;
 /// Phases of a step at which poses are compared.
 const PHASES: usize = 32;
 
-/// A walk at [`PHASES`] phases from a left strike on: joints seen from the root on the ground, facing ahead.
+/// A walk at [`PHASES`] phases from a left strike on: joints seen from the root on the ground,
+/// facing ahead.
 type Walk = Vec<Vec<Vec3>>;
 
 pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Result<()> {

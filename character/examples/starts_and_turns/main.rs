@@ -1,4 +1,5 @@
-//! How soon live characters start, how they turn and stop, how they go aside, and how the walkers of a crowd differ, beside the clips: real networks, no server.
+//! How soon live characters start, how they turn and stop, how they go aside, and how the walkers
+//! of a crowd differ, beside the clips: real networks, no server.
 //!
 //! ```text
 //! ORT_DYLIB_PATH=.runtime/libonnxruntime.so cargo run --release -p troupe-character --example starts_and_turns -- starts

@@ -1,4 +1,5 @@
-//! Aside and backwards while facing ahead: where hips and shoulders face, how much of the speed is there, how hard joints are pushed.
+//! Aside and backwards while facing ahead: where hips and shoulders face, how much of the speed is
+//! there, how hard joints are pushed.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -110,7 +111,8 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
     Ok(())
 }
 
-/// The 99.9th percentile of joint accelerations of the clips that show styles' walks, by style and gait.
+/// The 99.9th percentile of joint accelerations of the clips that show styles' walks, by style and
+/// gait.
 fn references(clips: Option<&Clips>, args: &Args) -> anyhow::Result<BTreeMap<(String, String), f64>> {
     let mut all = BTreeMap::new();
     let Some(clips) = clips else { return Ok(all) };

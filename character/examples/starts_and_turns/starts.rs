@@ -82,7 +82,8 @@ fn row(name: &str, values: &[f64]) {
     );
 }
 
-/// Frames after `at` until the smoothed velocity has come to `velocity`, between frames by the line.
+/// Frames after `at` until the smoothed velocity has come to `velocity`, between frames by the
+/// line.
 fn frames_until((roots, at): (&[Vec3], usize), velocity: Vec3, fps: f32) -> Option<f64> {
     let speeds = smoothed(roots, at, fps);
     let along: Vec<f32> = speeds.iter().map(|v| v.dot(velocity.normalize())).collect();
@@ -132,8 +133,8 @@ fn of_clips(clips: &Clips, each: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Starts from rest: the frame at which a clip last rested, and milliseconds from there to a quarter of its speed: the clip's
-/// median where it walks on, else the most that it comes to.
+/// Starts from rest: the frame at which a clip last rested, and milliseconds from there to a
+/// quarter of its speed: the clip's median where it walks on, else the most that it comes to.
 fn starts_of(clip: &Clip, walks_on: bool) -> Vec<(usize, f64)> {
     let speeds: Vec<f32> = smoothed(&clip.root_positions, 0, clip.fps)
         .iter()

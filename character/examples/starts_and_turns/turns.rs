@@ -1,4 +1,5 @@
-//! How characters turn and stop: whether limbs pass through each other, how hard the root is pushed, how long it takes.
+//! How characters turn and stop: whether limbs pass through each other, how hard the root is
+//! pushed, how long it takes.
 
 use std::ops::Range;
 
@@ -204,7 +205,8 @@ fn turning_rates(clip: &Clip, frames: Range<usize>) -> Vec<f64> {
     (first..last).map(rate).collect()
 }
 
-/// Seconds from the first of `frames` until the character faces and goes where it should, and goes on doing so.
+/// Seconds from the first of `frames` until the character faces and goes where it should, and goes
+/// on doing so.
 fn done_s(clip: &Clip, frames: Range<usize>, goal: Vec3) -> f64 {
     let half = SWAY_FRAMES / 2;
     let wanted = goal.x.atan2(goal.z);

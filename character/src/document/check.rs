@@ -36,7 +36,8 @@ pub fn name(path: &Path<'_>, name: &str) -> Result<(), FieldError> {
     }
 }
 
-/// Checks that no two of a list share what `key` gives: their names or ids, which are in the field `field` of each.
+/// Checks that no two of a list share what `key` gives: their names or ids, which are in the field
+/// `field` of each.
 pub fn unique<'a, T>(
     path: &Path<'_>,
     list_field: &'static str,

@@ -8,8 +8,8 @@ use super::read::unreadable;
 use super::{Document, DocumentError, Format, read_file};
 use crate::FieldError;
 
-/// Reads every `*.toml` and `*.json` of `folder` and makes of each what `check` does; sorted by name. A folder that is not
-/// there has none.
+/// Reads every `*.toml` and `*.json` of `folder` and makes of each what `check` does; sorted by
+/// name. A folder that is not there has none.
 ///
 /// # Errors
 /// [`DocumentError`] for the first file that cannot be used, or has the name of another.
@@ -22,8 +22,9 @@ pub fn read_folder<D: Document, T>(
     Ok(read.into_iter().map(|(_, one)| one).collect())
 }
 
-/// As [`read_folder`], for a folder of [`keep`]: each file is named for what is in it. One that cannot be used, or is named for
-/// something else, is left out with a warning: what one user has uploaded must not keep a server from starting.
+/// As [`read_folder`], for a folder of [`keep`]: each file is named for what is in it. One that
+/// cannot be used, or is named for something else, is left out with a warning: what one user has
+/// uploaded must not keep a server from starting.
 ///
 /// # Errors
 /// [`DocumentError`] where the folder cannot be read.
@@ -57,7 +58,8 @@ fn misnamed<D: Document>(name: &str) -> DocumentError {
     }
 }
 
-/// What is in the files of a folder, sorted by name. `fits` looks at a file's path and the name in it; `on_bad` says whether one that cannot be used is left out.
+/// What is in the files of a folder, sorted by name. `fits` looks at a file's path and the name in
+/// it; `on_bad` says whether one that cannot be used is left out.
 fn read_each<D: Document, T>(
     folder: &FilePath,
     check: impl Fn(D) -> Result<T, FieldError>,
@@ -110,8 +112,9 @@ fn read_each<D: Document, T>(
     Ok(all)
 }
 
-/// Writes a text into `folder`, which is made where it is not there, as the file of what is named `name`, in the place of the
-/// one that was there. Readers see the old file or the new one, never a part of one.
+/// Writes a text into `folder`, which is made where it is not there, as the file of what is named
+/// `name`, in the place of the one that was there. Readers see the old file or the new one, never a
+/// part of one.
 ///
 /// # Errors
 /// That of the file system.
@@ -123,8 +126,8 @@ pub fn keep(folder: &FilePath, name: &str, format: Format, text: &str) -> io::Re
     }
 }
 
-/// Writes `file`, which is in `folder`, wholly or not at all, and onto the disk: it is there after a power cut too. What is left of
-/// one that cannot be written goes.
+/// Writes `file`, which is in `folder`, wholly or not at all, and onto the disk: it is there after
+/// a power cut too. What is left of one that cannot be written goes.
 ///
 /// # Errors
 /// That of the file system.

@@ -1,5 +1,5 @@
-//! Where a field is in a text: from a path such as `sets[1].keyframes[0].height_m` to an offset. Texts are looked at again
-//! only when there is an error to tell.
+//! Where a field is in a text: from a path such as `sets[1].keyframes[0].height_m` to an offset.
+//! Texts are looked at again only when there is an error to tell.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -35,7 +35,8 @@ pub(super) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     (line, before[start..].chars().count() + 1)
 }
 
-/// The offset of the field in a TOML text; of the nearest thing that it would be in, where it is not there.
+/// The offset of the field in a TOML text; of the nearest thing that it would be in, where it is
+/// not there.
 pub(super) fn in_toml(text: &str, path: &str) -> Option<usize> {
     let root = DeTable::parse(text).ok()?;
     let mut steps = steps(path);

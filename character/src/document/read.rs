@@ -71,7 +71,8 @@ pub struct DocumentError {
     pub source: Source,
     /// Line and column of what is wrong, from 1, where the text has such a place.
     pub place: Option<(usize, usize)>,
-    /// Path of the field, for example `sets[1].keyframes[0].height_m`; empty for the document itself.
+    /// Path of the field, for example `sets[1].keyframes[0].height_m`; empty for the document
+    /// itself.
     pub field: String,
     /// What is wrong.
     pub message: String,

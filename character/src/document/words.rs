@@ -8,10 +8,12 @@ const TYPES: [(&str, &str); 4] = [
     ("expected a sequence", "expected a list"),
 ];
 
-/// Most characters of what was found that a message repeats: what was expected is to be seen behind it.
+/// Most characters of what was found that a message repeats: what was expected is to be seen behind
+/// it.
 const MAX_FOUND: usize = 100;
 
-/// The message with types as people call them; what has named fields is a `struct`, of whatever name, to the parsers.
+/// The message with types as people call them; what has named fields is a `struct`, of whatever
+/// name, to the parsers.
 pub fn plain(message: &str) -> String {
     // What was found comes first, and may hold any words.
     let Some(at) = message.rfind(", expected ") else {

@@ -1,16 +1,18 @@
-//! The crowd's budget: who is planned for how often, and how far ahead, where the networks cannot serve everybody as often
-//! as usual. Pure: time comes in as a number.
+//! The crowd's budget: who is planned for how often, and how far ahead, where the networks cannot
+//! serve everybody as often as usual. Pure: time comes in as a number.
 //!
-//! [`Controller`] turns what plans have to wait into one number, the **pressure**: 0 where the networks keep up, 1 where
-//! everybody plans once a second, [`MOST_PRESSURE`] where every plan is as long as the pack allows and lasts as long as it
-//! can. [`stretch`] says how much of it falls on a character of some priority, and [`Pace::new`] what that means in frames:
+//! [`Controller`] turns what plans have to wait into one number, the **pressure**: 0 where the
+//! networks keep up, 1 where everybody plans once a second, [`MOST_PRESSURE`] where every plan is
+//! as long as the pack allows and lasts as long as it can. [`stretch`] says how much of it falls on
+//! a character of some priority, and [`Pace::new`] what that means in frames:
 //!
 //! 1. Intervals grow, from the style's to what a plan of the usual length lasts.
-//! 2. Plans grow, by a token at a time, up to the one that lasts a second; each lasts as long as it can.
+//! 2. Plans grow, by a token at a time, up to the one that lasts a second; each lasts as long as it
+//!    can.
 //! 3. Only once that is true of everybody, plans grow on, up to the pack's longest.
 //!
-//! In each step the least important go first. At pressure 0 nothing here has any effect. Characters on a caller's clock
-//! are not under it, so that their frames do not depend on the load.
+//! In each step the least important go first. At pressure 0 nothing here has any effect. Characters
+//! on a caller's clock are not under it, so that their frames do not depend on the load.
 
 use super::CONTEXT_FRAMES;
 use super::buffer::CROSSFADE_FRAMES;
@@ -21,11 +23,13 @@ use troupe_motion::model::Dims;
 pub const MOST_PRESSURE: f32 = 2.0;
 /// Pressure that nobody feels: a moment's delay changes nothing.
 const SLIGHT_PRESSURE: f32 = 0.03;
-/// How much sooner a priority of 0 feels the pressure than one of 1, against the pressure that takes either from the
-/// first interval to the last: at 1, the most important begin when the least important have come to the end.
+/// How much sooner a priority of 0 feels the pressure than one of 1, against the pressure that
+/// takes either from the first interval to the last: at 1, the most important begin when the least
+/// important have come to the end.
 const PRIORITY_SPREAD: f32 = 1.0;
-/// Frames that must remain of a plan where the next takes over, under pressure: two fewer than it takes to fade. Those two
-/// are drawn out, at 4 and 13 % of their weight, which is a millimetre or two of a walk, and every plan lasts two frames longer.
+/// Frames that must remain of a plan where the next takes over, under pressure: two fewer than it
+/// takes to fade. Those two are drawn out, at 4 and 13 % of their weight, which is a millimetre or
+/// two of a walk, and every plan lasts two frames longer.
 pub(super) const LEFT_FRAMES: u32 = CROSSFADE_FRAMES as u32 - 2;
 
 /// Frames by which plans are asked for further ahead under a [`stretch`] of 1, and of 2.
@@ -35,7 +39,8 @@ const LOOK_AHEAD_FRAMES: f32 = 4.0;
 /// How much of that plans may take on average.
 const LEAD_USED: f32 = 0.5;
 
-/// How much of the pressure falls on a character, 0 to 2. Up to 1 it is on the way to a plan a second.
+/// How much of the pressure falls on a character, 0 to 2. Up to 1 it is on the way to a plan a
+/// second.
 ///
 /// It grows with the pressure and falls with the priority, both at most twice as fast.
 pub fn stretch(pressure: f32, priority: f32) -> f32 {
@@ -51,15 +56,16 @@ pub struct Pace {
     pub interval_frames: u32,
     /// Frames of a plan, context included.
     pub plan_frames: u32,
-    /// Frames by which plans are asked for further ahead than the look-ahead, so that they may wait for each other.
+    /// Frames by which plans are asked for further ahead than the look-ahead, so that they may wait
+    /// for each other.
     pub lead_frames: u32,
 }
 
 impl Pace {
-    /// The pace of a character of a pack under a [`stretch`], or none where it is as usual. `interval_frames`: its style's,
-    /// or none where the style stands still and plans for a low buffer only, which lose nothing by long plans.
-    /// `phase`: any number, best a different one for each character; between two steps it says who takes which, so that
-    /// demand has no jumps.
+    /// The pace of a character of a pack under a [`stretch`], or none where it is as usual.
+    /// `interval_frames`: its style's, or none where the style stands still and plans for a low
+    /// buffer only, which lose nothing by long plans. `phase`: any number, best a different one for
+    /// each character; between two steps it says who takes which, so that demand has no jumps.
     pub fn new(
         stretch: f32,
         interval_frames: Option<u32>,
@@ -136,8 +142,8 @@ impl Steps {
         Self::lasts_frames(tokens * self.frames_per_token)
     }
 
-    /// Frames for which a plan lasts that everybody takes before anybody takes a longer one: the longest that is made again
-    /// within a second.
+    /// Frames for which a plan lasts that everybody takes before anybody takes a longer one: the
+    /// longest that is made again within a second.
     fn second(&self) -> f32 {
         let fits = |tokens: &u32| self.lasts(*tokens) as f32 <= self.fps;
         let tokens = (self.usual_tokens..=self.max_tokens).rev().find(fits);
@@ -148,9 +154,9 @@ impl Steps {
         self.lasts(self.max_tokens) as f32
     }
 
-    /// Interval, at least `least`, and length nearest to an interval: a whole number of frames while a plan of the usual number
-    /// of tokens will do, then as long as one of so many tokens lasts, for anything less of it would be more work and not
-    /// less.
+    /// Interval, at least `least`, and length nearest to an interval: a whole number of frames
+    /// while a plan of the usual number of tokens will do, then as long as one of so many tokens
+    /// lasts, for anything less of it would be more work and not less.
     fn pace(&self, least: u32, interval: f32, part: f32) -> (u32, u32) {
         let usual = self.lasts(self.usual_tokens);
         if interval <= usual as f32 {
@@ -171,23 +177,25 @@ impl Steps {
     }
 }
 
-/// Time of a plan from asking to answer at which the pressure neither grows nor falls, seconds: within the usual look-ahead
-/// of four frames. A batch takes `c / (1 - load)` where the networks are at work all the time, and a plan waits for one and
-/// travels in another.
+/// Time of a plan from asking to answer at which the pressure neither grows nor falls, seconds:
+/// within the usual look-ahead of four frames. A batch takes `c / (1 - load)` where the networks
+/// are at work all the time, and a plan waits for one and travels in another.
 const WANTED_DELAY_S: f32 = 0.09;
-/// `c` above for the middle between engines, for both batches: it makes a load of a delay. Were it off by a factor, the
-/// pressure would only move by that much faster or slower.
+/// `c` above for the middle between engines, for both batches: it makes a load of a delay. Were it
+/// off by a factor, the pressure would only move by that much faster or slower.
 const LEAST_DELAY_S: f32 = 0.015;
 /// How fast the pressure moves: its change in a second where the load is off by 1.
 const SPEED: f32 = 1.0;
 /// How fast it builds up by what is urgent: its change in a second for each unit of that.
 const URGENT_SPEED: f32 = 1.0;
-/// Loads below this count as this much: an idle engine takes the pressure away in about two seconds.
+/// Loads below this count as this much: an idle engine takes the pressure away in about two
+/// seconds.
 const LEAST_LOAD: f32 = -0.2;
-/// From this delay on the pressure does not wait to be built up, and from the second on there is no more to add, seconds.
+/// From this delay on the pressure does not wait to be built up, and from the second on there is no
+/// more to add, seconds.
 const URGENT_DELAY_S: (f32, f32) = (0.14, 0.5);
-/// Shares of the engine's time that plans take, from which on they are taken to be what holds plans up, and wholly so.
-/// Below, it is other work that does, and longer plans would not help.
+/// Shares of the engine's time that plans take, from which on they are taken to be what holds plans
+/// up, and wholly so. Below, it is other work that does, and longer plans would not help.
 const OWN_SHARE: (f32, f32) = (0.3, 0.5);
 /// How many times as long as plans take they are asked for ahead, where other work holds them up.
 const LEAD_MARGIN: f32 = 1.5;
@@ -199,7 +207,8 @@ const MAX_STEP_S: f32 = 0.5;
 /// What is read of a pack's engine and queue.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// How long plans took lately from asking to answer, or would take if asked for now: the longer, seconds.
+    /// How long plans took lately from asking to answer, or would take if asked for now: the
+    /// longer, seconds.
     pub delay_s: f32,
     /// Share of the engine's time that plans took lately.
     pub share: f32,
@@ -239,7 +248,8 @@ impl Controller {
         self.own = own;
     }
 
-    /// How far ahead plans are to be asked for, where it is not the plans' own doing that they take long, seconds.
+    /// How far ahead plans are to be asked for, where it is not the plans' own doing that they take
+    /// long, seconds.
     pub fn lead_s(&self) -> f32 {
         (1.0 - self.own) * self.delay_s * LEAD_MARGIN
     }

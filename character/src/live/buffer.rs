@@ -15,14 +15,16 @@ pub const CROSSFADE_FRAMES: usize = 8;
 /// What is left of each frame's velocity in the next, where a motion is drawn out beyond its end.
 const DRAWN_OUT_VELOCITY: f32 = 0.7;
 
-/// Joints that are farther than this from where a new plan has them, radians, go over in another way: straight from where they are
-/// to where it has them some frames later. To blend two motions that are about half a turn apart would have them go now this
-/// way round and now that; and what a plan does at first with a pose that the networks do not know is better not shown.
+/// Joints that are farther than this from where a new plan has them, radians, go over in another
+/// way: straight from where they are to where it has them some frames later. To blend two motions
+/// that are about half a turn apart would have them go now this way round and now that; and what a
+/// plan does at first with a pose that the networks do not know is better not shown.
 const FAR: f32 = 1.0;
-/// Frames over which a joint goes over that is half a turn off; one that is [`FAR`] off takes [`CROSSFADE_FRAMES`]. A raised arm
-/// that came down in so few would go 0.4 m in a frame.
+/// Frames over which a joint goes over that is half a turn off; one that is [`FAR`] off takes
+/// [`CROSSFADE_FRAMES`]. A raised arm that came down in so few would go 0.4 m in a frame.
 const FAR_FADE_FRAMES: usize = 24;
-/// Most that such a joint goes on turning from where it is, or turns into where it goes, radians a frame.
+/// Most that such a joint goes on turning from where it is, or turns into where it goes, radians a
+/// frame.
 const MOST_RATE: f32 = 0.15;
 
 /// A joint that is far from where a new motion has it.
@@ -34,7 +36,8 @@ struct FarJoint {
     way: Way,
 }
 
-/// The way of a joint from one rotation to another, each with how it turns there: about an axis in its own frame, radians a frame.
+/// The way of a joint from one rotation to another, each with how it turns there: about an axis in
+/// its own frame, radians a frame.
 #[derive(Debug, Clone, Copy)]
 struct Way {
     from: (Quat, Vec3),
@@ -44,7 +47,8 @@ struct Way {
 }
 
 impl Way {
-    /// From the first of `old`, frame 0, to the last of `new`, with what they turn by between the two.
+    /// From the first of `old`, frame 0, to the last of `new`, with what they turn by between the
+    /// two.
     fn new(old: [Quat; 2], new: [Quat; 2]) -> Self {
         let turn = |[a, b]: [Quat; 2]| {
             let turn = align_sign(a.conjugate() * b, Quat::IDENTITY).to_scaled_axis();
@@ -102,8 +106,9 @@ impl<'a> Frames<'a> {
 pub(super) struct Fade {
     /// Frames over which it does, [`CROSSFADE_FRAMES`] at most.
     pub(super) frames: usize,
-    /// The root goes the plan's way over the ground from its first frame on, which carries on from where the old plan was. Faded in it
-    /// would stay behind at first, and then catch up with twice the acceleration.
+    /// The root goes the plan's way over the ground from its first frame on, which carries on from
+    /// where the old plan was. Faded in it would stay behind at first, and then catch up with twice
+    /// the acceleration.
     pub(super) own_way: bool,
 }
 
@@ -128,8 +133,8 @@ pub(super) struct Seam {
     pub(super) turned: Vec<Quat>,
 }
 
-/// Frames by column and by their number on the timeline. It always holds at least one frame; frame numbers that it does
-/// not hold stand for the nearest that it does.
+/// Frames by column and by their number on the timeline. It always holds at least one frame; frame
+/// numbers that it does not hold stand for the nearest that it does.
 ///
 /// Memory grows to the longest plan that came and stays: nothing is allocated for a frame.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -138,7 +143,8 @@ pub(super) struct MotionBuffer {
     /// Number of the oldest frame.
     first: i64,
     roots: Vec<Vec3>,
-    /// `frames * joints`, joint 0 in the world; no joint changes its hemisphere from one frame to the next.
+    /// `frames * joints`, joint 0 in the world; no joint changes its hemisphere from one frame to
+    /// the next.
     rotations: Vec<Quat>,
     contacts: Vec<u8>,
 }
@@ -177,7 +183,8 @@ impl MotionBuffer {
         self.roots[self.index(frame)]
     }
 
-    /// Mean velocity over the ground of so many frames before `frame`, of those that are there, m/s.
+    /// Mean velocity over the ground of so many frames before `frame`, of those that are there,
+    /// m/s.
     pub(super) fn velocity(&self, frame: i64, frames: i64, fps: f32) -> Vec3 {
         let from = (frame - frames).max(self.first());
         let way = (self.root(frame) - self.root(from)).with_y(0.0);
@@ -237,8 +244,8 @@ impl MotionBuffer {
         }
     }
 
-    /// Frames up to number `frame` are moved and turned as `seam` says, and those behind it go over to the rotations and heights
-    /// that they had.
+    /// Frames up to number `frame` are moved and turned as `seam` says, and those behind it go over
+    /// to the rotations and heights that they had.
     pub(super) fn rejoin(&mut self, frame: i64, seam: &Seam) {
         for index in 0..self.roots.len() {
             let behind = (self.first + index as i64 - frame).max(0) as f32;
@@ -290,8 +297,9 @@ impl MotionBuffer {
         self.append(frames);
     }
 
-    /// Replaces what comes behind frame `at` by `plan`, which fades in over its first frames, joints that are far from
-    /// where it has them over up to [`FAR_FADE_FRAMES`]. Where the old motion is too short for that it is drawn out.
+    /// Replaces what comes behind frame `at` by `plan`, which fades in over its first frames,
+    /// joints that are far from where it has them over up to [`FAR_FADE_FRAMES`]. Where the old
+    /// motion is too short for that it is drawn out.
     pub(super) fn splice(&mut self, at: i64, plan: Frames<'_>, over: Fade) {
         let usual = CROSSFADE_FRAMES.min(plan.roots.len());
         self.draw_out(at + usual as i64);
@@ -311,7 +319,8 @@ impl MotionBuffer {
         self.append(plan.skip(longest, self.joints));
     }
 
-    /// The joints that are far from where `plan` has them, whose first frame comes to `start`: most often none.
+    /// The joints that are far from where `plan` has them, whose first frame comes to `start`: most
+    /// often none.
     fn far_joints(&self, start: usize, plan: &Frames<'_>, fade: usize) -> Vec<FarJoint> {
         if fade < CROSSFADE_FRAMES {
             return Vec::new();
@@ -382,8 +391,8 @@ impl MotionBuffer {
         }
     }
 
-    /// The motion at `cursor`, in sub-frames: linear between two frames' roots, spherical between rotations, contacts of
-    /// the nearer frame. Rotations go to `out`; root and contacts come back.
+    /// The motion at `cursor`, in sub-frames: linear between two frames' roots, spherical between
+    /// rotations, contacts of the nearer frame. Rotations go to `out`; root and contacts come back.
     pub(super) fn sample(&self, cursor: i64, out: &mut Vec<Quat>) -> (Vec3, u8) {
         let sub_frames = i64::from(SUB_FRAMES);
         let (frame, rest) = (cursor.div_euclid(sub_frames), cursor.rem_euclid(sub_frames));

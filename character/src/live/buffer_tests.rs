@@ -74,7 +74,8 @@ fn between_frames_the_motion_is_interpolated() {
     assert_eq!(root, buffer.root(6), "behind the end stands the last frame");
 }
 
-/// However far away a joint is and whichever way it turns: it comes there smoothly, and the others as ever.
+/// However far away a joint is and whichever way it turns: it comes there smoothly, and the others
+/// as ever.
 #[test]
 fn a_joint_that_is_far_away_takes_longer() {
     for away in [2.0, 2.8, 3.1, 3.2, 4.0] {
@@ -187,8 +188,8 @@ fn nothing_is_allocated_once_the_buffer_is_warm() {
 }
 
 proptest! {
-    /// However far the new plan lies from the old, and however little is left of the old, no step is larger than the
-    /// motions' own and what the fade has to make up.
+    /// However far the new plan lies from the old, and however little is left of the old, no step
+    /// is larger than the motions' own and what the fade has to make up.
     #[test]
     fn seams_have_no_jump(
         left in 0usize..20, used in 9usize..40, gap in -2.0f32..2.0, speed in -0.2f32..0.2, turn in -0.1f32..0.1,

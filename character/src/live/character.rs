@@ -1,8 +1,9 @@
-//! A character's state machine: commands, ticks and plans in; requests for plans and frames out. It knows no clock, no
-//! thread and no engine, so the same events give the same frames.
+//! A character's state machine: commands, ticks and plans in; requests for plans and frames out. It
+//! knows no clock, no thread and no engine, so the same events give the same frames.
 //!
-//! In a scene, [`Behaviour`] has the first word about every frame, [`Footing`] lifts frames onto what is there to stand on, for the
-//! buffer's heights count from a flat ground, and [`Carry`] bends an arm that carries something.
+//! In a scene, [`Behaviour`] has the first word about every frame, [`Footing`] lifts frames onto
+//! what is there to stand on, for the buffer's heights count from a flat ground, and [`Carry`]
+//! bends an arm that carries something.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -64,7 +65,8 @@ pub struct Character {
     pub(super) performance: Option<Performance>,
     /// Sequence number of the current command, and the frame from which it held.
     current: (u64, u64),
-    /// The frame at which it was told what is done instead of a command; none since a command that can be followed.
+    /// The frame at which it was told what is done instead of a command; none since a command that
+    /// can be followed.
     told: Option<u64>,
     /// A plan to ask for.
     #[serde(skip)]
@@ -80,8 +82,8 @@ pub struct Character {
 }
 
 impl Character {
-    /// A character at frame 0 that does what `command` says, in no scene. The rotations of a [`Start::Context`] and of the
-    /// style must fit the pack.
+    /// A character at frame 0 that does what `command` says, in no scene. The rotations of a
+    /// [`Start::Context`] and of the style must fit the pack.
     pub fn new(rig: Arc<Rig>, options: CharacterOptions, start: Start, command: LocomotionCommand) -> Self {
         Self::in_world(rig, options, start, command, None)
     }
@@ -154,8 +156,9 @@ impl Character {
         self
     }
 
-    /// Gives a command, to hold from `at_frame` on, after those before it. Without it, or where that frame is past: from the next frame that the
-    /// cursor leaves in [`Clock::Waits`], or reaches in [`Clock::Runs`].
+    /// Gives a command, to hold from `at_frame` on, after those before it. Without it, or where
+    /// that frame is past: from the next frame that the cursor leaves in [`Clock::Waits`], or
+    /// reaches in [`Clock::Runs`].
     ///
     /// # Errors
     /// [`Refusal`] for what the character could not do now.
@@ -236,7 +239,8 @@ impl Character {
         given.expect("moving over the ground is never refused")
     }
 
-    /// Moves what happened since the last call to the end of `into`, in order; to be called after every other call.
+    /// Moves what happened since the last call to the end of `into`, in order; to be called after
+    /// every other call.
     pub fn take_events(&mut self, into: &mut Vec<CharacterEvent>) {
         let first = into.len();
         into.append(&mut self.events);
@@ -266,7 +270,8 @@ impl Character {
         act.held(&self.rig, self.timeline.cursor(), Posed { root, rotations })
     }
 
-    /// Takes the character out of its scene for good, as its session ends: what it holds is put down, what it reserved is free.
+    /// Takes the character out of its scene for good, as its session ends: what it holds is put
+    /// down, what it reserved is free.
     pub fn leave(&mut self) {
         let held = self.held().map(|held| held.transform);
         if let Some(act) = self.behaviour.take() {
@@ -274,7 +279,8 @@ impl Character {
         }
     }
 
-    /// Takes the number of a command that asks for no motion: the character goes on with what it does.
+    /// Takes the number of a command that asks for no motion: the character goes on with what it
+    /// does.
     pub fn note_command(&mut self, sequence: u64) -> CommandOutcome {
         self.inbox.note(sequence)
     }
@@ -360,7 +366,8 @@ impl Character {
         self.timeline.stats()
     }
 
-    /// Decides about the frame that the cursor is at: which commands hold, and whether to ask for a plan.
+    /// Decides about the frame that the cursor is at: which commands hold, and whether to ask for a
+    /// plan.
     fn settle(&mut self, frame: i64, clock: Clock) {
         while let Some(due) = self.inbox.take_due(frame as u64) {
             let sequence = due.sequence;
@@ -429,7 +436,8 @@ impl Character {
         true
     }
 
-    /// Tells what is done instead of a command that the style cannot follow, at most once a second while commands change.
+    /// Tells what is done instead of a command that the style cannot follow, at most once a second
+    /// while commands change.
     fn tell_instead(&mut self, frame: i64) {
         let Some(instead) = self.locomotion.instead() else {
             self.told = None;

@@ -190,7 +190,8 @@ fn what_is_done_instead_of_a_command_is_told_once_a_second() {
     let calm = style("calm");
     let mut character = standing_character(&calm);
     let mut told = Vec::new();
-    // Within what the style does, then far beyond it, a little otherwise every frame, and within again.
+    // Within what the style does, then far beyond it, a little otherwise every frame, and within
+    // again.
     for frame in 0..90 {
         let z = match frame {
             0..10 => 1.2,

@@ -1,4 +1,5 @@
-//! The whole loop by model: characters' timelines, an engine of given speed, the load and the budget.
+//! The whole loop by model: characters' timelines, an engine of given speed, the load and the
+//! budget.
 
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
@@ -48,8 +49,8 @@ impl Engine {
         usual + (long - usual) * (frames.div_ceil(4) as f32 - 9.0) / 7.0
     }
 
-    /// The most characters that it can keep alive with nothing but its longest plans, and a command every so many seconds,
-    /// each of which is a plan before its time.
+    /// The most characters that it can keep alive with nothing but its longest plans, and a command
+    /// every so many seconds, each of which is a plan before its time.
     fn limit(&self, commands_every_s: f32) -> usize {
         let lasts_s = 54.0 / FPS as f32;
         let plans_a_second = 1.0 / commands_every_s / (1.0 - (-lasts_s / commands_every_s).exp());

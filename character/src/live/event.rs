@@ -94,7 +94,8 @@ pub enum EventKind {
         before: KeyframeError,
         /// How far off it is in the frames that were sent.
         after: KeyframeError,
-        /// How many frames before the keyframe's own frame what follows began: 0 for a hard keyframe, up to τ for a soft one.
+        /// How many frames before the keyframe's own frame what follows began: 0 for a hard
+        /// keyframe, up to τ for a soft one.
         early_frames: u32,
     },
     /// The object went to a socket.
@@ -132,7 +133,8 @@ pub enum EventKind {
     },
     /// The ground ended.
     Fell {
-        /// How far down the surface is that it falls to, metres. Always given: without one nobody falls.
+        /// How far down the surface is that it falls to, metres. Always given: without one nobody
+        /// falls.
         height_m: Option<f32>,
     },
     /// A fall ended on a surface.
@@ -173,7 +175,8 @@ pub enum EventKind {
         wanted_mps: f32,
         /// Speed that it has instead, m/s.
         speed_mps: f32,
-        /// Where it faces instead, radians; none where it faces as it was told, or was told nothing.
+        /// Where it faces instead, radians; none where it faces as it was told, or was told
+        /// nothing.
         facing: Option<f32>,
     },
 }

@@ -8,8 +8,8 @@ use super::{CommandOutcome, Intent, Refusal, WaitingCommand};
 /// Most commands of a session that wait for their frames, beside the one to move over the ground.
 pub const MAX_WAITING_COMMANDS: usize = 8;
 
-/// Takes every command once and in order. The newest to move over the ground is all there is to say about that; everything
-/// else is done once each, so none of it takes the place of another.
+/// Takes every command once and in order. The newest to move over the ground is all there is to say
+/// about that; everything else is done once each, so none of it takes the place of another.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Inbox {
     last_sequence: u64,
@@ -74,7 +74,8 @@ impl Inbox {
         }
     }
 
-    /// Hands over, one a call, the commands that wait and whose frames are not after `frame`, in order of their numbers.
+    /// Hands over, one a call, the commands that wait and whose frames are not after `frame`, in
+    /// order of their numbers.
     pub(super) fn take_due(&mut self, frame: u64) -> Option<WaitingCommand> {
         let other = (self.others.iter()).position(|waiting| waiting.frame <= frame);
         let before = other.map_or(u64::MAX, |index| self.others[index].sequence);

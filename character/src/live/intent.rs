@@ -75,8 +75,8 @@ pub enum Intent {
     Drop,
 }
 
-/// Why a command is not accepted: the character could not do it now. Nothing has changed then, and its sequence number is
-/// free. What is found out later is told by [`EventKind::Failed`].
+/// Why a command is not accepted: the character could not do it now. Nothing has changed then, and
+/// its sequence number is free. What is found out later is told by [`EventKind::Failed`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// The session is in no scene.

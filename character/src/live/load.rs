@@ -1,5 +1,5 @@
-//! What the plans of a pack ask of its engine at the moment, and what follows for those who ask: how long a plan takes,
-//! and how much pressure there is.
+//! What the plans of a pack ask of its engine at the moment, and what follows for those who ask:
+//! how long a plan takes, and how much pressure there is.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, TryLockError};
@@ -11,21 +11,24 @@ use super::budget::{Controller, Reading};
 const FIRST_GUESS: Duration = Duration::from_millis(5);
 /// A new measurement's weight is one part of this many.
 const SMOOTHING: u64 = 16;
-/// How many times its turn in the queue a plan may take: what comes after it and travels in its batch holds it up as well.
+/// How many times its turn in the queue a plan may take: what comes after it and travels in its
+/// batch holds it up as well.
 const MARGIN: u64 = 2;
-/// How fast the lead follows what the controller says, seconds a second: while it grows, plans are asked for that much sooner, which is more of them.
+/// How fast the lead follows what the controller says, seconds a second: while it grows, plans are
+/// asked for that much sooner, which is more of them.
 const LEAD_SPEED: f32 = 0.1;
 /// Time between two readings of the controller.
 const READING: Duration = Duration::from_millis(100);
 
-/// The plans of one pack that are under way. Nobody waits here: all of it is counted without a lock, but for the reading
-/// now and then, which is left out where somebody else is at it.
+/// The plans of one pack that are under way. Nobody waits here: all of it is counted without a
+/// lock, but for the reading now and then, which is left out where somebody else is at it.
 #[derive(Debug)]
 pub struct PlanLoad {
     waiting: AtomicUsize,
     /// Time of a worker for one plan of a batch, smoothed, microseconds.
     plan_us: AtomicU64,
-    /// Since the last reading: plans that came back, their time from asking to answer, and what they took of a worker's.
+    /// Since the last reading: plans that came back, their time from asking to answer, and what
+    /// they took of a worker's.
     came: AtomicU64,
     delays_us: AtomicU64,
     work_us: AtomicU64,
@@ -99,7 +102,8 @@ impl PlanLoad {
         (turn.as_secs_f32() * fps).ceil() as u32
     }
 
-    /// Has the controller read the load at `now`, where the last time is long enough ago; answers the pressure where it did.
+    /// Has the controller read the load at `now`, where the last time is long enough ago; answers
+    /// the pressure where it did.
     pub fn read(&self, now: Instant, workers: usize) -> Option<f32> {
         let mut readings = match self.readings.try_lock() {
             Ok(readings) => readings,

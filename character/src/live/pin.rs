@@ -1,8 +1,9 @@
 //! Has a plan meet the keyframes of an object.
 //!
-//! The networks come near a keyframe, and what comes after them meets it exactly: what the root lacks is spread over the gap, what
-//! the pose lacks fades over 8 frames ([`troupe_motion::pin`]), the last frames come to rest in a pose that is held, and feet that
-//! stand are kept where they stand, for all of that would have them slide.
+//! The networks come near a keyframe, and what comes after them meets it exactly: what the root
+//! lacks is spread over the gap, what the pose lacks fades over 8 frames ([`troupe_motion::pin`]),
+//! the last frames come to rest in a pose that is held, and feet that stand are kept where they
+//! stand, for all of that would have them slide.
 
 use std::f32::consts::PI;
 use std::ops::Range;
@@ -19,7 +20,8 @@ use crate::post::{PIN_REACH_FRAMES, bits_of};
 use crate::primitives::object::Key;
 use crate::primitives::object::recipe::SETTLE_FRAMES;
 
-/// A foot that goes at least so far, metres, in at least so many frames, steps: it is lifted by so much, metres.
+/// A foot that goes at least so far, metres, in at least so many frames, steps: it is lifted by so
+/// much, metres.
 const LEAST_STEP_M: f32 = 0.05;
 const LEAST_STEP_FRAMES: usize = 5;
 const STEP_OVER_M: f32 = 0.06;
@@ -41,8 +43,8 @@ pub struct Pins {
 }
 
 impl Pins {
-    /// Draws the last frames of `plan` to the keyframes; notes in its trace how far off they were. A plan that is too short
-    /// for context and keyframes stays as it is.
+    /// Draws the last frames of `plan` to the keyframes; notes in its trace how far off they were.
+    /// A plan that is too short for context and keyframes stays as it is.
     pub fn pin_to_targets(&self, plan: &mut LivePlan, skeleton: &Skeleton) {
         let joints = skeleton.joint_count();
         let frames = plan.roots.len();
@@ -170,9 +172,10 @@ fn runs(contacts: &[u8], is_such: impl Fn(u8) -> bool) -> Vec<Range<usize>> {
     runs
 }
 
-/// Takes those frames off the ends of a contact in which the foot is on its way already, faster than any that stands. To hold it in
-/// them would leave it too few frames to go where it goes, and its knee would jump. Faster: by more than `goes_m` in a frame, over the
-/// ground. Frames from `first` on may not change.
+/// Takes those frames off the ends of a contact in which the foot is on its way already, faster
+/// than any that stands. To hold it in them would leave it too few frames to go where it goes, and
+/// its knee would jump. Faster: by more than `goes_m` in a frame, over the ground. Frames from
+/// `first` on may not change.
 fn let_go(
     leg: &Leg,
     span: Range<usize>,
@@ -204,8 +207,8 @@ fn let_go(
     }
 }
 
-/// Lifts a foot that goes from one place to another low over the ground: what a plan is drawn to its keyframe by would have
-/// it slide there.
+/// Lifts a foot that goes from one place to another low over the ground: what a plan is drawn to
+/// its keyframe by would have it slide there.
 fn step_over(leg: &Leg, swing: Range<usize>, plan: &mut LivePlan, skeleton: &Skeleton) {
     let joints = skeleton.joint_count();
     let foot = |plan: &LivePlan, frame: usize| {

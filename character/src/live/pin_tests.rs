@@ -83,7 +83,8 @@ fn a_foot_that_is_on_its_way_is_let_go() {
     let leg = &legs(&doll())[0];
     let bits = leg.contact_bits();
     let mut plan = walk(40);
-    // Stands to frame 20 and goes on at 6 cm a frame; the networks say that it stands for three frames more.
+    // Stands to frame 20 and goes on at 6 cm a frame; the networks say that it stands for three
+    // frames more.
     for (frame, root) in plan.roots.iter_mut().enumerate() {
         *root = Vec3::new(0.0, 0.9, 0.06 * frame.saturating_sub(20) as f32);
     }

@@ -24,9 +24,9 @@ const LAST_CONTEXT: usize = CONTEXT_FRAMES - 1;
 
 /// Turns what the stages made into a plan that carries on from its context.
 ///
-/// What the last context frame lacks goes to the frames behind it: the place on the ground and the heading as they are,
-/// height and pose fading over [`PIN_REACH_FRAMES`]. Targets are guidance and not met: the next plan starts before
-/// the cursor comes near them.
+/// What the last context frame lacks goes to the frames behind it: the place on the ground and the
+/// heading as they are, height and pose fading over [`PIN_REACH_FRAMES`]. Targets are guidance and
+/// not met: the next plan starts before the cursor comes near them.
 ///
 /// # Errors
 /// [`NonFinite`] where the stages gave numbers that are not finite.
@@ -117,7 +117,8 @@ fn own_contacts(follow: &Follow, rig: &Rig, positions: &[Vec3], rotations: &[Qua
     }
 }
 
-/// Has the roots go on from the context: the path over the ground moves as a whole, the height's part fades.
+/// Has the roots go on from the context: the path over the ground moves as a whole, the height's
+/// part fades.
 fn join_roots(positions: &mut [Vec3], context: &[Vec3; CONTEXT_FRAMES]) {
     let lacking = context[LAST_CONTEXT] - positions[LAST_CONTEXT];
     for (frame, position) in positions.iter_mut().enumerate() {

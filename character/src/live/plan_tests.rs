@@ -12,8 +12,8 @@ const FRAME: SegmentFrame = SegmentFrame {
     heading: FRAC_PI_2,
 };
 
-/// Walks along the segment's +Z at 0.1 m a frame, 5 cm to its left and 3 cm too low, with its heading at 0.2 and its
-/// foot at 0.3.
+/// Walks along the segment's +Z at 0.1 m a frame, 5 cm to its left and 3 cm too low, with its
+/// heading at 0.2 and its foot at 0.3.
 fn raw() -> Motion {
     let root = |frame: usize| [0.05, 0.87, 0.1 * (frame as f32 - 3.0), 0.2f32.cos(), 0.2f32.sin()];
     let pose = |_| {

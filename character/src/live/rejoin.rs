@@ -1,4 +1,5 @@
-//! A character that goes on after its server was gone: what it woke up with, and what its client saw meanwhile.
+//! A character that goes on after its server was gone: what it woke up with, and what its client
+//! saw meanwhile.
 
 use troupe_motion::robot::Fitted;
 use troupe_motion::{Quat, Vec3};
@@ -17,7 +18,8 @@ pub const MAX_REJOIN_M: f32 = 5.0;
 pub struct LastSeen {
     /// Its number.
     pub frame: u64,
-    /// How the character was shown in it: root position, and a rotation for each joint, the first in the world.
+    /// How the character was shown in it: root position, and a rotation for each joint, the first
+    /// in the world.
     pub pose: Option<(Vec3, Vec<Quat>)>,
 }
 
@@ -41,7 +43,8 @@ pub enum RejoinError {
 }
 
 impl Character {
-    /// Makes a character that was just read from its bytes one that works: it asks for the plans again that it waited for.
+    /// Makes a character that was just read from its bytes one that works: it asks for the plans
+    /// again that it waited for.
     ///
     /// # Errors
     /// What of it makes no sense.
@@ -62,8 +65,9 @@ impl Character {
         }
     }
 
-    /// Goes on from the last frame that a client saw: frames behind it follow from its pose. A character that is there already, or
-    /// beyond, stays as it is. Its client may have seen as much more as [`MAX_REJOIN_FRAMES`] and [`MAX_REJOIN_M`] say.
+    /// Goes on from the last frame that a client saw: frames behind it follow from its pose. A
+    /// character that is there already, or beyond, stays as it is. Its client may have seen as much
+    /// more as [`MAX_REJOIN_FRAMES`] and [`MAX_REJOIN_M`] say.
     ///
     /// # Errors
     /// [`RejoinError`]; then nothing has changed.
@@ -92,7 +96,8 @@ impl Character {
         Ok(())
     }
 
-    /// Has the frame at the cursor be shown as `root` and `rotations`, and those behind it go over to what they were.
+    /// Has the frame at the cursor be shown as `root` and `rotations`, and those behind it go over
+    /// to what they were.
     fn meet(&mut self, root: Vec3, rotations: &[Quat]) {
         let mut shown = Vec::new();
         let (at, _) = self.shown(self.timeline.cursor(), &mut shown, &mut Fitted::default());

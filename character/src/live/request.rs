@@ -147,8 +147,8 @@ fn gap_poses(
         .collect()
 }
 
-/// Which token counts the root stage may choose: the one that `frames` takes, those that the primitive lists, or all that
-/// have room for the keyframes.
+/// Which token counts the root stage may choose: the one that `frames` takes, those that the
+/// primitive lists, or all that have room for the keyframes.
 fn allowed_counts(dims: &Dims, targets: &PlanTargets) -> Vec<bool> {
     let fewest = dims.tokens_for(dims.context_frames + targets.targets.len());
     let listed = |tokens: usize| match targets.frames {
@@ -164,7 +164,8 @@ fn allowed_counts(dims: &Dims, targets: &PlanTargets) -> Vec<bool> {
     }
 }
 
-/// The seed of plan `number` of a character: every plan has its own, and plans that are skipped do not shift it.
+/// The seed of plan `number` of a character: every plan has its own, and plans that are skipped do
+/// not shift it.
 fn plan_seed(seed: u64, number: u64) -> u64 {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     generator.set_stream(number);

@@ -14,8 +14,8 @@ impl Character {
         out.underrun = self.timeline.slowing();
     }
 
-    /// The motion at `cursor`, in sub-frames, as it is shown: the buffer's, lifted onto what the character stands on,
-    /// with the arm bent that carries something, a robot's pose on its hinges.
+    /// The motion at `cursor`, in sub-frames, as it is shown: the buffer's, lifted onto what the
+    /// character stands on, with the arm bent that carries something, a robot's pose on its hinges.
     pub(super) fn shown(&self, cursor: i64, rotations: &mut Vec<Quat>, fitted: &mut Fitted) -> (Vec3, u8) {
         let (mut root, contacts) = self.timeline.buffer().sample(cursor, rotations);
         let sub_frames = i64::from(SUB_FRAMES);
@@ -25,7 +25,8 @@ impl Character {
         (root, contacts)
     }
 
-    /// Makes a frame of the buffer, or what is `part` of the way (0 to 1) to the next, one that is shown.
+    /// Makes a frame of the buffer, or what is `part` of the way (0 to 1) to the next, one that is
+    /// shown.
     fn post_process(
         &self,
         (frame, part): (i64, f32),
@@ -85,7 +86,8 @@ impl Character {
         }
     }
 
-    /// The first of the commands that wait for their frames, or the current one where no plan was asked for with it yet.
+    /// The first of the commands that wait for their frames, or the current one where no plan was
+    /// asked for with it yet.
     fn waiting(&self) -> Option<WaitingCommand> {
         self.inbox.waiting().cloned().or_else(|| {
             let (sequence, frame) = self.current;

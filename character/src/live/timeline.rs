@@ -1,19 +1,24 @@
-//! A character's timeline: the cursor, when to ask for a plan, and where a plan takes over. It knows neither commands
-//! nor networks, only that the command changed and that a plan is so many frames.
+//! A character's timeline: the cursor, when to ask for a plan, and where a plan takes over. It
+//! knows neither commands nor networks, only that the command changed and that a plan is so many
+//! frames.
 //!
-//! Frames are decided about one by one: [`Timeline::run`] stops at every frame for [`Timeline::settle`]. A plan that is asked
-//! for at frame f takes over at its splice frame, `look_ahead` frames on, and stays in flight until the cursor is
-//! there, however early it comes. So frames do not depend on how long plans take, as long as none is late.
+//! Frames are decided about one by one: [`Timeline::run`] stops at every frame for
+//! [`Timeline::settle`]. A plan that is asked for at frame f takes over at its splice frame,
+//! `look_ahead` frames on, and stays in flight until the cursor is there, however early it comes.
+//! So frames do not depend on how long plans take, as long as none is late.
 //!
-//! A command has its plan take over sooner, [`COMMAND_AHEAD_FRAMES`] on. A plan in flight that would take over no sooner than
-//! that is given up for it. If it has come, the buffer has back what was there before, so that this makes no difference either.
+//! A command has its plan take over sooner, [`COMMAND_AHEAD_FRAMES`] on. A plan in flight that
+//! would take over no sooner than that is given up for it. If it has come, the buffer has back what
+//! was there before, so that this makes no difference either.
 //!
-//! What is in the buffer beyond the splice frame does depend on it. Locomotion never looks there, but whoever acts in a scene does: where
-//! an approach will be, how a fall begins. A clock that waits therefore waits for such a character's plans at the frame after the
-//! one at which they were asked for ([`Timeline::looks_ahead`]).
+//! What is in the buffer beyond the splice frame does depend on it. Locomotion never looks there,
+//! but whoever acts in a scene does: where an approach will be, how a fall begins. A clock that
+//! waits therefore waits for such a character's plans at the frame after the one at which they were
+//! asked for ([`Timeline::looks_ahead`]).
 //!
-//! While a character uses an object, or falls, what it does next is not the policy's: [`Timeline::settle_for`] asks for the
-//! plan that is wished for and no other, [`Timeline::hold`] and [`Timeline::put`] write motion that no plan made.
+//! While a character uses an object, or falls, what it does next is not the policy's:
+//! [`Timeline::settle_for`] asks for the plan that is wished for and no other, [`Timeline::hold`]
+//! and [`Timeline::put`] write motion that no plan made.
 
 use super::buffer::{MotionBuffer, Seam};
 use super::policy::{INTERVAL_GRACE, MARGIN_FRAMES, Policy};
@@ -34,14 +39,17 @@ pub(super) use wish::Wish;
 const SUB: i64 = SUB_FRAMES as i64;
 /// Pace of a character that is not slowed down: as many parts of it as the margin has sub-frames.
 const FULL_PACE: i64 = MARGIN_FRAMES * SUB;
-/// Frames that the first plan may take: a crowd that is set in motion asks for all of its plans at once.
+/// Frames that the first plan may take: a crowd that is set in motion asks for all of its plans at
+/// once.
 const FIRST_PLAN_FRAMES: i64 = 24;
 /// And that it may at most, where they are so many that those will not do.
 const MAX_FIRST_PLAN_FRAMES: i64 = 120;
-/// Frames from the cursor to where a plan for a command takes over, where it is not less anyway. With the look-ahead's four, half of the
-/// time that a character takes to start would be spent waiting; with one, a plan that is made within a tick would be late.
+/// Frames from the cursor to where a plan for a command takes over, where it is not less anyway.
+/// With the look-ahead's four, half of the time that a character takes to start would be spent
+/// waiting; with one, a plan that is made within a tick would be late.
 const COMMAND_AHEAD_FRAMES: i64 = 2;
-/// Frames kept behind the cursor: what a plan's context and the velocity before it take, and the past that words go on from.
+/// Frames kept behind the cursor: what a plan's context and the velocity before it take, and the
+/// past that words go on from.
 pub(super) const HISTORY_FRAMES: i64 = {
     let (velocity, past) = (VELOCITY_FRAMES as i64 + 2, MAX_PAST_FRAMES as i64);
     if velocity > past { velocity } else { past }
@@ -133,15 +141,16 @@ pub(super) struct Timeline {
     last_splice: Option<i64>,
     /// What called for the plan that took over last.
     last_cause: PlanCause,
-    /// Any number; characters of different numbers do not ask in step after a command to all of them.
+    /// Any number; characters of different numbers do not ask in step after a command to all of
+    /// them.
     phase: u64,
     next_number: u64,
     stats: Stats,
 }
 
 impl Timeline {
-    /// A timeline at frame 0 whose buffer ends there or later. The buffer is drawn out so that the first plan has time.
-    /// `phase` is any number, best a different one for each character.
+    /// A timeline at frame 0 whose buffer ends there or later. The buffer is drawn out so that the
+    /// first plan has time. `phase` is any number, best a different one for each character.
     pub(super) fn new(mut buffer: MotionBuffer, look_ahead_frames: u32, phase: u64) -> Self {
         let look_ahead = i64::from(look_ahead_frames.max(1));
         buffer.draw_out(look_ahead.max(FIRST_PLAN_FRAMES) + MARGIN_FRAMES);
@@ -229,15 +238,16 @@ impl Timeline {
         self.command_changed = true;
     }
 
-    /// A plan asked for now is expected to take `frames` frames, and is to take over no sooner. Plans take `usually` frames at
-    /// the moment, and are asked for as much ahead.
+    /// A plan asked for now is expected to take `frames` frames, and is to take over no sooner.
+    /// Plans take `usually` frames at the moment, and are asked for as much ahead.
     pub(super) fn expect(&mut self, frames: u32, usually: u32) {
         self.expected = i64::from(frames);
         self.lead = i64::from(usually);
     }
 
-    /// Frames from the cursor to where a plan for a command takes over at the soonest. Who used an object, or fell, is handed over
-    /// the look-ahead before the end of that; and what was changed fades for as long.
+    /// Frames from the cursor to where a plan for a command takes over at the soonest. Who used an
+    /// object, or fell, is handed over the look-ahead before the end of that; and what was changed
+    /// fades for as long.
     fn command_ahead(&self) -> i64 {
         match self.rejoined || self.last_cause == PlanCause::Object {
             true => self.look_ahead,
@@ -251,8 +261,8 @@ impl Timeline {
         (self.look_ahead + paced).max(self.lead)
     }
 
-    /// The splice frame of a plan asked for now at `frame`: where it should have come, but no further than the buffer lasts,
-    /// and not within the look-ahead.
+    /// The splice frame of a plan asked for now at `frame`: where it should have come, but no
+    /// further than the buffer lasts, and not within the look-ahead.
     fn splice_frame(&self, frame: i64, policy: Policy) -> i64 {
         let (least, in_time) = match self.command_changed {
             true => (self.command_ahead(), self.command_in_time(frame)),
@@ -265,8 +275,8 @@ impl Timeline {
         in_time.min(lasts).max(frame + least)
     }
 
-    /// The soonest frame at which a plan for a command at `frame` takes over in time. What others' plans may be asked for ahead
-    /// does not count: it would only be answered later.
+    /// The soonest frame at which a plan for a command at `frame` takes over in time. What others'
+    /// plans may be asked for ahead does not count: it would only be answered later.
     fn command_in_time(&self, frame: i64) -> i64 {
         frame + self.command_ahead().max(self.lead).max(self.expected + 1)
     }
@@ -278,9 +288,9 @@ impl Timeline {
 
     /// Moves the cursor until something stops it. To be called again after [`Stop::AtFrame`].
     ///
-    /// A clock that runs settles a frame when the cursor reaches it, so that plans are asked for early. One that waits
-    /// settles it when the cursor leaves it, with all commands that came at that frame, and so never depends on when
-    /// plans came.
+    /// A clock that runs settles a frame when the cursor reaches it, so that plans are asked for
+    /// early. One that waits settles it when the cursor leaves it, with all commands that came at
+    /// that frame, and so never depends on when plans came.
     pub(super) fn run(&mut self, clock: Clock) -> Stop {
         loop {
             let (frame, moving) = (self.frame(), self.pending > 0);
@@ -347,8 +357,8 @@ impl Timeline {
         (self.buffer.last() * SUB - self.cursor) / SUB
     }
 
-    /// Decides about the frame that the cursor is at: ends the flight of a plan whose splice frame it is, and asks for
-    /// the next where the policy says so.
+    /// Decides about the frame that the cursor is at: ends the flight of a plan whose splice frame
+    /// it is, and asks for the next where the policy says so.
     pub(super) fn settle(&mut self, clock: Clock, policy: Policy) -> Option<Ticket> {
         let frame = self.begin_to_settle();
         if let Some(flight) = &self.flight {
@@ -358,8 +368,8 @@ impl Timeline {
             }
             let sooner = self.command_in_time(frame) <= ticket.splice && ticket.cause != PlanCause::Object;
             let given_up = sooner && (!arrived || self.undo());
-            // One that was asked for further ahead than the look-ahead is no reason for a command to wait: what it brought is
-            // replaced from the new plan's splice frame on.
+            // One that was asked for further ahead than the look-ahead is no reason for a command
+            // to wait: what it brought is replaced from the new plan's splice frame on.
             let far = arrived && ticket.splice > frame + self.look_ahead;
             let splice = self.splice_frame(frame, policy);
             if given_up || far {
@@ -368,8 +378,8 @@ impl Timeline {
             if clock == Clock::Waits || arrived || self.expected <= self.look_ahead {
                 return None;
             }
-            // The plan in flight waits in a long queue: a newer one takes its place there, and its splice frame where that is
-            // not too near.
+            // The plan in flight waits in a long queue: a newer one takes its place there, and its
+            // splice frame where that is not too near.
             let at = ticket.splice.max(frame + self.look_ahead);
             self.replaced.get_or_insert(ticket);
             return Some(self.ask(PlanCause::Command, frame, splice.min(at), 0));
@@ -389,7 +399,8 @@ impl Timeline {
         Some(self.ask(cause, frame, splice, grace))
     }
 
-    /// The frame at the cursor, which is settled now; the flight of a plan that has come ends where the plan takes over.
+    /// The frame at the cursor, which is settled now; the flight of a plan that has come ends where
+    /// the plan takes over.
     fn begin_to_settle(&mut self) -> i64 {
         let frame = self.frame();
         self.settled = Some(frame);
@@ -398,8 +409,8 @@ impl Timeline {
         frame
     }
 
-    /// What calls for a plan that would take over at `splice`. What waits at the moment makes no difference to that, or a
-    /// crowd would ask for more the longer it has to wait.
+    /// What calls for a plan that would take over at `splice`. What waits at the moment makes no
+    /// difference to that, or a crowd would ask for more the longer it has to wait.
     fn cause(&self, splice: i64, policy: Policy) -> Option<PlanCause> {
         let is_due = |interval| {
             self.last_splice
@@ -417,8 +428,9 @@ impl Timeline {
         }
     }
 
-    /// Frames from the last plan to the next for an interval of `interval` frames. After a plan for a command it is less by up
-    /// to half the usual interval, by the character's phase, or by up to half of this one where many had one at once.
+    /// Frames from the last plan to the next for an interval of `interval` frames. After a plan for
+    /// a command it is less by up to half the usual interval, by the character's phase, or by up to
+    /// half of this one where many had one at once.
     fn wait(&self, interval: i64, policy: Policy) -> i64 {
         let usual = i64::from(policy.interval_frames.unwrap_or_default());
         match self.last_cause {
@@ -458,8 +470,8 @@ impl Timeline {
         ticket
     }
 
-    /// The plans that were asked for will not come: the timeline was saved without them. The next frame asks for another instead.
-    /// Answers the numbers of those plans.
+    /// The plans that were asked for will not come: the timeline was saved without them. The next
+    /// frame asks for another instead. Answers the numbers of those plans.
     ///
     /// # Errors
     /// What of the timeline makes no sense.
@@ -482,7 +494,8 @@ impl Timeline {
         Ok(Some(ticket.number))
     }
 
-    /// Moves the cursor on to `frame`, for which the buffer is drawn out, with time for a plan behind it, where it is not so long.
+    /// Moves the cursor on to `frame`, for which the buffer is drawn out, with time for a plan
+    /// behind it, where it is not so long.
     pub(super) fn reach_for(&mut self, frame: i64) -> u32 {
         self.forget_before();
         self.buffer.draw_out(frame + self.look_ahead + MARGIN_FRAMES);

@@ -1,4 +1,5 @@
-//! What becomes of a timeline's plans: they come, late or in time, fail, or are given up for a command.
+//! What becomes of a timeline's plans: they come, late or in time, fail, or are given up for a
+//! command.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::{Quat, Vec3};
@@ -69,7 +70,8 @@ impl Timeline {
             });
         } else if in_flight {
             self.flight = None;
-            // The frame at the cursor, if it is at one, is settled again, as if the plan had been in time.
+            // The frame at the cursor, if it is at one, is settled again, as if the plan had been
+            // in time.
             self.settled = None;
         }
         match late {

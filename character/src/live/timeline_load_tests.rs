@@ -1,4 +1,5 @@
-//! Timelines where plans take long: how far ahead they are asked for, and which takes another's place.
+//! Timelines where plans take long: how far ahead they are asked for, and which takes another's
+//! place.
 
 use proptest::prelude::*;
 
@@ -34,7 +35,8 @@ fn slow_plans_are_asked_for_further_ahead_as_far_as_the_buffer_lasts() {
         let stats = rig.timeline.stats();
         assert_eq!((stats.late_plans, stats.underruns), (0, 0), "{expected}");
     }
-    // The first waits for as long as it takes, the others where there are eight frames left of the one before.
+    // The first waits for as long as it takes, the others where there are eight frames left of the
+    // one before.
     let mut rig = Harness::new(WALKS, 34);
     rig.timeline.expect(60, 0);
     for _ in 0..200 {
@@ -200,7 +202,8 @@ proptest! {
         rig.timeline.expect(most as u32, most as u32 + 1);
         let (mut latency, mut command) = (latencies.iter().cycle(), commands.iter().cycle());
         let mut next_command = *command.next().unwrap();
-        // The frames at which plans come; one that takes another's place comes when that would have.
+        // The frames at which plans come; one that takes another's place comes when that would
+        // have.
         let mut coming: Vec<i64> = Vec::new();
         for frame in 1..600 {
             if frame == next_command {
@@ -231,7 +234,8 @@ proptest! {
 
     #[test]
     fn a_late_plan_slows_nobody_down_while_the_buffer_lasts(late in 1i64..=6, plan_frames in 34usize..=64) {
-        // Of 30 frames 9 are an interval and 8 are kept; what remains is for the plan that is late and for the one after it.
+        // Of 30 frames 9 are an interval and 8 are kept; what remains is for the plan that is late
+        // and for the one after it.
         let mut rig = Harness::new(WALKS, plan_frames);
         for _ in 0..200 {
             prop_assert_eq!(rig.advance(SUB_FRAMES, Clock::Runs), Stop::Done);

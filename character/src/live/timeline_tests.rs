@@ -7,8 +7,9 @@ use super::*;
 use crate::live::testing::still_buffer;
 use crate::live::{Arrival, LivePlan, PlanTrace};
 
-/// Rise and turn of the one joint for each metre of the way, so that height and pose, which fade in alike, can be told to be of one
-/// frame: little, for joints that are far from a plan go over in their own time.
+/// Rise and turn of the one joint for each metre of the way, so that height and pose, which fade in
+/// alike, can be told to be of one frame: little, for joints that are far from a plan go over in
+/// their own time.
 const TURN: f32 = 0.1;
 const WALKS: Policy = Policy {
     interval_frames: Some(9),
@@ -337,8 +338,8 @@ fn plans_make_no_difference_by_when_they_come_in_time() {
     assert_eq!(at_once.tickets, in_time.tickets);
 }
 
-/// Drives a rig for `frames` frames at `rate` in steps of `k` ticks; plans come after as many tries to go on as `delays`
-/// says. Gives the position at every tick.
+/// Drives a rig for `frames` frames at `rate` in steps of `k` ticks; plans come after as many tries
+/// to go on as `delays` says. Gives the position at every tick.
 fn waited(rate: u32, ticks: usize, delays: &[usize]) -> (Vec<Vec3>, Vec<Ticket>) {
     let mut rig = Harness::new(WALKS, 20);
     let mut delays = delays.iter().cycle();

@@ -1,5 +1,5 @@
-//! What a timeline does for a character that uses an object, or falls: plans that are wished for, poses that are held, and frames
-//! that no plan made.
+//! What a timeline does for a character that uses an object, or falls: plans that are wished for,
+//! poses that are held, and frames that no plan made.
 
 use super::super::PlanCause;
 use super::super::buffer::{Fade, Frames};
@@ -37,16 +37,17 @@ impl Timeline {
         self.look_ahead.max(self.lead).max(self.expected + 1)
     }
 
-    /// The soonest frame at which a plan that is asked for at `frame` should take over: in time, but not beyond what the
-    /// buffer lasts, and not within the look-ahead.
+    /// The soonest frame at which a plan that is asked for at `frame` should take over: in time,
+    /// but not beyond what the buffer lasts, and not within the look-ahead.
     pub(in crate::live) fn soonest(&self, frame: i64) -> i64 {
         let lasts = self.buffer.last() - MARGIN_FRAMES;
         (frame + self.ahead()).min(lasts).max(frame + self.look_ahead)
     }
 
-    /// Decides about the frame that the cursor is at, for a character whose motion follows something else than the policy: as
-    /// [`Self::settle`], but asks for the plan that is wished for, once none is in flight, and for no other. A buffer that ends
-    /// here without a plan to come goes on as it ends.
+    /// Decides about the frame that the cursor is at, for a character whose motion follows
+    /// something else than the policy: as [`Self::settle`], but asks for the plan that is wished
+    /// for, once none is in flight, and for no other. A buffer that ends here without a plan to
+    /// come goes on as it ends.
     pub(in crate::live) fn settle_for(&mut self, wish: Option<Wish>) -> Option<Ticket> {
         let frame = self.begin_to_settle();
         self.last_cause = PlanCause::Object;
@@ -69,7 +70,8 @@ impl Timeline {
         }
     }
 
-    /// Replaces what comes behind frame `at` by frames that no plan made. They fade in, or go on from that frame at once.
+    /// Replaces what comes behind frame `at` by frames that no plan made. They fade in, or go on
+    /// from that frame at once.
     pub(in crate::live) fn put(&mut self, at: i64, frames: Frames<'_>, fades: bool) {
         self.forget_before();
         self.buffer.trim(self.frame().min(at) - HISTORY_FRAMES);
@@ -94,7 +96,8 @@ impl Timeline {
         self.words_from = frame;
     }
 
-    /// Waits for the plan in flight no longer, nor keeps what it would have replaced: the character does something else.
+    /// Waits for the plan in flight no longer, nor keeps what it would have replaced: the character
+    /// does something else.
     pub(in crate::live) fn forget_flight(&mut self) {
         self.flight = None;
         self.replaced = None;

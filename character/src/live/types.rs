@@ -11,7 +11,8 @@ use crate::primitives::PlanTargets;
 use crate::primitives::object::KeyframeError;
 use troupe_motion::model::{KeyTensors, KeyframeTask};
 
-/// Parts that a frame of the timeline is counted in: 30, 50 and 60 Hz all take whole numbers of them.
+/// Parts that a frame of the timeline is counted in: 30, 50 and 60 Hz all take whole numbers of
+/// them.
 pub const SUB_FRAMES: u32 = 300;
 
 /// Context frames that a plan starts from.
@@ -26,14 +27,16 @@ pub enum Clock {
     Runs,
 }
 
-/// How it is with the networks for one character. By default nothing holds plans up, as for a clock that waits for them.
+/// How it is with the networks for one character. By default nothing holds plans up, as for a clock
+/// that waits for them.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Strain {
     /// Frames that a plan asked for now is expected to take: it is to take over no sooner.
     pub expected_frames: u32,
     /// Frames that plans take at the moment: they are asked for as much ahead.
     pub lead_frames: u32,
-    /// How much of the crowd's pressure falls on this character, 0 to 2 (see [`super::budget`]): plans are fewer and longer.
+    /// How much of the crowd's pressure falls on this character, 0 to 2 (see [`super::budget`]):
+    /// plans are fewer and longer.
     pub stretch: f32,
 }
 
@@ -55,9 +58,11 @@ pub struct CharacterOptions {
 /// How a character begins.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Start {
-    /// Standing in the style's idle pose, root position over the ground (its y is not used) and heading.
+    /// Standing in the style's idle pose, root position over the ground (its y is not used) and
+    /// heading.
     Standing(GlobalRoot),
-    /// Four frames, oldest first; the last is frame 0. Rotations: `4 * joints`, joint 0 in the world.
+    /// Four frames, oldest first; the last is frame 0. Rotations: `4 * joints`, joint 0 in the
+    /// world.
     Context {
         /// Root positions.
         roots: [Vec3; CONTEXT_FRAMES],
@@ -82,8 +87,8 @@ pub enum CommandOutcome {
 pub enum Advance {
     /// The cursor is where it should be.
     Moved,
-    /// The cursor waits at a frame for its plan. Once that has come (or has failed and the next one was asked for),
-    /// `advance` by 0 takes it the rest of the way.
+    /// The cursor waits at a frame for its plan. Once that has come (or has failed and the next one
+    /// was asked for), `advance` by 0 takes it the rest of the way.
     NeedsPlan,
 }
 
@@ -233,7 +238,8 @@ pub struct FrameOut {
     pub root: Vec3,
     /// One for each joint: the first in the world, others relative to their parents.
     pub rotations: Vec<Quat>,
-    /// Angles of a robot's hinges, which the rotations are of, and what it took; empty where it is none.
+    /// Angles of a robot's hinges, which the rotations are of, and what it took; empty where it is
+    /// none.
     pub fitted: Fitted,
     /// Bit i for contact joint i.
     pub contacts: u8,

@@ -1,4 +1,5 @@
-//! Keyframes in the world: anchored to an object's transform, and turned about its pivot where their flag ω is set.
+//! Keyframes in the world: anchored to an object's transform, and turned about its pivot where
+//! their flag ω is set.
 
 use troupe_motion::root::wrap_angle;
 use troupe_motion::rotation::yaw;
@@ -9,8 +10,9 @@ use crate::scene::Transform;
 
 /// Where keyframes are given from, in the world.
 ///
-/// It follows an object's place and heading, not its tilt: a character stands upright before a thing that leans. With it
-/// a keyframe goes to the world and comes back by one rigid motion about the vertical.
+/// It follows an object's place and heading, not its tilt: a character stands upright before a
+/// thing that leans. With it a keyframe goes to the world and comes back by one rigid motion about
+/// the vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Anchor {
     /// The pivot in the world, metres.
@@ -19,7 +21,8 @@ pub struct Anchor {
     pub local_pivot_m: Vec3,
     /// Heading of the frame of the keyframes in the world, radians.
     pub heading: f32,
-    /// The side that the character comes from, radians from the object's +Z: what keyframes with ω turn by.
+    /// The side that the character comes from, radians from the object's +Z: what keyframes with ω
+    /// turn by.
     pub side: f32,
     /// Height of what the character stands on, metres.
     pub ground_y: f32,
@@ -72,8 +75,8 @@ impl Definition {
         object.point(self.pivot_m)
     }
 
-    /// The side of an object at `object` on which `place` is: radians about +Y from the object's +Z as seen from its pivot,
-    /// in (-π, π]. At the pivot itself there is none, and 0 comes back.
+    /// The side of an object at `object` on which `place` is: radians about +Y from the object's +Z
+    /// as seen from its pivot, in (-π, π]. At the pivot itself there is none, and 0 comes back.
     pub fn side_of(&self, object: Transform, place: Vec3) -> f32 {
         let away = place - self.pivot(object);
         if away.x.hypot(away.z) < 1e-4 {
@@ -82,8 +85,8 @@ impl Definition {
         wrap_angle(away.x.atan2(away.z) - object.heading())
     }
 
-    /// The anchor of sets whose origin is the object at `object`, for a character that comes from `side` and stands at
-    /// height `ground_y`.
+    /// The anchor of sets whose origin is the object at `object`, for a character that comes from
+    /// `side` and stands at height `ground_y`.
     pub fn anchor(&self, object: Transform, side: f32, ground_y: f32) -> Anchor {
         Anchor {
             pivot: self.pivot(object),
@@ -96,7 +99,8 @@ impl Definition {
 }
 
 impl Anchor {
-    /// The anchor of sets whose origin is the character: the place at height `ground_y` under its root, and its heading.
+    /// The anchor of sets whose origin is the character: the place at height `ground_y` under its
+    /// root, and its heading.
     pub fn of_character(root: GlobalRoot, ground_y: f32) -> Self {
         Self {
             pivot: Vec3::new(root.position.x, ground_y, root.position.z),
@@ -122,8 +126,8 @@ impl Anchor {
         self.local_pivot_m + yaw(-self.turn(pivot)) * (world - self.pivot)
     }
 
-    /// Where a character that comes from the anchor's side starts, `distance_m` from the pivot, and its heading toward
-    /// the pivot.
+    /// Where a character that comes from the anchor's side starts, `distance_m` from the pivot, and
+    /// its heading toward the pivot.
     pub fn start(&self, distance_m: f32) -> GlobalRoot {
         let heading = self.turn(true);
         let place = self.pivot + yaw(heading) * Vec3::Z * distance_m;
@@ -174,8 +178,8 @@ impl Anchor {
         }
     }
 
-    /// The keyframe that [`Anchor::keyframe`] turns into `world`: how one is made from a motion. `pivot` and `from_ground`
-    /// are its flags.
+    /// The keyframe that [`Anchor::keyframe`] turns into `world`: how one is made from a motion.
+    /// `pivot` and `from_ground` are its flags.
     pub fn local_keyframe(&self, world: &WorldKeyframe, pivot: bool, from_ground: bool) -> Keyframe {
         let base = self.base_y(from_ground);
         let rotations = world.rotations.as_ref().map(|rotations| {

@@ -112,7 +112,8 @@ proptest! {
         }
     }
 
-    /// Where ω is set, the character has the pivot before it from whatever side it comes; where not, the side is nothing.
+    /// Where ω is set, the character has the pivot before it from whatever side it comes; where
+    /// not, the side is nothing.
     #[test]
     fn the_pivot_flag_decides(object in any_transform(5.0), side in -PI..PI, distance in 0.2_f32..2.0) {
         let thing = definition();
@@ -208,7 +209,8 @@ fn sets_of_the_character_are_about_it() {
 fn the_side_is_seen_from_the_pivot() {
     let thing = definition();
     let object = Transform::upright(Vec3::new(4.0, 0.0, 0.0), PI / 2.0);
-    // The object faces +X: a character there is at its front, one at +Z on its left, -90 degrees off.
+    // The object faces +X: a character there is at its front, one at +Z on its left, -90 degrees
+    // off.
     let side = |x: f32, z: f32| thing.side_of(object, Vec3::new(x, 1.0, z)).to_degrees();
     assert!(side(9.0, 0.0).abs() < 1e-3);
     assert!((side(4.0, 3.0) + 90.0).abs() < 1e-3);

@@ -11,7 +11,8 @@ use super::{Approach, Definition};
 pub struct Choice {
     /// Its index in the definition. `None`: any side will do.
     pub index: Option<usize>,
-    /// The side to come from: the one asked for, or the nearest that is allowed. Radians in (-π, π].
+    /// The side to come from: the one asked for, or the nearest that is allowed. Radians in (-π,
+    /// π].
     pub side: f32,
     /// How far that is from the one asked for, radians.
     pub off: f32,
@@ -40,8 +41,8 @@ impl Definition {
         self.approaches.iter().position(|approach| approach.name == name)
     }
 
-    /// The approach of this index, from the side of it that is nearest to `side`; with `None`, or where there is no such, as
-    /// [`Definition::approach_from`].
+    /// The approach of this index, from the side of it that is nearest to `side`; with `None`, or
+    /// where there is no such, as [`Definition::approach_from`].
     pub fn approach_by(&self, index: Option<usize>, side: f32) -> Choice {
         let Some((index, approach)) = index.and_then(|index| Some((index, self.approaches.get(index)?)))
         else {

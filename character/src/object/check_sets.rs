@@ -208,7 +208,8 @@ fn check_rotations(path: &Path<'_>, numbers: &[f32], rig: &Rig) -> Result<Vec<Qu
     Ok(rotations)
 }
 
-/// Refuses a pose with a heading of its own: that is in `heading_deg`. A pose that lies on its side has none.
+/// Refuses a pose with a heading of its own: that is in `heading_deg`. A pose that lies on its side
+/// has none.
 fn check_pelvis(path: &Path<'_>, rotations: &[Quat], rig: &Rig) -> Result<(), FieldError> {
     let axis = rig.skeleton.left_axis;
     let Some(&pelvis) = rotations.first() else {

@@ -1,13 +1,16 @@
 //! Smart objects: what characters can do with a thing, as data (paper section 6.2 and appendix G).
 //!
-//! A [`Definition`] is read from TOML or JSON ([`Definition::from_toml`], [`Definition::from_json`], [`load_file`]) and
-//! checked for one pack, whose skeleton its poses and joints are of. It says what the object is like and where a character
-//! must be to use it (`shape`, `trigger`, `approaches`), how it is carried and put down (`sockets`, `release`), and what
-//! happens: `sets` of one to four consecutive keyframes, of which each `variant` names a first one and those that follow.
+//! A [`Definition`] is read from TOML or JSON ([`Definition::from_toml`],
+//! [`Definition::from_json`], [`load_file`]) and checked for one pack, whose skeleton its poses and
+//! joints are of. It says what the object is like and where a character must be to use it (`shape`,
+//! `trigger`, `approaches`), how it is carried and put down (`sockets`, `release`), and what
+//! happens: `sets` of one to four consecutive keyframes, of which each `variant` names a first one
+//! and those that follow.
 //!
-//! Keyframes are written for a character that comes from the object's +Z side. [`Anchor`] turns one into the world: with
-//! the object's place and heading, and where its pivot flag ω is set also about the pivot, to the side that the character
-//! comes from. [`Variant`]s are chosen by weight and seed, and one seed always chooses the same.
+//! Keyframes are written for a character that comes from the object's +Z side. [`Anchor`] turns one
+//! into the world: with the object's place and heading, and where its pivot flag ω is set also
+//! about the pivot, to the side that the character comes from. [`Variant`]s are chosen by weight
+//! and seed, and one seed always chooses the same.
 //!
 //! Nothing here knows of sessions, clocks or networks.
 
@@ -71,7 +74,8 @@ pub const MAX_VARIANTS: usize = 16;
 pub const MAX_APPROACHES: usize = 16;
 /// Most sockets of a definition.
 pub const MAX_SOCKETS: usize = 8;
-/// Largest distance of a keyframe, point, pivot or socket from the origin that it is given from, along an axis, metres.
+/// Largest distance of a keyframe, point, pivot or socket from the origin that it is given from,
+/// along an axis, metres.
 pub const MAX_DISTANCE_M: f32 = 20.0;
 /// Largest reach of a trigger beyond the shape, metres.
 pub const MAX_REACH_M: f32 = 10.0;
@@ -91,8 +95,8 @@ pub const MAX_SLOPE_DEG: f32 = 80.0;
 pub struct Definition {
     /// Unique among definitions.
     pub name: String,
-    /// Name of the pack that it was checked for: its poses and joints are of that pack's skeleton, and no character of
-    /// another pack can use it.
+    /// Name of the pack that it was checked for: its poses and joints are of that pack's skeleton,
+    /// and no character of another pack can use it.
     pub pack: String,
     /// What it is, for people.
     pub description: String,
@@ -127,7 +131,8 @@ pub struct Approach {
     pub from: f32,
     /// How far the range goes on from there, radians, 0 to 2π.
     pub span: f32,
-    /// Where the character starts the first set, metres over the ground from the pivot. `None`: where it is.
+    /// Where the character starts the first set, metres over the ground from the pivot. `None`:
+    /// where it is.
     pub distance_m: Option<f32>,
 }
 
@@ -144,7 +149,8 @@ pub struct Socket {
     pub rotation: Option<Quat>,
     /// Frames over which an object that is attached moves here from where it was.
     pub blend_frames: u32,
-    /// Whether the arm swings as in any walk while it carries the object; else the hand stays where it is.
+    /// Whether the arm swings as in any walk while it carries the object; else the hand stays where
+    /// it is.
     pub swings: bool,
     /// Whether the object stands upright however the joint turns; it turns about its middle.
     pub upright: bool,
@@ -180,9 +186,11 @@ pub struct Set {
     pub motion: Option<Motion>,
     /// Whether a character that comes for it stops before it begins.
     pub from_stand: bool,
-    /// Frames from the last frame before the set to its last keyframe. `None`: as many as the pack thinks right.
+    /// Frames from the last frame before the set to its last keyframe. `None`: as many as the pack
+    /// thinks right.
     pub frames: Option<u32>,
-    /// τ: how many frames before its last keyframe the next phase may begin. 0: the keyframe must be reached.
+    /// τ: how many frames before its last keyframe the next phase may begin. 0: the keyframe must
+    /// be reached.
     pub drop_frames: u32,
     /// How long the last keyframe is held.
     pub hold: Hold,
@@ -240,10 +248,11 @@ pub struct Keyframe {
     pub heading: Option<f32>,
     /// Height of the root joint, metres.
     pub height_m: Option<f32>,
-    /// Whether heights, of root and points, count from what the character stands on rather than from the origin.
+    /// Whether heights, of root and points, count from what the character stands on rather than
+    /// from the origin.
     pub from_ground: bool,
-    /// The whole pose: one rotation for each joint, the first with the heading taken out, others relative to their
-    /// parents. Heading and height are given with it.
+    /// The whole pose: one rotation for each joint, the first with the heading taken out, others
+    /// relative to their parents. Heading and height are given with it.
     pub rotations: Option<Vec<Quat>>,
     /// Where single joints are.
     pub points: Vec<Point>,
@@ -267,14 +276,16 @@ pub struct Variant {
     pub weight: f32,
     /// The sets to go through, in order; at least one, none twice.
     pub entry: Vec<usize>,
-    /// The sets to leave with when the interaction is ended while a set is held, in order; may be none.
+    /// The sets to leave with when the interaction is ended while a set is held, in order; may be
+    /// none.
     pub exit: Vec<usize>,
 }
 
 impl Definition {
     /// About how much memory it takes, bytes.
     pub fn bytes(&self) -> usize {
-        /// Of a definition with its names, of a set with its events, of a keyframe, and of a joint or a point of one.
+        /// Of a definition with its names, of a set with its events, of a keyframe, and of a joint
+        /// or a point of one.
         const ITSELF: usize = 8 << 10;
         const SET: usize = 2 << 10;
         const KEYFRAME: usize = 512;

@@ -38,8 +38,8 @@ pub enum PlaceError {
 }
 
 impl Definition {
-    /// Where the object `id`, let go at `at`, comes to lie in `scene`: its middle straight over the place that a ray from
-    /// it finds, its lowest point on the surface there.
+    /// Where the object `id`, let go at `at`, comes to lie in `scene`: its middle straight over the
+    /// place that a ray from it finds, its lowest point on the surface there.
     ///
     /// # Errors
     /// [`PlaceError`], where the definition's rule finds no place.

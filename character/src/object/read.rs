@@ -45,7 +45,8 @@ pub fn load_file(file: &FilePath, rig: &Rig) -> Result<Definition, DocumentError
     read_file(file, |doc| Definition::from_doc(doc, rig))
 }
 
-/// Reads and checks every `*.toml` and `*.json` of `folder`, sorted by name. A folder that is not there has none.
+/// Reads and checks every `*.toml` and `*.json` of `folder`, sorted by name. A folder that is not
+/// there has none.
 ///
 /// # Errors
 /// [`DocumentError`] for the first file that is not a definition, or has the name of another.

@@ -550,7 +550,8 @@ fn the_examples_are_definitions_of_the_default_pack() {
     }
 }
 
-/// Of every variant that is chosen by weight: whatever the table, the hand comes to the cup, and to where it is taken then.
+/// Of every variant that is chosen by weight: whatever the table, the hand comes to the cup, and to
+/// where it is taken then.
 #[test]
 fn the_cup_is_in_reach_on_tables_of_70_to_100_cm() {
     let root = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("..");

@@ -7,13 +7,15 @@ use super::Socket;
 use crate::scene::Transform;
 
 impl Socket {
-    /// Where an object ends up in the joint's frame that had the rotation `taken` in that frame when it was taken.
+    /// Where an object ends up in the joint's frame that had the rotation `taken` in that frame
+    /// when it was taken.
     pub fn offset(&self, taken: Quat) -> Transform {
         Transform::new(self.position_m, self.rotation.unwrap_or(taken))
     }
 
-    /// Where the object is in the joint's frame, `frames` after it was at `from`, in that frame too: it moves to `to`, its place
-    /// in the socket ([`Socket::offset`]), over [`Socket::blend_frames`], starting and ending slowly.
+    /// Where the object is in the joint's frame, `frames` after it was at `from`, in that frame
+    /// too: it moves to `to`, its place in the socket ([`Socket::offset`]), over
+    /// [`Socket::blend_frames`], starting and ending slowly.
     pub fn offset_at(&self, from: Transform, to: Transform, frames: f32) -> Transform {
         let eased = self.share(frames);
         Transform::new(
@@ -22,7 +24,8 @@ impl Socket {
         )
     }
 
-    /// How far an object has come into the socket, `frames` after it was attached: 0 to 1, starting and ending slowly.
+    /// How far an object has come into the socket, `frames` after it was attached: 0 to 1, starting
+    /// and ending slowly.
     pub fn share(&self, frames: f32) -> f32 {
         smoothstep(match self.blend_frames {
             0 => 1.0,

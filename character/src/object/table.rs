@@ -105,7 +105,8 @@ pub struct Uploaded {
 
 /// The definitions of a server. Reading takes no lock and sees a definition wholly or not at all.
 ///
-/// Who began something with a definition keeps its `Arc` and ends with that, whatever becomes of the name.
+/// Who began something with a definition keeps its `Arc` and ends with that, whatever becomes of
+/// the name.
 #[derive(Debug, Default)]
 pub struct Definitions {
     list: ArcSwap<DefinitionList>,
@@ -142,16 +143,17 @@ impl Definitions {
         self.list.load().get(name).cloned()
     }
 
-    /// Does `work` while no definition is replaced or removed. Whatever puts objects into a scene of the scene table, or a
-    /// scene with objects into that table, is done here: else an object could come to have the body of a definition that
-    /// has just been replaced, or that is no more. `work` must not upload or remove.
+    /// Does `work` while no definition is replaced or removed. Whatever puts objects into a scene
+    /// of the scene table, or a scene with objects into that table, is done here: else an object
+    /// could come to have the body of a definition that has just been replaced, or that is no more.
+    /// `work` must not upload or remove.
     pub fn while_unchanged<T>(&self, work: impl FnOnce(&DefinitionList) -> T) -> T {
         let _no_writer = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         work(&self.list.load())
     }
 
-    /// Adds a definition, or replaces the one of its name: then all its objects in `scenes` get the new body
-    /// ([`Scene::rebind`]).
+    /// Adds a definition, or replaces the one of its name: then all its objects in `scenes` get the
+    /// new body ([`Scene::rebind`]).
     ///
     /// # Errors
     /// [`DefinitionsError::Full`]; then nothing has changed.
@@ -213,8 +215,8 @@ fn rebind_all(definition: &Definition, scenes: &SceneTable) -> usize {
 }
 
 impl Scene {
-    /// Gives every object of this definition the body that it has now: the definition was replaced. Who has reserved or
-    /// holds one goes on having it. How many objects there are.
+    /// Gives every object of this definition the body that it has now: the definition was replaced.
+    /// Who has reserved or holds one goes on having it. How many objects there are.
     pub fn rebind(&mut self, definition: &Definition) -> usize {
         self.replace_body(&definition.name, &definition.body)
     }

@@ -172,8 +172,9 @@ fn a_definition_with_objects_stays() {
     assert!(definitions.get("cup").is_err());
 }
 
-/// Who adds an object of a definition that somebody else replaces, or takes out, at that very moment: the object ends up with
-/// the body that the table has, and is not left without a definition.
+/// Who adds an object of a definition that somebody else replaces, or takes out, at that very
+/// moment: the object ends up with the body that the table has, and is not left without a
+/// definition.
 #[test]
 fn objects_and_definitions_agree_whatever_happens_at_once() {
     let (definitions, scenes, yard) = yard(0);

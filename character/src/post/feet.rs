@@ -13,7 +13,8 @@ use super::hinges::bend_as_shown;
 const CONTACT: f32 = 0.5;
 /// How far a foot is moved at most in a gap whose ends are known, metres.
 const FARTHEST_M: f32 = 0.25;
-/// In a plan that the next one takes over from: a foot that slides farther goes somewhere, and to hold it would jerk.
+/// In a plan that the next one takes over from: a foot that slides farther goes somewhere, and to
+/// hold it would jerk.
 const FARTHEST_LIVE_M: f32 = 0.05;
 
 /// One byte a frame, bit i for contact joint i; contact joints from the ninth on have none.
@@ -31,10 +32,11 @@ pub(crate) fn bits_of(touches: impl IntoIterator<Item = bool>) -> u8 {
     each.fold(0, |bits, (nth, touches)| bits | (u8::from(touches) << nth))
 }
 
-/// Holds the feet of a segment between its keyframes, the frames outside of `gap`, and lifts them out of the ground.
+/// Holds the feet of a segment between its keyframes, the frames outside of `gap`, and lifts them
+/// out of the ground.
 ///
-/// The ground is at 0, or as far below as the lowest foot of a keyframe: where that is, the keyframes know better. Everything is in
-/// the world, and a robot's poses are on its hinges.
+/// The ground is at 0, or as far below as the lowest foot of a keyframe: where that is, the
+/// keyframes know better. Everything is in the world, and a robot's poses are on its hinges.
 pub fn hold_between(
     rig: &Rig,
     roots: &mut [Vec3],
@@ -49,10 +51,12 @@ pub fn hold_between(
     hold(rig, roots, rotations, contacts, gap, (FARTHEST_M, floor_m));
 }
 
-/// Holds the feet of a live plan behind its context, the frames before `start`; it stands on a ground at 0.
+/// Holds the feet of a live plan behind its context, the frames before `start`; it stands on a
+/// ground at 0.
 pub fn hold_live(rig: &Rig, roots: &mut [Vec3], rotations: &mut [Quat], contacts: &[u8], start: usize) {
     let (range, limits) = (start..roots.len(), (FARTHEST_LIVE_M, 0.0));
-    // A robot's plans are not on the hinges. Feet that are held by limbs as the networks made them would slide again on them.
+    // A robot's plans are not on the hinges. Feet that are held by limbs as the networks made them
+    // would slide again on them.
     bend_as_shown(rig, rotations, |rotations| {
         hold(rig, roots, rotations, contacts, range, limits);
     });

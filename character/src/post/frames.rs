@@ -28,7 +28,8 @@ pub fn roots(values: &[f32]) -> impl Iterator<Item = GlobalRoot> {
         .map(|r| GlobalRoot::from_array([r[0], r[1], r[2], r[3], r[4]]))
 }
 
-/// World 6D rotations to quaternions, joint 0 in the (segment's) world and the others relative to their parents.
+/// World 6D rotations to quaternions, joint 0 in the (segment's) world and the others relative to
+/// their parents.
 pub fn parent_relative(motion: &Motion, frames: usize, dims: &Dims, skeleton: &Skeleton) -> Vec<Quat> {
     let joints = dims.joints;
     let mut world = vec![Quat::IDENTITY; frames * joints];
@@ -40,8 +41,8 @@ pub fn parent_relative(motion: &Motion, frames: usize, dims: &Dims, skeleton: &S
     rotations
 }
 
-/// Turns joint 0 of every frame into the world, and keeps each joint's quaternion in the hemisphere of the frame before
-/// it, so that clients may interpolate between frames without care.
+/// Turns joint 0 of every frame into the world, and keeps each joint's quaternion in the hemisphere
+/// of the frame before it, so that clients may interpolate between frames without care.
 pub fn to_world_rotations(frame: &SegmentFrame, joints: usize, rotations: &mut [Quat]) {
     for pose in rotations.chunks_exact_mut(joints) {
         pose[0] = frame.to_world_rotation(pose[0]).normalize();

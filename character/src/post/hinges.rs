@@ -39,8 +39,8 @@ pub fn onto_hinges(robot: &Robot, roots: &[Vec3], rotations: &mut [Quat], wants_
     columns
 }
 
-/// Has `bend` bend legs in frames as they are shown. Of a robot that is on the hinges, where only the legs that it bends stay: frames
-/// tell what their hinges lack when they are shown.
+/// Has `bend` bend legs in frames as they are shown. Of a robot that is on the hinges, where only
+/// the legs that it bends stay: frames tell what their hinges lack when they are shown.
 pub(super) fn bend_as_shown(rig: &Rig, rotations: &mut [Quat], bend: impl FnOnce(&mut [Quat])) {
     let Some(robot) = &rig.skeleton.robot else {
         return bend(rotations);

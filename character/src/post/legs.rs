@@ -1,4 +1,5 @@
-//! Legs that do not pass through each other: where two shins or feet would meet, the leg that swings goes around the other.
+//! Legs that do not pass through each other: where two shins or feet would meet, the leg that
+//! swings goes around the other.
 
 use std::ops::Range;
 
@@ -11,31 +12,38 @@ use troupe_motion::{GlobalRoot, Quat, Skeleton, Vec3};
 
 use super::hinges::bend_as_shown;
 
-/// The axes of two shins stay this far apart, metres: of people's clips one in twenty-five comes within 5 cm.
+/// The axes of two shins stay this far apart, metres: of people's clips one in twenty-five comes
+/// within 5 cm.
 const SHINS_APART_M: f32 = 0.075;
 /// Those of two feet.
 const FEET_APART_M: f32 = 0.06;
-/// Frames before and after the moment at which a leg is farthest out of its way that it takes to go there and back.
+/// Frames before and after the moment at which a leg is farthest out of its way that it takes to go
+/// there and back.
 const AROUND_FRAMES: usize = 4;
 /// Frames at first over which legs begin to leave their way.
 const LEAVE_FRAMES: usize = 2;
 /// Most that an ankle leaves its way, metres.
 const FARTHEST_M: f32 = 0.12;
-/// A shin is met this far down from the knee at least, as a share of it: nearer to the knee, moving the ankle helps little.
+/// A shin is met this far down from the knee at least, as a share of it: nearer to the knee, moving
+/// the ankle helps little.
 const LEAST_SHARE: f32 = 0.6;
-/// Legs are parted as many times: what is left of the first time, where the other leg stands in the new way, goes with the second.
+/// Legs are parted as many times: what is left of the first time, where the other leg stands in the
+/// new way, goes with the second.
 const PASSES: usize = 2;
 /// Ways between legs that are shorter than this have no direction, metres.
 const NOWHERE_M: f32 = 0.005;
 
 /// A leg whose ankle goes so many times as far as the other's swings, and that other stands.
 const SWINGS: f32 = 1.5;
-/// Of two ankles that together go less far than this while the legs are near, metres, none is moved: one stands like that.
+/// Of two ankles that together go less far than this while the legs are near, metres, none is
+/// moved: one stands like that.
 const STANDS_M: f32 = 0.03;
 
-/// Parts the legs of a body with two of them in frames that follow each other, a robot's as far as its hinges allow.
+/// Parts the legs of a body with two of them in frames that follow each other, a robot's as far as
+/// its hinges allow.
 ///
-/// It is done to what is shown, faded plans and all: two plans with legs apart may meet half way between them.
+/// It is done to what is shown, faded plans and all: two plans with legs apart may meet half way
+/// between them.
 pub(crate) fn part_legs(rig: &Rig, roots: &[Vec3], rotations: &mut [Quat]) {
     let (skeleton, [left, right]) = (&*rig.skeleton, &rig.legs[..]) else {
         return;
@@ -168,8 +176,8 @@ fn runs(meetings: &[Meeting]) -> Vec<Range<usize>> {
     runs
 }
 
-/// The direction in which legs are parted while they are near: one for all of those frames, or a leg that passes through the other would be
-/// pushed to one side first, and then to the other.
+/// The direction in which legs are parted while they are near: one for all of those frames, or a
+/// leg that passes through the other would be pushed to one side first, and then to the other.
 #[derive(Debug, Clone, Copy)]
 struct Apart {
     direction: Vec3,
@@ -183,7 +191,8 @@ impl Apart {
         let mean = near.iter().map(|m| m.between).sum::<Vec3>() / near.len() as f32;
         let passes = last.between - near[0].between;
         let hips = near[near.len() / 2].hips;
-        // Across the way that one passes the other, to the side that it is on, or else where its hip is.
+        // Across the way that one passes the other, to the side that it is on, or else where its
+        // hip is.
         let across = |side: Vec3| match passes.length() > NOWHERE_M {
             true => side - passes * (side.dot(passes) / passes.length_squared()),
             false => side,
@@ -206,7 +215,8 @@ impl Apart {
     }
 }
 
-/// Ways that come and go over [`AROUND_FRAMES`], none of them shorter than before but at the very start.
+/// Ways that come and go over [`AROUND_FRAMES`], none of them shorter than before but at the very
+/// start.
 fn eased(ways: &[Vec3]) -> Vec<Vec3> {
     let near = |frame: usize, reach: usize| around(frame..frame + 1, reach, ways.len());
     let longer = |a: Vec3, b: Vec3| match b.length_squared() > a.length_squared() {

@@ -7,7 +7,8 @@ const FRAMES: usize = 40;
 const LEFT: usize = 10;
 const RIGHT: usize = 13;
 
-/// Stands on the right leg while the left swings ahead, and `inward` (radians) towards the other on the way.
+/// Stands on the right leg while the left swings ahead, and `inward` (radians) towards the other on
+/// the way.
 fn swing(inward: f32) -> (Vec<Vec3>, Vec<Quat>) {
     let mut rotations = Vec::new();
     for frame in 0..FRAMES {

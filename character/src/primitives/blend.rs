@@ -1,8 +1,10 @@
-//! The blendspace: which gaits, how much of each, and how fast, for a velocity and a height (paper appendix D).
+//! The blendspace: which gaits, how much of each, and how fast, for a velocity and a height (paper
+//! appendix D).
 //!
-//! Weights are by gradient bands (Johansen 2009, "Automated semi-procedural animation", section 6.3) over speed, direction,
-//! turning and height: a gait's weight falls from 1 at its own velocity to 0 at any other gait's. Poses are then mixed in
-//! joint space at one phase. Standing is the limit of any gait at no speed and takes its share by the ratio of the speeds.
+//! Weights are by gradient bands (Johansen 2009, "Automated semi-procedural animation", section
+//! 6.3) over speed, direction, turning and height: a gait's weight falls from 1 at its own velocity
+//! to 0 at any other gait's. Poses are then mixed in joint space at one phase. Standing is the
+//! limit of any gait at no speed and takes its share by the ratio of the speeds.
 
 use std::f32::consts::TAU;
 
@@ -63,7 +65,8 @@ pub(crate) struct Blend<'a> {
     cycles: &'a Cycles,
     shares: [Share; MAX_GAITS + 1],
     len: usize,
-    /// Phase that passes in a frame at 30 Hz, in cycles; below 0 for a gait that runs backwards, 0 for one that stands.
+    /// Phase that passes in a frame at 30 Hz, in cycles; below 0 for a gait that runs backwards, 0
+    /// for one that stands.
     pub(crate) rate: f32,
     /// Mean period of the gaits that move, frames at 30 Hz.
     period_frames: f32,
@@ -151,12 +154,14 @@ impl<'a> Blend<'a> {
         &self.shares[..self.len]
     }
 
-    /// How fast the gaits run against how they were captured; below 0 backwards, 0 for one that stands.
+    /// How fast the gaits run against how they were captured; below 0 backwards, 0 for one that
+    /// stands.
     pub(crate) fn hurry(&self) -> f32 {
         self.rate * self.period_frames
     }
 
-    /// Runs so many times as fast, as far as the networks make the steps: those that are followed would slide.
+    /// Runs so many times as fast, as far as the networks make the steps: those that are followed
+    /// would slide.
     pub(crate) fn hurry_by(&mut self, times: f32) {
         self.rate *= 1.0 + (times - 1.0) * (1.0 - self.built());
     }
@@ -182,7 +187,8 @@ impl<'a> Blend<'a> {
         named
     }
 
-    /// Phase of a share's gait, where the moving ones are at `phase` and the time is `frame` (at 30 Hz).
+    /// Phase of a share's gait, where the moving ones are at `phase` and the time is `frame` (at 30
+    /// Hz).
     fn phase_of(&self, share: &Share, phase: f32, frame: u64) -> f32 {
         let gait = &self.style.gaits[share.gait];
         let keys = gait.keys.len() as u64;
@@ -197,7 +203,8 @@ impl<'a> Blend<'a> {
         }
     }
 
-    /// The mix at a phase: the pose, joint 0 facing +Z without the sway, into `pose`; the rest comes back.
+    /// The mix at a phase: the pose, joint 0 facing +Z without the sway, into `pose`; the rest
+    /// comes back.
     pub(crate) fn sample(&self, phase: f32, frame: u64, pose: &mut [Quat]) -> Moment {
         let mut mixed = Moment::default();
         for (index, share) in self.shares().iter().enumerate() {
@@ -237,8 +244,9 @@ impl<'a> Blend<'a> {
         mixed
     }
 
-    /// The squared distance of each matching step of the mix to a pose: positions relative to the projected root, facing
-    /// +Z, and velocities, both one a joint. `velocity_s` weighs velocities against positions.
+    /// The squared distance of each matching step of the mix to a pose: positions relative to the
+    /// projected root, facing +Z, and velocities, both one a joint. `velocity_s` weighs velocities
+    /// against positions.
     pub(crate) fn distances(
         &self,
         positions: &[Vec3],
@@ -312,7 +320,8 @@ impl SpeedMatch {
             }
         }
         let wanted_speed = wanted.left_mps.hypot(wanted.forward_mps);
-        // Turning counts only as far as the gaits turn: walking a curve is no faster than walking straight on.
+        // Turning counts only as far as the gaits turn: walking a curve is no faster than walking
+        // straight on.
         let wanted_turn = wanted.turn_rps.abs().min(turn * RATE_RANGE.1);
         let dot = wanted.left_mps * left + wanted.forward_mps * forward;
         Self {
@@ -378,7 +387,8 @@ impl Point {
         }
     }
 
-    /// How far `x` is on the way from `self` to `other`: 0 here, 1 there. `None`: both are the same place.
+    /// How far `x` is on the way from `self` to `other`: 0 here, 1 there. `None`: both are the same
+    /// place.
     fn towards(&self, other: &Self, x: &Self) -> Option<f32> {
         let height = HEIGHT_SCALE * (other.height - self.height);
         let x_height = HEIGHT_SCALE * (x.height - self.height);
@@ -391,8 +401,9 @@ impl Point {
         (length > SAME * SAME).then(|| (along + height * x_height) / length)
     }
 
-    /// Between two gaits that go somewhere: speeds against their mean, direction and turning. Gaits of one direction are told
-    /// apart by their speeds, gaits of quite different ones by the direction alone. The way along, and the whole way, squared.
+    /// Between two gaits that go somewhere: speeds against their mean, direction and turning. Gaits
+    /// of one direction are told apart by their speeds, gaits of quite different ones by the
+    /// direction alone. The way along, and the whole way, squared.
     fn towards_over_ground(&self, other: &Self, x: &Self) -> (f32, f32) {
         let between = wrap_angle(other.angle - self.angle).abs();
         let aligned = (1.0 - between / BLEND_ARC).max(0.0);
@@ -406,8 +417,8 @@ impl Point {
         (along, speed * speed + angle * angle + turn * turn)
     }
 
-    /// Between two gaits of which one at least only turns or stands: how much of the motion is turning, or where that
-    /// does not differ, how fast it turns.
+    /// Between two gaits of which one at least only turns or stands: how much of the motion is
+    /// turning, or where that does not differ, how fast it turns.
     fn towards_on_the_spot(&self, other: &Self, x: &Self) -> (f32, f32) {
         let lean = other.lean() - self.lean();
         if lean.abs() > SAME {
@@ -427,8 +438,8 @@ impl Point {
         (self.turn * TURN_RADIUS_M).atan2(self.speed)
     }
 
-    /// How far the direction of `x` is from this one's to `other`'s, the way round that it lies on, 0 to 1. Over a way longer
-    /// than [`BLEND_ARC`] it changes only in the middle of it.
+    /// How far the direction of `x` is from this one's to `other`'s, the way round that it lies on,
+    /// 0 to 1. Over a way longer than [`BLEND_ARC`] it changes only in the middle of it.
     fn share_of_arc(&self, other: &Self, between: f32, x: &Self) -> f32 {
         let here = wrap_angle(x.angle - self.angle).abs();
         let there = wrap_angle(x.angle - other.angle).abs();
@@ -448,8 +459,9 @@ impl Point {
 
 /// Gradient band weights of the gaits that `takes` chooses, summing to 1. `false`: it chooses none.
 ///
-/// A gait's weight is the product of what is left of it on the way to each other gait. The smallest of these, as in the
-/// original, would make directions change the faster the less all of them count.
+/// A gait's weight is the product of what is left of it on the way to each other gait. The smallest
+/// of these, as in the original, would make directions change the faster the less all of them
+/// count.
 fn bands(
     style: &Style,
     x: &Point,

@@ -10,14 +10,16 @@ use super::recipe::{FOLLOW_FRAMES, FOLLOWS_M};
 /// The poses that a plan is drawn to, and how far. Its places are the guide's.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Follow {
-    /// `frames * joints` from the segment's first frame on: joint 0 in the world, others relative to their parents.
+    /// `frames * joints` from the segment's first frame on: joint 0 in the world, others relative
+    /// to their parents.
     pub rotations: Vec<Quat>,
     /// For each frame, from 0, which leaves it to the networks, to 1.
     pub weights: Vec<f32>,
 }
 
-/// How far each of `frames` frames is drawn, of which the last context frame is `now`: a gait that makes up the share `built` of what
-/// moves. A character that is in its step already follows at once; the networks bring any other into it.
+/// How far each of `frames` frames is drawn, of which the last context frame is `now`: a gait that
+/// makes up the share `built` of what moves. A character that is in its step already follows at
+/// once; the networks bring any other into it.
 pub(super) fn weights(built: f32, off_m: f32, now: usize, frames: usize) -> Vec<f32> {
     let at_once = 1.0 - smoothstep((off_m / FOLLOWS_M - 1.0).clamp(0.0, 1.0));
     let weight = |frame: usize| {
@@ -27,8 +29,8 @@ pub(super) fn weights(built: f32, off_m: f32, now: usize, frames: usize) -> Vec<
     (0..frames).map(weight).collect()
 }
 
-/// How far two poses are apart, joint by joint: the root of the mean square, metres. Each has its root at a height and a heading, which
-/// are not told apart.
+/// How far two poses are apart, joint by joint: the root of the mean square, metres. Each has its
+/// root at a height and a heading, which are not told apart.
 pub(super) fn apart_m(skeleton: &Skeleton, one: (f32, f32, &[Quat]), other: (f32, f32, &[Quat])) -> f32 {
     let joints = skeleton.joint_count();
     let mut rotations = vec![Quat::IDENTITY; joints];
@@ -45,7 +47,8 @@ pub(super) fn apart_m(skeleton: &Skeleton, one: (f32, f32, &[Quat]), other: (f32
 }
 
 impl Follow {
-    /// Draws frames behind the context to the poses, and to `path`. All are as long as the frames; the poses carry on from the context.
+    /// Draws frames behind the context to the poses, and to `path`. All are as long as the frames;
+    /// the poses carry on from the context.
     pub(crate) fn draw(&self, path: &[Vec3], roots: &mut [Vec3], rotations: &mut [Quat]) {
         let joints = rotations.len() / roots.len().max(1);
         let frames = roots.iter_mut().zip(path).zip(&self.weights);

@@ -1,7 +1,7 @@
 //! The heading spring: a heading of its own that follows the commanded one from command to command.
 //!
-//! It is not started again from the character at every plan. Every plan's turn would ease in again then, and a character that
-//! plans three times a second would never finish a turn in time.
+//! It is not started again from the character at every plan. Every plan's turn would ease in again
+//! then, and a character that plans three times a second would never finish a turn in time.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::root::wrap_angle;
@@ -48,8 +48,8 @@ impl HeadingSpring {
         self.turn.at(self.passed_s(frame, fps))
     }
 
-    /// Draws it to `target` from `frame` on, the shorter way round, by `most_rps` at most. `None`: to where it comes to rest by
-    /// itself.
+    /// Draws it to `target` from `frame` on, the shorter way round, by `most_rps` at most. `None`:
+    /// to where it comes to rest by itself.
     pub(crate) fn turn_to(&mut self, frame: u64, fps: f32, target: Option<f32>, most_rps: f32) {
         let (passed, (heading, omega)) = (self.passed_s(frame, fps), self.at(frame, fps));
         let goal = self.turn.goal_at(passed) - heading;
@@ -109,8 +109,8 @@ impl HeadingSpring {
     }
 }
 
-/// The headings of one plan: a critically damped spring that follows a goal, which goes to the target at a steady rate. The
-/// heading never turns faster than that, however far the target is.
+/// The headings of one plan: a critically damped spring that follows a goal, which goes to the
+/// target at a steady rate. The heading never turns faster than that, however far the target is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Turn {
     /// Radians, not wrapped: whole turns keep the way round.
@@ -169,7 +169,8 @@ impl Turn {
     }
 }
 
-/// Place and velocity of a critically damped spring from rest whose goal leaves it at 1 a second, after `t` seconds.
+/// Place and velocity of a critically damped spring from rest whose goal leaves it at 1 a second,
+/// after `t` seconds.
 fn follows(t: f32) -> (f32, f32) {
     if t <= 0.0 {
         return (0.0, 0.0);

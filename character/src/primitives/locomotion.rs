@@ -1,13 +1,15 @@
 //! Smart locomotion (paper section 6.1 and table 1): from a command to target keyframes.
 //!
-//! * r_g1, naive: the root that the commanded heading, and the velocity on its way to the commanded ([`super::ramp`]), would have after
-//!   a second.
-//! * r_g2, spring: the root on equation 6's way to it, which is where targets are placed. Its position starts from the
-//!   character at every plan, its heading from a spring that goes on from command to command ([`super::heading`]).
+//! * r_g1, naive: the root that the commanded heading, and the velocity on its way to the commanded
+//!   ([`super::ramp`]), would have after a second.
+//! * r_g2, spring: the root on equation 6's way to it, which is where targets are placed. Its
+//!   position starts from the character at every plan, its heading from a spring that goes on from
+//!   command to command ([`super::heading`]).
 //! * r_g3 and r_g4 are the networks'; headings of r_g3 follow the [`Guide`].
 //!
-//! Target poses come from the blendspace ([`super::blend`]) at the phase that the character's step will have reached. What
-//! the style cannot do is brought to the nearest that it can ([`super::reach`]) before any of this.
+//! Target poses come from the blendspace ([`super::blend`]) at the phase that the character's step
+//! will have reached. What the style cannot do is brought to the nearest that it can
+//! ([`super::reach`]) before any of this.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::root::wrap_angle;
@@ -86,8 +88,8 @@ struct Plan<'a> {
 }
 
 impl Locomotion {
-    /// A character that faces `heading` (radians) at timeline frame `frame` and moves as `command` says from there on.
-    /// `fps`: frames a second of the timeline.
+    /// A character that faces `heading` (radians) at timeline frame `frame` and moves as `command`
+    /// says from there on. `fps`: frames a second of the timeline.
     pub fn new(frame: u64, heading: f32, fps: f32, command: LocomotionCommand) -> Self {
         let mut locomotion = Self {
             feasible: Feasible {
@@ -155,7 +157,8 @@ impl Locomotion {
         }
     }
 
-    /// Has a character whose root is at `position` at a frame stand at the end of its path, where it has come there.
+    /// Has a character whose root is at `position` at a frame stand at the end of its path, where
+    /// it has come there.
     pub(crate) fn end_path(&mut self, frame: u64, position: Vec3) -> Option<PathEnd> {
         let end = self.path.as_ref()?.end(frame, self.fps, position)?;
         let command = LocomotionCommand {
@@ -167,7 +170,8 @@ impl Locomotion {
         Some(end)
     }
 
-    /// Has a character that stands do so at `place` over the ground, rather than where it comes to rest.
+    /// Has a character that stands do so at `place` over the ground, rather than where it comes to
+    /// rest.
     pub fn stand_at(&mut self, place: Vec3) {
         if let Some(standing) = &mut self.stand {
             standing.anchor = Some(place);
@@ -346,7 +350,8 @@ fn now_of(context: &PlanContext<'_>) -> Now {
     }
 }
 
-/// The gait that the command names. A name that the style does not have leaves the choice to the velocity.
+/// The gait that the command names. A name that the style does not have leaves the choice to the
+/// velocity.
 fn only_gait(command: &LocomotionCommand) -> Option<usize> {
     let name = command.gait.as_ref()?;
     command.style.gaits.iter().position(|gait| gait.name == *name)

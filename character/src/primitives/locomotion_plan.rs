@@ -52,7 +52,8 @@ impl Plan<'_> {
         self.blend.moment(phase, time)
     }
 
-    /// r_g2 at a frame of the segment: the closed form of equation 6 for the position, or the ramp's while the velocity changes.
+    /// r_g2 at a frame of the segment: the closed form of equation 6 for the position, or the
+    /// ramp's while the velocity changes.
     fn r_g2(&self, frame: usize) -> GlobalRoot {
         if frame <= NOW {
             return self.context.roots[frame];
@@ -75,9 +76,10 @@ impl Plan<'_> {
         now + self.ramp.way_from(actual, t)
     }
 
-    /// The guide at a frame of the segment. While the velocity changes, its way is the ramp's. Else it is a smooth curve from the character's place and velocity to r_g2's end
-    /// and the ramp's velocity there: equation 6 itself runs ahead at first and comes to rest, which is right for where a
-    /// target lies, but not for a path. Its headings carry the sway of the steps.
+    /// The guide at a frame of the segment. While the velocity changes, its way is the ramp's. Else
+    /// it is a smooth curve from the character's place and velocity to r_g2's end and the ramp's
+    /// velocity there: equation 6 itself runs ahead at first and comes to rest, which is right for
+    /// where a target lies, but not for a path. Its headings carry the sway of the steps.
     fn guide_at(&self, frame: usize, end: GlobalRoot) -> GlobalRoot {
         if frame < NOW {
             return self.context.roots[frame];
@@ -145,9 +147,10 @@ impl Plan<'_> {
         self.context.velocity.with_y(0.0).length() < STILL.0 && turns.abs() < STILL.1
     }
 
-    /// Poses in the gap. The data's stands are full of gestures, and the networks fill one with them that is left to them; so one
-    /// who stands has a pose half way, as one who walks. One who comes to a stop has it late, for until then its feet step as they
-    /// must; one who turns on the spot has its steps.
+    /// Poses in the gap. The data's stands are full of gestures, and the networks fill one with
+    /// them that is left to them; so one who stands has a pose half way, as one who walks. One who
+    /// comes to a stop has it late, for until then its feet step as they must; one who turns on the
+    /// spot has its steps.
     fn gap_poses(&self) -> Vec<GapPose> {
         let halts = self.feasible.velocity == Vec3::ZERO;
         if halts && !self.stands() {
@@ -210,7 +213,8 @@ impl Plan<'_> {
         })
     }
 
-    /// The path of a body that is planned for by paths. Its headings come from the character's to the spring's, for steps sway.
+    /// The path of a body that is planned for by paths. Its headings come from the character's to
+    /// the spring's, for steps sway.
     fn path_goal(&self, words: &[(String, f32)]) -> PathGoal {
         let end = self.r_g2(self.last());
         let off = wrap_angle(self.context.roots[NOW].heading - self.facing(0.0).0);

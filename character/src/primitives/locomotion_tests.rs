@@ -23,7 +23,8 @@ fn command(style: &Arc<Style>, x: f32, z: f32, facing: Option<f32>) -> Locomotio
     }
 }
 
-/// A context in the pose of `style`'s blend for a velocity straight ahead, moving at it, at a phase.
+/// A context in the pose of `style`'s blend for a velocity straight ahead, moving at it, at a
+/// phase.
 struct Scene {
     skeleton: Arc<Skeleton>,
     roots: [GlobalRoot; 4],
@@ -329,7 +330,8 @@ fn poses_at(plan: &PlanTargets) -> Vec<usize> {
     plan.gap_poses.iter().map(|pose| pose.frame).collect()
 }
 
-/// Those of one who stands, and of one who comes to a stop or turns a little: late, for until then its feet step as they must.
+/// Those of one who stands, and of one who comes to a stop or turns a little: late, for until then
+/// its feet step as they must.
 const STANDS: [usize; 1] = [18];
 const STOPS: [usize; 1] = [27];
 
@@ -376,7 +378,8 @@ fn a_turn_on_the_spot_is_made_in_steps_where_no_gait_turns() {
             "turned as far as the spring"
         );
     }
-    // Later plans have only the steps that are still to come, and small turns have none: a pose at their end.
+    // Later plans have only the steps that are still to come, and small turns have none: a pose at
+    // their end.
     assert_eq!(locomotion.plan(&scene.at(43)).gap_poses.len(), 1);
     assert_eq!(
         poses_at(&locomotion.plan(&scene.at(52))),

@@ -1,4 +1,5 @@
-//! Which moment of a step a character is at: the phase of a blend whose pose and motion are nearest to the context's.
+//! Which moment of a step a character is at: the phase of a blend whose pose and motion are nearest
+//! to the context's.
 
 use troupe_motion::fk::world_transforms;
 use troupe_motion::rotation::yaw;
@@ -18,7 +19,8 @@ pub(super) struct Matcher {
 }
 
 impl Matcher {
-    /// The phase of `blend`, in cycles from 0 to 1, that is nearest to the context's last frame. `frame`: its time at 30 Hz.
+    /// The phase of `blend`, in cycles from 0 to 1, that is nearest to the context's last frame.
+    /// `frame`: its time at 30 Hz.
     pub(super) fn nearest(&mut self, blend: &Blend<'_>, context: &PlanContext<'_>, frame: u64) -> f32 {
         self.take(context);
         let mut distances = [0.0; MATCH_STEPS];
@@ -32,7 +34,8 @@ impl Matcher {
         lowest(&distances)
     }
 
-    /// Joint positions and velocities of the context's last frame, relative to the projected root, facing +Z.
+    /// Joint positions and velocities of the context's last frame, relative to the projected root,
+    /// facing +Z.
     fn take(&mut self, context: &PlanContext<'_>) {
         let joints = context.skeleton.joint_count();
         self.rotations.resize(joints, Quat::IDENTITY);
@@ -72,8 +75,8 @@ fn place(
     }
 }
 
-/// The lowest place of a function that is given at equal steps of a cycle, between the steps by the parabola through the
-/// lowest and its neighbours. In cycles, 0 to 1.
+/// The lowest place of a function that is given at equal steps of a cycle, between the steps by the
+/// parabola through the lowest and its neighbours. In cycles, 0 to 1.
 fn lowest(values: &[f32; MATCH_STEPS]) -> f32 {
     let mut least = 0;
     for (step, value) in values.iter().enumerate() {

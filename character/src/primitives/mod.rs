@@ -1,4 +1,5 @@
-//! Smart primitives: from a command and a character's state to keyframe constraints (paper section 6).
+//! Smart primitives: from a command and a character's state to keyframe constraints (paper section
+//! 6).
 
 use serde::{Deserialize, Serialize};
 mod blend;
@@ -65,8 +66,9 @@ pub struct PlanContext<'a> {
     pub roots: [GlobalRoot; 4],
     /// Poses, `4 * joints`, oldest first: joint 0 in the world, others relative to their parents.
     pub rotations: &'a [Quat],
-    /// Mean velocity of the root over the last [`VELOCITY_FRAMES`](recipe::VELOCITY_FRAMES) frames, world m/s; over fewer
-    /// where the timeline is younger. One frame's difference would carry the sway of a step.
+    /// Mean velocity of the root over the last [`VELOCITY_FRAMES`](recipe::VELOCITY_FRAMES) frames,
+    /// world m/s; over fewer where the timeline is younger. One frame's difference would carry the
+    /// sway of a step.
     pub velocity: Vec3,
     /// What it differs by from others of its style; 0 is the style itself.
     pub seed: u64,
@@ -104,13 +106,14 @@ pub struct GapPose {
     pub height_m: f32,
 }
 
-/// The path that the root is to follow, and how closely: r_g3 becomes `r_g3 + ratio * (path - r_g3)` from the last
-/// context frame on, before the pose stage and the decoder see it.
+/// The path that the root is to follow, and how closely: r_g3 becomes `r_g3 + ratio * (path -
+/// r_g3)` from the last context frame on, before the pose stage and the decoder see it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guide {
     /// One root for each frame of the segment from its first context frame on, in the world.
     pub path: Vec<GlobalRoot>,
-    /// For places on the ground: 0 leaves them to the root stage, 1 takes the path, up to 1.2. The style's.
+    /// For places on the ground: 0 leaves them to the root stage, 1 takes the path, up to 1.2. The
+    /// style's.
     pub position_ratio: f32,
     /// For heights, 0 to 1.
     pub height_ratio: f32,
@@ -121,7 +124,8 @@ pub struct Guide {
 /// A path for a body that is planned for by paths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PathGoal {
-    /// One root for each frame of the segment from its first context frame on, in the world. Heights do not count.
+    /// One root for each frame of the segment from its first context frame on, in the world.
+    /// Heights do not count.
     pub roots: Vec<GlobalRoot>,
     /// Words that say how to move, with their weights.
     pub words: Vec<(String, f32)>,
@@ -146,7 +150,8 @@ pub struct PlanTargets {
     pub r_g1: GlobalRoot,
     /// r_g2: the spring's path, one root for each frame of the segment.
     pub r_g2: Vec<GlobalRoot>,
-    /// Where plans are asked for by paths: what to follow. There are no targets, gap poses or guide then.
+    /// Where plans are asked for by paths: what to follow. There are no targets, gap poses or guide
+    /// then.
     pub path: Option<PathGoal>,
     /// The turn goes on beyond the plan, which leaves off at [`recipe::MAX_TURN`].
     pub unfinished: bool,

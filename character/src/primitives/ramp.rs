@@ -1,8 +1,10 @@
-//! The velocity ramp: a velocity of its own that follows the commanded one, by no more acceleration than bodies show.
+//! The velocity ramp: a velocity of its own that follows the commanded one, by no more acceleration
+//! than bodies show.
 //!
-//! Equation 6 asks for the commanded velocity at once. What the networks make of that turns a walk about with 8 m/s², where no
-//! clip of a turn has much more than 4. As the heading's spring, the ramp goes on from command to command: with one that started
-//! again from the character at every plan, a character that plans three times a second would never be done.
+//! Equation 6 asks for the commanded velocity at once. What the networks make of that turns a walk
+//! about with 8 m/s², where no clip of a turn has much more than 4. As the heading's spring, the
+//! ramp goes on from command to command: with one that started again from the character at every
+//! plan, a character that plans three times a second would never be done.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Vec3;
@@ -20,7 +22,8 @@ pub(crate) struct VelocityRamp {
     rate_mps2: f32,
     /// It has not been set to a character's velocity yet.
     fresh: bool,
-    /// It changes from the next plan's first frame on: until that takes over a character goes on as it did.
+    /// It changes from the next plan's first frame on: until that takes over a character goes on as
+    /// it did.
     waits: bool,
 }
 
@@ -37,7 +40,8 @@ impl VelocityRamp {
         }
     }
 
-    /// Goes on to `target` from `frame` on, by `rate_mps2`, or as much more as it takes to be there within [`CHANGE_S`].
+    /// Goes on to `target` from `frame` on, by `rate_mps2`, or as much more as it takes to be there
+    /// within [`CHANGE_S`].
     pub(crate) fn go_to(&mut self, frame: u64, fps: f32, target: Vec3, rate_mps2: f32) {
         let now = self.ahead(frame, fps);
         *self = Self {
@@ -45,7 +49,8 @@ impl VelocityRamp {
             velocity: now.velocity,
             target,
             rate_mps2: rate_mps2.max(now.velocity.distance(target) / CHANGE_S),
-            // Once it changes it goes on: who is given a command in every frame would never get anywhere.
+            // Once it changes it goes on: who is given a command in every frame would never get
+            // anywhere.
             waits: self.waits || !now.changes(),
             ..*self
         };
@@ -67,7 +72,8 @@ impl VelocityRamp {
 
     /// What comes behind `frame`, where a plan starts, for a character that goes at `actual` there.
     ///
-    /// What it waited is not caught up with, but by one who stands: a start may be sudden, and is not to be late.
+    /// What it waited is not caught up with, but by one who stands: a start may be sudden, and is
+    /// not to be late.
     pub(crate) fn ramp(&mut self, frame: u64, fps: f32, actual: Vec3) -> Ramp {
         if std::mem::take(&mut self.waits) && actual.length() >= STILL.0 {
             self.frame = self.frame.max(frame);
@@ -106,7 +112,8 @@ impl Ramp {
         self.velocity.distance(self.target) > LEAST_CHANGE_MPS
     }
 
-    /// Way of a character that goes at `actual` at first, and comes to the ramp by the damping of equation 6, after `t` seconds.
+    /// Way of a character that goes at `actual` at first, and comes to the ramp by the damping of
+    /// equation 6, after `t` seconds.
     pub(crate) fn way_from(&self, actual: Vec3, t: f32) -> Vec3 {
         self.way(t) + (actual - self.velocity) * ((1.0 - (-GAMMA * t).exp()) / GAMMA)
     }

@@ -14,13 +14,13 @@ use crate::style::{Gait, Style};
 
 /// Angles from a gait's direction, and what is left there of a walking pace.
 const WALKING_ARC: [(f32, f32); 3] = [(0.35, 1.0), (1.57, 0.7), (3.15, 0.5)];
-/// A side gait is one that is farther off than this, radians; the slowest of a style's gaits that move is at least so fast,
-/// m/s.
+/// A side gait is one that is farther off than this, radians; the slowest of a style's gaits that
+/// move is at least so fast, m/s.
 const LEAST_PACE_MPS: f32 = 0.2;
 /// A gait whose way is nearer to straight aside than this needs nobody to turn, radians.
 const STRAIGHT_ASIDE: f32 = 0.52;
-/// What is done instead of a command is told where it is slower by more than this share, or faces elsewhere by more than this angle,
-/// radians.
+/// What is done instead of a command is told where it is slower by more than this share, or faces
+/// elsewhere by more than this angle, radians.
 const TOLD_SHARE: f32 = 0.05;
 const TOLD_TURN: f32 = 0.087;
 
@@ -60,8 +60,9 @@ impl Feasible {
     }
 }
 
-/// The motion nearest to `velocity` (world, m/s) while facing `facing` that `style` has gaits for, or `only` one of them:
-/// slower where it is too fast, and facing more the way it goes where it would have to step aside.
+/// The motion nearest to `velocity` (world, m/s) while facing `facing` that `style` has gaits for,
+/// or `only` one of them: slower where it is too fast, and facing more the way it goes where it
+/// would have to step aside.
 pub(crate) fn nearest(style: &Style, only: Option<usize>, velocity: Vec3, facing: f32) -> Feasible {
     let still = Feasible {
         velocity: Vec3::ZERO,
@@ -121,7 +122,8 @@ fn fastest<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) ->
 
 /// How far aside the velocity may be, on the side of `off`.
 fn forward_arc<'a, I: Iterator<Item = &'a Gait>>(gaits: impl Fn() -> I, off: f32) -> f32 {
-    // A gait that goes straight aside is all that this way takes: behind it are those that go backwards.
+    // A gait that goes straight aside is all that this way takes: behind it are those that go
+    // backwards.
     if gaits().any(|gait| (direction(gait) * off.signum() - FRAC_PI_2).abs() < STRAIGHT_ASIDE) {
         return PI;
     }

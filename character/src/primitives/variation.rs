@@ -1,7 +1,7 @@
 //! How one walker of a crowd differs from another: what a seed chooses.
 //!
-//! Seed 0 is the style itself. Any other seed takes its posture above the legs and its cadence from one take of the data. It also chooses
-//! the foot that goes first, and when standing poses come.
+//! Seed 0 is the style itself. Any other seed takes its posture above the legs and its cadence from
+//! one take of the data. It also chooses the foot that goes first, and when standing poses come.
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

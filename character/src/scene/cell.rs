@@ -9,7 +9,8 @@ use super::resident::{Resident, Residents};
 use super::{Holder, MAX_ID_BYTES, MAX_SCENES, Scene};
 use crate::document::check::listed;
 
-/// A scene that many read and some change. Reading takes no lock and sees a scene wholly as it was or wholly as it is.
+/// A scene that many read and some change. Reading takes no lock and sees a scene wholly as it was
+/// or wholly as it is.
 #[derive(Debug, Default)]
 pub struct SceneCell {
     scene: ArcSwap<Scene>,
@@ -38,8 +39,9 @@ impl SceneCell {
         self.scene.load_full()
     }
 
-    /// Changes the scene. All that `change` does becomes visible at once, or, where it fails, not at all. Many changes
-    /// belong into one call: each call makes a copy of the list of instances and of the trees.
+    /// Changes the scene. All that `change` does becomes visible at once, or, where it fails, not
+    /// at all. Many changes belong into one call: each call makes a copy of the list of instances
+    /// and of the trees.
     ///
     /// # Errors
     /// That of `change`.

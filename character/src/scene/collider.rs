@@ -13,8 +13,8 @@ use super::{MAX_COLLIDERS, MAX_HEIGHT_SAMPLES, Shape, Transform, Volume};
 /// How far from 1 the cosine of a heightfield's tilt may be.
 const UPRIGHT_TOLERANCE: f32 = 1e-6;
 
-/// About how much memory a collider takes, bytes: of its own, for each point of a hull (with its edges and faces), and for each
-/// sample of a heightfield.
+/// About how much memory a collider takes, bytes: of its own, for each point of a hull (with its
+/// edges and faces), and for each sample of a heightfield.
 const COLLIDER_BYTES: usize = 512;
 const POINT_BYTES: usize = 512;
 const SAMPLE_BYTES: usize = 16;
@@ -120,8 +120,8 @@ pub(super) struct Colliders {
 }
 
 impl Colliders {
-    /// Checks and prepares colliders. An error comes with the index of the collider that it is about, where it is about
-    /// one.
+    /// Checks and prepares colliders. An error comes with the index of the collider that it is
+    /// about, where it is about one.
     pub(super) fn prepare(colliders: &[Collider]) -> Result<Vec<Placed>, (Option<usize>, SceneError)> {
         Self::check_together(colliders).map_err(|error| (None, error))?;
         let place = |(index, collider): (usize, &Collider)| {

@@ -10,10 +10,12 @@ use super::convert::vector;
 use super::error::ShapeError;
 use super::{HEIGHTFIELD_SIDE, HeightfieldDoc, MAX_SHAPE_COORDINATE_M, Volume};
 
-/// How far beside a ray others are tried where it finds nothing, metres: less than anything here is placed to.
+/// How far beside a ray others are tried where it finds nothing, metres: less than anything here is
+/// placed to.
 const CRACK_M: f32 = 1e-4;
 
-/// Heights over a grid in the x-z plane, centred on the origin. Between samples it is two triangles a cell.
+/// Heights over a grid in the x-z plane, centred on the origin. Between samples it is two triangles
+/// a cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heightfield {
     /// Samples along z, 2 to 512.
@@ -22,7 +24,8 @@ pub struct Heightfield {
     pub columns: usize,
     /// Size along x and z, metres.
     pub size_m: [f32; 2],
-    /// `rows * columns` heights in metres, row by row: the first row is at the least z, its first sample at the least x.
+    /// `rows * columns` heights in metres, row by row: the first row is at the least z, its first
+    /// sample at the least x.
     pub heights_m: Vec<f32>,
 }
 
@@ -91,8 +94,9 @@ impl Heightfield {
 
 /// Where a ray in the field's frame first hits its surface, and the surface's normal there.
 ///
-/// A ray straight down takes the height under it. The library, which tests triangle by triangle, loses rays that run
-/// along an edge between two; where it finds nothing, rays a hair beside are tried.
+/// A ray straight down takes the height under it. The library, which tests triangle by triangle,
+/// loses rays that run along an edge between two; where it finds nothing, rays a hair beside are
+/// tried.
 pub(super) fn cast_ray(field: &HeightField, ray: &Ray, reach: f32) -> Option<(f32, Vector)> {
     if ray.dir.y < 0.0 && ray.dir.x.hypot(ray.dir.z) < 1e-6 * -ray.dir.y {
         let (height, normal) = surface_at(field, ray.origin.x, ray.origin.z)?;
@@ -130,7 +134,8 @@ fn surface_at(field: &HeightField, x: f32, z: f32) -> Option<(f32, Vector)> {
     let (row, v) = along(z, scale.z, rows)?;
     let heights = field.heights();
     let at = |r: usize, c: usize| heights[(row + r, column + c)] * scale.y;
-    // The library's two triangles: the diagonal goes from the second row's first to the first row's second.
+    // The library's two triangles: the diagonal goes from the second row's first to the first row's
+    // second.
     let (height, by_u, by_v) = if u + v <= 1.0 {
         let (by_u, by_v) = (at(0, 1) - at(0, 0), at(1, 0) - at(0, 0));
         (at(0, 0) + u * by_u + v * by_v, by_u, by_v)
@@ -169,7 +174,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(512))]
 
-        /// A ray that goes from above the surface to below it has hit it on the way, wherever that is.
+        /// A ray that goes from above the surface to below it has hit it on the way, wherever that
+        /// is.
         #[test]
         fn rays_do_not_fall_through(
             heights in prop::collection::vec(-1.0_f32..1.0, 20),

@@ -48,8 +48,8 @@ pub enum State {
     Free,
     /// A character is on its way to it, or uses it where it is.
     Reserved(Holder),
-    /// A character carries it. Until its release it is nowhere in the scene: nothing hits or finds it, and its transform
-    /// is where it was taken.
+    /// A character carries it. Until its release it is nowhere in the scene: nothing hits or finds
+    /// it, and its transform is where it was taken.
     Held(Holder),
 }
 
@@ -76,7 +76,8 @@ pub struct Instance {
     pub transform: Transform,
     /// Whose it is.
     pub state: State,
-    /// Grows whenever it moves or its body is replaced, so that a user of it can tell without comparing.
+    /// Grows whenever it moves or its body is replaced, so that a user of it can tell without
+    /// comparing.
     pub revision: u64,
 }
 

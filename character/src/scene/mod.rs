@@ -1,15 +1,17 @@
-//! Scenes: what a session's characters stand on and may use (paper section 6.2, detection and placement).
+//! Scenes: what a session's characters stand on and may use (paper section 6.2, detection and
+//! placement).
 //!
-//! A [`Scene`] has a ground height, static [`Collider`]s and object [`Instance`]s that may move, be reserved and be held.
-//! Two questions are asked of it: which instances' trigger volumes a box meets ([`Scene::detect`]), and what a ray, or a
-//! box on its way, hits first ([`Scene::cast_ray`], [`Scene::support`], [`Scene::first_solid`]). Shapes and queries are
-//! those of `parry3d`; bounding volume trees keep the cost of a question, and of a move, to what is near.
+//! A [`Scene`] has a ground height, static [`Collider`]s and object [`Instance`]s that may move, be
+//! reserved and be held. Two questions are asked of it: which instances' trigger volumes a box
+//! meets ([`Scene::detect`]), and what a ray, or a box on its way, hits first ([`Scene::cast_ray`],
+//! [`Scene::support`], [`Scene::first_solid`]). Shapes and queries are those of `parry3d`; bounding
+//! volume trees keep the cost of a question, and of a move, to what is near.
 //!
-//! A scene is a plain value. Sessions share one through a [`SceneCell`]: readers take a snapshot without a lock, a writer
-//! publishes a changed copy that shares all that did not change.
+//! A scene is a plain value. Sessions share one through a [`SceneCell`]: readers take a snapshot
+//! without a lock, a writer publishes a changed copy that shares all that did not change.
 //!
-//! Scenes are read from TOML or JSON ([`NamedScene::read`], [`load_file`], [`load_folder`]), as the definitions of their
-//! objects are; [`Bodies`] is where they find these.
+//! Scenes are read from TOML or JSON ([`NamedScene::read`], [`load_file`], [`load_folder`]), as the
+//! definitions of their objects are; [`Bodies`] is where they find these.
 //!
 //! Space is the server's own: right-handed, Y up, metres.
 
@@ -82,8 +84,9 @@ pub const MAX_COLLIDERS: usize = 1024;
 pub const MAX_INSTANCES: usize = 4096;
 /// Most bytes of an instance's or collider's id, or of a scene's name.
 pub const MAX_ID_BYTES: usize = 128;
-/// Most volumes that one question to a scene looks at: those that the tree of their bounds gives first. A question in ordinary scenes
-/// meets a few; thousands in one place would cost more than a frame has.
+/// Most volumes that one question to a scene looks at: those that the tree of their bounds gives
+/// first. A question in ordinary scenes meets a few; thousands in one place would cost more than a
+/// frame has.
 pub const MAX_CANDIDATES: usize = 256;
 /// Most scenes of a server.
 pub const MAX_SCENES: usize = 256;

@@ -37,7 +37,8 @@ pub enum Surface {
 pub struct RayHit {
     /// The place, metres.
     pub point: Vec3,
-    /// Unit normal on the ray's side of the surface; zero where the ray starts inside of what it hit.
+    /// Unit normal on the ray's side of the surface; zero where the ray starts inside of what it
+    /// hit.
     pub normal: Vec3,
     /// From the ray's origin, metres.
     pub distance_m: f32,
@@ -60,8 +61,8 @@ struct Hit {
 }
 
 impl Scene {
-    /// All objects whose trigger volumes `trace` meets, held ones left out: first those met first, of those met at once the
-    /// nearer ones, of those as near the ones with the lower id.
+    /// All objects whose trigger volumes `trace` meets, held ones left out: first those met first,
+    /// of those met at once the nearer ones, of those as near the ones with the lower id.
     pub fn detect(&self, trace: &BoxTrace) -> Vec<Detected> {
         let mut found = Vec::new();
         self.detect_into(trace, &mut found);
@@ -95,8 +96,8 @@ impl Scene {
         });
     }
 
-    /// What a box on its way hits first, the ground plane left out, and the share of the sweep after which it does.
-    /// `ignore` is the id of an object that it may pass through, its own.
+    /// What a box on its way hits first, the ground plane left out, and the share of the sweep
+    /// after which it does. `ignore` is the id of an object that it may pass through, its own.
     pub fn first_solid(&self, trace: &BoxTrace, ignore: Option<&str>) -> Option<(f32, Surface)> {
         let prepared = trace.prepare();
         let colliders = self
@@ -122,10 +123,12 @@ impl Scene {
             .min_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)))
     }
 
-    /// What a ray from `origin` along `direction` (of any length but 0) first hits within `reach_m` metres. `ignore` is the
-    /// id of an object that it passes through. `None` too where a value is not finite.
+    /// What a ray from `origin` along `direction` (of any length but 0) first hits within `reach_m`
+    /// metres. `ignore` is the id of an object that it passes through. `None` too where a value is
+    /// not finite.
     ///
-    /// The ground plane is hit from above only; what is solid is hit at once by a ray that starts inside of it.
+    /// The ground plane is hit from above only; what is solid is hit at once by a ray that starts
+    /// inside of it.
     pub fn cast_ray(
         &self,
         origin: Vec3,
@@ -175,12 +178,14 @@ impl Scene {
         })
     }
 
-    /// What is under `point` within `depth_m` metres straight down: what a foot or a root stands over.
+    /// What is under `point` within `depth_m` metres straight down: what a foot or a root stands
+    /// over.
     pub fn support(&self, point: Vec3, depth_m: f32, ignore: Option<&str>) -> Option<RayHit> {
         self.cast_ray(point, Vec3::NEG_Y, depth_m, ignore)
     }
 
-    /// Whether nothing solid is, even in part, in the box from `low` to `high`: nothing but the ground plane, if that.
+    /// Whether nothing solid is, even in part, in the box from `low` to `high`: nothing but the
+    /// ground plane, if that.
     pub fn is_bare(&self, low: Vec3, high: Vec3) -> bool {
         let bounds = Aabb::new(vector(low), vector(high));
         let mut colliders = self.colliders.tree.intersect_aabb(&bounds);

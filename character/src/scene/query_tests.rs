@@ -47,8 +47,9 @@ fn sampled_meets(
     })
 }
 
-/// As [`sampled_meets`] the other way round: points of the volume's bounds that are in the volume and in the moved box.
-/// It finds meetings of which a coarse grid of the box's own points sees nothing, such as a corner through a face.
+/// As [`sampled_meets`] the other way round: points of the volume's bounds that are in the volume
+/// and in the moved box. It finds meetings of which a coarse grid of the box's own points sees
+/// nothing, such as a corner through a face.
 fn sampled_back(
     start: Transform,
     half: Vec3,
@@ -72,7 +73,8 @@ fn sampled_back(
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(192))]
 
-    /// Where samples find a meeting, the trace does too; where the trace finds one, a slightly larger box and volume do.
+    /// Where samples find a meeting, the trace does too; where the trace finds one, a slightly
+    /// larger box and volume do.
     #[test]
     fn traces_agree_with_sampling(
         shape in any_shape(),
@@ -104,7 +106,8 @@ proptest! {
         }
     }
 
-    /// The share of a sweep is where the meeting begins: not there a little before, there a little after.
+    /// The share of a sweep is where the meeting begins: not there a little before, there a little
+    /// after.
     #[test]
     fn a_sweep_tells_where_it_meets(
         shape in any_shape(),
@@ -213,7 +216,8 @@ proptest! {
         prop_assert!(!volume.contains(at, hit.point - direction * 0.01));
     }
 
-    /// A heightfield's surface is between the samples about the place asked for, and at a sample it is the sample.
+    /// A heightfield's surface is between the samples about the place asked for, and at a sample it
+    /// is the sample.
     #[test]
     fn support_finds_the_height_of_a_heightfield(
         heights in prop::collection::vec(-1.0_f32..1.0, 20),
@@ -372,7 +376,8 @@ fn box_traces_without_sense_are_refused() {
     }
 }
 
-/// 1,000 instances: what a question, a move and a shared move cost. Measured with `--release`; a debug build only runs it.
+/// 1,000 instances: what a question, a move and a shared move cost. Measured with `--release`; a
+/// debug build only runs it.
 #[test]
 fn questions_to_a_large_scene_are_quick() {
     use std::time::{Duration, Instant};

@@ -48,7 +48,8 @@ pub fn load_file(file: &FilePath, bodies: &impl Bodies) -> Result<NamedScene, Do
     read_file(file, |doc| NamedScene::from_doc(doc, bodies))
 }
 
-/// Reads and checks every `*.toml` and `*.json` of `folder`, sorted by name. A folder that is not there has none.
+/// Reads and checks every `*.toml` and `*.json` of `folder`, sorted by name. A folder that is not
+/// there has none.
 ///
 /// # Errors
 /// [`DocumentError`] for the first file that is not a scene, or has the name of another.

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use super::{Instance, Scene};
 
 impl Scene {
-    /// Becomes `new`: its ground, its colliders, its objects. An object of the same id and definition stays the same one:
-    /// whoever has reserved or holds it goes on having it, and it has moved where its transform is another. What is in
-    /// somebody's hand stays there; the place where it was taken is that of `new` then. All other objects go, and those of
-    /// `new` come. The revision goes on from this scene's.
+    /// Becomes `new`: its ground, its colliders, its objects. An object of the same id and
+    /// definition stays the same one: whoever has reserved or holds it goes on having it, and it
+    /// has moved where its transform is another. What is in somebody's hand stays there; the place
+    /// where it was taken is that of `new` then. All other objects go, and those of `new` come. The
+    /// revision goes on from this scene's.
     pub fn become_scene(&mut self, new: Self) {
         let stays = |old: &Instance| {
             let same = |new: &Arc<Instance>| new.object == old.object;
@@ -33,7 +34,8 @@ impl Scene {
                         transform,
                         ..
                     } = &**instance;
-                    // It was accepted when it came into `new`, and here there is room for all of those.
+                    // It was accepted when it came into `new`, and here there is room for all of
+                    // those.
                     let _ = self.add(id, object, Arc::clone(body), *transform);
                 }
             }

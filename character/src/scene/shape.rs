@@ -109,8 +109,8 @@ impl Shape {
         }
     }
 
-    /// The shape made larger by `reach_m` on every side, along the axes: every point that is not farther than that from
-    /// the shape along each axis at once.
+    /// The shape made larger by `reach_m` on every side, along the axes: every point that is not
+    /// farther than that from the shape along each axis at once.
     pub fn grown(&self, reach_m: f32) -> Self {
         match self {
             Self::Box {
@@ -148,8 +148,8 @@ fn each_axis(field: &str, v: Vec3, low: f32, high: f32) -> Result<(), ShapeError
     Ok(())
 }
 
-/// How far the points reach to either side of the plane that is flattest among those through the farthest pair and the
-/// point farthest from its line; 0 where there is no such plane.
+/// How far the points reach to either side of the plane that is flattest among those through the
+/// farthest pair and the point farthest from its line; 0 where there is no such plane.
 fn thickness(points: &[Vec3]) -> f32 {
     let Some(&a) = points.first() else {
         return 0.0;
@@ -187,7 +187,8 @@ impl Volume {
         Self::build(shape)
     }
 
-    /// Prepares `shape` made larger by `reach_m` (see [`Shape::grown`]), which must not be negative.
+    /// Prepares `shape` made larger by `reach_m` (see [`Shape::grown`]), which must not be
+    /// negative.
     ///
     /// # Errors
     /// As [`Volume::new`].
@@ -231,13 +232,14 @@ impl Volume {
         self.shape.compute_aabb(&self.pose(at))
     }
 
-    /// A point well inside, in the volume's own frame: the middle of a box, the mean of the points of a hull, the origin of
-    /// a heightfield.
+    /// A point well inside, in the volume's own frame: the middle of a box, the mean of the points
+    /// of a hull, the origin of a heightfield.
     pub fn center(&self) -> Vec3 {
         self.offset
     }
 
-    /// The least `direction · point` of all points of the volume placed at `at`. `None` for a heightfield.
+    /// The least `direction · point` of all points of the volume placed at `at`. `None` for a
+    /// heightfield.
     pub fn lowest_along(&self, at: Transform, direction: Vec3) -> Option<f32> {
         let support = self.shape.as_support_map()?;
         let lowest = support.support_point(&self.pose(at), vector(-direction));
@@ -250,8 +252,9 @@ impl Volume {
     }
 }
 
-/// The hull of points that are already known to span a volume. The library's hull asserts what it believes of its own
-/// steps; points that are nearly coplanar by the thousandth can make it wrong, and that is an error like any other here.
+/// The hull of points that are already known to span a volume. The library's hull asserts what it
+/// believes of its own steps; points that are nearly coplanar by the thousandth can make it wrong,
+/// and that is an error like any other here.
 fn convex_hull(points: &[Vector]) -> Option<ConvexPolyhedron> {
     std::panic::catch_unwind(|| ConvexPolyhedron::from_convex_hull(points))
         .ok()

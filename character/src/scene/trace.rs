@@ -19,8 +19,8 @@ pub struct BoxTrace {
 }
 
 impl BoxTrace {
-    /// A box of half extents `half_extents_m`, its middle at `start` and turned like it, moved by `sweep_m`. No sweep: the
-    /// box as it stands.
+    /// A box of half extents `half_extents_m`, its middle at `start` and turned like it, moved by
+    /// `sweep_m`. No sweep: the box as it stands.
     ///
     /// # Errors
     /// [`SceneError::Value`] for values that are not finite or out of range.
@@ -77,11 +77,12 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
-    /// The share of the sweep after which the box meets the volume; 0 where it does from the start, `None` where it never
-    /// does.
+    /// The share of the sweep after which the box meets the volume; 0 where it does from the start,
+    /// `None` where it never does.
     pub(super) fn meets(&self, volume: &Volume, transform: Transform) -> Option<f32> {
         let at = volume.pose(transform);
-        // No answer comes for kinds of shapes that the library cannot pair, and a box pairs with all that are used here.
+        // No answer comes for kinds of shapes that the library cannot pair, and a box pairs with
+        // all that are used here.
         let touches = query::intersection_test(&self.at, &self.cuboid, &at, volume.shape());
         if touches.is_ok_and(|test| test.intersecting) {
             return Some(0.0);

@@ -71,8 +71,8 @@ impl Transform {
         Self::new(rotation * -self.position, rotation)
     }
 
-    /// The turn about +Y that is in the rotation, radians in (-π, π]. A tilt does not change it. Where the rotation is a
-    /// half turn about a level axis there is none, and 0 comes back.
+    /// The turn about +Y that is in the rotation, radians in (-π, π]. A tilt does not change it.
+    /// Where the rotation is a half turn about a level axis there is none, and 0 comes back.
     pub fn heading(self) -> f32 {
         let q = self.rotation;
         if q.y == 0.0 && q.w == 0.0 {

@@ -13,7 +13,8 @@ use super::{Body, Collider, Holder, Instance, MAX_COORDINATE_M, MAX_INSTANCES, S
 const SCENE_BYTES: usize = 4096;
 const INSTANCE_BYTES: usize = 1024;
 
-/// What characters share a place with. A copy shares all that is not changed later, so it costs little.
+/// What characters share a place with. A copy shares all that is not changed later, so it costs
+/// little.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
     ground_y_m: f32,
@@ -122,7 +123,8 @@ impl Scene {
         self.set_colliders_each(colliders).map_err(|(_, error)| error)
     }
 
-    /// [`Scene::set_colliders`], whose error comes with the index of the collider that it is about, where it is about one.
+    /// [`Scene::set_colliders`], whose error comes with the index of the collider that it is about,
+    /// where it is about one.
     pub fn set_colliders_each(&mut self, colliders: &[Collider]) -> Result<(), (Option<usize>, SceneError)> {
         self.place_colliders(Colliders::prepare(colliders)?);
         Ok(())
@@ -134,10 +136,12 @@ impl Scene {
         self.revision += 1;
     }
 
-    /// Places an object: `id` is its own, `object` the name of its definition, `body` that definition's.
+    /// Places an object: `id` is its own, `object` the name of its definition, `body` that
+    /// definition's.
     ///
     /// # Errors
-    /// [`SceneError::Exists`], [`SceneError::Full`], or [`SceneError::Value`] for an id or transform that is not accepted.
+    /// [`SceneError::Exists`], [`SceneError::Full`], or [`SceneError::Value`] for an id or
+    /// transform that is not accepted.
     pub fn add(
         &mut self,
         id: &str,
@@ -196,7 +200,8 @@ impl Scene {
     /// Moves an object, and its trigger volume with it, whether somebody has reserved it or not.
     ///
     /// # Errors
-    /// [`SceneError::Unknown`], [`SceneError::MoveHeld`], or [`SceneError::Value`] for a transform that is not accepted.
+    /// [`SceneError::Unknown`], [`SceneError::MoveHeld`], or [`SceneError::Value`] for a transform
+    /// that is not accepted.
     pub fn move_to(&mut self, id: &str, transform: Transform) -> Result<(), SceneError> {
         let transform = transform.checked("the transform of an object")?;
         let (slot, instance) = self.find(id)?;
@@ -210,7 +215,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Gives every instance of definition `object` another body: the definition was replaced. How many there were.
+    /// Gives every instance of definition `object` another body: the definition was replaced. How
+    /// many there were.
     pub fn replace_body(&mut self, object: &str, body: &Arc<Body>) -> usize {
         let of_object = |instance: &Arc<Instance>| &*instance.object == object;
         let slots: Vec<u32> = (0..self.slots.len() as u32)
@@ -224,7 +230,8 @@ impl Scene {
         slots.len()
     }
 
-    /// Reserves an object for `by`; reserving again changes nothing. A shared one stays free, and one that `by` holds is held on.
+    /// Reserves an object for `by`; reserving again changes nothing. A shared one stays free, and
+    /// one that `by` holds is held on.
     ///
     /// # Errors
     /// [`SceneError::Unknown`] or [`SceneError::Taken`].
@@ -239,7 +246,8 @@ impl Scene {
     /// Puts an object into the hand of `by`: from now on it is nowhere in the scene.
     ///
     /// # Errors
-    /// [`SceneError::Unknown`], [`SceneError::Taken`], or [`SceneError::Value`] for an object that is shared.
+    /// [`SceneError::Unknown`], [`SceneError::Taken`], or [`SceneError::Value`] for an object that
+    /// is shared.
     pub fn hold(&mut self, id: &str, by: &Holder) -> Result<(), SceneError> {
         let (slot, instance) = self.own(id, by)?;
         if instance.body.shared {
@@ -258,7 +266,8 @@ impl Scene {
     /// Puts an object that `by` holds back into the scene, free, at `transform`.
     ///
     /// # Errors
-    /// [`SceneError::Unknown`], [`SceneError::NotHeld`], or [`SceneError::Value`] for a transform that is not accepted.
+    /// [`SceneError::Unknown`], [`SceneError::NotHeld`], or [`SceneError::Value`] for a transform
+    /// that is not accepted.
     pub fn release(&mut self, id: &str, by: &Holder, transform: Transform) -> Result<(), SceneError> {
         let transform = transform.checked("the transform of an object")?;
         let (slot, instance) = self.find(id)?;
@@ -292,8 +301,8 @@ impl Scene {
             .filter(move |instance| instance.state.holder() == Some(by))
     }
 
-    /// Frees all that the characters `gone` names reserved or hold: they are no more. What they held is where it was
-    /// taken. How many objects that freed.
+    /// Frees all that the characters `gone` names reserved or hold: they are no more. What they
+    /// held is where it was taken. How many objects that freed.
     pub fn free_all(&mut self, gone: impl Fn(&Holder) -> bool) -> usize {
         let taken = |instance: &Arc<Instance>| instance.state.holder().is_some_and(&gone);
         let slots: Vec<u32> = (0..self.slots.len() as u32)
@@ -359,7 +368,8 @@ impl Scene {
         self.put(slot, Arc::new(changed));
     }
 
-    /// Puts an instance into its slot and the trees in order: its leaves alone are taken out and in again.
+    /// Puts an instance into its slot and the trees in order: its leaves alone are taken out and in
+    /// again.
     fn put(&mut self, slot: u32, instance: Arc<Instance>) {
         let Instance { body, transform, .. } = &*instance;
         let placed = instance.is_placed();

@@ -249,7 +249,8 @@ fn shapes_without_sense_are_refused() {
 }
 
 proptest! {
-    /// Points on a coarse grid make all kinds of ties: an answer or an error, and a hull holds its points.
+    /// Points on a coarse grid make all kinds of ties: an answer or an error, and a hull holds its
+    /// points.
     #[test]
     fn hulls_of_awkward_points_never_panic(
         points in prop::collection::vec(prop::array::uniform3(-2_i32..3), 4..40),

@@ -9,7 +9,8 @@ use super::{
 };
 
 impl Scene {
-    /// The scene as it is now, under this name. Who has reserved or holds its objects is not written.
+    /// The scene as it is now, under this name. Who has reserved or holds its objects is not
+    /// written.
     pub fn to_doc(&self, name: &str) -> SceneDoc {
         let mut objects: Vec<InstanceDoc> = self.instances().map(|instance| instance.to_doc()).collect();
         objects.sort_by(|a, b| a.id.cmp(&b.id));

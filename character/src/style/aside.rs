@@ -1,9 +1,11 @@
 //! Steps aside and backwards for a style that has none.
 //!
-//! Clips of people who walk "to the left" turn their hips to where they go: in the default pack's data the way is 8 to 46° off the
-//! hips. So whoever must face ahead and go straight to the side needs a gait that is built: the body of the style's walk, with less of
-//! its swing, over legs that open and close. The foot on the side of the way steps out, the other follows it; they never pass each
-//! other. Legs are bent to their feet, and the hips are as low as the wider of the two legs needs.
+//! Clips of people who walk "to the left" turn their hips to where they go: in the default pack's
+//! data the way is 8 to 46° off the hips. So whoever must face ahead and go straight to the side
+//! needs a gait that is built: the body of the style's walk, with less of its swing, over legs that
+//! open and close. The foot on the side of the way steps out, the other follows it; they never pass
+//! each other. Legs are bent to their feet, and the hips are as low as the wider of the two legs
+//! needs.
 
 use std::f32::consts::{PI, TAU};
 
@@ -25,15 +27,18 @@ const WAYS: [(&str, f32); 5] = [
 ];
 /// Keys of a cycle.
 const KEYS: usize = 24;
-/// A gait is not built where the style has one whose way is nearer than this, radians, and that is not much slower: its speed against
-/// the one that would be built.
+/// A gait is not built where the style has one whose way is nearer than this, radians, and that is
+/// not much slower: its speed against the one that would be built.
 const NEAR: f32 = 0.4;
 const SLOWER: f32 = 0.86;
-/// Ways that are farther than this off ahead have the upper body of a walk backwards, where there is one, radians.
+/// Ways that are farther than this off ahead have the upper body of a walk backwards, where there
+/// is one, radians.
 const BACKWARDS: f32 = 1.8;
-/// A gait goes straight ahead whose way is within the first of its hips, radians, and that turns by less than the second, rad/s.
+/// A gait goes straight ahead whose way is within the first of its hips, radians, and that turns by
+/// less than the second, rad/s.
 const STRAIGHT_AHEAD: (f32, f32) = (0.3, 0.3);
-/// Speed against the walk's, and the fastest, m/s: legs that do not pass each other cannot go faster.
+/// Speed against the walk's, and the fastest, m/s: legs that do not pass each other cannot go
+/// faster.
 const SPEED: (f32, f32) = (0.9, 1.25);
 /// How far a foot goes in a cycle: metres at no speed, and metres for each m/s.
 const STRIDE: (f32, f32) = (0.42, 0.33);
@@ -52,7 +57,8 @@ const SWING: f32 = 0.4;
 /// Frames a second that styles are given at.
 const FPS: f32 = 30.0;
 
-/// The gaits that a style lacks to step aside; none where it has such gaits, does not walk, or its skeleton has not two legs with knees.
+/// The gaits that a style lacks to step aside; none where it has such gaits, does not walk, or its
+/// skeleton has not two legs with knees.
 pub(super) fn build(style: &Style, skeleton: &Skeleton) -> Vec<Gait> {
     let legs = legs(skeleton);
     let goes = |gait: &&Gait, way: f32| {
@@ -241,7 +247,8 @@ impl<'a> Body<'a> {
         pose
     }
 
-    /// Heights of the root: the walk's where the legs reach, else as low as they need, up and down twice in a cycle.
+    /// Heights of the root: the walk's where the legs reach, else as low as they need, up and down
+    /// twice in a cycle.
     fn heights(&self, way: f32, stride: f32) -> Vec<f32> {
         let most: Vec<f32> = (0..KEYS)
             .map(|key| self.reach_m(key as f32 / KEYS as f32, way, stride))
@@ -276,7 +283,8 @@ impl<'a> Body<'a> {
     }
 }
 
-/// Where a foot is along the way, seen from the root, and how high over its stand: it comes down at phase 0.
+/// Where a foot is along the way, seen from the root, and how high over its stand: it comes down at
+/// phase 0.
 fn step(phase: f32, stride: f32) -> (f32, f32) {
     let phase = phase.rem_euclid(1.0);
     let half = 0.5 * STANDING * stride;
@@ -292,8 +300,9 @@ fn step(phase: f32, stride: f32) -> (f32, f32) {
     )
 }
 
-/// How far a foot has gone in a share of its swing, from 0 to 1, by modified trapezoidal acceleration: of the smooth profiles for cams
-/// the one that accelerates least (4.9 times the way over the time squared).
+/// How far a foot has gone in a share of its swing, from 0 to 1, by modified trapezoidal
+/// acceleration: of the smooth profiles for cams the one that accelerates least (4.9 times the way
+/// over the time squared).
 fn swing(share: f32) -> f32 {
     if share > 0.5 {
         return 1.0 - swing(1.0 - share);

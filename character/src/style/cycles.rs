@@ -1,13 +1,15 @@
 //! What planning needs of a style's gaits beyond their values, worked out once for each style.
 //!
-//! **Common phase.** Gaits are blended at one phase, so phase 0 must be the same moment of a step in all of them: that at
-//! which the left foot is foremost in the direction of travel, by the first harmonic of the distance between the feet.
+//! **Common phase.** Gaits are blended at one phase, so phase 0 must be the same moment of a step
+//! in all of them: that at which the left foot is foremost in the direction of travel, by the first
+//! harmonic of the distance between the feet.
 //!
-//! **Sway.** The pelvis turns with every step. A key's pose is kept without its own heading and the heading beside it: the
-//! part by which the key's joint 0 still turns, or, where all keys face +Z, the sum of the keys' turning over the cycle.
+//! **Sway.** The pelvis turns with every step. A key's pose is kept without its own heading and the
+//! heading beside it: the part by which the key's joint 0 still turns, or, where all keys face +Z,
+//! the sum of the keys' turning over the cycle.
 //!
-//! **Matching.** Joint positions relative to the projected root, facing +Z, and their velocities, at equal steps of the
-//! common phase: what the nearest moment of the gait is found by.
+//! **Matching.** Joint positions relative to the projected root, facing +Z, and their velocities,
+//! at equal steps of the common phase: what the nearest moment of the gait is found by.
 
 use std::f32::consts::TAU;
 
@@ -44,7 +46,8 @@ pub(crate) struct Cycles {
     pub(crate) gaits: Vec<Cycle>,
     /// Weight of each joint in matching.
     pub(crate) joint_weights: Vec<f32>,
-    /// How the feet are lifted, for steps on the spot. `None`: no gait goes forwards, or the skeleton has no feet.
+    /// How the feet are lifted, for steps on the spot. `None`: no gait goes forwards, or the
+    /// skeleton has no feet.
     pub(crate) steps: Option<Steps>,
 }
 
@@ -219,7 +222,8 @@ impl Cycle {
         (self.positions, self.velocities) = (positions, velocities);
     }
 
-    /// The keys on either side of a common phase (in cycles, any whole number more or less), and the share of the second.
+    /// The keys on either side of a common phase (in cycles, any whole number more or less), and
+    /// the share of the second.
     fn between(&self, phase: f32) -> (usize, usize, f32) {
         let keys = self.pelvis.len();
         let place = (phase + self.offset).rem_euclid(1.0) * keys as f32;
@@ -232,7 +236,8 @@ impl Cycle {
         key as f32 / self.pelvis.len() as f32 - self.offset
     }
 
-    /// The gait, whose cycle this is, at a common phase: calls `joint` with every joint's rotation, joint 0 facing +Z.
+    /// The gait, whose cycle this is, at a common phase: calls `joint` with every joint's rotation,
+    /// joint 0 facing +Z.
     pub(crate) fn sample(&self, gait: &Gait, phase: f32, mut joint: impl FnMut(usize, Quat)) -> Moment {
         let (a, b, t) = self.between(phase);
         let (from, to) = (&gait.keys[a], &gait.keys[b]);
@@ -302,8 +307,8 @@ fn sway(gait: &Gait, headings: &[f32]) -> Vec<f32> {
     sway
 }
 
-/// Share of the gait's cycle at which the left foot is foremost in the direction of travel. `None` for a gait that does
-/// not travel or has no step to speak of.
+/// Share of the gait's cycle at which the left foot is foremost in the direction of travel. `None`
+/// for a gait that does not travel or has no step to speak of.
 fn foremost_phase(gait: &Gait, positions: &[Vec3], skeleton: &Skeleton) -> Option<f32> {
     let direction = Vec3::new(gait.left_mps, 0.0, gait.forward_mps).try_normalize()?;
     let contacts = &skeleton.contacts.as_ref()?.joints;

@@ -59,11 +59,13 @@ fn place(field: &str) -> String {
     }
 }
 
-/// Loads every `*.json` of `folder`, sorted by name. A folder that is not there has none. Of styles that users have added, one
-/// that cannot be used is left out with a warning: it must not keep a server from starting.
+/// Loads every `*.json` of `folder`, sorted by name. A folder that is not there has none. Of styles
+/// that users have added, one that cannot be used is left out with a warning: it must not keep a
+/// server from starting.
 ///
 /// # Errors
-/// [`StyleError`] for the first file that is not a style of `pack`; it names the file and the line or field.
+/// [`StyleError`] for the first file that is not a style of `pack`; it names the file and the line
+/// or field.
 pub fn load_folder(folder: &FilePath, rig: &Rig, built_in: bool) -> Result<Vec<Style>, StyleError> {
     let unreadable = |cause| StyleError {
         path: folder.to_owned(),
@@ -113,8 +115,8 @@ fn parse(text: &str, rig: &Rig, built_in: bool) -> Result<Style, StyleProblem> {
     Ok(Style::from_proto(&Path::root(), &style, rig, built_in)?)
 }
 
-/// Writes a style into `folder`, which is made where it is not there. Readers see the old file or the new one, never a
-/// part of one.
+/// Writes a style into `folder`, which is made where it is not there. Readers see the old file or
+/// the new one, never a part of one.
 pub(super) fn write_file(folder: &FilePath, style: &Style) -> std::io::Result<()> {
     let text = serde_json::to_string(&style.to_proto())?;
     write_whole(folder, &folder.join(format!("{}.{EXTENSION}", style.name)), &text)

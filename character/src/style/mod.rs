@@ -1,11 +1,13 @@
-//! Locomotion styles: what a command's velocity chooses target poses from (paper section 6.1 and appendix D).
+//! Locomotion styles: what a command's velocity chooses target poses from (paper section 6.1 and
+//! appendix D).
 //!
-//! A [`Style`] is a set of [`Gait`]s, each a cycle of keyframes captured at one velocity. Styles come as files
-//! (`styles/*.json` in a pack folder, the JSON form of the message `Style`), or over the API; [`StyleTable`] holds those of
-//! a pack. What planning needs of a style beyond its values is worked out once and kept with it: [`cycles`].
+//! A [`Style`] is a set of [`Gait`]s, each a cycle of keyframes captured at one velocity. Styles
+//! come as files (`styles/*.json` in a pack folder, the JSON form of the message `Style`), or over
+//! the API; [`StyleTable`] holds those of a pack. What planning needs of a style beyond its values
+//! is worked out once and kept with it: [`cycles`].
 //!
-//! A style need not have a gait that stands. Where none does, standing takes the key of the slowest gait at which the root
-//! is highest: the moment of a step at which the legs are under the body.
+//! A style need not have a gait that stands. Where none does, standing takes the key of the slowest
+//! gait at which the root is highest: the moment of a step at which the legs are under the body.
 
 mod aside;
 pub(crate) mod cycles;
@@ -36,9 +38,11 @@ pub const MAX_GAITS: usize = 16;
 pub const MAX_KEYS: usize = 32;
 /// Most words of a style.
 pub const MAX_WORDS: usize = 8;
-/// Largest velocity of a gait along an axis (m/s), its largest turning rate (rad/s) and the highest default speed.
+/// Largest velocity of a gait along an axis (m/s), its largest turning rate (rad/s) and the highest
+/// default speed.
 pub const MAX_GAIT_VELOCITY: f32 = 10.0;
-/// Largest momentary velocity of a keyframe along an axis (m/s) and its largest turning rate (rad/s).
+/// Largest momentary velocity of a keyframe along an axis (m/s) and its largest turning rate
+/// (rad/s).
 pub const MAX_KEY_VELOCITY: f32 = 50.0;
 /// Longest cycle, frames.
 pub const MAX_PERIOD_FRAMES: f32 = 300.0;
@@ -48,8 +52,9 @@ pub const REPLAN_INTERVAL_FRAMES: std::ops::RangeInclusive<u32> = 3..=30;
 pub const MAX_ROOT_RATIO: f32 = 1.2;
 /// A gait slower than this (m/s over the ground, and 0.3 m times rad/s of turning) stands.
 pub const STANDING_GAIT_MPS: f32 = 0.05;
-/// Heights of a style's gaits that are farther apart than this are a range that a command may choose from, metres. Those
-/// closer are what gaits differ by anyway: a run is a few centimetres lower than a walk.
+/// Heights of a style's gaits that are farther apart than this are a range that a command may
+/// choose from, metres. Those closer are what gaits differ by anyway: a run is a few centimetres
+/// lower than a walk.
 pub const HEIGHT_RANGE_M: f32 = 0.12;
 /// Metres over the ground that a radian of turning counts for.
 pub const TURN_RADIUS_M: f32 = 0.3;
@@ -128,8 +133,8 @@ pub struct StyleKey {
 const STAND: &str = "stand";
 /// Name of the style that has no words.
 pub const PLAIN: &str = "plain";
-/// Frames between plans of a style of words. With 9, joints are accelerated 10 % more and paths are kept half as well
-/// (`wander_bodies`).
+/// Frames between plans of a style of words. With 9, joints are accelerated 10 % more and paths are
+/// kept half as well (`wander_bodies`).
 const WORDS_INTERVAL_FRAMES: u32 = 15;
 
 impl Style {
@@ -187,7 +192,8 @@ impl Style {
         words.map(of_word).chain([plain]).collect()
     }
 
-    /// The pose to stand in: the first key of the first gait that stands, or else the highest key of the slowest gait.
+    /// The pose to stand in: the first key of the first gait that stands, or else the highest key
+    /// of the slowest gait.
     ///
     /// # Panics
     /// If the style has no gait or the gait no key, which no checked style is.
@@ -202,7 +208,8 @@ impl Style {
         self.gaits.iter().find(|gait| gait.name == name)
     }
 
-    /// Heights of the root joint that a command may choose from, metres. `None`: the style has no such range.
+    /// Heights of the root joint that a command may choose from, metres. `None`: the style has no
+    /// such range.
     pub fn height_range_m(&self) -> Option<(f32, f32)> {
         let heights = || self.gaits.iter().filter(|gait| !gait.built).map(Gait::height_m);
         let (low, high) = (
@@ -226,7 +233,8 @@ impl Style {
         slowest
     }
 
-    /// What planning needs of the gaits. Worked out at the first call, for the skeleton of the style's pack.
+    /// What planning needs of the gaits. Worked out at the first call, for the skeleton of the
+    /// style's pack.
     pub(crate) fn cycles(&self, skeleton: &Skeleton) -> &Cycles {
         self.cache.0.get_or_init(|| Cycles::new(self, skeleton))
     }
@@ -266,7 +274,8 @@ impl Gait {
     }
 }
 
-/// What planning needs of a style's gaits, worked out when first asked for. A copy of a style starts without.
+/// What planning needs of a style's gaits, worked out when first asked for. A copy of a style
+/// starts without.
 #[derive(Default)]
 pub struct StyleCache(OnceLock<Cycles>);
 

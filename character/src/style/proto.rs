@@ -15,8 +15,9 @@ use crate::{FieldError, Path};
 use troupe_motion::model::{ByPath, Rig};
 
 impl Style {
-    /// Checks a message for `pack`. `path` is the message's place in the request, for errors. What a client cannot say is
-    /// not read: `built_in`, and the `height` of a gait, which follows from its keys.
+    /// Checks a message for `pack`. `path` is the message's place in the request, for errors. What
+    /// a client cannot say is not read: `built_in`, and the `height` of a gait, which follows from
+    /// its keys.
     ///
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted.

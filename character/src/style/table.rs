@@ -23,8 +23,8 @@ const PREFERRED_WORD: &str = "walk";
 
 type Styles = BTreeMap<String, Arc<Style>>;
 
-/// The styles of one pack. Reading takes no lock and sees a style wholly or not at all; a session keeps the style that it
-/// has when that is replaced.
+/// The styles of one pack. Reading takes no lock and sees a style wholly or not at all; a session
+/// keeps the style that it has when that is replaced.
 #[derive(Debug)]
 pub struct StyleTable {
     pack: String,
@@ -86,8 +86,9 @@ pub enum PutError {
 }
 
 impl StyleTable {
-    /// Loads the pack's own styles from the folder `styles` inside `pack_folder`, which it need not have, and added ones from
-    /// `folder`/`pack name`, which need not be there yet. Without `folder`, added styles last until the server stops.
+    /// Loads the pack's own styles from the folder `styles` inside `pack_folder`, which it need not
+    /// have, and added ones from `folder`/`pack name`, which need not be there yet. Without
+    /// `folder`, added styles last until the server stops.
     ///
     /// # Errors
     /// [`StyleError`], which names the file and what is wrong with it.
@@ -104,7 +105,8 @@ impl StyleTable {
         Self::with_added(own.collect(), takes, rig, folder)
     }
 
-    /// A table with the pack's own styles of this one, and added ones of its own, kept in `folder`/`pack name`.
+    /// A table with the pack's own styles of this one, and added ones of its own, kept in
+    /// `folder`/`pack name`.
     ///
     /// # Errors
     /// [`StyleError`], as [`StyleTable::load`].
@@ -165,7 +167,8 @@ impl StyleTable {
         self.styles.load().values().cloned().collect()
     }
 
-    /// The style of sessions that name none: `normal` where there is one, else the first by name. Of words: `walk`, else none.
+    /// The style of sessions that name none: `normal` where there is one, else the first by name.
+    /// Of words: `walk`, else none.
     pub fn default_style(&self) -> Option<Arc<Style>> {
         let styles = self.styles.load();
         let of_words = styles.values().any(|style| style.words.is_some());
@@ -193,8 +196,8 @@ impl StyleTable {
         })
     }
 
-    /// Adds a checked style, or replaces one that was added. Writes it to the folder of added styles, where there is one:
-    /// this blocks.
+    /// Adds a checked style, or replaces one that was added. Writes it to the folder of added
+    /// styles, where there is one: this blocks.
     ///
     /// # Errors
     /// [`PutError`]; the table is as it was then.

@@ -1,7 +1,8 @@
 //! How takes of one walk differ from each other: what the walkers of a crowd may differ by.
 //!
-//! A pack's folder may have a file `takes.json`. For each take it says how the joints above the legs are turned on average against the mean of
-//! the style's takes, and how quick its steps are for its speed.
+//! A pack's folder may have a file `takes.json`. For each take it says how the joints above the
+//! legs are turned on average against the mean of the style's takes, and how quick its steps are
+//! for its speed.
 
 use std::path::Path;
 use std::sync::Arc;

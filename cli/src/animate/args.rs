@@ -6,8 +6,9 @@ use clap::Args;
 
 /// Draw characters that live at the same time as a moving picture.
 ///
-/// The cast file says who they are and what each is told to do. All are sessions of the server, stepped together. The picture is
-/// an animated PNG: browsers and GitHub play it, and what cannot shows its first frame. Its end fades into its beginning.
+/// The cast file says who they are and what each is told to do. All are sessions of the server,
+/// stepped together. The picture is an animated PNG: browsers and GitHub play it, and what cannot
+/// shows its first frame. Its end fades into its beginning.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

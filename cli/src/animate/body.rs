@@ -24,7 +24,8 @@ const LIGHT: Vec3 = Vec3::new(-0.45, 1.0, 0.35);
 const SHADOW_SHARE: f32 = 0.8;
 const WHITE: Ink = Ink::hex(0xff_ff_ff);
 
-/// Layers of a part, from below: share of its radius, how far it is moved to the light, and its shade.
+/// Layers of a part, from below: share of its radius, how far it is moved to the light, and its
+/// shade.
 const LAYERS: [(f32, f32, Shade); 3] = [
     (1.0, 0.0, Shade::Dark(0.26)),
     (0.74, 0.2, Shade::Dark(0.0)),
@@ -69,7 +70,8 @@ struct Piece<'a> {
     depth: f32,
 }
 
-/// How much of a piece is drawn: a share of its discs' radii, so many pixels more, and moved by so many radii.
+/// How much of a piece is drawn: a share of its discs' radii, so many pixels more, and moved by so
+/// many radii.
 #[derive(Debug, Clone, Copy)]
 struct Extent {
     share: f32,
@@ -101,7 +103,8 @@ impl Body {
         let head = joints.iter().position(|j| j.name.to_lowercase().contains("head"));
         let is_trunk = |joint: usize| tips[joint] > 1;
 
-        // Where limbs leave the trunk: its short bones there, and the first joint behind them. The neck is no limb.
+        // Where limbs leave the trunk: its short bones there, and the first joint behind them. The
+        // neck is no limb.
         let (mut limbs, mut chains) = (Vec::new(), Vec::new());
         for (index, joint) in joints.iter().enumerate() {
             let Some(parent) = joint.parent.filter(|parent| is_trunk(*parent)) else {
@@ -179,7 +182,8 @@ impl Body {
         }
         let middle = view.depth(places[0]);
         for piece in &pieces {
-            // Half a metre behind the hips is clearly darker. In steps, so that there are few colours.
+            // Half a metre behind the hips is clearly darker. In steps, so that there are few
+            // colours.
             let steps = (4.0 * (piece.depth - middle)).round().clamp(0.0, 2.0);
             let ink = ink.mix(DARK, steps * 0.12);
             piece.draw(canvas, Extent::wider(EDGE), ink.mix(DARK, 0.5));
@@ -354,7 +358,8 @@ mod tests {
         let body = Body::new(&skeleton(true));
         let (trunk, limbs): (Vec<&Part>, Vec<&Part>) = body.parts.iter().partition(|part| part.corners > 0);
         assert_eq!(trunk.len(), 1);
-        // Arms and legs one after the other around it; the short bone of the left shoulder is inside.
+        // Arms and legs one after the other around it; the short bone of the left shoulder is
+        // inside.
         assert_eq!(trunk[0].joints[..trunk[0].corners], [3, 5, 9, 7]);
         let ends: Vec<&[usize]> = limbs.iter().map(|part| part.joints.as_slice()).collect();
         assert_eq!(ends, [[3, 4], [5, 6], [7, 8], [9, 10], [11, 12]]);

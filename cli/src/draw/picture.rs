@@ -1,4 +1,5 @@
-//! The picture: two strips of poses, generated above and the clip's own below, and the root's path from above.
+//! The picture: two strips of poses, generated above and the clip's own below, and the root's path
+//! from above.
 
 use glam::{Vec2, Vec3};
 use troupe_motion::clip::Clip;
@@ -62,7 +63,8 @@ impl Segment<'_> {
         }
     }
 
-    /// The frames in each slot of the strip: all context frames, `poses` of the gap, all target frames.
+    /// The frames in each slot of the strip: all context frames, `poses` of the gap, all target
+    /// frames.
     fn slots(&self, poses: usize) -> Vec<Vec<usize>> {
         let (from, end) = (self.context_frames - 1, self.clip.frames() - self.target_frames);
         let mut slots = vec![(0..self.context_frames).collect::<Vec<_>>()];

@@ -11,10 +11,11 @@ use crate::values::Seconds;
 
 /// Drive a character live: with the keyboard, or along a scripted path.
 ///
-/// Without --path the keys of this terminal drive it on the server's clock, and a view from above shows where it goes. With
-/// --path it does what a file says, step by step, so that the same path and seed give the same frames; the file holds
-/// commands by time or waypoints (see examples/paths). Either way it may live in a scene (--scene, or the path's own) and use
-/// what is there.
+/// Without --path the keys of this terminal drive it on the server's clock, and a view from above
+/// shows where it goes. With --path it does what a file says, step by step, so that the same path
+/// and seed give the same frames; the file holds commands by time or waypoints (see
+/// examples/paths). Either way it may live in a scene (--scene, or the path's own) and use what is
+/// there.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Keys:
@@ -40,7 +41,8 @@ pub(crate) struct Drive {
     #[arg(long, value_name = "FILE")]
     pub(crate) path: Option<PathBuf>,
 
-    /// File to write the motion to; its ending says the format: .bvh, .glb, .npz, or .csv and .npy (qpos) of a robot.
+    /// File to write the motion to; its ending says the format: .bvh, .glb, .npz, or .csv and .npy
+    /// (qpos) of a robot.
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
 

@@ -92,7 +92,8 @@ pub(super) async fn run(
         },
     };
     let outcome = stage.play(&mut drive, screen).await;
-    // The terminal is the user's again: a recording that runs is kept, and what was written is told.
+    // The terminal is the user's again: a recording that runs is kept, and what was written is
+    // told.
     let kept = stage.stop_recording();
     for path in &stage.takes.written {
         context.term.note(format_args!("{} written", path.display()));
@@ -152,7 +153,8 @@ struct Stage {
 }
 
 impl Stage {
-    /// Until the user leaves, the session is gone or the stream ends. The screen is closed in any case.
+    /// Until the user leaves, the session is gone or the stream ends. The screen is closed in any
+    /// case.
     async fn play(&mut self, drive: &mut Drive, mut screen: Screen) -> Result<(), Failure> {
         let mut keys = EventStream::new();
         loop {

@@ -8,8 +8,8 @@ use glam::{Vec2, Vec3};
 use troupe_client::Locomotion;
 use troupe_motion::root::wrap_angle;
 
-/// How long a key counts as held after it was pressed, where the terminal does not tell when it is let go: until its
-/// repeats come, and from then on from repeat to repeat.
+/// How long a key counts as held after it was pressed, where the terminal does not tell when it is
+/// let go: until its repeats come, and from then on from repeat to repeat.
 const HELD_AT_FIRST: Duration = Duration::from_millis(650);
 const HELD_BY_REPEAT: Duration = Duration::from_millis(180);
 /// A press of Q or E.
@@ -38,7 +38,8 @@ pub(super) enum Asked {
     Leave,
 }
 
-/// The keys that are held, and what was chosen. Directions are those of the view from above: up is +z, right is -x.
+/// The keys that are held, and what was chosen. Directions are those of the view from above: up is
+/// +z, right is -x.
 #[derive(Debug)]
 pub(super) struct Controls {
     /// Until when each direction counts as held.

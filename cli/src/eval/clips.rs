@@ -39,7 +39,8 @@ fn stem(name: &str) -> Option<&str> {
     FORMATS.iter().find_map(strip)
 }
 
-/// Reads the clip of a name in a folder, whichever kind of file it is in. Where there is none the reader says so.
+/// Reads the clip of a name in a folder, whichever kind of file it is in. Where there is none the
+/// reader says so.
 pub(super) fn read_named(data: &Path, name: &str, pack: &Pack, scale: Scale) -> Result<Clip, Failure> {
     read_clip(&clip_in(data, name, pack), pack, scale, &Term::new(true))
 }
@@ -62,7 +63,8 @@ pub(super) fn clip_names(data: &Path, split: Option<&Path>) -> Result<Vec<String
     Ok(names.into_iter().collect())
 }
 
-/// Reads clips by name onto the pack's skeleton; those that cannot be used come back with the reason.
+/// Reads clips by name onto the pack's skeleton; those that cannot be used come back with the
+/// reason.
 pub(super) fn read_clips(
     data: &Path,
     names: &[String],

@@ -20,10 +20,12 @@ use crate::failure::Failure;
 
 /// Measure the pack on held-out clips, beside ground truth and interpolation.
 ///
-/// Every clip of the split is cut into windows: four context frames, the gap, and one target keyframe with full pose
-/// and root. The server fills the gap; so does interpolation (linear root, slerp of joint rotations). Diversity comes from some
-/// windows, filled with several seeds at temperature 1. FID, MMD and latent diversity are measured in the latent space of a
-/// motion autoencoder, the `evaluator.onnx` that `troupe-train evaluator` makes. Each figure comes with a 95 % interval.
+/// Every clip of the split is cut into windows: four context frames, the gap, and one target
+/// keyframe with full pose and root. The server fills the gap; so does interpolation (linear root,
+/// slerp of joint rotations). Diversity comes from some windows, filled with several seeds at
+/// temperature 1. FID, MMD and latent diversity are measured in the latent space of a motion
+/// autoencoder, the `evaluator.onnx` that `troupe-train evaluator` makes. Each figure comes with a
+/// 95 % interval.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

@@ -7,10 +7,12 @@ use clap::Args;
 use crate::take::Character;
 use crate::values::Seconds;
 
-/// Draw a character that follows a scripted path: the path from above, and poses at equal steps of time.
+/// Draw a character that follows a scripted path: the path from above, and poses at equal steps of
+/// time.
 ///
-/// In a scene (--scene, or the path's own) the picture shows what is there too, and what happened is printed. What the character
-/// carries away stays where it was put: put the scene again before another take.
+/// In a scene (--scene, or the path's own) the picture shows what is there too, and what happened
+/// is printed. What the character carries away stays where it was put: put the scene again before
+/// another take.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

@@ -54,7 +54,8 @@ pub(super) async fn run(context: &Context, command: &Film) -> Result<(), Failure
     print_events(&take.events)
 }
 
-/// A picture of a motion that follows a path, as a PNG file of `width` pixels: `style` is what its poses are labelled with.
+/// A picture of a motion that follows a path, as a PNG file of `width` pixels: `style` is what its
+/// poses are labelled with.
 pub(crate) fn draw_motion(
     clip: &Clip,
     path: &[Vec2],

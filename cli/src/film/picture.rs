@@ -335,7 +335,8 @@ impl Picture<'_> {
         canvas.clip(None);
     }
 
-    /// The frames to draw in the scene: all, or in a stage, where the character may stay long, those that stand apart.
+    /// The frames to draw in the scene: all, or in a stage, where the character may stay long,
+    /// those that stand apart.
     fn apart(&self, parts: &Parts) -> Vec<usize> {
         let mut drawn = Vec::<usize>::new();
         for &frame in &parts.frames {
@@ -437,8 +438,8 @@ struct Labels {
 }
 
 impl Labels {
-    /// Where a text beside a point of the line is farthest from the line and from other texts; none where it would lie on
-    /// another.
+    /// Where a text beside a point of the line is farthest from the line and from other texts; none
+    /// where it would lie on another.
     fn place(&mut self, at: Point) -> Option<Point> {
         let around = (0..8).map(|i| {
             let (sin, cos) = (i as f32 * std::f32::consts::FRAC_PI_4).sin_cos();

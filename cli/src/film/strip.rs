@@ -14,9 +14,11 @@ use crate::take::Event;
 const TALL: f32 = 200.0;
 /// From the upper edge of a row to its ground line.
 const GROUND: f32 = 226.0;
-/// What is farther from the character than this is not drawn beside it, metres: objects, and all else.
+/// What is farther from the character than this is not drawn beside it, metres: objects, and all
+/// else.
 const FAR_M: [f32; 2] = [1.5, 0.8];
-/// How far below the ground line things reach that are before the character, pixels: labels follow there.
+/// How far below the ground line things reach that are before the character, pixels: labels follow
+/// there.
 const BELOW: f32 = 19.0;
 /// How far the camera is turned away from a side view, and looks down, radians.
 const TURN: f32 = 0.35;
@@ -53,7 +55,8 @@ impl Picture<'_> {
         }
     }
 
-    /// What a pose is part of: in a scene the set of keyframes that the character goes through, else its style.
+    /// What a pose is part of: in a scene the set of keyframes that the character goes through,
+    /// else its style.
     fn label(&self, frame: usize) -> Option<&str> {
         if self.stage.is_some() {
             let after = self.take.events.partition_point(|event| event.frame <= frame);
@@ -122,8 +125,8 @@ impl Picture<'_> {
         TALL / (top + 0.15)
     }
 
-    /// The heading that faces right, where it faces as it first reaches a keyframe or else where it goes first; and how far
-    /// the camera is turned, so that what it uses there lies behind it.
+    /// The heading that faces right, where it faces as it first reaches a keyframe or else where it
+    /// goes first; and how far the camera is turned, so that what it uses there lies behind it.
     fn side(&self) -> (f32, f32) {
         let clip = &self.take.clip;
         let reached =
@@ -151,7 +154,8 @@ impl Picture<'_> {
     }
 }
 
-/// What begins with an event; empty where the character is left to itself again, and none where nothing begins.
+/// What begins with an event; empty where the character is left to itself again, and none where
+/// nothing begins.
 fn phase(event: &Event) -> Option<&str> {
     match &event.kind {
         Kind::Started(_) => Some("approach"),

@@ -1,14 +1,15 @@
 //! Moving pictures, as animated PNG.
 //!
-//! Browsers and GitHub play them wherever they show a PNG, and programs that cannot show the first frame. Of the formats that
-//! play in a README they are the smallest for such drawings: 255 colours as in a GIF, but deflated, and pixels that stay as
-//! they are cost next to nothing.
+//! Browsers and GitHub play them wherever they show a PNG, and programs that cannot show the first
+//! frame. Of the formats that play in a README they are the smallest for such drawings: 255 colours
+//! as in a GIF, but deflated, and pixels that stay as they are cost next to nothing.
 
 use png::{BitDepth, BlendOp, ColorType, Compression, DisposeOp, Encoder, EncodingError, Filter};
 
 use super::palette::{Palette, Rgb, apart};
 
-/// Colours beside the one that stands for "as before". More make the file larger, and the drawings hardly better.
+/// Colours beside the one that stands for "as before". More make the file larger, and the drawings
+/// hardly better.
 const COLOURS: usize = 127;
 /// Changes that are not worth their bytes.
 const UNSEEN: u32 = 24;

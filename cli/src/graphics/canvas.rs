@@ -197,7 +197,8 @@ impl Canvas {
         self.down += by;
     }
 
-    /// Draws only within a rectangle from now on, given by its upper left corner and its size; with none everywhere.
+    /// Draws only within a rectangle from now on, given by its upper left corner and its size; with
+    /// none everywhere.
     pub(crate) fn clip(&mut self, to: Option<(Point, Point)>) {
         self.clip = to.and_then(|(corner, size)| {
             let mut mask = Mask::new(self.pixels.width(), self.pixels.height())?;

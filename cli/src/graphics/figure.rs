@@ -21,8 +21,8 @@ pub(crate) struct Camera {
 }
 
 impl Camera {
-    /// A camera in which whoever faces `heading` faces right, turned towards the viewer by `turn`; it looks down by
-    /// `pitch`. All in radians.
+    /// A camera in which whoever faces `heading` faces right, turned towards the viewer by `turn`;
+    /// it looks down by `pitch`. All in radians.
     pub(crate) fn new(heading: f32, turn: f32, pitch: f32) -> Self {
         let ahead = Vec3::new(heading.sin(), 0.0, heading.cos());
         let side = ahead.cross(Vec3::Y);
@@ -37,7 +37,8 @@ impl Camera {
         }
     }
 
-    /// Where a place relative to the figure's own origin is on the picture, in metres: x to the right, y down.
+    /// Where a place relative to the figure's own origin is on the picture, in metres: x to the
+    /// right, y down.
     pub(crate) fn project(&self, place: Vec3) -> Vec2 {
         Vec2::new(self.right.dot(place), -self.up.dot(place))
     }
@@ -87,8 +88,8 @@ impl Figure {
         }
     }
 
-    /// Draws a pose given by its joints' places (metres, relative to the figure's own origin on the ground), which
-    /// comes to stand at `at`; `scale` pixels make a metre.
+    /// Draws a pose given by its joints' places (metres, relative to the figure's own origin on the
+    /// ground), which comes to stand at `at`; `scale` pixels make a metre.
     pub(crate) fn draw(
         &self,
         canvas: &mut Canvas,
@@ -173,7 +174,8 @@ mod tests {
 
     #[test]
     fn the_left_hand_of_one_who_walks_right_is_far() {
-        // Facing +Z, left is +X; walking to the right of the picture, the left side is away from the viewer.
+        // Facing +Z, left is +X; walking to the right of the picture, the left side is away from
+        // the viewer.
         let camera = Camera::new(0.0, 0.0, 0.0);
         assert!(camera.nearness(Vec3::X) < 0.0);
         assert!(Camera::new(FRAC_PI_2, 0.0, 0.0).nearness(Vec3::NEG_Z) < 0.0);

@@ -38,7 +38,8 @@ pub(crate) struct Entry<'a> {
     pub(crate) name: &'a str,
 }
 
-/// Title, subtitle and legend, laid out. The legend is beside the title where both fit, else in lines of its own below.
+/// Title, subtitle and legend, laid out. The legend is beside the title where both fit, else in
+/// lines of its own below.
 #[derive(Debug)]
 pub(crate) struct Header<'a> {
     title: &'a str,

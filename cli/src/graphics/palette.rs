@@ -12,7 +12,8 @@ const FLAT: usize = 60;
 /// Share of the other colours that the network learns from: all of them.
 const SAMPLE: i32 = 1;
 
-/// Colours that are no farther apart than this are the same: what is drawn over its own colour comes out a little off.
+/// Colours that are no farther apart than this are the same: what is drawn over its own colour
+/// comes out a little off.
 const SAME: u32 = 6;
 
 /// How different two colours are: the sum over the channels.

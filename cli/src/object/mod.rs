@@ -14,8 +14,8 @@ use crate::failure::Failure;
 use crate::files::{document_failure, read_document};
 use crate::output::{print, table, to_json};
 
-/// Make smart objects (things, and what characters can do with them), put them on the server, check them, and show those
-/// that it has.
+/// Make smart objects (things, and what characters can do with them), put them on the server, check
+/// them, and show those that it has.
 #[derive(Debug, Args)]
 pub(super) struct Object {
     #[command(subcommand)]
@@ -32,8 +32,8 @@ enum Action {
     Delete(Delete),
 }
 
-/// Add definitions from files, or replace those of their names. All objects of one get its shape and trigger at once. All files are
-/// checked before the first is put.
+/// Add definitions from files, or replace those of their names. All objects of one get its shape
+/// and trigger at once. All files are checked before the first is put.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

@@ -15,7 +15,8 @@ pub(crate) struct Cast {
     pub(crate) title: Option<String>,
     /// Name of the scene on the server that all live in.
     pub(crate) scene: Option<String>,
-    /// What each does. All have a style and the cast's scene, and none waits for what comes of what it does.
+    /// What each does. All have a style and the cast's scene, and none waits for what comes of what
+    /// it does.
     pub(crate) paths: Vec<Path>,
 }
 

@@ -6,11 +6,11 @@ use troupe_client::{Act, Locomotion};
 use super::script::{AFTERMATH_S, MOMENT_S, Manner, Moment, Path, Waypoint, When};
 use super::velocity::Velocity;
 
-/// How far the way to a waypoint may turn from where the character is told to go before it is told again, radians. Every
-/// command makes a new plan, so small corrections are saved up.
+/// How far the way to a waypoint may turn from where the character is told to go before it is told
+/// again, radians. Every command makes a new plan, so small corrections are saved up.
 const CORRECTION: f32 = 0.09;
-/// A waypoint counts as reached this many seconds ahead of it, so that the turn to the next begins before it, and the
-/// halt at the last.
+/// A waypoint counts as reached this many seconds ahead of it, so that the turn to the next begins
+/// before it, and the halt at the last.
 const REACH_S: f32 = 0.35;
 /// Nearest that a waypoint must be reached, metres.
 const REACH_M: f32 = 0.15;
@@ -66,11 +66,13 @@ impl<'a> Player<'a> {
         player
     }
 
-    /// How the character should move at a time, being at a place (x, z); nothing while it uses an object or acts out a sentence.
-    /// What it should do beside moving is in [`Self::take_acts`] then. Times must not go back.
+    /// How the character should move at a time, being at a place (x, z); nothing while it uses an
+    /// object or acts out a sentence. What it should do beside moving is in [`Self::take_acts`]
+    /// then. Times must not go back.
     pub(crate) fn intent(&mut self, time_s: f32, place: Vec2) -> Option<&Locomotion> {
         while let Some(command) = self.path.commands.get(self.next_command) {
-            // A ten-thousandth of a second of slack, so that frame times that are rounded down count.
+            // A ten-thousandth of a second of slack, so that frame times that are rounded down
+            // count.
             if self.next_command_s().is_none_or(|due_s| due_s > time_s + 1e-4) {
                 break;
             }
@@ -151,7 +153,8 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Lets a path that uses objects end a moment after the last of its commands has come to its end.
+    /// Lets a path that uses objects end a moment after the last of its commands has come to its
+    /// end.
     fn end_after(&mut self, time_s: f32, is_through: bool) {
         let last = self.next_command == self.path.commands.len();
         if last && is_through && self.path.acts() && self.path.seconds.is_none() {
@@ -222,8 +225,8 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// The command, counted from 1, that has waited too long, and the moment that did not come. A path that says how long it goes on
-    /// may wait to its end.
+    /// The command, counted from 1, that has waited too long, and the moment that did not come. A
+    /// path that says how long it goes on may wait to its end.
     pub(crate) fn waits_in_vain(&self, time_s: f32) -> Option<(usize, Moment)> {
         let When::Later {
             after: Some(moment), ..

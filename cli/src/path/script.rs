@@ -3,7 +3,8 @@
 use glam::Vec2;
 use troupe_client::Act;
 
-/// A scripted path, checked. Places are (x, z) on the ground, metres; angles are in radians from +Z to +X.
+/// A scripted path, checked. Places are (x, z) on the ground, metres; angles are in radians from +Z
+/// to +X.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Path {
     pub(crate) title: Option<String>,
@@ -44,7 +45,8 @@ pub(crate) enum When {
 /// What may come of a command that has the character use an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Moment {
-    /// It holds a keyframe until the interaction is ended: it sits, or has the cup before its chest.
+    /// It holds a keyframe until the interaction is ended: it sits, or has the cup before its
+    /// chest.
     Held,
     /// The interaction is over: through, failed or broken off.
     Done,
@@ -96,8 +98,8 @@ pub(crate) struct Waypoint {
 
 /// Time that a path goes on after its last command or waypoint.
 pub(super) const AFTERMATH_S: f32 = 2.0;
-/// Longest that a path waits for what comes of a command, unless it says how long it goes on; the server gives up an approach
-/// after 20 s.
+/// Longest that a path waits for what comes of a command, unless it says how long it goes on; the
+/// server gives up an approach after 20 s.
 pub(crate) const MOMENT_S: f32 = 30.0;
 
 impl Path {

@@ -44,8 +44,9 @@ impl Velocity {
 }
 
 impl Path {
-    /// The way that the root would go if it did at once what it is told, for a time: from waypoint to waypoint, or along
-    /// the commanded velocities. Nothing where it uses objects and has no waypoints: nobody says where it goes then.
+    /// The way that the root would go if it did at once what it is told, for a time: from waypoint
+    /// to waypoint, or along the commanded velocities. Nothing where it uses objects and has no
+    /// waypoints: nobody says where it goes then.
     pub(crate) fn commanded(&self, seconds: f32) -> Vec<Vec2> {
         let mut at = self.start;
         let mut way = vec![at];

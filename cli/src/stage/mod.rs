@@ -84,7 +84,8 @@ enum Shape {
 }
 
 impl Stage {
-    /// A scene as it was at first, with what happened in it and the shapes of its objects from the server.
+    /// A scene as it was at first, with what happened in it and the shapes of its objects from the
+    /// server.
     pub(crate) async fn of(
         client: &Client,
         scene: &v1::Scene,

@@ -26,9 +26,10 @@ pub(super) enum Action {
 
 /// Make a style from clips and add it to the running server.
 ///
-/// In each clip the cleanest cycle is found, from one strike of the left foot to the next, and closed so that it repeats
-/// without a seam. The pack's own networks then rebuild every key pose from the motion around it, so that the style holds
-/// poses that the pack can make. The pack's own styles cannot be replaced.
+/// In each clip the cleanest cycle is found, from one strike of the left foot to the next, and
+/// closed so that it repeats without a seam. The pack's own networks then rebuild every key pose
+/// from the motion around it, so that the style holds poses that the pack can make. The pack's own
+/// styles cannot be replaced.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 --gait, --from and --to belong to the --clip in front of them. Gaits whose names begin with `idle` stand still; \
@@ -51,7 +52,8 @@ pub(super) struct Add {
     #[arg(long = "static", help_heading = HOW)]
     pub(super) is_static: bool,
 
-    /// Speed of the style where a drive names none, in m/s. Without it the speed of its first moving gait.
+    /// Speed of the style where a drive names none, in m/s. Without it the speed of its first
+    /// moving gait.
     #[arg(long, value_name = "M/S", help_heading = HOW)]
     pub(super) speed: Option<f32>,
 
@@ -243,8 +245,8 @@ pub(super) struct Show {
 
 /// Make all styles of a list into files, such as a pack's own.
 ///
-/// The list is a TOML file that names for each style the clips of its gaits. The running server's pack rebuilds the
-/// poses; nothing is added to the server.
+/// The list is a TOML file that names for each style the clips of its gaits. The running server's
+/// pack rebuilds the poses; nothing is added to the server.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

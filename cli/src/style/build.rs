@@ -136,7 +136,8 @@ impl Builder<'_> {
     }
 }
 
-/// The order in which gaits are kept: those that stand, then those that go, each by what one looks for first.
+/// The order in which gaits are kept: those that stand, then those that go, each by what one looks
+/// for first.
 fn order(gait: &v1::Gait) -> (usize, String) {
     const FIRST: [&str; 4] = ["idle", "walk", "run", "dash"];
     let place = FIRST.iter().position(|name| gait.name == *name);

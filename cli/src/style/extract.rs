@@ -36,8 +36,9 @@ pub(super) struct GaitSource<'a> {
 }
 
 impl GaitSource<'_> {
-    /// Reads the clip and finds the gait: for a name that has `turn` in it the cycle that turns most, for one that stands
-    /// the stillest frame, or the only one that is to be looked at; else the steadiest cycle.
+    /// Reads the clip and finds the gait: for a name that has `turn` in it the cycle that turns
+    /// most, for one that stands the stillest frame, or the only one that is to be looked at; else
+    /// the steadiest cycle.
     pub(super) fn extract(&self, pack: &Pack, scale: Scale, term: &Term) -> Result<Extracted, Failure> {
         let whole = read_clip(self.path, pack, scale, term)?;
         let (clip, first) = self.cut(&whole)?;

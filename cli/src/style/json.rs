@@ -6,7 +6,8 @@ use troupe_proto::v1;
 /// Digits after the point: 0.01 mm, 0.001 degrees.
 const DIGITS: i32 = 5;
 
-/// Writes a style for a file. Gaits and keyframes are lines of their own, so that changes can be read.
+/// Writes a style for a file. Gaits and keyframes are lines of their own, so that changes can be
+/// read.
 pub(super) fn to_file(style: &v1::Style) -> Result<String, serde_json::Error> {
     let mut style = serde_json::to_value(style)?;
     round(&mut style);
@@ -32,7 +33,8 @@ fn round(value: &mut Value) {
     }
 }
 
-/// Fields and list entries on lines of their own, down to those that hold numbers alone or are a keyframe.
+/// Fields and list entries on lines of their own, down to those that hold numbers alone or are a
+/// keyframe.
 fn write(value: &Value, depth: usize, text: &mut String) {
     let indent = "  ".repeat(depth + 1);
     let (open, close, lines) = match value {

@@ -26,7 +26,8 @@ impl StyleList {
 #[derive(Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Entry {
-    /// Gait whose speed is the style's default. Left out: `walk` where there is one, else the first that moves.
+    /// Gait whose speed is the style's default. Left out: `walk` where there is one, else the first
+    /// that moves.
     pub(super) speed_of: Option<String>,
     /// Frames between plans.
     #[serde(default = "usual_interval")]

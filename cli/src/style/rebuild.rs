@@ -17,7 +17,8 @@ pub(super) struct Rebuilt {
     pub(super) distance_m: f32,
 }
 
-/// Has the pack rebuild `keys` poses of a cycle, or one pose of each of several stands. At least one cycle.
+/// Has the pack rebuild `keys` poses of a cycle, or one pose of each of several stands. At least
+/// one cycle.
 pub(super) async fn rebuild(
     client: &Client,
     pack: &Pack,

@@ -30,7 +30,8 @@ pub(crate) struct Character {
     #[arg(long, help_heading = CHARACTER, default_value_t = 0.0, value_name = "0-2")]
     pub(crate) temperature: f32,
 
-    /// Frames between the cursor and the point where a new plan takes over; without it the server's.
+    /// Frames between the cursor and the point where a new plan takes over; without it the
+    /// server's.
     #[arg(long, help_heading = CHARACTER, value_name = "2-12")]
     pub(crate) look_ahead: Option<u32>,
 }

@@ -49,8 +49,8 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// Takes a step's events and what is in the hand at its only frame, which is the clip's `frame` and the timeline's
-    /// `first_frame`. Answers whether an interaction came to its end.
+    /// Takes a step's events and what is in the hand at its only frame, which is the clip's `frame`
+    /// and the timeline's `first_frame`. Answers whether an interaction came to its end.
     pub(super) fn step(
         &mut self,
         frame: usize,
@@ -153,7 +153,8 @@ impl fmt::Display for Told<'_> {
                     before.heading_deg,
                     before.joint_m * 100.0,
                 )?;
-                // One that is left early is not drawn to its keyframe: how far off it is then says nothing of it.
+                // One that is left early is not drawn to its keyframe: how far off it is then says
+                // nothing of it.
                 if of.early_frames > 0 {
                     return write!(out, ", left {} frames early", of.early_frames);
                 }

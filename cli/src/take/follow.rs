@@ -282,8 +282,8 @@ impl Taking<'_> {
     }
 }
 
-/// Frames to take before the path is looked at again: a tenth of a second's, or fewer so that the next command, or the end,
-/// comes at its frame.
+/// Frames to take before the path is looked at again: a tenth of a second's, or fewer so that the
+/// next command, or the end, comes at its frame.
 fn frames_until(frame: usize, hz: f32, next_command_s: Option<f32>, ends_s: f32) -> u32 {
     let look = hz as u32 / LOOKS_HZ;
     let until = |time_s: f32| (time_s * hz).round() as i64 - frame as i64;

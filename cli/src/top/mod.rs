@@ -27,8 +27,8 @@ use crate::values::Seconds;
 
 /// Watch a server: packs, calls and live sessions, refreshed in the terminal.
 ///
-/// Sessions are those that the key may see. Where the server asks for keys, metrics need one of the role metrics or admin: --key, or
-/// --metrics-key beside it.
+/// Sessions are those that the key may see. Where the server asks for keys, metrics need one of the
+/// role metrics or admin: --key, or --metrics-key beside it.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Keys:

@@ -50,7 +50,8 @@ impl Reading {
         values.map(str::to_owned).collect()
     }
 
-    /// Upper bounds of a histogram's buckets and how many samples are not above each, all series together.
+    /// Upper bounds of a histogram's buckets and how many samples are not above each, all series
+    /// together.
     fn buckets(&self, name: &str, labels: Labels<'_>) -> Vec<(f64, f64)> {
         let mut buckets: Vec<(f64, f64)> = Vec::new();
         for series in self.series(name, labels) {
@@ -96,8 +97,8 @@ impl Change<'_> {
         Some(sum / count).filter(|mean| mean.is_finite())
     }
 
-    /// A quantile of a histogram's new samples, between the bounds of its bucket; none without samples. Above the last bound it is
-    /// that bound.
+    /// A quantile of a histogram's new samples, between the bounds of its bucket; none without
+    /// samples. Above the last bound it is that bound.
     pub(super) fn quantile(&self, name: &str, labels: Labels<'_>, quantile: f64) -> Option<f64> {
         let (before, after) = (
             self.before.buckets(name, labels),

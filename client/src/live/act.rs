@@ -5,7 +5,8 @@ use troupe_proto::v1;
 use super::path::LivePath;
 use super::performance::Performance;
 
-/// Something that a character does once: use an object of its scene, do a skill, follow a path, or act out a sentence. It goes to the server with the next step or tick, or when it is sent.
+/// Something that a character does once: use an object of its scene, do a skill, follow a path, or
+/// act out a sentence. It goes to the server with the next step or tick, or when it is sent.
 ///
 /// ```
 /// use troupe_client::Act;

@@ -25,7 +25,8 @@ impl Client {
         Ok(sessions.pop().ok_or(AnswerError::Missing("sessions"))?)
     }
 
-    /// Opens many sessions of a pack, in order. Where some cannot be opened, those that were are closed again.
+    /// Opens many sessions of a pack, in order. Where some cannot be opened, those that were are
+    /// closed again.
     ///
     /// # Errors
     /// See [`ClientError`].

@@ -26,8 +26,8 @@ const QUESTIONS: usize = 32;
 pub struct CrowdOptions {
     /// How frames are taken.
     pub frames: FrameOptions,
-    /// Characters of one request, at most the server's `max_sessions_per_request`; more are split over requests that run at
-    /// the same time.
+    /// Characters of one request, at most the server's `max_sessions_per_request`; more are split
+    /// over requests that run at the same time.
     pub per_request: usize,
 }
 
@@ -61,15 +61,16 @@ pub struct Fault {
     pub session: String,
     /// What is wrong.
     pub problem: Problem,
-    /// Whether it has left the crowd: its session is gone. Else it is tried again with the next step.
+    /// Whether it has left the crowd: its session is gone. Else it is tried again with the next
+    /// step.
     pub left: bool,
 }
 
 /// Many characters of one pack, advanced together by the game's clock.
 ///
-/// Every character has an intent that the game may change as it likes; a step sends the changed ones and brings the next
-/// frames of all. Buffers are used again from step to step. A character whose session is gone is reported and leaves;
-/// the others go on.
+/// Every character has an intent that the game may change as it likes; a step sends the changed
+/// ones and brings the next frames of all. Buffers are used again from step to step. A character
+/// whose session is gone is reported and leaves; the others go on.
 ///
 /// ```no_run
 /// use glam::Vec3;
@@ -195,17 +196,18 @@ impl Crowd {
         Some(member.session.intent_mut().wanted_mut())
     }
 
-    /// Has a character do something, such as use an object of its scene, with the next step. Where that fails it may not have
-    /// arrived, and is not sent again. Nothing happens once the character has left.
+    /// Has a character do something, such as use an object of its scene, with the next step. Where
+    /// that fails it may not have arrived, and is not sent again. Nothing happens once the
+    /// character has left.
     pub fn act(&mut self, member: MemberId, act: &Act) {
         if let Some(member) = self.members.get_mut(&member) {
             member.session.act(act);
         }
     }
 
-    /// How much it matters that a character is planned for often, 0 to 1: such as by its distance from the camera, in steps of
-    /// a tenth or so, for every change is a command. It goes to the server with the next step. Nothing happens once the
-    /// character has left.
+    /// How much it matters that a character is planned for often, 0 to 1: such as by its distance
+    /// from the camera, in steps of a tenth or so, for every change is a command. It goes to the
+    /// server with the next step. Nothing happens once the character has left.
     pub fn set_priority(&mut self, member: MemberId, priority: f32) {
         if let Some(member) = self.members.get_mut(&member) {
             member.session.priority(priority);
@@ -215,8 +217,9 @@ impl Crowd {
     /// Advances everybody by some frames, 1 to 120, and tells the server what changed.
     ///
     /// # Errors
-    /// See [`ClientError`]: where the server cannot be reached, or refuses the request as a whole. Characters of other
-    /// requests of the same step may then have moved on; the first frame's number tells.
+    /// See [`ClientError`]: where the server cannot be reached, or refuses the request as a whole.
+    /// Characters of other requests of the same step may then have moved on; the first frame's
+    /// number tells.
     pub async fn step(&mut self, frames: u32) -> Result<CrowdStep<'_>, ClientError> {
         self.faults.clear();
         self.members.values_mut().for_each(|m| m.place = None);
@@ -337,8 +340,8 @@ impl Crowd {
         }
     }
 
-    /// Where not one character of a request could be served the server answers with the first one's problem alone: each is
-    /// asked for. Other errors are the crowd's.
+    /// Where not one character of a request could be served the server answers with the first one's
+    /// problem alone: each is asked for. Other errors are the crowd's.
     async fn take_error(&mut self, chunk: usize, error: ClientError) -> Result<(), ClientError> {
         let ClientError::Session(common) = error else {
             return Err(error);
@@ -383,7 +386,8 @@ impl Crowd {
         }
     }
 
-    /// What the sessions have done so far, added up. It lists the server's sessions, so it is not for every tick.
+    /// What the sessions have done so far, added up. It lists the server's sessions, so it is not
+    /// for every tick.
     ///
     /// # Errors
     /// See [`ClientError`].
@@ -450,8 +454,8 @@ impl<'a> CrowdStep<'a> {
         })
     }
 
-    /// What was wrong with single characters: those that could not be served, and those whose command was refused, which
-    /// moved on as before.
+    /// What was wrong with single characters: those that could not be served, and those whose
+    /// command was refused, which moved on as before.
     pub fn faults(&self) -> &'a [Fault] {
         &self.crowd.faults
     }

@@ -22,7 +22,8 @@ use crate::connection::Client;
 use crate::error::{AnswerError, ClientError};
 use crate::problem::{Problem, ProblemKind};
 
-/// Messages that may wait to be sent. More wait in their sessions' intents, where a newer one replaces an older.
+/// Messages that may wait to be sent. More wait in their sessions' intents, where a newer one
+/// replaces an older.
 const QUEUE: usize = 64;
 
 /// How a stream is opened.
@@ -30,13 +31,14 @@ const QUEUE: usize = 64;
 pub struct DriveOptions {
     /// How frames are sent.
     pub frames: FrameOptions,
-    /// Give every tick that arrives, in order, such as for a recording. By default [`Drive::next`] gives the newest and
-    /// counts what it skipped.
+    /// Give every tick that arrives, in order, such as for a recording. By default [`Drive::next`]
+    /// gives the newest and counts what it skipped.
     pub every_tick: bool,
     /// Close the sessions of the stream when it ends. By default they wait for their time to live.
     pub close_sessions: bool,
-    /// How long a stream that breaks is opened again, with its sessions where this client saw them last: a server that keeps its
-    /// sessions may be started anew meanwhile. None: a stream that breaks ends with an error. 10 s by default.
+    /// How long a stream that breaks is opened again, with its sessions where this client saw them
+    /// last: a server that keeps its sessions may be started anew meanwhile. None: a stream that
+    /// breaks ends with an error. 10 s by default.
     pub reconnect: Option<Duration>,
 }
 
@@ -51,11 +53,13 @@ impl Default for DriveOptions {
     }
 }
 
-/// A stream on which the server advances many characters at 30, 50 or 60 Hz, opened by [`Client::drive`].
+/// A stream on which the server advances many characters at 30, 50 or 60 Hz, opened by
+/// [`Client::drive`].
 ///
-/// The sessions are the stream's while they are on it, and come back when they leave. A stream that breaks is opened again, and its
-/// sessions go on behind the last frame that came ([`DriveOptions::reconnect`], [`DriveEvent::Resumed`]). Where that fails it
-/// ends: take the sessions with [`Self::into_sessions`] and attach them to another.
+/// The sessions are the stream's while they are on it, and come back when they leave. A stream that
+/// breaks is opened again, and its sessions go on behind the last frame that came
+/// ([`DriveOptions::reconnect`], [`DriveEvent::Resumed`]). Where that fails it ends: take the
+/// sessions with [`Self::into_sessions`] and attach them to another.
 ///
 /// ```no_run
 /// use glam::Vec3;
@@ -170,7 +174,8 @@ impl Client {
 }
 
 impl Drive {
-    /// Takes sessions onto the stream. An event tells when each is there, or that it could not be taken.
+    /// Takes sessions onto the stream. An event tells when each is there, or that it could not be
+    /// taken.
     ///
     /// # Errors
     /// [`ClientError::Unreachable`] where the stream is broken.
@@ -225,24 +230,25 @@ impl Drive {
         Some(session.intent_mut().wanted_mut())
     }
 
-    /// Has a character do something, such as use an object of its scene; [`Self::next`] and [`Self::flush`] send it. Nothing
-    /// happens where the session is not on the stream.
+    /// Has a character do something, such as use an object of its scene; [`Self::next`] and
+    /// [`Self::flush`] send it. Nothing happens where the session is not on the stream.
     pub fn act(&mut self, id: &str, act: &Act) {
         if let Some(session) = self.sessions.get_mut(id) {
             session.act(act);
         }
     }
 
-    /// How much it matters that a session is planned for often, 0 to 1: such as by its distance from the camera, in steps of a
-    /// tenth or so, for every change is a command. [`Self::next`] and [`Self::flush`] send it. Nothing happens where the session is not on the stream.
+    /// How much it matters that a session is planned for often, 0 to 1: such as by its distance
+    /// from the camera, in steps of a tenth or so, for every change is a command. [`Self::next`]
+    /// and [`Self::flush`] send it. Nothing happens where the session is not on the stream.
     pub fn set_priority(&mut self, id: &str, priority: f32) {
         if let Some(session) = self.sessions.get_mut(id) {
             session.priority(priority);
         }
     }
 
-    /// Sends what changed of what the sessions should do. Where the connection is busy it stays for the next time, so that
-    /// the newest goes.
+    /// Sends what changed of what the sessions should do. Where the connection is busy it stays for
+    /// the next time, so that the newest goes.
     pub fn flush(&mut self) {
         let changed = self.sessions.iter_mut();
         let commands = changed
@@ -265,13 +271,15 @@ impl Drive {
         }
     }
 
-    /// Sends what changed, and waits for the next tick or event. Of several ticks that have come the newest is given, unless
-    /// [`DriveOptions::every_tick`]. None once the stream has ended as this client asked.
+    /// Sends what changed, and waits for the next tick or event. Of several ticks that have come
+    /// the newest is given, unless [`DriveOptions::every_tick`]. None once the stream has ended as
+    /// this client asked.
     ///
     /// Nothing is lost where the future is dropped before it is ready.
     ///
     /// # Errors
-    /// See [`ClientError`]; [`ClientError::StreamEnded`] with the server's reason. The stream has ended then.
+    /// See [`ClientError`]; [`ClientError::StreamEnded`] with the server's reason. The stream has
+    /// ended then.
     pub async fn next(&mut self) -> Result<Option<Update<'_>>, ClientError> {
         if let Some(end) = self.end.take() {
             self.ended = true;
@@ -285,7 +293,8 @@ impl Drive {
         }
         self.flush();
         let mut newest = None;
-        // Messages that tell this client nothing, such as commands that came late, are no reason to stop waiting.
+        // Messages that tell this client nothing, such as commands that came late, are no reason to
+        // stop waiting.
         while newest.is_none() && self.events.is_empty() && self.end.is_none() {
             if self.broken.is_some() {
                 self.mend().await?;
@@ -328,7 +337,8 @@ impl Drive {
         Ok(Some(Update { tick, events }))
     }
 
-    /// Opens a stream again that broke. Until that is done it counts as broken, however often this is tried.
+    /// Opens a stream again that broke. Until that is done it counts as broken, however often this
+    /// is tried.
     ///
     /// # Errors
     /// Why it broke, where it cannot be opened again in time.
@@ -486,8 +496,8 @@ impl Drive {
         }
     }
 
-    /// The sessions of the stream, such as after an error. Where the server has not noticed yet that the stream is gone it
-    /// may call them busy for a moment.
+    /// The sessions of the stream, such as after an error. Where the server has not noticed yet
+    /// that the stream is gone it may call them busy for a moment.
     pub fn into_sessions(self) -> Vec<Session> {
         self.sessions.into_values().collect()
     }
@@ -499,8 +509,8 @@ impl<'a> Tick<'a> {
         self.head.number
     }
 
-    /// Ticks so far that never came to the game: the server had not sent them, because this client was slow to take them, or
-    /// they had come but a newer one had too.
+    /// Ticks so far that never came to the game: the server had not sent them, because this client
+    /// was slow to take them, or they had come but a newer one had too.
     pub fn dropped(&self) -> u64 {
         self.head.dropped + self.skipped
     }

@@ -13,8 +13,9 @@ pub enum DriveEvent {
         /// Its name.
         session: String,
     },
-    /// The stream broke, and the session is taken up again: its next frame is the one behind the last that came. What it should do
-    /// is told again. What it was told to do once ([`Drive::act`](super::Drive::act)) is not, and may be lost.
+    /// The stream broke, and the session is taken up again: its next frame is the one behind the
+    /// last that came. What it should do is told again. What it was told to do once
+    /// ([`Drive::act`](super::Drive::act)) is not, and may be lost.
     Resumed {
         /// Its name.
         session: String,
@@ -40,10 +41,12 @@ pub enum DriveEvent {
         session: String,
         /// What, in order.
         events: Vec<v1::SessionEvent>,
-        /// Events of the session that were dropped so far, because this client was slow to take them.
+        /// Events of the session that were dropped so far, because this client was slow to take
+        /// them.
         dropped: u64,
     },
-    /// The session left the stream: detached, closed or expired. It is given back, unless it is gone.
+    /// The session left the stream: detached, closed or expired. It is given back, unless it is
+    /// gone.
     Left {
         /// Its name.
         id: String,

@@ -32,7 +32,8 @@ impl Contacts {
 pub struct Frame<'a> {
     /// World position of the root joint.
     pub root: Vec3,
-    /// A rotation for each joint of the pack: the first in the world, the others relative to their parents.
+    /// A rotation for each joint of the pack: the first in the world, the others relative to their
+    /// parents.
     pub rotations: &'a [Quat],
     /// What is on the ground.
     pub contacts: Contacts,
@@ -98,13 +99,14 @@ impl<'a> Frames<'a> {
         })
     }
 
-    /// How far the hinges of a robot could not follow the motion, radians, one a frame: the largest angle of any joint in the world.
-    /// Empty unless frames come as `qpos`.
+    /// How far the hinges of a robot could not follow the motion, radians, one a frame: the largest
+    /// angle of any joint in the world. Empty unless frames come as `qpos`.
     pub fn hinge_residuals(&self) -> &'a [f32] {
         self.hinge_residuals
     }
 
-    /// Hinges of a robot that were asked for more than their limits, one number a frame. Empty unless frames come as `qpos`.
+    /// Hinges of a robot that were asked for more than their limits, one number a frame. Empty
+    /// unless frames come as `qpos`.
     pub fn clamped_hinges(&self) -> &'a [u32] {
         self.clamped_hinges
     }
@@ -131,7 +133,8 @@ impl<'a> Frames<'a> {
     }
 }
 
-/// A block of frames, checked and decoded. What the message holds in the right form is moved out of it, not copied.
+/// A block of frames, checked and decoded. What the message holds in the right form is moved out of
+/// it, not copied.
 #[derive(Debug, Default)]
 pub(crate) struct Block {
     joints: usize,
@@ -151,7 +154,8 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Reads a message in place of what was here. `convention` gives that of the character in a slot.
+    /// Reads a message in place of what was here. `convention` gives that of the character in a
+    /// slot.
     ///
     /// # Errors
     /// [`AnswerError::Length`] for the first column of the wrong length; the block is then empty.

@@ -25,7 +25,8 @@ pub struct Locomotion {
     pub style: Option<String>,
     /// The only gait of the style to use. None: those that suit the velocity.
     pub gait: Option<String>,
-    /// Height of the root joint in the session's unit, for styles that have a range of heights. None: the style's.
+    /// Height of the root joint in the session's unit, for styles that have a range of heights.
+    /// None: the style's.
     pub height: Option<f32>,
 }
 
@@ -84,13 +85,15 @@ impl Locomotion {
     }
 }
 
-/// What one character should do, what the server was told, and the sequence numbers of the commands between.
+/// What one character should do, what the server was told, and the sequence numbers of the commands
+/// between.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Intent {
     wanted: Locomotion,
     told: Option<Locomotion>,
     sequence: u64,
-    /// Whether `wanted` was ever looked at to be changed: a session that is taken up goes on until it is.
+    /// Whether `wanted` was ever looked at to be changed: a session that is taken up goes on until
+    /// it is.
     touched: bool,
     /// None: whatever the server has.
     priority: Option<f32>,
@@ -131,8 +134,8 @@ impl Intent {
         self.sequence = self.sequence.max(sequence);
     }
 
-    /// Has the character do something. Unless it goes on moving meanwhile, its locomotion counts as told until it is looked at
-    /// to be changed.
+    /// Has the character do something. Unless it goes on moving meanwhile, its locomotion counts as
+    /// told until it is looked at to be changed.
     pub(crate) fn act(&mut self, act: &Act) {
         let before = self.changed_intent();
         self.acts.extend(before);
@@ -167,7 +170,8 @@ impl Intent {
         commands
     }
 
-    /// The command that tells what is wanted, where the server does not know it. It counts as told from now on.
+    /// The command that tells what is wanted, where the server does not know it. It counts as told
+    /// from now on.
     fn changed(&mut self, session: &str) -> Option<v1::Command> {
         let (intent, priority) = (self.changed_intent(), self.changed_priority());
         if intent.is_none() && priority.is_none() {

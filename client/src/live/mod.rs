@@ -2,17 +2,21 @@
 //!
 //! A session's timeline counts frames at 30 Hz. There are two ways to advance it:
 //!
-//! - **Client-clocked**, by [`Session::step`] for one character or [`Crowd::step`] for many: the game's loop asks for the
-//!   next frames when it wants them. The same seed, commands and steps give the same frames.
-//! - **Server-clocked**, by [`Drive`]: a stream on which the server sends a tick of frames for many characters at 30, 50 or
-//!   60 Hz. It never waits; a character whose plan is late slows down on what it has, and that is counted.
+//! - **Client-clocked**, by [`Session::step`] for one character or [`Crowd::step`] for many: the
+//!   game's loop asks for the next frames when it wants them. The same seed, commands and steps
+//!   give the same frames.
+//! - **Server-clocked**, by [`Drive`]: a stream on which the server sends a tick of frames for many
+//!   characters at 30, 50 or 60 Hz. It never waits; a character whose plan is late slows down on
+//!   what it has, and that is counted.
 //!
-//! What a character should do is a [`Locomotion`]. It is set in place, as often as the game likes; only what changed goes
-//! to the server, with sequence numbers, so that commands may be lost, late or repeated without harm.
+//! What a character should do is a [`Locomotion`]. It is set in place, as often as the game likes;
+//! only what changed goes to the server, with sequence numbers, so that commands may be lost, late
+//! or repeated without harm.
 //!
-//! A path to follow is an [`Act`], [`LivePath`], and so is a sentence to act out, [`Performance`]. In a scene
-//! ([`SessionOptions::scene`]) characters also use objects: an act is done once, and what becomes of it comes
-//! back as events. Until the character is to walk again its locomotion is left alone, for a change breaks off what it does.
+//! A path to follow is an [`Act`], [`LivePath`], and so is a sentence to act out, [`Performance`].
+//! In a scene ([`SessionOptions::scene`]) characters also use objects: an act is done once, and
+//! what becomes of it comes back as events. Until the character is to walk again its locomotion is
+//! left alone, for a change breaks off what it does.
 
 mod act;
 mod calls;

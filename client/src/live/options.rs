@@ -8,7 +8,8 @@ use troupe_proto::v1;
 
 use crate::inbetween::{CONTEXT_FRAMES, Key};
 
-/// What a new character is: by default one that stands at the origin in the pack's default style, seed 0.
+/// What a new character is: by default one that stands at the origin in the pack's default style,
+/// seed 0.
 ///
 /// ```
 /// use glam::Vec3;
@@ -28,8 +29,8 @@ impl SessionOptions {
         Self::default()
     }
 
-    /// A name for the session, unique on the server: 1 to 64 letters, digits, `-`, `_` or `.`. The server makes one
-    /// otherwise.
+    /// A name for the session, unique on the server: 1 to 64 letters, digits, `-`, `_` or `.`. The
+    /// server makes one otherwise.
     #[must_use]
     pub fn id(mut self, id: impl Into<String>) -> Self {
         self.message.id = id.into();
@@ -64,7 +65,8 @@ impl SessionOptions {
         self
     }
 
-    /// Where it stands at first, in its convention, and which way it faces, radians. The height is the pack's.
+    /// Where it stands at first, in its convention, and which way it faces, radians. The height is
+    /// the pack's.
     #[must_use]
     pub fn at(mut self, position: Vec3, heading: f32) -> Self {
         let Vec3 { x, y, z } = position;
@@ -73,14 +75,16 @@ impl SessionOptions {
         self
     }
 
-    /// How it stood before: four consecutive frames, oldest first, in its convention. Excludes [`Self::at`].
+    /// How it stood before: four consecutive frames, oldest first, in its convention. Excludes
+    /// [`Self::at`].
     #[must_use]
     pub fn context(mut self, frames: &[Key; CONTEXT_FRAMES]) -> Self {
         self.message.context = frames.iter().map(Key::to_message).collect();
         self
     }
 
-    /// Time without a command, step or stream after which it expires: 1 s to a day, a minute by default.
+    /// Time without a command, step or stream after which it expires: 1 s to a day, a minute by
+    /// default.
     #[must_use]
     pub fn ttl(mut self, ttl: Duration) -> Self {
         self.message.ttl_ms = Some(u32::try_from(ttl.as_millis()).unwrap_or(u32::MAX));
@@ -101,8 +105,8 @@ impl SessionOptions {
         self
     }
 
-    /// How closely the root follows the spring's path: 0 leaves it to the networks, 1 follows the spring; 0 to 1.2. The
-    /// style's by default.
+    /// How closely the root follows the spring's path: 0 leaves it to the networks, 1 follows the
+    /// spring; 0 to 1.2. The style's by default.
     #[must_use]
     pub fn root_ratio(mut self, ratio: f32) -> Self {
         self.message.root_ratio = Some(ratio);
@@ -116,8 +120,8 @@ impl SessionOptions {
         self
     }
 
-    /// How much it matters that this character is planned for often, where there are more than the server can serve: 0 is
-    /// far from the camera, 1 the hero, 0.5 the default.
+    /// How much it matters that this character is planned for often, where there are more than the
+    /// server can serve: 0 is far from the camera, 1 the hero, 0.5 the default.
     #[must_use]
     pub fn priority(mut self, priority: f32) -> Self {
         self.message.priority = Some(priority);
@@ -172,7 +176,8 @@ pub enum Encoding {
     /// Under half the bytes; root to 0.1 mm and rotations to 0.01 degrees
     /// (see [`troupe_motion::codec`] for the bounds).
     Compact,
-    /// MuJoCo's `qpos` as 32-bit floats: a quarter of the bytes of [`Encoding::F32`], for packs with a robot.
+    /// MuJoCo's `qpos` as 32-bit floats: a quarter of the bytes of [`Encoding::F32`], for packs
+    /// with a robot.
     Qpos,
 }
 

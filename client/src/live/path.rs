@@ -16,7 +16,8 @@ pub struct PathPoint {
     pub time_s: Option<f32>,
 }
 
-/// A path to follow: 2 to 1024 points. The character goes to the first from where it is, and stands at the last.
+/// A path to follow: 2 to 1024 points. The character goes to the first from where it is, and stands
+/// at the last.
 ///
 /// ```
 /// use glam::Vec3;
@@ -30,7 +31,8 @@ pub struct PathPoint {
 pub struct LivePath {
     /// The points.
     pub points: Vec<PathPoint>,
-    /// Speed along the path, in the session's units per second, for points without times. None: the style's.
+    /// Speed along the path, in the session's units per second, for points without times. None: the
+    /// style's.
     pub speed: Option<f32>,
     /// Style to move in. None: the one that it has.
     pub style: Option<String>,

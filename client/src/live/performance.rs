@@ -4,8 +4,8 @@ use troupe_proto::v1;
 
 use super::act::Act;
 
-/// A sentence that a character acts out: it goes on as it does until the first frames have come, and takes up again what it did.
-/// Events say when it begins and why it ends.
+/// A sentence that a character acts out: it goes on as it does until the first frames have come,
+/// and takes up again what it did. Events say when it begins and why it ends.
 ///
 /// ```
 /// use troupe_client::{Act, Performance};

@@ -18,7 +18,8 @@ const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_s
 /// Sessions of one call, as many as a server takes by default.
 const CHUNK: usize = 1024;
 
-/// Whether the stream broke although neither side wanted to end it for good: a server that stops may be started again.
+/// Whether the stream broke although neither side wanted to end it for good: a server that stops
+/// may be started again.
 pub(super) fn is_break(error: &ClientError) -> bool {
     match error {
         ClientError::StreamEnded(problem) => match &problem.kind {
@@ -74,7 +75,8 @@ fn seen(id: &str, frame: u64, shown: Option<Frame<'_>>) -> v1::SessionResume {
 }
 
 impl Drive {
-    /// Opens the stream again and takes up its sessions, for at most `limit`. Events tell how each goes on.
+    /// Opens the stream again and takes up its sessions, for at most `limit`. Events tell how each
+    /// goes on.
     ///
     /// # Errors
     /// Why the last try failed.

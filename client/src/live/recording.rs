@@ -84,7 +84,8 @@ impl Recording {
     /// The frames as a clip: native convention, metres, the rate that they were taken at.
     ///
     /// # Errors
-    /// [`ClipError::Empty`] where no frame was pushed, and [`ClipError::Value`] where one was not a pose.
+    /// [`ClipError::Empty`] where no frame was pushed, and [`ClipError::Value`] where one was not a
+    /// pose.
     pub fn into_clip(self) -> Result<Clip, ClipError> {
         Clip::new(self.skeleton, self.rate.hz() as f32, self.roots, self.rotations)
     }

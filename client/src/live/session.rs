@@ -37,8 +37,8 @@ use crate::problem::Problem;
 /// # }
 /// ```
 ///
-/// A session that is dropped stays on the server until its time to live has passed, and can be taken up again with
-/// [`Client::resume_session`].
+/// A session that is dropped stays on the server until its time to live has passed, and can be
+/// taken up again with [`Client::resume_session`].
 #[derive(Debug)]
 pub struct Session {
     client: Client,
@@ -133,16 +133,16 @@ impl Session {
         self
     }
 
-    /// Does something once, such as use an object of its scene. Until it is to walk again its locomotion is left alone: a
-    /// change breaks off what it does. It goes with the next step; where that fails it may not have arrived, and is not sent
-    /// again.
+    /// Does something once, such as use an object of its scene. Until it is to walk again its
+    /// locomotion is left alone: a change breaks off what it does. It goes with the next step;
+    /// where that fails it may not have arrived, and is not sent again.
     pub fn act(&mut self, act: &Act) -> &mut Self {
         self.intent.act(act);
         self
     }
 
-    /// How much it matters that it is planned for often, where there are more characters than the server can serve: 0 is far
-    /// from the camera, 1 the hero. Changes nothing of what it does.
+    /// How much it matters that it is planned for often, where there are more characters than the
+    /// server can serve: 0 is far from the camera, 1 the hero. Changes nothing of what it does.
     pub fn priority(&mut self, priority: f32) -> &mut Self {
         self.intent.set_priority(priority);
         self
@@ -159,11 +159,13 @@ impl Session {
         self
     }
 
-    /// Advances it and returns its next frames, 1 to 120. What it should do goes with it where it changed.
+    /// Advances it and returns its next frames, 1 to 120. What it should do goes with it where it
+    /// changed.
     ///
     /// # Errors
-    /// See [`ClientError`]. [`ClientError::Session`] where the session is gone, in another's hands, or refuses what it should
-    /// do; in the last case it has moved on as before, and [`Self::frames`] has the frames.
+    /// See [`ClientError`]. [`ClientError::Session`] where the session is gone, in another's hands,
+    /// or refuses what it should do; in the last case it has moved on as before, and
+    /// [`Self::frames`] has the frames.
     pub async fn step(&mut self, frames: u32) -> Result<Frames<'_>, ClientError> {
         let request = v1::StepRequest {
             session_ids: vec![self.id.clone()],
@@ -218,8 +220,8 @@ impl Session {
         Ok(())
     }
 
-    /// Sends what it should do from a frame of its timeline on, such as one that the whole scene agreed on. The newest such
-    /// command replaces one that still waits.
+    /// Sends what it should do from a frame of its timeline on, such as one that the whole scene
+    /// agreed on. The newest such command replaces one that still waits.
     ///
     /// # Errors
     /// As [`Self::send`].
@@ -248,8 +250,8 @@ impl Session {
         }
     }
 
-    /// The session as the server has it. Commands that others gave meanwhile are taken note of, so that this client's next
-    /// one is newer.
+    /// The session as the server has it. Commands that others gave meanwhile are taken note of, so
+    /// that this client's next one is newer.
     ///
     /// # Errors
     /// See [`ClientError`]; [`ClientError::Session`] where it is gone.

@@ -1,4 +1,5 @@
-//! A server that answers by script, to see what a client sends and how it takes answers that a real server seldom gives.
+//! A server that answers by script, to see what a client sends and how it takes answers that a real
+//! server seldom gives.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};

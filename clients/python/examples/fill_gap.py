@@ -17,7 +17,8 @@ with troupe.Client(*sys.argv[1:2]) as client:
     filled.to_bvh("filled.bvh")
     print(f"filled.bvh: {len(filled)} frames, the last exactly as in the clip")
 
-    # A keyframe may give any part of a frame: here the place and the heading, but no pose. The model chooses the length.
+    # A keyframe may give any part of a frame: here the place and the heading, but no pose. The
+    # model chooses the length.
     ahead = troupe.Keyframe(root=clip.root[30] + (0, 0, 1.5), heading=0.0)
     reached = client.in_between(troupe.InBetween(clip[27:31], [ahead], seed=7), pack=pack).clip
     reached.to_glb("reached.glb")

@@ -36,7 +36,8 @@ def get_pack_itself(name: str) -> Steps[Pack]:
 def get_pack(which: Pack | str, body: str = "") -> Steps[Pack]:
     """A pack by its name, or one that is there already."""
     found = (yield from get_pack_itself(which)) if isinstance(which, str) else which
-    # A pack of many bodies has a skeleton of its own too; its sessions have that of the default body.
+    # A pack of many bodies has a skeleton of its own too; its sessions have that of the default
+    # body.
     return found.of_body(body) if body or (found.bodies and not found.body) else found
 
 

@@ -17,7 +17,8 @@ MAX_ROTATION_ERROR_RAD = 1.6e-4
 MAX_ROOT_ERROR_M = 6e-5
 """Largest error of a root along an axis, within 256 m of the origin."""
 
-# Which of (three written components, the one that is left out) each of (w, x, y, z) is, by the index of the one that is left out.
+# Which of (three written components, the one that is left out) each of (w, x, y, z) is, by the
+# index of the one that is left out.
 _PLACES = np.array([[3, 0, 1, 2], [0, 3, 1, 2], [0, 1, 3, 2], [0, 1, 2, 3]])
 
 

@@ -100,7 +100,8 @@ class DriveCore:
         self._slots: dict[int, str] = {}
         self._blocks: tuple[Frames, ...] = ()
         self._skipped = 0
-        # How it ended, to be told once all that came before has been given; and why it broke, until it is opened again.
+        # How it ended, to be told once all that came before has been given; and why it broke, until
+        # it is opened again.
         self._ended = False
         self._error: TroupeError | None = None
         self._broken: TroupeError | None = None

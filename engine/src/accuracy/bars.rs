@@ -1,15 +1,17 @@
 //! What an engine may differ by, and still serve.
 //!
-//! The bars lie well above what rounding to bf16 does (about half a millimetre in the mean of joints and roots, 3 % of the tokens,
-//! on the default pack) and well below what the pack itself gets wrong (7 cm of L2P in the shortest gaps that it is
-//! evaluated on) and what an eye sees. What keyframes fix is exact with any engine: it is pinned after the networks.
+//! The bars lie well above what rounding to bf16 does (about half a millimetre in the mean of
+//! joints and roots, 3 % of the tokens, on the default pack) and well below what the pack itself
+//! gets wrong (7 cm of L2P in the shortest gaps that it is evaluated on) and what an eye sees. What
+//! keyframes fix is exact with any engine: it is pinned after the networks.
 
 use super::{Accuracy, Kind};
 
-/// Token counts are chosen by the largest of a few probabilities, and another one of nearly the same probability is as
-/// good an answer: 2 of the probe's 48 may be that near.
+/// Token counts are chosen by the largest of a few probabilities, and another one of nearly the
+/// same probability is as good an answer: 2 of the probe's 48 may be that near.
 const COUNTS_DIFFER: f64 = 0.05;
-/// The root's path between keyframes: in the mean, a tenth of a walker's step in a frame (4 cm at 1.2 m/s).
+/// The root's path between keyframes: in the mean, a tenth of a walker's step in a frame (4 cm at
+/// 1.2 m/s).
 const ROOT_MEAN_M: f64 = 0.004;
 /// Anywhere: less than a walker goes in a frame.
 const ROOT_MAX_M: f64 = 0.03;
@@ -17,17 +19,19 @@ const ROOT_MAX_M: f64 = 0.03;
 const ROOT_MAX_RAD: f64 = 0.05;
 /// Among 256 codes many are near ties; the next bar says whether the others are.
 const TOKENS_DIFFER: f64 = 0.10;
-/// Chosen codes are together 1 % less likely than the best: far less than sampling at any temperature does.
+/// Chosen codes are together 1 % less likely than the best: far less than sampling at any
+/// temperature does.
 const TOKEN_LOSS_NATS: f64 = 0.01;
-/// Joints, with equal tokens: about what feet slip by in a frame of recorded motion (2.5 mm) in the mean ...
+/// Joints, with equal tokens: about what feet slip by in a frame of recorded motion (2.5 mm) in the
+/// mean ...
 const JOINT_MEAN_M: f64 = 0.002;
 /// ... and the width of a finger anywhere.
 const JOINT_MAX_M: f64 = 0.02;
 /// A foot's contact is a threshold on a probability: one in a hundred may fall on the other side.
 const CONTACTS_DIFFER: f64 = 0.01;
 
-// Whole motions, of bodies that are scaled to a size of 1 m: three times what rounding to bf16 does with the pack in
-// `models/unimogen`, and well below what that pack gets wrong itself.
+// Whole motions, of bodies that are scaled to a size of 1 m: three times what rounding to bf16 does
+// with the pack in `models/unimogen`, and well below what that pack gets wrong itself.
 /// The root: half of how far the network strays from its path (4 mm, people).
 const PATHS_ROOT_MEAN_M: f64 = 0.002;
 /// Anywhere: a third of a walker's step in a frame.

@@ -1,7 +1,8 @@
 //! How far an engine's answers are from the reference's: f32 on ONNX Runtime's own CPU kernels.
 //!
-//! Both engines run every stage on the same inputs, which the reference makes, so that a small difference in one stage is
-//! not taken for a large one in the next. The tasks are the pack's own motion, see [`probe`].
+//! Both engines run every stage on the same inputs, which the reference makes, so that a small
+//! difference in one stage is not taken for a large one in the next. The tasks are the pack's own
+//! motion, see [`probe`].
 
 mod bars;
 mod paths;
@@ -38,7 +39,8 @@ pub enum Kind {
     Paths,
 }
 
-/// How far an engine is from the reference, over the tasks of a probe. A figure that the family does not have is 0.
+/// How far an engine is from the reference, over the tasks of a probe. A figure that the family
+/// does not have is 0.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Accuracy {
     /// What was compared.
@@ -55,7 +57,8 @@ pub struct Accuracy {
     pub root_max_rad: f64,
     /// Share of pose tokens whose most likely code is another.
     pub tokens_differ: f64,
-    /// What these other codes are less likely by in the reference, a token: mean log-probability lost, nats.
+    /// What these other codes are less likely by in the reference, a token: mean log-probability
+    /// lost, nats.
     pub token_loss_nats: f64,
     /// Mean distance of joints in the world, metres: root and rotations through forward kinematics.
     pub joint_mean_m: f64,
@@ -204,8 +207,8 @@ impl<'a> Pair<'a> {
         self.candidate.root(self.rows, &self.root_input, candidate)
     }
 
-    /// Token counts with every count allowed, then trajectories at the tasks' own length, which is returned in tokens: the likeliest,
-    /// and where the pack draws them, drawn ones too.
+    /// Token counts with every count allowed, then trajectories at the tasks' own length, which is
+    /// returned in tokens: the likeliest, and where the pack draws them, drawn ones too.
     fn compare_roots(&mut self, items: &[KeyframeTask], sums: &mut Sums) -> Result<usize, EngineError> {
         let dims = self.dims;
         for (row, item) in items.iter().enumerate() {

@@ -1,6 +1,8 @@
-//! The check of a family whose one network moves many bodies: the motions of both engines, all steps of the sampler included.
+//! The check of a family whose one network moves many bodies: the motions of both engines, all
+//! steps of the sampler included.
 //!
-//! Engines start from the same noise, and what differs in one step goes into the next, as it does for callers.
+//! Engines start from the same noise, and what differs in one step goes into the next, as it does
+//! for callers.
 
 use troupe_motion::model::{Body, GLOBAL_ROOT, Motion, PathTask, SIX_D};
 use troupe_motion::root::wrap_angle;
@@ -15,8 +17,8 @@ use crate::{EngineError, UniMoGen};
 /// Tasks of each body.
 const ROUNDS: usize = 2;
 
-/// Compares two networks of a UniMoGen pack on tasks of all its bodies, the longest windows and short ones. Lengths are those of
-/// bodies that are scaled to a size of 1 m.
+/// Compares two networks of a UniMoGen pack on tasks of all its bodies, the longest windows and
+/// short ones. Lengths are those of bodies that are scaled to a size of 1 m.
 ///
 /// # Errors
 /// [`EngineError`] where either fails.

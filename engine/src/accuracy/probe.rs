@@ -1,5 +1,5 @@
-//! Tasks for the accuracy check, made by the pack itself: its own decoder's frames are the keyframes, so the check needs
-//! no data and meets the networks where they work.
+//! Tasks for the accuracy check, made by the pack itself: its own decoder's frames are the
+//! keyframes, so the check needs no data and meets the networks where they work.
 
 use troupe_motion::model::{Dims, KeyTensors, KeyframeTask, Motion};
 use troupe_motion::root::{heading_of, wrap_angle};
@@ -26,10 +26,11 @@ pub struct Probe {
     pub reference: Box<dyn Stages>,
 }
 
-/// Batches of [`PROBE_BATCH`] tasks: one of the longest segments, one of middling ones and one of short ones.
+/// Batches of [`PROBE_BATCH`] tasks: one of the longest segments, one of middling ones and one of
+/// short ones.
 ///
-/// The first round has roots for keyframes, without any pose; the next take four frames of that motion as the context and
-/// a later one as the target.
+/// The first round has roots for keyframes, without any pose; the next take four frames of that
+/// motion as the context and a later one as the target.
 ///
 /// Gives the stages back, with the tasks.
 ///
@@ -118,8 +119,8 @@ fn task(
     }
 }
 
-/// A task of `tokens` tokens whose keyframes are frames of `motion`: the first ones are the context, and the target is as
-/// far on as the segment is long, or the motion's last.
+/// A task of `tokens` tokens whose keyframes are frames of `motion`: the first ones are the
+/// context, and the target is as far on as the segment is long, or the motion's last.
 fn from_motion(
     skeleton: &Skeleton,
     dims: &Dims,

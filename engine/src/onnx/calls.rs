@@ -2,9 +2,9 @@
 
 use crate::tensors::ROOM_MULTIPLE;
 
-/// Rows of the calls that networks are made for. A call costs what one or two rows do beside its own rows; beyond 8 rows a row
-/// costs no less. They are few, for a network takes a fifth of a second to make and 17 MB, and those of the pose stage and the
-/// decoder are made for each length.
+/// Rows of the calls that networks are made for. A call costs what one or two rows do beside its
+/// own rows; beyond 8 rows a row costs no less. They are few, for a network takes a fifth of a
+/// second to make and 17 MB, and those of the pose stage and the decoder are made for each length.
 pub(super) const CALL_ROWS: [usize; 3] = [1, 4, 8];
 // A call reads whole rows, padding among them.
 const _: () = assert!(CALL_ROWS[CALL_ROWS.len() - 1] <= ROOM_MULTIPLE);
@@ -30,8 +30,8 @@ impl Calls {
         }
     }
 
-    /// The size of the next call where only these are open, with inputs for `room` rows. It may be padding for the most part. None
-    /// where there is no such size.
+    /// The size of the next call where only these are open, with inputs for `room` rows. It may be
+    /// padding for the most part. None where there is no such size.
     pub(super) fn fallback(&self, rows: usize, room: usize) -> Option<usize> {
         let next = Some(self.next(rows, room)).filter(|size| self.sizes.contains(size));
         let filled = || self.sizes.iter().rev().copied().find(|&size| size <= rows);
@@ -44,8 +44,8 @@ impl Calls {
         next.or_else(filled).or_else(all)
     }
 
-    /// The size of the next call where `rows` rows are left, with inputs for `room`: one that holds them all if no more than a
-    /// quarter of it is padding, else the largest that they fill.
+    /// The size of the next call where `rows` rows are left, with inputs for `room`: one that holds
+    /// them all if no more than a quarter of it is padding, else the largest that they fill.
     pub(super) fn next(&self, rows: usize, room: usize) -> usize {
         let fits = |size: &usize| (rows..=room).contains(size);
         let all = self.sizes.iter().copied().find(fits);

@@ -12,8 +12,8 @@ use crate::pack::{DENOISER_FILE, Pack};
 use crate::unimogen::{Call, Denoiser, PATH_FEATURES, ROW_CHANNELS};
 use crate::{EngineError, EngineKind};
 
-/// Kernels that OpenVINO keeps. Callers bring skeletons of their own, and each shape's kernels take 3 MiB: with OpenVINO's own limit a
-/// session had grown by 530 MiB after 164 shapes.
+/// Kernels that OpenVINO keeps. Callers bring skeletons of their own, and each shape's kernels take
+/// 3 MiB: with OpenVINO's own limit a session had grown by 530 MiB after 164 shapes.
 const KERNELS: usize = 500;
 /// The output.
 const CLEAN: &str = "clean";

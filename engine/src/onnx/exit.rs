@@ -1,8 +1,9 @@
 //! Keeps threads out of OpenVINO while the process exits.
 //!
-//! At exit the destructors of the C++ libraries free compiled kernels. A thread that runs one then crashes, and the process ends
-//! with a signal. So every call into OpenVINO holds a lock for reading, and a handler that runs before those destructors
-//! takes it for writing and keeps it: it waits for calls under way, and no other begins.
+//! At exit the destructors of the C++ libraries free compiled kernels. A thread that runs one then
+//! crashes, and the process ends with a signal. So every call into OpenVINO holds a lock for
+//! reading, and a handler that runs before those destructors takes it for writing and keeps it: it
+//! waits for calls under way, and no other begins.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,13 +11,15 @@ use std::sync::{PoisonError, RwLock, RwLockReadGuard};
 
 static CALLS: RwLock<()> = RwLock::new(());
 
-/// To be held during a call into OpenVINO. Not to be taken twice by one thread, which might wait for itself at exit.
+/// To be held during a call into OpenVINO. Not to be taken twice by one thread, which might wait
+/// for itself at exit.
 pub(super) fn enter() -> RwLockReadGuard<'static, ()> {
     CALLS.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Registers the handler. Handlers and destructors run in reverse order of what they are registered in, and libraries make objects
-/// as they first run: to be called once a network of a new shape has run.
+/// Registers the handler. Handlers and destructors run in reverse order of what they are registered
+/// in, and libraries make objects as they first run: to be called once a network of a new shape has
+/// run.
 pub(super) fn register() {
     #[allow(unsafe_code, reason = "the standard library has no exit handlers")]
     // SAFETY: the handler does not unwind.

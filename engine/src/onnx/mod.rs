@@ -37,7 +37,8 @@ pub use vermo::OnnxVerMo;
 /// How an engine takes batches of a pack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Batching {
-    /// Whether a batch of any size is as fast as one that was met before. Else batches are padded to few sizes.
+    /// Whether a batch of any size is as fast as one that was met before. Else batches are padded
+    /// to few sizes.
     pub any_size: bool,
     /// The most characters that a batch usually has.
     pub usual_most: usize,
@@ -53,8 +54,8 @@ impl Batching {
         call_rows: 0,
     };
 
-    /// ONNX Runtime's own CPU kernels are made for all shapes; with OpenVINO there are networks for calls of up to 8, where
-    /// it has `fixed_shapes`; GPUs make kernels for each shape.
+    /// ONNX Runtime's own CPU kernels are made for all shapes; with OpenVINO there are networks for
+    /// calls of up to 8, where it has `fixed_shapes`; GPUs make kernels for each shape.
     pub fn of(engine: EngineKind, fixed_shapes: bool) -> Self {
         match engine {
             EngineKind::Cpu => Self {
@@ -92,11 +93,12 @@ impl Batching {
     }
 }
 
-/// How UniMoGen packs take jobs on a CPU: a step is a call for one job, so that more of them in a worker's hands only wait there.
+/// How UniMoGen packs take jobs on a CPU: a step is a call for one job, so that more of them in a
+/// worker's hands only wait there.
 const UNIMOGEN_JOBS: usize = 4;
 
-/// Why a pack has no networks of fixed shapes. None where it has: they are to be had, and those that it cannot do without fit
-/// into `memory_bytes`.
+/// Why a pack has no networks of fixed shapes. None where it has: they are to be had, and those
+/// that it cannot do without fit into `memory_bytes`.
 pub fn no_fixed_shapes(runtime: &Runtime, pack: &Pack, memory_bytes: u64) -> Option<String> {
     if let Err(reason) = runtime.openvino() {
         return Some(reason);
@@ -125,8 +127,8 @@ pub struct OnnxStages {
 }
 
 impl OnnxStages {
-    /// Loads the stages of `pack` for one worker, and checks their tensors against the pack's sizes. Networks of fixed shapes are
-    /// those of `pool`.
+    /// Loads the stages of `pack` for one worker, and checks their tensors against the pack's
+    /// sizes. Networks of fixed shapes are those of `pool`.
     ///
     /// # Errors
     /// [`EngineError::Load`] or [`EngineError::Signature`], which name the file.
@@ -168,7 +170,8 @@ impl OnnxStages {
             return Ok(stages(any_length, networks, Some(worker)));
         }
         let network = |stage: Stage| {
-            // OpenVINO makes kernels as it opens a graph; what the graph looks like the CPU's own provider tells sooner.
+            // OpenVINO makes kernels as it opens a graph; what the graph looks like the CPU's own
+            // provider tells sooner.
             let looked = match options.engine {
                 EngineKind::OpenvinoBf16 => Some(look(runtime, pack, stage)?),
                 _ => None,
@@ -213,7 +216,8 @@ fn unloaded(stage: Stage, reason: String) -> EngineError {
     }
 }
 
-/// Checks a stage's tensors, without making it ready to run. Answers whether it takes segments of any length.
+/// Checks a stage's tensors, without making it ready to run. Answers whether it takes segments of
+/// any length.
 fn look(runtime: &Runtime, pack: &Pack, stage: Stage) -> Result<bool, EngineError> {
     let session =
         session::look(runtime, &pack.stage_file(stage)).map_err(|reason| unloaded(stage, reason))?;
@@ -240,7 +244,8 @@ impl Stages for OnnxStages {
         self.has_fixed_shapes()
     }
 
-    /// True where the graphs leave their time axis open. Packs of format 1 may fix it at the longest segment.
+    /// True where the graphs leave their time axis open. Packs of format 1 may fix it at the
+    /// longest segment.
     fn any_length(&self) -> bool {
         self.any_length
     }

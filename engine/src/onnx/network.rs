@@ -1,8 +1,9 @@
 //! A stage's networks as a worker sees them: one session for all shapes, or one network for each.
 //!
-//! OpenVINO computes a graph whose shape is fixed in 20 to 45 % less time than one that takes any. And a graph that takes any
-//! pays 0.7 to 2 ms whenever its shape is not that of the call before, which with callers who come and go is nearly always. So there
-//! is a network for each size of a [call](super::calls::Calls) and each length, a batch is run in several calls, and the
+//! OpenVINO computes a graph whose shape is fixed in 20 to 45 % less time than one that takes any.
+//! And a graph that takes any pays 0.7 to 2 ms whenever its shape is not that of the call before,
+//! which with callers who come and go is nearly always. So there is a network for each size of a
+//! [call](super::calls::Calls) and each length, a batch is run in several calls, and the
 //! [pool](NetworkPool) keeps those that are open.
 
 use std::borrow::Cow;
@@ -93,8 +94,8 @@ pub(super) struct FixedNetworks {
 }
 
 impl Network {
-    /// Runs `rows` rows of `length` tokens, in one call or several. `inputs` gives those of a call for its rows, of which the
-    /// last may be padding, and `read` takes its outputs.
+    /// Runs `rows` rows of `length` tokens, in one call or several. `inputs` gives those of a call
+    /// for its rows, of which the last may be padding, and `read` takes its outputs.
     pub(super) fn run<'i>(
         &mut self,
         stage: Stage,
@@ -150,7 +151,8 @@ fn run_call(network: &mut Compiled, inputs: &Inputs<'_>) -> Result<(), String> {
     network.infer()
 }
 
-/// Made-up inputs of a call, other ones in each row. Those of a row are the same in a sample of more.
+/// Made-up inputs of a call, other ones in each row. Those of a row are the same in a sample of
+/// more.
 pub(super) struct Sample {
     tensors: Vec<(TensorSpec, Made)>,
     outputs: Vec<TensorSpec>,

@@ -1,7 +1,7 @@
 //! OpenVINO by itself, out of the library that ONNX Runtime's provider uses too.
 //!
-//! ONNX Runtime's provider gives each session a graph, weights and all, of its own. Here a stage's weights are read once, and
-//! every network of the stage is compiled from them.
+//! ONNX Runtime's provider gives each session a graph, weights and all, of its own. Here a stage's
+//! weights are read once, and every network of the stage is compiled from them.
 
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
@@ -89,7 +89,8 @@ impl OpenVino {
         let by_name: Vec<(&str, &PartialShape)> = shapes.iter().map(|(name, shape)| (*name, shape)).collect();
         model.reshape(&by_name).map_err(failed)?;
         let threads = threads.to_string();
-        // Without pinning: workers know nothing of each other, and would all sit on the first cores.
+        // Without pinning: workers know nothing of each other, and would all sit on the first
+        // cores.
         let properties = [
             (RwPropertyKey::HintInferencePrecision, "bf16"),
             (RwPropertyKey::InferenceNumThreads, threads.as_str()),
@@ -114,7 +115,8 @@ impl OpenVino {
     }
 }
 
-/// A network of fixed shapes, with the tensors that it reads and writes. It runs one call at a time.
+/// A network of fixed shapes, with the tensors that it reads and writes. It runs one call at a
+/// time.
 pub(super) struct Compiled(Owned<Request>);
 
 struct Request {

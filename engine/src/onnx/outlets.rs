@@ -1,4 +1,5 @@
-//! Whether a graph's tensors are those that its pack's contract names, for graphs that are described by lists.
+//! Whether a graph's tensors are those that its pack's contract names, for graphs that are
+//! described by lists.
 
 use ort::value::{Outlet, TensorElementType, ValueType};
 

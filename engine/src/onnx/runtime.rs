@@ -12,8 +12,8 @@ use crate::{EngineError, EngineKind};
 /// Names the environment variable with the path of the ONNX Runtime library.
 pub const LIBRARY_VARIABLE: &str = "ORT_DYLIB_PATH";
 
-/// The runtime, ready to load stages: one library, and one environment, a process. It has no thread pool of its own: the
-/// sessions of each worker have theirs.
+/// The runtime, ready to load stages: one library, and one environment, a process. It has no thread
+/// pool of its own: the sessions of each worker have theirs.
 #[derive(Clone)]
 pub struct Runtime {
     environment: Environment,
@@ -22,7 +22,8 @@ pub struct Runtime {
 }
 
 impl Runtime {
-    /// Loads the library, or gives the runtime that this process already has. Without a path, `ORT_DYLIB_PATH` names it.
+    /// Loads the library, or gives the runtime that this process already has. Without a path,
+    /// `ORT_DYLIB_PATH` names it.
     ///
     /// # Errors
     /// [`EngineError::Library`], which says how to get the library.
@@ -42,9 +43,9 @@ impl Runtime {
             .map(Path::to_path_buf)
             .or_else(|| std::env::var_os(LIBRARY_VARIABLE).map(PathBuf::from));
         let path = named.ok_or_else(|| EngineError::Library(format!("{LIBRARY_VARIABLE} is not set")))?;
-        // The real path: ONNX Runtime looks for the libraries of its providers beside the file that was opened, which must
-        // not be a link from elsewhere. And ort looks up relative paths beside the executable, users mean the working
-        // directory.
+        // The real path: ONNX Runtime looks for the libraries of its providers beside the file that
+        // was opened, which must not be a link from elsewhere. And ort looks up relative paths
+        // beside the executable, users mean the working directory.
         let path = std::fs::canonicalize(&path).unwrap_or(path);
         if !path.is_file() {
             return Err(EngineError::Library(format!(
@@ -99,7 +100,8 @@ impl Runtime {
         ort::info()
     }
 
-    /// Whether the library was built with the provider of this engine. That provider may still fail to load.
+    /// Whether the library was built with the provider of this engine. That provider may still fail
+    /// to load.
     pub fn offers(&self, engine: EngineKind) -> bool {
         let offered = match engine {
             EngineKind::Cpu => Ok(true),

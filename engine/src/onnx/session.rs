@@ -17,8 +17,8 @@ pub struct SessionOptions {
     pub engine: EngineKind,
     /// Threads of the worker, its own among them.
     pub threads: usize,
-    /// Whether threads that wait for work spin for a moment before they sleep: a little faster, at the cost of CPU. With
-    /// one thread there is nobody to wait for.
+    /// Whether threads that wait for work spin for a moment before they sleep: a little faster, at
+    /// the cost of CPU. With one thread there is nobody to wait for.
     pub spin: bool,
     /// Whether OpenVINO has a network for each shape: see [`super::no_fixed_shapes`].
     pub fixed_shapes: bool,
@@ -33,7 +33,8 @@ pub enum Growth {
     None,
     /// In the background, while others serve.
     Background,
-    /// When a call of their shape is first made, which waits, and whatever the budget: for measurements.
+    /// When a call of their shape is first made, which waits, and whatever the budget: for
+    /// measurements.
     AtOnce,
 }
 
@@ -45,8 +46,8 @@ pub(super) fn look(runtime: &Runtime, path: &Path) -> Result<Session, String> {
         .map_err(|error| one_line(&error))
 }
 
-/// Opens the graph in `path`. OpenVINO keeps the kernels that it makes for each shape, `kernels` of them, or as many as it does by
-/// itself.
+/// Opens the graph in `path`. OpenVINO keeps the kernels that it makes for each shape, `kernels` of
+/// them, or as many as it does by itself.
 pub(super) fn open(
     runtime: &Runtime,
     options: SessionOptions,
@@ -57,7 +58,8 @@ pub(super) fn open(
         .map_err(|error| one_line(&error))?
         .with_optimization_level(GraphOptimizationLevel::All)
         .map_err(|error| one_line(&error))?
-        // A plan of the memory for each of many shapes: measured to gain nothing, and to slow small batches down.
+        // A plan of the memory for each of many shapes: measured to gain nothing, and to slow small
+        // batches down.
         .with_memory_pattern(false)
         .map_err(|error| one_line(&error))?
         .with_intra_threads(match options.engine {
@@ -74,7 +76,8 @@ pub(super) fn open(
         Some(provider) => builder
             .with_execution_providers([provider.error_on_failure()])
             .map_err(|error| one_line(&error))?
-            // It warns of every graph that some nodes of it, for shapes, stay with the CPU's own kernels.
+            // It warns of every graph that some nodes of it, for shapes, stay with the CPU's own
+            // kernels.
             .with_log_level(LogLevel::Error)
             .map_err(|error| one_line(&error))?,
         None => builder,
@@ -95,7 +98,8 @@ fn provider(options: SessionOptions, kernels: Option<usize>) -> Option<Execution
     }
 }
 
-/// OpenVINO on the CPU in bf16. Without pinning: workers know nothing of each other, and would all sit on the first cores.
+/// OpenVINO on the CPU in bf16. Without pinning: workers know nothing of each other, and would all
+/// sit on the first cores.
 fn openvino(threads: usize, kernels: Option<usize>) -> ep::OpenVINO {
     let mut properties = serde_json::json!({
         "INFERENCE_PRECISION_HINT": "bf16",

@@ -7,7 +7,8 @@ use troupe_motion::model::Dims;
 use crate::pack::Stage;
 use crate::specs::{StageTensors as _, TensorSpec, TensorType};
 
-/// Compares a stage's tensors with what the pack's sizes ask for. More outputs than the server reads are fine.
+/// Compares a stage's tensors with what the pack's sizes ask for. More outputs than the server
+/// reads are fine.
 pub(super) fn check_signature(
     dims: &Dims,
     stage: Stage,

@@ -37,7 +37,8 @@ impl OnnxVerMo {
     /// Loads the networks of `pack`, and checks their tensors.
     ///
     /// # Errors
-    /// [`EngineError::Load`] or [`EngineError::Signature`]; [`EngineError::WrongTask`] for a pack of another family.
+    /// [`EngineError::Load`] or [`EngineError::Signature`]; [`EngineError::WrongTask`] for a pack
+    /// of another family.
     pub fn load(runtime: &Runtime, pack: &Pack, options: SessionOptions) -> Result<Self, EngineError> {
         use TensorElementType::{Float32, Int64};
         let table = pack.manifest.vermo.clone().ok_or(EngineError::WrongTask)?;

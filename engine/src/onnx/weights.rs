@@ -1,8 +1,9 @@
 //! Rewrites an ONNX file so that all networks of a stage can share its weights.
 //!
-//! OpenVINO makes a copy of a constant for every network in which it has to be converted or transposed: weights in 16 bits behind
-//! a `Cast`, and those of a `MatMul`, which it wants transposed. Here both are done once, before the graph is read. Values and
-//! their order of summation stay the same.
+//! OpenVINO makes a copy of a constant for every network in which it has to be converted or
+//! transposed: weights in 16 bits behind a `Cast`, and those of a `MatMul`, which it wants
+//! transposed. Here both are done once, before the graph is read. Values and their order of
+//! summation stay the same.
 
 use std::collections::{HashMap, HashSet};
 
@@ -12,7 +13,8 @@ use onnx_rs::ast::{Attribute, AttributeType, DataType, Graph, Node, OpType, Oper
 /// The domain of `FusedMatMul`, a `MatMul` that may transpose its inputs.
 const MICROSOFT: &str = "com.microsoft";
 
-/// The file with weights in 32 bits, and those of products transposed. None where it is not understood.
+/// The file with weights in 32 bits, and those of products transposed. None where it is not
+/// understood.
 pub(super) fn shareable(file: &[u8]) -> Option<Vec<u8>> {
     let mut model = onnx_rs::parse(file).ok()?;
     let graph = model.graph.as_mut()?;

@@ -66,7 +66,8 @@ pub enum PackProblem {
         /// What is wrong with them.
         problem: Box<LimitsError>,
     },
-    /// A body's file that is not valid TOML, or lacks or misspells a field. The text shows the line.
+    /// A body's file that is not valid TOML, or lacks or misspells a field. The text shows the
+    /// line.
     #[error("bodies/{body}.toml: {cause}")]
     BodyFile {
         /// The body.

@@ -20,7 +20,8 @@ impl Lexicon {
     /// Reads the files of the pack in `folder`.
     ///
     /// # Errors
-    /// [`PackProblem::Read`], [`PackProblem::Tokenizer`], or [`PackProblem::Field`] where the pieces are not those of the manifest.
+    /// [`PackProblem::Read`], [`PackProblem::Tokenizer`], or [`PackProblem::Field`] where the
+    /// pieces are not those of the manifest.
     pub(super) fn load(folder: &Path, table: &VerMoDoc) -> Result<Self, PackProblem> {
         let [pieces, words] = [TOKENIZER_FILE, WORDS_FILE].map(|file| read_text(&folder.join(file)));
         Self::parse(&pieces?, &words?, table.text_pieces)
@@ -85,8 +86,8 @@ impl Lexicon {
         self.words.iter().map(String::as_str)
     }
 
-    /// Words of a text that no caption of the training used, each once, in the order of the text. A word is what stands between
-    /// spaces and punctuation; an apostrophe inside it belongs to it.
+    /// Words of a text that no caption of the training used, each once, in the order of the text. A
+    /// word is what stands between spaces and punctuation; an apostrophe inside it belongs to it.
     pub fn unknown_words(&self, text: &str) -> Vec<String> {
         let words = text.split(|c: char| !c.is_alphanumeric() && !matches!(c, '\'' | '’'));
         let words = words.map(|word| word.trim_matches(['\'', '’']));

@@ -14,12 +14,14 @@ use super::vermo::{VERMO, VerMoDoc};
 const FORMAT: u32 = 2;
 /// The family that every manifest of format 1 is of.
 pub const MOTIONBRICKS: &str = "motionbricks";
-/// Frames a second of every pack: a session's timeline, its commands' frames and the rates of 30, 50 and 60 Hz rest on it.
+/// Frames a second of every pack: a session's timeline, its commands' frames and the rates of 30,
+/// 50 and 60 Hz rest on it.
 const FPS: f32 = 30.0;
 /// Most numbers that a root trajectory is drawn from.
 const MAX_ROOT_CHOICES: usize = 64;
 
-/// The parsed `pack.toml`. Tables that it does not know, such as an exporter's own checks, are left alone.
+/// The parsed `pack.toml`. Tables that it does not know, such as an exporter's own checks, are left
+/// alone.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the manifest's own format.
@@ -58,7 +60,8 @@ pub struct Manifest {
     /// Most target keyframes of a request; 0 for a family that has none.
     #[serde(default)]
     pub max_targets: usize,
-    /// Normal numbers that the root stage draws a trajectory from, its input `root_noise`. None for a pack without that input.
+    /// Normal numbers that the root stage draws a trajectory from, its input `root_noise`. None for
+    /// a pack without that input.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub root_choices: Option<usize>,
     /// Weights of all stages.
@@ -88,7 +91,8 @@ pub struct Manifest {
 }
 
 impl Manifest {
-    /// Reads a manifest from TOML text. Only the form is checked here, [`Manifest::check`] looks at the values.
+    /// Reads a manifest from TOML text. Only the form is checked here, [`Manifest::check`] looks at
+    /// the values.
     ///
     /// # Errors
     /// [`PackProblem::Format`] or [`PackProblem::Parse`].

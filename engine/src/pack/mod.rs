@@ -1,5 +1,6 @@
-//! Model packs: a folder with `pack.toml` and an ONNX file for each network. Loading checks the manifest, the files' content
-//! hash and (in [`crate::onnx`]) every tensor of every stage, so that a wrong pack fails at start and says why.
+//! Model packs: a folder with `pack.toml` and an ONNX file for each network. Loading checks the
+//! manifest, the files' content hash and (in [`crate::onnx`]) every tensor of every stage, so that
+//! a wrong pack fails at start and says why.
 
 mod error;
 mod lexicon;
@@ -29,7 +30,8 @@ pub use vermo::{
 /// Name of the manifest inside a pack folder.
 pub const MANIFEST_FILE: &str = "pack.toml";
 
-/// The three networks of a MotionBricks pack, in the order in which they run (and in which the content hash reads them).
+/// The three networks of a MotionBricks pack, in the order in which they run (and in which the
+/// content hash reads them).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
     /// Constraints to token count and root trajectory.
@@ -81,7 +83,8 @@ pub struct Pack {
 }
 
 impl Pack {
-    /// Loads and checks the pack in `folder`: manifest, limits, skeleton, and the hash of the ONNX files.
+    /// Loads and checks the pack in `folder`: manifest, limits, skeleton, and the hash of the ONNX
+    /// files.
     ///
     /// # Errors
     /// [`PackError`], which names the folder and what is wrong with it.
@@ -113,7 +116,8 @@ impl Pack {
         Ok(pack)
     }
 
-    /// A pack from an already parsed manifest, without looking at its files: it has neither bodies nor a lexicon.
+    /// A pack from an already parsed manifest, without looking at its files: it has neither bodies
+    /// nor a lexicon.
     ///
     /// # Errors
     /// [`PackProblem`] where the manifest contradicts itself.
@@ -138,7 +142,8 @@ impl Pack {
         })
     }
 
-    /// The files of its networks, in the order in which the content hash reads them. A family that names none has none.
+    /// The files of its networks, in the order in which the content hash reads them. A family that
+    /// names none has none.
     pub fn files(&self) -> &'static [&'static str] {
         if let Some(table) = &self.manifest.vermo {
             return table.files();

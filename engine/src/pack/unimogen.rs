@@ -1,4 +1,5 @@
-//! What a UniMoGen pack has beside the common manifest: the table `[unimogen]`, and a file a body (docs/unimogen-pack.md).
+//! What a UniMoGen pack has beside the common manifest: the table `[unimogen]`, and a file a body
+//! (docs/unimogen-pack.md).
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -160,7 +161,8 @@ impl UniMoGenDoc {
     /// Reads the bodies' files.
     ///
     /// # Errors
-    /// [`PackProblem::Read`], [`PackProblem::BodyFile`], [`PackProblem::Body`] or [`PackProblem::BodyLimits`].
+    /// [`PackProblem::Read`], [`PackProblem::BodyFile`], [`PackProblem::Body`] or
+    /// [`PackProblem::BodyLimits`].
     pub(super) fn read_bodies(&self, folder: &Path, fps: f32, dims: &Dims) -> Result<Vec<Body>, PackProblem> {
         let read = |name: &String| {
             let text = read_text(&body_file(folder, name))?;

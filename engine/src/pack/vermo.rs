@@ -1,4 +1,5 @@
-//! What a VerMo pack has beside the common manifest: the table `[vermo]`, and its files (docs/vermo-pack.md).
+//! What a VerMo pack has beside the common manifest: the table `[vermo]`, and its files
+//! (docs/vermo-pack.md).
 
 use std::collections::HashSet;
 use std::fmt;
@@ -26,7 +27,8 @@ pub const WORDS_FILE: &str = "words.txt";
 
 /// Frames of a motion token.
 pub(crate) const FRAMES_PER_TOKEN: usize = 4;
-/// Tokens of a message beside its text and its reply: `<BOS>`, task, `<INSTRUCTION>`, `<LEN_n>`, `<REPLY>`, `<EOS>`.
+/// Tokens of a message beside its text and its reply: `<BOS>`, task, `<INSTRUCTION>`, `<LEN_n>`,
+/// `<REPLY>`, `<EOS>`.
 const MARKS: usize = 6;
 /// Most of any size of the networks.
 const MAX_SIZE: usize = 65_536;
@@ -256,7 +258,8 @@ impl VerMoDoc {
         Ok(())
     }
 
-    /// The files of the networks and of the text pieces, in the order in which the content hash reads them.
+    /// The files of the networks and of the text pieces, in the order in which the content hash
+    /// reads them.
     pub(super) fn files(&self) -> &'static [&'static str] {
         match self.flow_steps {
             0 => &[LANGUAGE_FILE, ENCODER_FILE, DECODER_FILE, TOKENIZER_FILE],

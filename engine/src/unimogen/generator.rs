@@ -1,4 +1,5 @@
-//! UniMoGen as a [`Generator`]: a step is one call of the network, for the oldest job and those that fit into the call beside it.
+//! UniMoGen as a [`Generator`]: a step is one call of the network, for the oldest job and those
+//! that fit into the call beside it.
 
 use std::time::Instant;
 
@@ -14,8 +15,9 @@ use crate::generator::{Generator, JobId, Progress, StepReport};
 use crate::pack::{DENOISER_FILE, Pack};
 use crate::{EngineError, TrialRun};
 
-/// Rows of a call: one job has more, so it goes alone. On CPUs a row costs least in the smallest call, whose numbers stay in the
-/// core's cache: 0.36 ms for one person, 0.66 ms for eight (f32, 68 frames; `cargo run --release -p troupe-engine --example unimogen`).
+/// Rows of a call: one job has more, so it goes alone. On CPUs a row costs least in the smallest
+/// call, whose numbers stay in the core's cache: 0.36 ms for one person, 0.66 ms for eight (f32, 68
+/// frames; `cargo run --release -p troupe-engine --example unimogen`).
 pub const CALL_ROWS: usize = 1;
 
 /// Frames of a live character's window.
@@ -68,11 +70,13 @@ impl UniMoGen {
         Self { call_rows, ..self }
     }
 
-    /// Makes two motions of the pack's first body, the second one for its [time](Generator::trial). Where a shape's first call is slow
-    /// it makes a call for each body before, of the longest windows and of live ones. To be called before any job.
+    /// Makes two motions of the pack's first body, the second one for its [time](Generator::trial).
+    /// Where a shape's first call is slow it makes a call for each body before, of the longest
+    /// windows and of live ones. To be called before any job.
     ///
     /// # Errors
-    /// [`EngineError`] where the network fails, or gives what is out of the contract: the pack is broken.
+    /// [`EngineError`] where the network fails, or gives what is out of the contract: the pack is
+    /// broken.
     pub fn warm_up(&mut self, pack: &Pack) -> Result<(), EngineError> {
         let longest = self.dims.max_frames();
         let live = LIVE_FRAMES.clamp(self.dims.min_frames(), longest);
@@ -125,7 +129,8 @@ impl UniMoGen {
         Ok(motions)
     }
 
-    /// The jobs of the next call, places in rising order: the oldest, then those of as many frames that fit beside it.
+    /// The jobs of the next call, places in rising order: the oldest, then those of as many frames
+    /// that fit beside it.
     fn chosen(&self) -> Vec<usize> {
         let Some(oldest) = self.jobs.first() else {
             return Vec::new();

@@ -87,8 +87,8 @@ impl Job {
         }
     }
 
-    /// Takes the clean rows that a call gave, and those of its copy without style where it has one. `clean` is changed. Says
-    /// whether that was the last call.
+    /// Takes the clean rows that a call gave, and those of its copy without style where it has one.
+    /// `clean` is changed. Says whether that was the last call.
     pub(super) fn advance(&mut self, schedule: &Schedule, clean: &mut [f32], plain: Option<&[f32]>) -> bool {
         if let Some(plain) = plain {
             for (styled, plain) in clean.iter_mut().zip(plain) {

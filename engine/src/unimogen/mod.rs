@@ -1,7 +1,9 @@
-//! UniMoGen: one diffusion network that moves bodies of any skeleton along paths (docs/unimogen-pack.md).
+//! UniMoGen: one diffusion network that moves bodies of any skeleton along paths
+//! (docs/unimogen-pack.md).
 //!
-//! A character of J joints has J + 1 rows; a call of the network takes the rows of any mixture of characters, one after another and
-//! without padding. The reference is `training/troupe_training/models/unimogen`.
+//! A character of J joints has J + 1 rows; a call of the network takes the rows of any mixture of
+//! characters, one after another and without padding. The reference is
+//! `training/troupe_training/models/unimogen`.
 
 mod batch;
 mod generator;

@@ -1,4 +1,5 @@
-//! Noise that depends on seed, row, frame and channel alone: neither on a window's length nor on who else is in the batch.
+//! Noise that depends on seed, row, frame and channel alone: neither on a window's length nor on
+//! who else is in the batch.
 
 use super::ROW_CHANNELS;
 use crate::random::{normal, step64};
@@ -8,7 +9,8 @@ const PLACE_CHANNELS: usize = 3;
 
 /// Standard normal noise of one row, `[frames, 6]`. Row 0 is the root's place.
 ///
-/// `key = mix64(seed + GOLDEN (row + 1))`, and `u = mix64(key + GOLDEN (pair + 1))` for each pair of channels.
+/// `key = mix64(seed + GOLDEN (row + 1))`, and `u = mix64(key + GOLDEN (pair + 1))` for each pair
+/// of channels.
 pub(super) fn row_noise(seed: u64, row: usize, out: &mut [f32]) {
     normal(step64(seed, row as u64), out);
     if row == 0 {

@@ -12,8 +12,9 @@ const SPEEDS_PER_S: [f32; 4] = [0.8, 0.0, 1.5, 0.4];
 /// How the paths turn, in turns, radians a second.
 const TURNS_RAD_PER_S: [f32; 3] = [0.0, 0.6, -0.9];
 
-/// A task of `frames` frames; each `index` is another: bodies in the pack's order, each with words of its own, from any start and from
-/// four frames of the neutral pose in turns. Every fourth is guided. None where the pack has no bodies.
+/// A task of `frames` frames; each `index` is another: bodies in the pack's order, each with words
+/// of its own, from any start and from four frames of the neutral pose in turns. Every fourth is
+/// guided. None where the pack has no bodies.
 pub fn probe_task(pack: &Pack, index: usize, frames: usize) -> Option<PathTask> {
     let table = pack.manifest.unimogen.as_ref()?;
     let bodies = pack.bodies.len();

@@ -1,7 +1,8 @@
 //! From motion to rows and back.
 //!
-//! Every frame is described in the frame of its path: `p` and `psi` are the path's point and heading, `Y` the rotation about +Y, `N` the
-//! neutral pose. Row 0 is the root's offset from the path, as a share of the body's size; row j + 1 is the bend of joint j.
+//! Every frame is described in the frame of its path: `p` and `psi` are the path's point and
+//! heading, `Y` the rotation about +Y, `N` the neutral pose. Row 0 is the root's offset from the
+//! path, as a share of the body's size; row j + 1 is the bend of joint j.
 
 use troupe_motion::contacts::detect;
 use troupe_motion::features::{FEATURES_PER_JOINT, world_rotations_from_features};
@@ -41,8 +42,8 @@ impl Coding {
         }
     }
 
-    /// What the network is told of a path, one a frame: velocity to the left and ahead in sizes a second, turn rate in radians a second.
-    /// Frame 0 has that of frame 1.
+    /// What the network is told of a path, one a frame: velocity to the left and ahead in sizes a
+    /// second, turn rate in radians a second. Frame 0 has that of frame 1.
     pub(super) fn path_features(&self, path: &[PathPoint], size_m: f32) -> Vec<[f32; PATH_FEATURES]> {
         let scale = self.fps / size_m;
         let most = self.max_turn_rad_per_s;
@@ -93,7 +94,8 @@ impl Coding {
         Some(rows)
     }
 
-    /// The motion of rows `[J + 1, T, 6]` along a path of T frames. Feet are in contact where they are low and slow.
+    /// The motion of rows `[J + 1, T, 6]` along a path of T frames. Feet are in contact where they
+    /// are low and slow.
     pub(super) fn decode(&self, body: &Body, rows: &[f32], path: &[PathPoint]) -> Motion {
         let (joints, frames) = (body.joints(), path.len());
         let skeleton = &body.rig.skeleton;

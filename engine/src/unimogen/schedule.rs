@@ -24,8 +24,8 @@ impl Schedule {
         self.steps() * (count - index) / count - 1
     }
 
-    /// From call `index` of `count` to the next one, without new noise: `noisy` becomes less noisy, given what is taken for `clean`.
-    /// After the last call it is `clean` itself.
+    /// From call `index` of `count` to the next one, without new noise: `noisy` becomes less noisy,
+    /// given what is taken for `clean`. After the last call it is `clean` itself.
     pub(super) fn advance(&self, index: usize, count: usize, noisy: &mut [f32], clean: &[f32]) {
         if index + 1 == count {
             noisy.copy_from_slice(clean);

@@ -1,8 +1,9 @@
 //! The cache: a slot of keys and values for each sequence that is being written.
 //!
-//! The slots of all sequences lie one behind another, so that a call reads them where they are. A sequence that ends leaves its slot to
-//! the last one. The columns of a slot are as many as the longest message has, in every call: a sum over fewer would be
-//! rounded in another way, and a sequence would get other bits with others beside it.
+//! The slots of all sequences lie one behind another, so that a call reads them where they are. A
+//! sequence that ends leaves its slot to the last one. The columns of a slot are as many as the
+//! longest message has, in every call: a sum over fewer would be rounded in another way, and a
+//! sequence would get other bits with others beside it.
 
 use crate::pack::VerMoDoc;
 
@@ -57,7 +58,8 @@ impl Arena {
         self.shape
     }
 
-    /// The first `slots` slots. What no sequence has written is 0, or left by another that is over: it is not read.
+    /// The first `slots` slots. What no sequence has written is 0, or left by another that is over:
+    /// it is not read.
     pub(super) fn first(&mut self, slots: usize) -> &[f32] {
         let wanted = slots * self.shape.slot();
         if self.numbers.len() < wanted {
@@ -66,7 +68,8 @@ impl Arena {
         &self.numbers[..wanted]
     }
 
-    /// Puts the first `count` of the columns `[heads, columns, width]` into a slot, from column `start` on.
+    /// Puts the first `count` of the columns `[heads, columns, width]` into a slot, from column
+    /// `start` on.
     pub(super) fn write(&mut self, slot: usize, start: usize, count: usize, columns: &[f32]) {
         self.first(slot + 1);
         let Shape {

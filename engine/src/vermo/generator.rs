@@ -1,4 +1,5 @@
-//! VerMo as a [`Generator`]: a step writes a token of every reply, and decodes the frames that are ready.
+//! VerMo as a [`Generator`]: a step writes a token of every reply, and decodes the frames that are
+//! ready.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -16,8 +17,8 @@ use crate::generator::{Generator, JobId, Progress, StepReport};
 use crate::pack::{DECODER_FILE, LANGUAGE_FILE, MessageTask, Pack};
 use crate::{EngineError, TrialRun};
 
-/// Most replies that are written at a time. More of them read more cache than a core's own memory holds: 32 write 7,400 tokens a second
-/// together on two cores, and 64 write no more.
+/// Most replies that are written at a time. More of them read more cache than a core's own memory
+/// holds: 32 write 7,400 tokens a second together on two cores, and 64 write no more.
 pub const SLOTS: usize = 32;
 /// Replies of the trial, and the tokens of each.
 const TRIAL: (usize, usize) = (8, 16);
@@ -37,7 +38,8 @@ pub struct VerMo {
 }
 
 impl VerMo {
-    /// A generator of a pack, which holds up to `max_jobs` jobs and writes up to [`SLOTS`] of their replies at a time.
+    /// A generator of a pack, which holds up to `max_jobs` jobs and writes up to [`SLOTS`] of their
+    /// replies at a time.
     ///
     /// # Errors
     /// [`EngineError::WrongTask`] where the pack is of another family.
@@ -57,10 +59,12 @@ impl VerMo {
         })
     }
 
-    /// Runs every network, and takes the [time](Generator::trial) of a few jobs. To be called before any job.
+    /// Runs every network, and takes the [time](Generator::trial) of a few jobs. To be called
+    /// before any job.
     ///
     /// # Errors
-    /// [`EngineError`] where a network fails, or gives what is out of the contract: the pack is broken.
+    /// [`EngineError`] where a network fails, or gives what is out of the contract: the pack is
+    /// broken.
     pub fn warm_up(&mut self) -> Result<(), EngineError> {
         let (jobs, tokens) = TRIAL;
         let tokens = tokens.clamp(self.planner.dims.min_tokens, self.planner.dims.max_tokens);
@@ -83,8 +87,8 @@ impl VerMo {
         Ok(())
     }
 
-    /// The time of so many jobs of so many frames, without a caller. None for a pack that does nothing without audio. For a
-    /// generator without jobs.
+    /// The time of so many jobs of so many frames, without a caller. None for a pack that does
+    /// nothing without audio. For a generator without jobs.
     ///
     /// # Errors
     /// [`EngineError`] of the first job that fails.
@@ -111,7 +115,8 @@ impl VerMo {
         Ok(Some(started.elapsed()))
     }
 
-    /// What the pack can do without a caller: words, or what comes of nothing; else it tells of a motion.
+    /// What the pack can do without a caller: words, or what comes of nothing; else it tells of a
+    /// motion.
     fn trial_task(&mut self, frames: usize) -> Result<Option<Task>, EngineError> {
         let tasks = &self.planner.table.tasks;
         let word = self.planner.lexicon.words().next();
@@ -187,7 +192,8 @@ impl VerMo {
         Ok(rows)
     }
 
-    /// Decodes what is ready, and gives it. Of those with the flow decoder, the oldest takes a step.
+    /// Decodes what is ready, and gives it. Of those with the flow decoder, the oldest takes a
+    /// step.
     fn give(&mut self, out: &mut dyn FnMut(JobId, Progress)) -> Result<(), EngineError> {
         let Self {
             jobs,

@@ -17,13 +17,15 @@ use crate::generator::JobId;
 use crate::pack::{FRAMES_PER_TOKEN, LANGUAGE_FILE};
 use crate::random::step64;
 
-/// Tokens on either side of a token that its frames depend on: so many are held back while more may come.
+/// Tokens on either side of a token that its frames depend on: so many are held back while more may
+/// come.
 const HELD_BACK: usize = 2;
 /// Tokens before a window's first that are decoded with it.
 const LEAD: usize = 4;
 /// Tokens of the first part of a motion.
 const FIRST_PART: usize = 4;
-/// Tokens of its later parts. Each part decodes tokens of the one before again, so long ones are cheaper.
+/// Tokens of its later parts. Each part decodes tokens of the one before again, so long ones are
+/// cheaper.
 const LATER_PART: usize = 8;
 /// What lies between characters that begin without a past, metres.
 const SIDE_BY_SIDE_M: f32 = 1.0;
@@ -221,7 +223,8 @@ impl Job {
         }
     }
 
-    /// Adds what is to be decoded for the frames that it has to give now. A job of the flow decoder takes a step of it.
+    /// Adds what is to be decoded for the frames that it has to give now. A job of the flow decoder
+    /// takes a step of it.
     pub(super) fn want(
         &mut self,
         networks: &mut dyn Networks,
@@ -239,8 +242,8 @@ impl Job {
         }
     }
 
-    /// What it has to give now, of windows that are decoded; `Whole` says whether that is the last. A motion that is to go on writes
-    /// another message after it.
+    /// What it has to give now, of windows that are decoded; `Whole` says whether that is the last.
+    /// A motion that is to go on writes another message after it.
     pub(super) fn take(&mut self, planner: &Planner, windows: &mut Windows) -> Result<Taken, EngineError> {
         let is_whole = self.stage == Stage::Whole;
         match &mut self.reply {
@@ -393,8 +396,8 @@ impl Agents {
 }
 
 impl Agent {
-    /// How many of the reply's tokens may leave now: all but those held back, or all where no more will come. None where that is too few
-    /// for a part.
+    /// How many of the reply's tokens may leave now: all but those held back, or all where no more
+    /// will come. None where that is too few for a part.
     fn ready(&self, ends: bool) -> Option<usize> {
         let written = self.codes.len() - self.told;
         let held_back = if ends { 0 } else { HELD_BACK };

@@ -1,4 +1,5 @@
-//! How a task is written: `<BOS> TASK [<INSTRUCTION> text] [<CONDITION> items] [<LEN_n>] <REPLY>`, behind which the reply comes.
+//! How a task is written: `<BOS> TASK [<INSTRUCTION> text] [<CONDITION> items] [<LEN_n>] <REPLY>`,
+//! behind which the reply comes.
 
 use super::vocabulary::{AGENT_SEP, BOS, CONDITION, GAP, INSTRUCTION, Kind, REPLY, Vocabulary};
 use crate::pack::MessageTask;

@@ -1,7 +1,8 @@
 //! VerMo: a language model whose vocabulary has text, motion and audio (docs/vermo-pack.md).
 //!
-//! A task is written as a message, and the model writes the reply token by token: [`Sequences`] keeps many of them going in one
-//! call. Motion leaves in parts while its tokens come. The reference is `training/troupe_training/models/vermo`.
+//! A task is written as a message, and the model writes the reply token by token: [`Sequences`]
+//! keeps many of them going in one call. Motion leaves in parts while its tokens come. The
+//! reference is `training/troupe_training/models/vermo`.
 
 mod arena;
 mod flow;

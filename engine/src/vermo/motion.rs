@@ -1,7 +1,9 @@
-//! Frames as the encoder and the decoders read and write them, and how decoded windows become one motion.
+//! Frames as the encoder and the decoders read and write them, and how decoded windows become one
+//! motion.
 //!
-//! A decoder gives frames in the frame of its first root. A [`Stitcher`] lays a window onto the last frame that there is, blends what
-//! is left of the difference away, and gives the frames behind it.
+//! A decoder gives frames in the frame of its first root. A [`Stitcher`] lays a window onto the
+//! last frame that there is, blends what is left of the difference away, and gives the frames
+//! behind it.
 
 use std::sync::Arc;
 
@@ -187,7 +189,8 @@ pub(super) struct Stitcher {
 }
 
 impl Stitcher {
-    /// Behind the frames of `past`; at `start` where there are none. `keep` is how many frames a next message is told.
+    /// Behind the frames of `past`; at `start` where there are none. `keep` is how many frames a
+    /// next message is told.
     pub(super) fn new(rig: &Arc<Rig>, past: &Frames, start: Vec3, keep: usize) -> Self {
         let joints = rig.dims.joints;
         Self {
@@ -220,8 +223,9 @@ impl Stitcher {
         frames
     }
 
-    /// The frames of a window from `first` to before `end`. The one before `first` is laid onto the last frame that there is, if there is
-    /// one; `target`, where it is given, is what frame `end` is to be.
+    /// The frames of a window from `first` to before `end`. The one before `first` is laid onto the
+    /// last frame that there is, if there is one; `target`, where it is given, is what frame `end`
+    /// is to be.
     pub(super) fn join(
         &mut self,
         window: &Frames,

@@ -46,9 +46,11 @@ pub struct FlowCall<'a> {
 
 /// Runs the networks of one pack.
 ///
-/// A sequence's answer, and a window's, must not depend on the others of a call, nor on its place among them, to the last bit.
+/// A sequence's answer, and a window's, must not depend on the others of a call, nor on its place
+/// among them, to the last bit.
 pub trait Networks: Send {
-    /// Logits after the last tokens, and their columns for the cache. Both have the right length when it is called.
+    /// Logits after the last tokens, and their columns for the cache. Both have the right length
+    /// when it is called.
     ///
     /// # Errors
     /// [`EngineError`] where the engine fails; the whole call fails with it.
@@ -60,7 +62,8 @@ pub trait Networks: Send {
     /// [`EngineError`] where the engine fails, or gives codes that the pack does not have.
     fn encode(&mut self, frames: &Frames) -> Result<Vec<u32>, EngineError>;
 
-    /// Frames of each of some windows of motion codes, in the frame of its first root. All windows are of one length.
+    /// Frames of each of some windows of motion codes, in the frame of its first root. All windows
+    /// are of one length.
     ///
     /// # Errors
     /// [`EngineError`] where the engine fails.

@@ -1,4 +1,5 @@
-//! From a task to messages: which task of the pack it is, what it may hold, and how long each reply is to be.
+//! From a task to messages: which task of the pack it is, what it may hold, and how long each reply
+//! is to be.
 
 use std::sync::Arc;
 
@@ -182,7 +183,8 @@ impl Planner {
         }
     }
 
-    /// How long the next reply is to be, with so many tokens of motion to tell and so many frames left to make.
+    /// How long the next reply is to be, with so many tokens of motion to tell and so many frames
+    /// left to make.
     ///
     /// # Errors
     /// [`EngineError::Task`] where the message is too long for a reply.

@@ -1,4 +1,5 @@
-//! The choice of a token. It depends on logits, seed and the token's place in the reply alone, never on other sequences.
+//! The choice of a token. It depends on logits, seed and the token's place in the reply alone,
+//! never on other sequences.
 
 use std::cmp::Ordering;
 
@@ -31,8 +32,9 @@ pub(super) struct Sampler {
 }
 
 impl Sampler {
-    /// The next token of a reply whose tokens so far are `reply`, from the logits of the whole vocabulary. `index` is its place among all
-    /// tokens that are drawn with the seed. None where a logit is not finite, or nothing is allowed.
+    /// The next token of a reply whose tokens so far are `reply`, from the logits of the whole
+    /// vocabulary. `index` is its place among all tokens that are drawn with the seed. None where a
+    /// logit is not finite, or nothing is allowed.
     pub(super) fn choose(
         &mut self,
         logits: &[f32],
@@ -93,8 +95,8 @@ impl Sampler {
         Some(self.candidates.get(last)?.1)
     }
 
-    /// Goes through the candidates, the likeliest first, until their weights are together `wanted`. Gives the index of the last
-    /// one, behind which nothing is in order, and the sum.
+    /// Goes through the candidates, the likeliest first, until their weights are together `wanted`.
+    /// Gives the index of the last one, behind which nothing is in order, and the sum.
     ///
     /// A few are nearly all of it, so that no more than those are sorted.
     fn likeliest_until(&mut self, wanted: f64, weight: impl Fn(f32) -> f64) -> (usize, f64) {

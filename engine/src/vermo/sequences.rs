@@ -1,7 +1,8 @@
-//! Continuous batching: sequences join and leave between tokens, and no call waits for the longest of them.
+//! Continuous batching: sequences join and leave between tokens, and no call waits for the longest
+//! of them.
 //!
-//! A sequence is read as a whole when it joins (prefill); then each step gives it one token more, in one call for all sequences. The
-//! one that ends leaves its slot of the cache to one that waits.
+//! A sequence is read as a whole when it joins (prefill); then each step gives it one token more,
+//! in one call for all sequences. The one that ends leaves its slot of the cache to one that waits.
 
 use std::collections::VecDeque;
 
@@ -13,7 +14,8 @@ use super::vocabulary::{PAD, Vocabulary};
 use crate::EngineError;
 use crate::generator::JobId;
 
-/// Prefill reads a multiple of so many columns: few shapes, and a length that depends on the sequence alone.
+/// Prefill reads a multiple of so many columns: few shapes, and a length that depends on the
+/// sequence alone.
 const PREFILL_UNIT: usize = 16;
 /// Most sequences of one prefill.
 const PREFILL_ROWS: usize = 8;
@@ -94,12 +96,14 @@ impl Sequences {
         self.len() == 0
     }
 
-    /// Most tokens of a reply, without its end, behind so many tokens of a prompt. Below 0 there is no room for it.
+    /// Most tokens of a reply, without its end, behind so many tokens of a prompt. Below 0 there is
+    /// no room for it.
     pub fn room(&self, prompt: usize) -> usize {
         self.arena.shape().positions.saturating_sub(prompt + 1)
     }
 
-    /// Takes a sequence. Its prompt and its longest reply are to fit into a slot: see [`Sequences::room`].
+    /// Takes a sequence. Its prompt and its longest reply are to fit into a slot: see
+    /// [`Sequences::room`].
     pub fn admit(&mut self, id: JobId, prompt: Prompt) {
         let reply = Reply::new(prompt.rules, &self.vocabulary);
         self.waiting.push_back(Sequence {
@@ -125,7 +129,8 @@ impl Sequences {
         self.active.clear();
     }
 
-    /// Reads those that join, then writes a token of each. Tells `out` of every token. Gives the rows of the last call.
+    /// Reads those that join, then writes a token of each. Tells `out` of every token. Gives the
+    /// rows of the last call.
     ///
     /// # Errors
     /// [`EngineError`] where the network fails.
@@ -235,7 +240,8 @@ impl Sequences {
         Ok(rows)
     }
 
-    /// Keeps what a call gave for a slot in one of its rows: `count` of `columns` columns, and the next token.
+    /// Keeps what a call gave for a slot in one of its rows: `count` of `columns` columns, and the
+    /// next token.
     fn hear(
         &mut self,
         row: usize,

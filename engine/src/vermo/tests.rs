@@ -270,7 +270,8 @@ fn windows_become_the_motion_of_all_tokens() {
     let whole = whole.join(&decoded(&codes), 0, 40, None);
     let mut parts = stitcher(&Frames::default(), Vec3::ZERO);
     let mut motion = parts.join(&decoded(&codes[..6]), 0, 16, None);
-    // The first token of a window goes on from its own start, as the toy's frames do not know of others.
+    // The first token of a window goes on from its own start, as the toy's frames do not know of
+    // others.
     motion.append(parts.join(&decoded(&codes[2..9]), 8, 20, None));
     motion.append(parts.join(&decoded(&codes[5..]), 8, 20, None));
     assert_eq!(motion.frames(), 40);
@@ -282,7 +283,8 @@ fn windows_become_the_motion_of_all_tokens() {
 
 #[test]
 fn a_motion_goes_on_from_the_last_frame_of_its_past() {
-    // The past ends anywhere, higher than the decoder's frames, and with the body turned against its root.
+    // The past ends anywhere, higher than the decoder's frames, and with the body turned against
+    // its root.
     let mut past = decoded(&[3, 3]);
     for (index, root) in past.root.chunks_exact_mut(5).enumerate() {
         root[0] += 2.0;

@@ -1,6 +1,7 @@
 //! Networks for tests, made of sums of whole numbers: exact, in any order.
 //!
-//! The language model's next token depends on all tokens before and on their places, by way of the cache. Motion codes stand for steps ahead and turns.
+//! The language model's next token depends on all tokens before and on their places, by way of the
+//! cache. Motion codes stand for steps ahead and turns.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -124,7 +125,8 @@ impl Networks for Toy {
         Some(3)
     }
 
-    /// Its state goes to 1 in a straight line, from wherever it begins. The height is what is left of the way.
+    /// Its state goes to 1 in a straight line, from wherever it begins. The height is what is left
+    /// of the way.
     fn flow(&mut self, call: &FlowCall<'_>) -> Result<(Vec<f32>, Frames), EngineError> {
         let left = (1.0 - call.time).max(call.delta);
         let next: Vec<f32> = (call.state.iter())

@@ -1,4 +1,5 @@
-//! The ids of a pack's tokens: special tokens, lengths, text pieces, motion codes, audio codes, in this order.
+//! The ids of a pack's tokens: special tokens, lengths, text pieces, motion codes, audio codes, in
+//! this order.
 
 use std::ops::Range;
 

@@ -1,5 +1,5 @@
-//! Writes the seeds of the targets `calls`, `glb`, `npz`, `snapshot` and `websocket` anew: `cargo run -p troupe-fuzz --example seeds`. To be run
-//! where a call or what is kept has changed.
+//! Writes the seeds of the targets `calls`, `glb`, `npz`, `snapshot` and `websocket` anew: `cargo
+//! run -p troupe-fuzz --example seeds`. To be run where a call or what is kept has changed.
 
 mod calls;
 
@@ -19,7 +19,8 @@ use troupe_proto::v1::drive_request::Message as Ask;
 use troupe_server::clients::Turns;
 use troupe_server::records::{Kind, Records};
 
-/// A session's record as the server writes it: format, pack, body, convention, seed, scene, time to live, priority, style, character.
+/// A session's record as the server writes it: format, pack, body, convention, seed, scene, time to
+/// live, priority, style, character.
 type Record<'a> = (
     u32,
     &'a str,

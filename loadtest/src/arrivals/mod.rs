@@ -1,7 +1,8 @@
 //! When requests arrive in an open loop.
 //!
-//! Every process is made at the rate of one a unit first and then stretched along the [`Stages`]: an arrival of number `n` comes
-//! when the rate has summed up to `n`. So all of them follow ramps, and the same seed gives the same arrivals.
+//! Every process is made at the rate of one a unit first and then stretched along the [`Stages`]:
+//! an arrival of number `n` comes when the rate has summed up to `n`. So all of them follow ramps,
+//! and the same seed gives the same arrivals.
 
 mod stages;
 
@@ -74,7 +75,8 @@ impl Schedule {
         self.stages.time_of_sum(sum).map(Duration::from_secs_f64)
     }
 
-    /// All that are due at the end of a period, at once. Periods in which none is due are passed over.
+    /// All that are due at the end of a period, at once. Periods in which none is due are passed
+    /// over.
     fn period(&mut self, period_s: f64) -> Option<Duration> {
         while self.ready.is_empty() {
             self.periods += 1;

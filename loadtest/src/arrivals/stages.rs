@@ -160,8 +160,8 @@ impl Stages {
     }
 }
 
-/// How far into a stage its level has summed up to `sum`, which is below its whole: the root of a parabola, in the form that
-/// does not lose digits where the slope is small.
+/// How far into a stage its level has summed up to `sum`, which is below its whole: the root of a
+/// parabola, in the form that does not lose digits where the slope is small.
 fn into_stage(stage: &Stage, sum: f64) -> f64 {
     let slope = (stage.to - stage.from) / stage.seconds;
     let root = (stage.from * stage.from + 2.0 * slope * sum).max(0.0).sqrt();

@@ -58,8 +58,9 @@ pub(super) enum Command {
 
 /// Make a load, once or several times.
 ///
-/// Single requests come from clients that wait for their answers (--clients, a closed loop), or when they are due whatever
-/// became of those before (--rate, an open loop). In an open loop latency counts from when a request was due.
+/// Single requests come from clients that wait for their answers (--clients, a closed loop), or
+/// when they are due whatever became of those before (--rate, an open loop). In an open loop
+/// latency counts from when a request was due.
 #[derive(Debug, Args)]
 pub(super) struct Run {
     #[command(flatten)]
@@ -83,9 +84,9 @@ pub(super) struct Run {
 
 /// Look for the most that a server can do: characters without an underrun, or requests a second.
 ///
-/// The level is doubled until it does not hold, then the distance is halved, then the result is confirmed. With --workload
-/// drive or step the level is the number of characters, which must have no underrun and miss no frame; else it is the rate of
-/// an open loop.
+/// The level is doubled until it does not hold, then the distance is halved, then the result is
+/// confirmed. With --workload drive or step the level is the number of characters, which must have
+/// no underrun and miss no frame; else it is the rate of an open loop.
 #[derive(Debug, Args)]
 pub(super) struct Search {
     #[command(flatten)]
@@ -113,7 +114,8 @@ pub(super) struct Search {
     /// Times that the result must hold again.
     #[arg(long, default_value_t = 2, value_name = "TIMES")]
     pub(super) confirm: u32,
-    /// Times that a level is tried until it counts as one that does not hold: machines have hiccups.
+    /// Times that a level is tried until it counts as one that does not hold: machines have
+    /// hiccups.
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100), value_name = "TIMES")]
     pub(super) tries: u32,
     #[command(flatten)]
@@ -128,7 +130,8 @@ pub(super) struct Search {
 
 /// Send several times as much as a server can do, and see what becomes of it.
 ///
-/// Finds the capacity, sends 90 % of it, then several times it (Poisson arrivals, an open loop), then half of it.
+/// Finds the capacity, sends 90 % of it, then several times it (Poisson arrivals, an open loop),
+/// then half of it.
 #[derive(Debug, Args)]
 pub(super) struct Overload {
     #[command(flatten)]
@@ -136,7 +139,8 @@ pub(super) struct Overload {
     /// Time before measuring begins.
     #[arg(long, default_value = "3s", value_name = "TIME")]
     pub(super) warmup: Time1,
-    /// Requests a second that the server can do. Left out: found by clients that wait for their answers.
+    /// Requests a second that the server can do. Left out: found by clients that wait for their
+    /// answers.
     #[arg(long, value_name = "RATE")]
     pub(super) capacity: Option<f64>,
     /// Clients that find the capacity.
@@ -160,7 +164,8 @@ pub(super) struct Overload {
     /// Share of capacity that arrives afterwards.
     #[arg(long, default_value_t = 0.5, value_name = "SHARE")]
     pub(super) after_share: f64,
-    /// Most requests on their way at once, of each process; what is due beyond is dropped and counted.
+    /// Most requests on their way at once, of each process; what is due beyond is dropped and
+    /// counted.
     #[arg(long, default_value_t = 8192, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "REQUESTS")]
     pub(super) max_in_flight: u32,
     /// Live characters beside the requests, on one stream at 30 Hz.
@@ -250,10 +255,12 @@ pub(super) struct Common {
 /// What lets the load tester in.
 #[derive(Debug, Clone, Args)]
 pub(super) struct AccessArgs {
-    /// API key, where the server asks for one. With one of the role admin the server's metrics are in the report.
+    /// API key, where the server asks for one. With one of the role admin the server's metrics are
+    /// in the report.
     #[arg(long, env = "TROUPE_KEY", hide_env_values = true, value_name = "KEY", help_heading = SERVER)]
     key: Option<ApiKey>,
-    /// Certificates of the authorities to trust with an https:// address (PEM file). Left out: those of the system.
+    /// Certificates of the authorities to trust with an https:// address (PEM file). Left out:
+    /// those of the system.
     #[arg(long, env = "TROUPE_CA", value_name = "FILE", help_heading = SERVER)]
     ca: Option<PathBuf>,
     /// Certificate to show to a server that asks for one (PEM file).
@@ -307,7 +314,8 @@ pub(super) struct ArrivalArgs {
     /// Time from burst to burst; bursts are as large as the rate has it.
     #[arg(long, value_name = "TIME", help_heading = LOAD)]
     pub(super) burst_period: Option<Time1>,
-    /// Most requests of an open loop on their way at once, of each process; what is due beyond is dropped and counted.
+    /// Most requests of an open loop on their way at once, of each process; what is due beyond is
+    /// dropped and counted.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "REQUESTS", help_heading = LOAD)]
     pub(super) max_in_flight: u32,
 }
@@ -317,7 +325,8 @@ pub(super) struct LoadArgs {
     /// Closed loop: number of clients, each of which waits for its answer [default: 8].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000), conflicts_with_all = ["rate", "stages", "client_stages"], value_name = "COUNT", help_heading = LOAD)]
     pub(super) clients: Option<u32>,
-    /// A closed loop whose clients come and go: CLIENTS:SECONDS, FROM-TO:SECONDS, one after another.
+    /// A closed loop whose clients come and go: CLIENTS:SECONDS, FROM-TO:SECONDS, one after
+    /// another.
     #[arg(long, conflicts_with_all = ["rate", "stages"], value_name = "STAGES", help_heading = LOAD)]
     pub(super) client_stages: Option<Stages>,
     /// Time from an answer to a client's next request.
@@ -326,7 +335,8 @@ pub(super) struct LoadArgs {
     /// Open loop: requests a second.
     #[arg(long, conflicts_with = "stages", value_name = "RATE", help_heading = LOAD)]
     pub(super) rate: Option<f64>,
-    /// An open loop whose rate changes: RATE:SECONDS, FROM-TO:SECONDS, one after another, such as 50:10,50-200:30.
+    /// An open loop whose rate changes: RATE:SECONDS, FROM-TO:SECONDS, one after another, such as
+    /// 50:10,50-200:30.
     #[arg(long, value_name = "STAGES", help_heading = LOAD)]
     pub(super) stages: Option<Stages>,
     #[command(flatten)]
@@ -338,7 +348,8 @@ pub(super) struct RequestArgs {
     /// Requests that were made before: a folder with requests.json (see the documentation).
     #[arg(long, value_name = "FOLDER", help_heading = REQUESTS)]
     pub(super) requests: Option<PathBuf>,
-    /// BVH clip whose frames are the keyframes, in centimetres. Left out: a walk that this program brings along.
+    /// BVH clip whose frames are the keyframes, in centimetres. Left out: a walk that this program
+    /// brings along.
     #[arg(long, value_name = "FILE", help_heading = REQUESTS)]
     pub(super) clip: Option<PathBuf>,
     /// Name of the pack. Left out: the server's default pack.
@@ -356,8 +367,8 @@ pub(super) struct RequestArgs {
     /// Different requests, sent in turn.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65_536), value_name = "COUNT", help_heading = REQUESTS)]
     pub(super) variants: u32,
-    /// Decode and check one answer in this many, or one tick of live characters in this many; 0: none. Of the others only
-    /// status, frame count and timing are read.
+    /// Decode and check one answer in this many, or one tick of live characters in this many; 0:
+    /// none. Of the others only status, frame count and timing are read.
     #[arg(long, default_value_t = 100, value_name = "COUNT", help_heading = REQUESTS)]
     pub(super) verify_every: u32,
     /// Further header of --workload http.
@@ -391,8 +402,8 @@ pub(super) struct LiveArgs {
     /// Give characters different priorities, spread evenly from 0 to 1.
     #[arg(long, help_heading = LIVE)]
     pub(super) spread_priorities: bool,
-    /// Share of the characters that act out sentences of 3 s, one every 6 s or so, and walk between them: 0 to 1. The server needs a
-    /// pack of words for their skeleton.
+    /// Share of the characters that act out sentences of 3 s, one every 6 s or so, and walk between
+    /// them: 0 to 1. The server needs a pack of words for their skeleton.
     #[arg(long, default_value_t = 0.0, value_name = "SHARE", help_heading = LIVE)]
     pub(super) performers: f64,
     /// Step again as soon as the frames are there, instead of with every frame's time.

@@ -6,7 +6,8 @@ use super::args::{Arguments, Command};
 use crate::arrivals::Process;
 use crate::plan::{Load, Plan, Workload};
 
-/// The long help of a command, at a fixed width and without the environment of whoever runs the tests.
+/// The long help of a command, at a fixed width and without the environment of whoever runs the
+/// tests.
 fn help(command: &[&str]) -> String {
     let mut root = Arguments::command().term_width(100);
     for name in ["run", "search", "overload"] {

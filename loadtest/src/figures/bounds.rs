@@ -68,7 +68,8 @@ impl Bounds {
     }
 }
 
-/// What keeps characters from moving as they should: plans that were so late that they slowed down, frames that never came.
+/// What keeps characters from moving as they should: plans that were so late that they slowed down,
+/// frames that never came.
 pub fn underruns(figures: &Figures) -> f64 {
     figures.live.map_or(0.0, |live| {
         (live.plans.underruns.max(live.slowed_frames) + live.missing_frames + live.missed_ticks + live.faults)

@@ -223,7 +223,8 @@ fn series(plan: &Plan, harvest: &Harvest) -> Vec<SecondRow> {
         .collect()
 }
 
-/// Rates of the server's series are over so many seconds: it counts its processor time in whole seconds.
+/// Rates of the server's series are over so many seconds: it counts its processor time in whole
+/// seconds.
 const OVER_S: f64 = 5.0;
 
 fn server_series(plan: &Plan, of: &Ingredients) -> Vec<ServerRow> {
@@ -255,8 +256,8 @@ fn server_series(plan: &Plan, of: &Ingredients) -> Vec<ServerRow> {
         .collect()
 }
 
-/// Batches by their size: from the server's histogram where there is one, else from the answers, each of which counts the
-/// batch that carried it.
+/// Batches by their size: from the server's histogram where there is one, else from the answers,
+/// each of which counts the batch that carried it.
 fn batch_sizes(harvest: &Harvest, ends: Option<(&Scrape, &Scrape)>) -> Vec<(u32, u64)> {
     if let Some((first, last)) = ends {
         let buckets = last.metrics.buckets(&first.metrics, "troupe_batch_size");

@@ -1,4 +1,5 @@
-//! What a run comes to: its figures, their median over repetitions, and the bounds that they are to keep.
+//! What a run comes to: its figures, their median over repetitions, and the bounds that they are to
+//! keep.
 
 mod bounds;
 mod build;

@@ -64,7 +64,8 @@ fn scrape(at_s: f64, batches: u32) -> Scrape {
     }
 }
 
-/// A run of 400 requests, each answered after `latency_ms` of which the server says where 2 ms went.
+/// A run of 400 requests, each answered after `latency_ms` of which the server says where 2 ms
+/// went.
 pub(crate) fn run(latency_ms: f64) -> Run {
     let plan = plan();
     let start = Instant::now();

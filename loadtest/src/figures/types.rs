@@ -46,8 +46,8 @@ pub struct Figures {
     pub throughput: Throughput,
     /// Latencies of right answers, milliseconds.
     pub latency_ms: Percentiles,
-    /// From when requests were due to their sending, milliseconds: the backlog at the client. Where this is not small, the
-    /// client was what was slow.
+    /// From when requests were due to their sending, milliseconds: the backlog at the client. Where
+    /// this is not small, the client was what was slow.
     pub send_lag_ms: Percentiles,
     /// Requests that were sent more than a millisecond after they were due.
     pub late_sends: u64,
@@ -167,9 +167,11 @@ pub struct ServerFigures {
     pub padding: f64,
     /// Mean time of a batch in each stage, milliseconds.
     pub stage_ms: StageTimes,
-    /// Workers of the engine, each of which runs one batch at a time; 0 where the server does not tell it.
+    /// Workers of the engine, each of which runs one batch at a time; 0 where the server does not
+    /// tell it.
     pub workers: f64,
-    /// How many of them were busy in the mean: time in the networks, in tensors and out of them, over time.
+    /// How many of them were busy in the mean: time in the networks, in tensors and out of them,
+    /// over time.
     pub busy_workers: f64,
     /// Requests turned away or dropped before they ran.
     pub rejections: f64,
@@ -235,7 +237,8 @@ pub struct LiveFigures {
     pub faults: u64,
     /// How far the time between two ticks is from a period, milliseconds.
     pub jitter_ms: Percentiles,
-    /// From a command to go, given to one who stands, until a quarter of the commanded speed is reached, milliseconds.
+    /// From a command to go, given to one who stands, until a quarter of the commanded speed is
+    /// reached, milliseconds.
     pub command_to_motion_ms: Percentiles,
     /// How many times that was seen.
     pub command_to_motion_count: u64,

@@ -11,8 +11,8 @@ use crate::arrivals::Stages;
 use crate::measure::{Call, Outcome, Recorder};
 use crate::plan::Share;
 
-/// How long a client that was refused, or met an error, waits at least: one that comes back at once would only keep the server
-/// busy with refusing.
+/// How long a client that was refused, or met an error, waits at least: one that comes back at once
+/// would only keep the server busy with refusing.
 const BACK_OFF: Duration = Duration::from_millis(10);
 /// How often a client that is not wanted at the moment looks whether it is.
 const LOOK: Duration = Duration::from_millis(50);
@@ -28,8 +28,8 @@ pub struct Clients {
     pub share: Share,
 }
 
-/// Runs the clients until the load ends, and returns when all have their last answers. Client number i sends request i first,
-/// then i + 1 and so on.
+/// Runs the clients until the load ends, and returns when all have their last answers. Client
+/// number i sends request i first, then i + 1 and so on.
 pub async fn closed<T: Target>(target: Arc<T>, recorder: Arc<Recorder>, clients: Clients) {
     let clients = Arc::new(clients);
     let most = clients.stages.most().ceil() as u64;

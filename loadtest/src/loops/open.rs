@@ -14,8 +14,8 @@ use crate::measure::{Call, Recorder};
 
 /// Sends each arrival's request when it is due, and returns when all answers are there.
 ///
-/// Latency counts from the moment when a request was due. At most `max_in_flight` are on their way at once; what is due beyond
-/// is never sent, and recorded as dropped.
+/// Latency counts from the moment when a request was due. At most `max_in_flight` are on their way
+/// at once; what is due beyond is never sent, and recorded as dropped.
 pub async fn open<T: Target, P: WaitUntil>(
     target: Arc<T>,
     recorder: Arc<Recorder>,

@@ -20,7 +20,8 @@ impl WaitUntil for Timer {
     }
 }
 
-/// Waits as precisely as the system can, within some 0.1 ms, by putting its thread to sleep: for a thread of its own only.
+/// Waits as precisely as the system can, within some 0.1 ms, by putting its thread to sleep: for a
+/// thread of its own only.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct OwnThread;
 

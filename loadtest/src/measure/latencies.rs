@@ -17,8 +17,9 @@ const MOST_US: u64 = 3_600_000_000;
 #[error("this is no histogram: {0}")]
 pub struct LatenciesError(String);
 
-/// Times in microseconds. As JSON it is the histogram in `HdrHistogram`'s V2 format, in base64: other tools read it too, and
-/// those of several processes add up exactly. Where there are no times it is an empty text.
+/// Times in microseconds. As JSON it is the histogram in `HdrHistogram`'s V2 format, in base64:
+/// other tools read it too, and those of several processes add up exactly. Where there are no times
+/// it is an empty text.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Latencies {
@@ -79,7 +80,8 @@ impl Latencies {
         }
     }
 
-    /// The histogram, made where there is none. One to five digits are accepted, so there is always one.
+    /// The histogram, made where there is none. One to five digits are accepted, so there is always
+    /// one.
     fn made(&mut self) -> Option<&mut Histogram<u64>> {
         if self.histogram.is_none() {
             self.histogram = Histogram::new(self.digits).ok();
@@ -131,8 +133,8 @@ impl Latencies {
         self.histogram.as_ref().map_or(0.0, |h| h.max() as f64 / 1e3)
     }
 
-    /// The curve of percentiles: pairs of a quantile and the time in milliseconds that this share does not exceed, denser
-    /// towards 1.
+    /// The curve of percentiles: pairs of a quantile and the time in milliseconds that this share
+    /// does not exceed, denser towards 1.
     pub fn curve_ms(&self) -> Vec<(f64, f64)> {
         let points = self.histogram.iter().flat_map(|h| h.iter_quantiles(8));
         let points = points.map(|p| (p.quantile_iterated_to(), p.value_iterated_to() as f64 / 1e3));

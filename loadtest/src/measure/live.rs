@@ -120,7 +120,8 @@ pub struct LiveHarvest {
     pub faults: u64,
     /// How far the time between two ticks is from a period.
     pub jitter: Latencies,
-    /// From a command to go, given to one who stands, until a quarter of the commanded speed is reached.
+    /// From a command to go, given to one who stands, until a quarter of the commanded speed is
+    /// reached.
     pub command_to_motion: Latencies,
     /// What the sessions did meanwhile, by the server's count.
     pub plans: PlanStats,

@@ -1,4 +1,5 @@
-//! What is measured: answers and their latencies, the server's own figures, and what this process uses itself.
+//! What is measured: answers and their latencies, the server's own figures, and what this process
+//! uses itself.
 
 mod latencies;
 mod live;

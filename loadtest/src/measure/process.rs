@@ -43,7 +43,8 @@ impl OwnUse {
         self.looks.iter().map(|l| l.rss_bytes).max().unwrap_or(0)
     }
 
-    /// The last look at or before a moment, or a little after it: looks and scrapes are due at the same moments.
+    /// The last look at or before a moment, or a little after it: looks and scrapes are due at the
+    /// same moments.
     pub fn look_at(&self, at_s: f64) -> Option<&OwnLook> {
         self.looks.iter().rev().find(|look| look.at_s <= at_s + 0.05)
     }

@@ -13,8 +13,8 @@ impl Metrics {
         Self(prometheus_parse::Scrape::parse(lines).map_or_else(|_| Vec::new(), |scrape| scrape.samples))
     }
 
-    /// The value of a counter or gauge, or of a histogram's `_sum` or `_count`, summed up over all its labels that have these
-    /// values. None where there is none.
+    /// The value of a counter or gauge, or of a histogram's `_sum` or `_count`, summed up over all
+    /// its labels that have these values. None where there is none.
     pub fn sum(&self, name: &str, labels: &[(&str, &str)]) -> Option<f64> {
         let fits = |sample: &&Sample| {
             sample.metric == name
@@ -39,21 +39,23 @@ impl Metrics {
         sample.labels.get(label)
     }
 
-    /// How much a counter has grown since another scrape. None where there is none; from 0 where it began meanwhile.
+    /// How much a counter has grown since another scrape. None where there is none; from 0 where it
+    /// began meanwhile.
     pub fn grown(&self, before: &Self, name: &str, labels: &[(&str, &str)]) -> Option<f64> {
         let now = self.sum(name, labels)?;
         Some((now - before.sum(name, labels).unwrap_or(0.0)).max(0.0))
     }
 
-    /// The mean of what a histogram has taken since another scrape, and how many that is. None where it took nothing.
+    /// The mean of what a histogram has taken since another scrape, and how many that is. None
+    /// where it took nothing.
     pub fn mean(&self, before: &Self, name: &str, labels: &[(&str, &str)]) -> Option<(f64, f64)> {
         let count = self.grown(before, &format!("{name}_count"), labels)?;
         let sum = self.grown(before, &format!("{name}_sum"), labels)?;
         (count > 0.0).then_some((sum / count, count))
     }
 
-    /// How many values a histogram has taken since another scrape, in each of its buckets: their upper bounds and counts, not
-    /// summed up. Histograms that differ in their labels are added.
+    /// How many values a histogram has taken since another scrape, in each of its buckets: their
+    /// upper bounds and counts, not summed up. Histograms that differ in their labels are added.
     pub fn buckets(&self, before: &Self, name: &str) -> Vec<(f64, f64)> {
         let (now, before) = (self.cumulative(name), before.cumulative(name));
         let mut below = 0.0;

@@ -117,7 +117,8 @@ pub struct Pulse {
     pub in_flight: u64,
 }
 
-/// Takes note of every answer. Shared by all that make load in a process; a note takes well under a microsecond.
+/// Takes note of every answer. Shared by all that make load in a process; a note takes well under a
+/// microsecond.
 #[derive(Debug)]
 pub struct Recorder {
     clock: Clock,
@@ -130,8 +131,8 @@ struct State {
     in_flight: u64,
 }
 
-/// Latest second that gets a place of its own after the load's end, so that an answer that comes absurdly late does not
-/// take memory.
+/// Latest second that gets a place of its own after the load's end, so that an answer that comes
+/// absurdly late does not take memory.
 const SECONDS_AFTER: usize = 120;
 
 impl State {
@@ -145,8 +146,8 @@ impl State {
         &mut seconds[index]
     }
 
-    /// Notes the outcome of a request by the tenth of a second in which it was due: its latency, or none where it was not
-    /// answered right.
+    /// Notes the outcome of a request by the tenth of a second in which it was due: its latency, or
+    /// none where it was not answered right.
     fn fine(&mut self, clock: &Clock, due: Instant, latency: Option<Duration>) {
         if !clock.fine || due >= clock.end() {
             return;

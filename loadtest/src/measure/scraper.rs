@@ -57,8 +57,8 @@ impl Scrapes {
 }
 
 impl Scraper {
-    /// Scrapes a server such as `http://127.0.0.1:8080`, at `/metrics`. None where it has no metrics, or none for this
-    /// key.
+    /// Scrapes a server such as `http://127.0.0.1:8080`, at `/metrics`. None where it has no
+    /// metrics, or none for this key.
     pub async fn find(server: &str, access: &Access) -> Option<Self> {
         let uri: http::Uri = format!("{}/metrics", server.trim_end_matches('/')).parse().ok()?;
         let scraper = Self {
@@ -93,7 +93,8 @@ impl Scraper {
         tokio::time::timeout(TIMEOUT, get).await.ok().flatten()
     }
 
-    /// Scrapes once a second from the begin of a load to its end, so that a scrape falls on both ends of the measured time.
+    /// Scrapes once a second from the begin of a load to its end, so that a scrape falls on both
+    /// ends of the measured time.
     pub async fn follow(self, clock: Clock) -> Scrapes {
         let mut scrapes = Scrapes::default();
         for due in sampling_times(&clock) {
@@ -113,7 +114,8 @@ impl Scraper {
     }
 }
 
-/// When to look at server and client: the ends of the measured time, and whole seconds away from its begin.
+/// When to look at server and client: the ends of the measured time, and whole seconds away from
+/// its begin.
 pub fn sampling_times(clock: &Clock) -> Vec<Instant> {
     const SECOND: Duration = Duration::from_secs(1);
     let middle = clock.measured_from();

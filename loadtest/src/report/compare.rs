@@ -34,7 +34,8 @@ const FIGURES: [Figure; 18] = [
     ("client processors", |f| Some(f.client.cpus_busy)),
 ];
 
-/// A table of medians, each with its ratio to the first report's, and the span of the repetitions where there are several.
+/// A table of medians, each with its ratio to the first report's, and the span of the repetitions
+/// where there are several.
 pub fn compare(reports: &[Report]) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);

@@ -1,7 +1,7 @@
 //! What a load test found: JSON with a version, a table, a page with plots, and comparisons.
 //!
-//! The JSON form of [`Report`] is a contract: within [`VERSION`] fields may be added, never renamed or given another meaning.
-//! `troupe-loadtest schema` prints its JSON Schema.
+//! The JSON form of [`Report`] is a contract: within [`VERSION`] fields may be added, never renamed
+//! or given another meaning. `troupe-loadtest schema` prints its JSON Schema.
 
 pub mod compare;
 pub mod html;

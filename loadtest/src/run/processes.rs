@@ -1,8 +1,8 @@
-//! Several processes that make one load: this program starts itself as workers and speaks with them by lines of JSON over their
-//! standard input and output.
+//! Several processes that make one load: this program starts itself as workers and speaks with them
+//! by lines of JSON over their standard input and output.
 //!
-//! Each worker makes the same arrivals from the same seed and sends those of its own number, so the load is the same with any
-//! number of processes; histograms are added, not averaged.
+//! Each worker makes the same arrivals from the same seed and sends those of its own number, so the
+//! load is the same with any number of processes; histograms are added, not averaged.
 
 use std::process::Stdio;
 use std::sync::Arc;
@@ -231,7 +231,8 @@ fn sum(one: Pulse, two: Pulse) -> Pulse {
     }
 }
 
-/// What a worker process does: listens to its orders, makes its share of the load, tells what it found.
+/// What a worker process does: listens to its orders, makes its share of the load, tells what it
+/// found.
 ///
 /// # Errors
 /// [`Failure`] where the process that started it cannot be spoken with; all else it is told.

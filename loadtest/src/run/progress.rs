@@ -1,4 +1,5 @@
-//! Live progress on standard error: a bar on a terminal, a line a second elsewhere, nothing where nobody wants it.
+//! Live progress on standard error: a bar on a terminal, a line a second elsewhere, nothing where
+//! nobody wants it.
 
 use std::io::IsTerminal as _;
 use std::sync::Arc;

@@ -1,4 +1,5 @@
-//! Looks for the most that a server can do within a bound: most characters without an underrun, or the highest rate.
+//! Looks for the most that a server can do within a bound: most characters without an underrun, or
+//! the highest rate.
 
 mod goal;
 mod probe;

@@ -32,7 +32,8 @@ fn at_level(plan: &Plan, level: f64) -> Result<Plan, Failure> {
     Ok(plan)
 }
 
-/// Searches, and gives the search with the runs of the level that it found, the confirming ones included.
+/// Searches, and gives the search with the runs of the level that it found, the confirming ones
+/// included.
 ///
 /// # Errors
 /// See [`Failure`].

@@ -9,14 +9,15 @@ pub struct SearchLimits {
     pub least: f64,
     /// No level above this is tried.
     pub most: f64,
-    /// The search is done when the level that holds and the one that does not are so near, as a share of the former.
+    /// The search is done when the level that holds and the one that does not are so near, as a
+    /// share of the former.
     pub within: f64,
     /// Levels are whole multiples of this.
     pub step: f64,
     /// Times that the result must hold again.
     pub confirmations: u32,
-    /// Times that a level is tried, at least 1, until it counts as one that does not hold: machines have hiccups. What is to be
-    /// confirmed has one try only.
+    /// Times that a level is tried, at least 1, until it counts as one that does not hold: machines
+    /// have hiccups. What is to be confirmed has one try only.
     pub tries: u32,
 }
 
@@ -34,8 +35,8 @@ pub enum Next {
     Done(Option<f64>),
 }
 
-/// Doubles until a level does not hold, halves the distance until it is small, and then confirms. What does not hold when it is
-/// confirmed counts as one that does not.
+/// Doubles until a level does not hold, halves the distance until it is small, and then confirms.
+/// What does not hold when it is confirmed counts as one that does not.
 #[derive(Debug, Clone)]
 pub struct Search {
     limits: SearchLimits,
@@ -163,7 +164,8 @@ mod tests {
         }
     }
 
-    /// Searches a server that holds what `holds` says, and gives the levels that were tried and the result.
+    /// Searches a server that holds what `holds` says, and gives the levels that were tried and the
+    /// result.
     fn run(limits: SearchLimits, mut holds: impl FnMut(f64) -> bool) -> (Vec<f64>, Option<f64>) {
         let mut search = Search::new(limits);
         let mut tried = Vec::new();

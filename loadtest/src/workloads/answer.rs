@@ -1,5 +1,5 @@
-//! Answers to in-betweening requests, decoded as far as needed: the frame count of each character and the server's timing
-//! always, everything else of a sample.
+//! Answers to in-betweening requests, decoded as far as needed: the frame count of each character
+//! and the server's timing always, everything else of a sample.
 
 use bytes::Bytes;
 use prost::Message as _;

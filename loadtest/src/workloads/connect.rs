@@ -11,7 +11,8 @@ pub(super) const MOST_ANSWER_BYTES: usize = 256 << 20;
 const STREAM_WINDOW_BYTES: u32 = 4 << 20;
 const CONNECTION_WINDOW_BYTES: u32 = 64 << 20;
 
-/// As many connections as the plan has. Requests time out by themselves, within the limit that connections have.
+/// As many connections as the plan has. Requests time out by themselves, within the limit that
+/// connections have.
 pub(super) async fn channels(plan: &Plan) -> Result<Vec<KeyedChannel>, Failure> {
     let options = ConnectOptions {
         request_timeout: plan.timeout() * 2,

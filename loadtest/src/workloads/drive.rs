@@ -231,7 +231,8 @@ impl Stream {
         });
     }
 
-    /// Reads the places of all characters of a tick: how many there are, and the bytes of their frames.
+    /// Reads the places of all characters of a tick: how many there are, and the bytes of their
+    /// frames.
     fn read(
         &mut self,
         frames: &v1::DriveFrames,

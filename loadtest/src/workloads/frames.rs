@@ -1,4 +1,5 @@
-//! Frames of live characters, decoded as far as needed: the places of roots always, rotations of a sample.
+//! Frames of live characters, decoded as far as needed: the places of roots always, rotations of a
+//! sample.
 
 use glam::Vec3;
 use troupe_motion::codec;
@@ -62,7 +63,8 @@ impl<'a> Block<'a> {
         (floats * 4 + of.packed_roots.len() + of.packed_rotations.len() + of.contacts.len()) as u64
     }
 
-    /// Where the root of each character is in its last frame, metres (sessions of a load test use the native convention).
+    /// Where the root of each character is in its last frame, metres (sessions of a load test use
+    /// the native convention).
     pub(super) fn places(&self) -> impl Iterator<Item = (u32, Vec3)> + '_ {
         let last = self.frames.saturating_sub(1);
         let slots = self.message.slots.iter().enumerate();

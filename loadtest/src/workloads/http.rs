@@ -23,7 +23,8 @@ use crate::plan::Plan;
 /// Longest wait for a connection.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Posts over as many HTTP/1.1 connections as requests are on their way at once; each is kept open for the next.
+/// Posts over as many HTTP/1.1 connections as requests are on their way at once; each is kept open
+/// for the next.
 #[derive(Debug)]
 pub struct Http {
     client: Client<HttpsConnector<HttpConnector>, Full<Bytes>>,

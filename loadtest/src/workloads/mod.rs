@@ -71,7 +71,8 @@ impl Prepared {
     /// Makes the load, by the recorder's clock, and returns when all answers are there.
     ///
     /// # Errors
-    /// See [`Failure`]; what goes wrong with single requests and sessions is recorded and no failure.
+    /// See [`Failure`]; what goes wrong with single requests and sessions is recorded and no
+    /// failure.
     pub async fn carry_out(self, plan: &Plan, share: Share, recorder: &Arc<Recorder>) -> Result<(), Failure> {
         match self {
             Self::Grpc(target) => calls(plan, share, target, recorder).await,

@@ -175,7 +175,8 @@ fn made(clip: &Clip, pack: &Pack, of: &Requests, seed: u64) -> Result<Vec<v1::In
         )));
     }
     let character = |number: u64| {
-        // A stride that meets every start before it meets one again, as 7 has no factor in common with most numbers.
+        // A stride that meets every start before it meets one again, as 7 has no factor in common
+        // with most numbers.
         let start = (number.wrapping_mul(7) % starts) as usize;
         let gap = InBetween::from_clip(clip, start + context - 1, start + length - 1)?
             .id(number.to_string())

@@ -38,8 +38,8 @@ fn ttl(plan: &Plan) -> Duration {
     (plan.warmup() + plan.measured() + TTL_MARGIN).min(MOST_TTL)
 }
 
-/// The priority of character number `nth`: evenly spread, whatever the number of characters (the multiples of the golden
-/// ratio, without their whole part).
+/// The priority of character number `nth`: evenly spread, whatever the number of characters (the
+/// multiples of the golden ratio, without their whole part).
 fn priority(nth: u32) -> f32 {
     (f64::from(nth) * 0.618_033_988_749_895).fract() as f32
 }
@@ -126,7 +126,8 @@ impl Opened {
         closed
     }
 
-    /// Looks at both ends of the measured time what the sessions have done, and gives the difference.
+    /// Looks at both ends of the measured time what the sessions have done, and gives the
+    /// difference.
     async fn follow(&self, clock: &Clock) -> Result<PlanStats, Failure> {
         tokio::time::sleep_until(clock.measured_from()).await;
         let before = self.stats().await?;

@@ -123,7 +123,8 @@ impl Walker {
             .at(self.place, self.heading)
     }
 
-    /// What it wants next, where it has made up its mind since: `at` is the time since the load began.
+    /// What it wants next, where it has made up its mind since: `at` is the time since the load
+    /// began.
     pub(super) fn decide(&mut self, at: Duration, now: Instant) -> Option<v1::Command> {
         if at < self.decides_at? {
             return None;
@@ -193,7 +194,8 @@ impl Walker {
         Locomotion::walk(way)
     }
 
-    /// It is here now, `seconds` after the frame before. Gives the time from the command to go until it is seen to go, once.
+    /// It is here now, `seconds` after the frame before. Gives the time from the command to go
+    /// until it is seen to go, once.
     pub(super) fn seen(&mut self, place: Vec3, seconds: f32, now: Instant) -> Option<Duration> {
         let step = (place - self.place) / seconds;
         self.place = place;

@@ -142,7 +142,8 @@ fn the_air_is_as_gravity_has_it() {
         let at = throw.at((frame + 1) as f32 / 30.0);
         assert!(fall.motion.roots[frame].distance(at) < 1e-5, "frame {frame}");
     }
-    // The root never jumps: it is braked by no more than the depth asks for, and over the ground in a tenth of a second.
+    // The root never jumps: it is braked by no more than the depth asks for, and over the ground in
+    // a tenth of a second.
     let roots = [&[throw.position], &fall.motion.roots[..]].concat();
     let most = fall.impact_mps.powi(2) / (2.0 * (fall.depth_m - 0.04)) + 40.0;
     for w in roots.windows(3) {
@@ -189,7 +190,8 @@ fn joints_go_on_as_they_moved() {
     let skeleton = person();
     let (roots, rotations, _) = walk(60);
     let stand = standing();
-    // Of all joints about the root, how much more the fall's first frames are accelerated than the walk, m/s², at worst.
+    // Of all joints about the root, how much more the fall's first frames are accelerated than the
+    // walk, m/s², at worst.
     let roughest = |start: usize, goes_on: usize| {
         let from = Posed {
             root: roots[start] + Vec3::Y * 2.0,

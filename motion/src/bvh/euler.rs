@@ -30,8 +30,8 @@ impl EulerOrder {
 
     /// Angles (radians, in this order) whose product is `q`.
     ///
-    /// The product equals `q` for every rotation. At gimbal lock the first angle is arbitrary, so the others are taken
-    /// from what is left after it is undone: they stay exact.
+    /// The product equals `q` for every rotation. At gimbal lock the first angle is arbitrary, so
+    /// the others are taken from what is left after it is undone: they stay exact.
     pub(super) fn angles(self, q: DQuat) -> [f64; 3] {
         let m = DMat3::from_quat(q.normalize());
         let [i, j, k] = self.axes();
@@ -99,7 +99,8 @@ mod tests {
                 let middle = (if up { FRAC_PI_2 } else { -FRAC_PI_2 }) + near;
                 let q = product(order, [a, middle, c]);
                 prop_assert!(same(product(order, order.angles(q)), q, 1e-9), "{:?}", order);
-                // What a clip holds is rounded to single precision; the angles must be as good for it.
+                // What a clip holds is rounded to single precision; the angles must be as good for
+                // it.
                 let rounded = q.as_quat().as_dquat().normalize();
                 prop_assert!(same(product(order, order.angles(rounded)), rounded, 1e-9), "{:?}", order);
             }

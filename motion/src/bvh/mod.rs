@@ -1,12 +1,14 @@
 //! BVH: reading, writing, and conversion from and to [`Clip`](crate::Clip).
 //!
-//! Any hierarchy (several roots too), any order and subset of channels, End Sites, any whitespace and line ends,
-//! exponents, keywords in any case. One row of numbers a frame. Position channels **replace** the axis of the OFFSET that
-//! they name. Rotation channels apply in the order in which they stand: `Z X Y` is the matrix product `Rz·Rx·Ry`.
+//! Any hierarchy (several roots too), any order and subset of channels, End Sites, any whitespace
+//! and line ends, exponents, keywords in any case. One row of numbers a frame. Position channels
+//! **replace** the axis of the OFFSET that they name. Rotation channels apply in the order in which
+//! they stand: `Z X Y` is the matrix product `Rz·Rx·Ry`.
 //!
-//! The reader is made for hostile input: it does not recurse, allocates by the text it has seen and never by a count that
-//! the text declares, and stops at the limits below. The conversion to a clip has limits of its own
-//! ([`ConvertError::TooLong`]), since a joint without channels takes no text in a frame but a rotation in a clip's.
+//! The reader is made for hostile input: it does not recurse, allocates by the text it has seen and
+//! never by a count that the text declares, and stops at the limits below. The conversion to a clip
+//! has limits of its own ([`ConvertError::TooLong`]), since a joint without channels takes no text
+//! in a frame but a rotation in a clip's.
 
 mod convert;
 mod euler;
@@ -139,7 +141,8 @@ pub enum BvhBuildError {
 }
 
 impl BvhFile {
-    /// Checks and builds a file from its parts. `values` holds frames of all joints' channels, joints in order.
+    /// Checks and builds a file from its parts. `values` holds frames of all joints' channels,
+    /// joints in order.
     ///
     /// # Errors
     /// [`BvhBuildError`] where the parts do not fit each other or the format.
@@ -198,7 +201,8 @@ impl BvhFile {
         })
     }
 
-    /// The joints; parents before children. Files that were read have them in the order of the text.
+    /// The joints; parents before children. Files that were read have them in the order of the
+    /// text.
     pub fn joints(&self) -> &[BvhJoint] {
         &self.joints
     }
@@ -208,7 +212,8 @@ impl BvhFile {
         self.frame_time_s
     }
 
-    /// Frames a second. Files round the frame time (0.0333333), so a rate within 0.05 % of a whole number is that number.
+    /// Frames a second. Files round the frame time (0.0333333), so a rate within 0.05 % of a whole
+    /// number is that number.
     pub fn fps(&self) -> f32 {
         let fps = 1.0 / self.frame_time_s;
         let whole = fps.round();

@@ -6,10 +6,11 @@ use glam::DVec3;
 
 use super::{BvhFile, BvhJoint};
 
-/// Writes a BVH text that [`parse`](super::parse) reads back: numbers to six decimals, the frame time in full.
+/// Writes a BVH text that [`parse`](super::parse) reads back: numbers to six decimals, the frame
+/// time in full.
 ///
-/// Joints are written depth first, so a file whose joints were in another order comes back in that one; every joint keeps
-/// its own channels and values.
+/// Joints are written depth first, so a file whose joints were in another order comes back in that
+/// one; every joint keeps its own channels and values.
 pub fn write(file: &BvhFile) -> String {
     let mut children = vec![Vec::new(); file.joints.len()];
     let mut roots = Vec::new();
@@ -43,7 +44,8 @@ pub fn write(file: &BvhFile) -> String {
     out
 }
 
-/// Writes the joints depth first, without recursion, and gives the order in which they were written.
+/// Writes the joints depth first, without recursion, and gives the order in which they were
+/// written.
 fn write_hierarchy(file: &BvhFile, roots: &[usize], children: &[Vec<usize>], out: &mut String) -> Vec<usize> {
     /// A joint to open at some depth, or a block to close.
     enum Step {

@@ -77,8 +77,8 @@ pub enum ConvertError {
     /// A scale that is not finite and positive.
     #[error("the scale must be finite and positive, not {0}")]
     Scale(f32),
-    /// Frames times joints are more than [`MAX_ROTATIONS`]. Joints without channels take no text in a frame, so a small file
-    /// could else ask for any amount of memory.
+    /// Frames times joints are more than [`MAX_ROTATIONS`]. Joints without channels take no text in
+    /// a frame, so a small file could else ask for any amount of memory.
     #[error(
         "{frames} frames of {joints} joints are too many: at most {} frames of so many joints are converted",
         MAX_ROTATIONS / (*joints).max(1)
@@ -89,7 +89,8 @@ pub enum ConvertError {
         /// Joints of the file.
         joints: usize,
     },
-    /// The joints do not make a skeleton; for example they are more than [`MAX_JOINTS`](crate::skeleton::MAX_JOINTS).
+    /// The joints do not make a skeleton; for example they are more than
+    /// [`MAX_JOINTS`](crate::skeleton::MAX_JOINTS).
     #[error(transparent)]
     Skeleton(#[from] SkeletonError),
     /// The frames do not make a clip.
@@ -97,11 +98,12 @@ pub enum ConvertError {
     Clip(#[from] ClipError),
 }
 
-/// The joints of a file that a clip takes: index in the file, and the parent's place among the taken.
+/// The joints of a file that a clip takes: index in the file, and the parent's place among the
+/// taken.
 type Taken = Vec<(usize, Option<usize>)>;
 
-/// A clip with a skeleton of its own, made from the file's joints in their order. Offsets are the mean places of the joints in
-/// their parents.
+/// A clip with a skeleton of its own, made from the file's joints in their order. Offsets are the
+/// mean places of the joints in their parents.
 pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, ConvertError> {
     let roots = (0..source.joint_count())
         .filter(|&j| source.parent(j).is_none())
@@ -109,7 +111,8 @@ pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, Conve
     if roots != 1 {
         return Err(ConvertError::SeveralRoots(roots));
     }
-    // What is too long is not played to find its root. Whether it has too many joints comes first all the same.
+    // What is too long is not played to find its root. Whether it has too many joints comes first
+    // all the same.
     let checked = check(source, rules);
     let root = if checked.is_ok() {
         character_root(source, rules)
@@ -153,8 +156,8 @@ pub(crate) fn to_clip(source: &impl Source, rules: &Rules) -> Result<Clip, Conve
     )?)
 }
 
-/// A clip on a given skeleton; joints go by name. Joints of the file that the skeleton lacks are folded into their descendants'
-/// world transforms.
+/// A clip on a given skeleton; joints go by name. Joints of the file that the skeleton lacks are
+/// folded into their descendants' world transforms.
 pub(crate) fn to_clip_on(
     source: &impl Source,
     skeleton: &Arc<Skeleton>,
@@ -251,8 +254,9 @@ fn subtree(source: &impl Source, root: usize) -> Taken {
     taken
 }
 
-/// Plays every frame of the file and takes what the clip needs of it. The joints' places are held against the offsets of
-/// `skeleton`, whose joints are `taken`, or against those of the first frame.
+/// Plays every frame of the file and takes what the clip needs of it. The joints' places are held
+/// against the offsets of `skeleton`, whose joints are `taken`, or against those of the first
+/// frame.
 fn play(
     source: &impl Source,
     taken: &Taken,

@@ -4,8 +4,8 @@ use glam::Vec3;
 
 use crate::skeleton::Joint;
 
-/// The direction from right to left between the two children of the root whose names differ in left and right only;
-/// +X without such.
+/// The direction from right to left between the two children of the root whose names differ in left
+/// and right only; +X without such.
 pub(super) fn left_axis_of(joints: &[Joint]) -> Vec3 {
     let children = || joints.iter().filter(|j| j.parent == Some(0));
     for left in children() {
@@ -22,7 +22,8 @@ pub(super) fn left_axis_of(joints: &[Joint]) -> Vec3 {
     Vec3::X
 }
 
-/// The name of the right-hand counterpart of a left-hand joint: `LeftUpLeg`, `left_hip`, `UpperLeg_L`, `L_Hip`, `thigh.l`.
+/// The name of the right-hand counterpart of a left-hand joint: `LeftUpLeg`, `left_hip`,
+/// `UpperLeg_L`, `L_Hip`, `thigh.l`.
 fn mirrored_name(name: &str) -> Option<String> {
     for (left, right) in [("Left", "Right"), ("left", "right"), ("LEFT", "RIGHT")] {
         if name.contains(left) {

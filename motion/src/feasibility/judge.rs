@@ -12,7 +12,8 @@ use crate::skeleton::Skeleton;
 
 /// Reads a motion frame by frame, and keeps what is farthest beyond the limits of its body.
 ///
-/// A frame may lack its root or its pose: what needs it is not judged then. All scratch memory is allocated once.
+/// A frame may lack its root or its pose: what needs it is not judged then. All scratch memory is
+/// allocated once.
 #[derive(Debug)]
 pub struct Judge {
     pub(super) limits: Arc<Limits>,
@@ -56,8 +57,8 @@ impl Judge {
         })
     }
 
-    /// Judges a whole motion: world positions of the root, `[frames]`, and poses, `[frames * joints]`, joint 0 in the world and
-    /// others relative to their parents.
+    /// Judges a whole motion: world positions of the root, `[frames]`, and poses, `[frames *
+    /// joints]`, joint 0 in the world and others relative to their parents.
     pub fn motion(&mut self, roots: &[Vec3], rotations: &[Quat]) -> Feasibility {
         let poses = rotations.chunks_exact(self.skeleton.joint_count());
         for (frame, (&root, pose)) in roots.iter().zip(poses).enumerate() {
@@ -90,7 +91,8 @@ impl Judge {
         }
     }
 
-    /// Judges the frame that follows, by its number: where its root is, and its pose with the height of the root.
+    /// Judges the frame that follows, by its number: where its root is, and its pose with the
+    /// height of the root.
     pub fn push(&mut self, frame: usize, root: Option<Vec3>, pose: Option<(f32, &[Quat])>) {
         self.next.root = root;
         self.next.pelvis = pose.map(|(_, pose)| pose[0]);
@@ -130,7 +132,8 @@ impl Judge {
         self.found.see(figure, seen);
     }
 
-    /// Judges a root velocity (over the ground, m/s) that was asked for in a frame, beside the step that leads to it.
+    /// Judges a root velocity (over the ground, m/s) that was asked for in a frame, beside the step
+    /// that leads to it.
     pub(super) fn see_velocity(&mut self, frame: usize, velocity: Vec3, before: Vec3, root: Vec3) {
         let step = (root - before).with_y(0.0) * self.fps;
         let change = (velocity.with_y(0.0) - step).length() * self.fps;

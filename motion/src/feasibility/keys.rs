@@ -43,8 +43,8 @@ impl Key<'_> {
 }
 
 impl Judge {
-    /// Judges what a request gives: consecutive keyframes at its begin, and consecutive ones that end with its last frame. Frames
-    /// count from the first keyframe.
+    /// Judges what a request gives: consecutive keyframes at its begin, and consecutive ones that
+    /// end with its last frame. Frames count from the first keyframe.
     pub fn keys(&mut self, context: &[Key<'_>], targets: &[Key<'_>], frames: usize) -> Feasibility {
         let first_target = frames.saturating_sub(targets.len());
         self.take();
@@ -77,7 +77,8 @@ impl Judge {
         self.take()
     }
 
-    /// Judges places that the root is to be at, by their frames, which rise: how fast it is between them at the least.
+    /// Judges places that the root is to be at, by their frames, which rise: how fast it is between
+    /// them at the least.
     pub fn places(&mut self, places: impl IntoIterator<Item = (usize, [f32; 2])>) -> Feasibility {
         let mut before: Option<(usize, [f32; 2])> = None;
         for (frame, [x, z]) in places {
@@ -130,7 +131,8 @@ impl Judge {
         }
     }
 
-    /// Mean distance of the joints of two keyframes over their projected roots, metres. Takes the memory of frames as scratch.
+    /// Mean distance of the joints of two keyframes over their projected roots, metres. Takes the
+    /// memory of frames as scratch.
     fn pose_distance(&mut self, from: &Key<'_>, to: &Key<'_>) -> Option<f32> {
         let poses = [from.pose()?, to.pose()?];
         let places = [&mut self.older.places, &mut self.next.places];
@@ -144,15 +146,16 @@ impl Judge {
     }
 }
 
-/// How far a target's root is from where the context's mean velocity leads in so many frames, over the ground, metres. None where
-/// either has no root.
+/// How far a target's root is from where the context's mean velocity leads in so many frames, over
+/// the ground, metres. None where either has no root.
 pub fn reach_of(context: &[Key<'_>], target: &Key<'_>, frames: usize) -> Option<f32> {
     let led = context.last()?.place()? + step_of(context)? * frames as f32;
     Some((target.place()? - led).with_y(0.0).length())
 }
 
-/// How far from the last context frame a root can be in the direction of a target after so many frames, metres over the ground;
-/// none where it cannot be in that direction at all. `limits` are those of the body.
+/// How far from the last context frame a root can be in the direction of a target after so many
+/// frames, metres over the ground; none where it cannot be in that direction at all. `limits` are
+/// those of the body.
 pub fn farthest(limits: &Limits, context: &[Key<'_>], target: &Key<'_>, frames: usize) -> Option<f32> {
     let way = (target.place()? - context.last()?.place()?).with_y(0.0);
     let direction = way.try_normalize()?;

@@ -62,7 +62,8 @@ impl Limits {
         })
     }
 
-    /// The limit of a figure. That of a reach is the farthest that there is: [`Limits::reach`] has it by frames.
+    /// The limit of a figure. That of a reach is the farthest that there is: [`Limits::reach`] has
+    /// it by frames.
     pub fn of(&self, figure: Figure) -> f32 {
         let doc = &self.doc;
         let farthest = |list: &[f32]| list.last().copied().unwrap_or_default();

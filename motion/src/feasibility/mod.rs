@@ -1,8 +1,9 @@
-//! Whether a motion stays within what the data of its pack does: figures of its frames and of the keyframes that were asked
-//! for, each beside a limit that was measured on the training clips.
+//! Whether a motion stays within what the data of its pack does: figures of its frames and of the
+//! keyframes that were asked for, each beside a limit that was measured on the training clips.
 //!
-//! [`Limits`] is the table `[limits]` of a pack; `troupe-train limits` measures it (`training/troupe_training/data/limits.py`,
-//! which computes the same figures). [`Judge`] reads frames, [`Feasibility`] is what it found.
+//! [`Limits`] is the table `[limits]` of a pack; `troupe-train limits` measures it
+//! (`training/troupe_training/data/limits.py`, which computes the same figures). [`Judge`] reads
+//! frames, [`Feasibility`] is what it found.
 
 mod doc;
 mod judge;
@@ -39,7 +40,8 @@ pub enum Figure {
     RootReach,
     /// Angle between the pelvis of the last context frame and of a target, radians.
     TurnReach,
-    /// From the joints of the last context frame to those of a target, over the projected root, metres in the mean.
+    /// From the joints of the last context frame to those of a target, over the projected root,
+    /// metres in the mean.
     PoseReach,
 }
 
@@ -92,7 +94,8 @@ impl Figure {
         }
     }
 
-    /// By which power of the time a motion takes its value falls: 1 for speeds, 2 for accelerations, 0 for what a pose has.
+    /// By which power of the time a motion takes its value falls: 1 for speeds, 2 for
+    /// accelerations, 0 for what a pose has.
     pub fn power_of_time(self) -> i32 {
         match self {
             Self::RootSpeed | Self::Turning | Self::JointSpeed => 1,

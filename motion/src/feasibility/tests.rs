@@ -160,7 +160,8 @@ fn a_target_is_within_reach_by_its_frames() {
         root: Some(GlobalRoot::new(Vec3::new(x, 0.97, 0.0), 0.0)),
         ..Key::default()
     };
-    // 14 frames: 11 from the last context frame to the target, where 0.5 m is the limit; 24 frames: 21, and 1 m.
+    // 14 frames: 11 from the last context frame to the target, where 0.5 m is the limit; 24 frames:
+    // 21, and 1 m.
     for (x, frames, feasible) in [
         (0.49, 15, true),
         (0.51, 15, false),

@@ -76,10 +76,11 @@ impl Format {
 /// How a file is read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadOptions {
-    /// Metres in a unit of a BVH file; 0.01 (centimetres) by default. All other formats are in metres.
+    /// Metres in a unit of a BVH file; 0.01 (centimetres) by default. All other formats are in
+    /// metres.
     pub bvh_unit_m: f32,
-    /// How far a joint may be from the skeleton's offset, metres; 0.02 by default. A larger one plays the rotations on bones of
-    /// other lengths.
+    /// How far a joint may be from the skeleton's offset, metres; 0.02 by default. A larger one
+    /// plays the rotations on bones of other lengths.
     pub max_offset_error_m: f32,
     /// Frames a second at which a glb's animation is sampled; `None`: those of its keys.
     pub glb_fps: Option<f32>,
@@ -147,7 +148,8 @@ impl ReadError {
     }
 }
 
-/// Reads a file of any format onto a skeleton, joints by name, angles by the robot's hinges. The clip keeps the file's rate.
+/// Reads a file of any format onto a skeleton, joints by name, angles by the robot's hinges. The
+/// clip keeps the file's rate.
 ///
 /// The content says the format where it is unmistakable, else the ending.
 ///

@@ -152,7 +152,8 @@ pub fn write_qpos(clip: &Clip) -> Result<Vec<u8>, NumpyError> {
     Ok(bytes)
 }
 
-/// Reads an `.npy` array of a robot's `qpos` as a clip of `fps` frames a second. Angles are taken as they are.
+/// Reads an `.npy` array of a robot's `qpos` as a clip of `fps` frames a second. Angles are taken
+/// as they are.
 ///
 /// # Errors
 /// [`NumpyError`], with the row that is wrong.
@@ -186,8 +187,9 @@ pub fn read_qpos(bytes: &[u8], skeleton: &Arc<Skeleton>, fps: f32) -> Result<Cli
     Ok(Clip::new(Arc::clone(skeleton), fps, roots, rotations)?)
 }
 
-/// Reads an `.npz` archive as [`write_npz`] makes them onto a skeleton, joints by name: `quaternions`, `root`, `fps` and
-/// `joint_names` count. Joints that the skeleton lacks are left out.
+/// Reads an `.npz` archive as [`write_npz`] makes them onto a skeleton, joints by name:
+/// `quaternions`, `root`, `fps` and `joint_names` count. Joints that the skeleton lacks are left
+/// out.
 ///
 /// # Errors
 /// [`NumpyError`], with the array that is wrong.

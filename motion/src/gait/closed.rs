@@ -9,9 +9,11 @@ use crate::clip::{Clip, ClipError};
 use crate::rotation::{align_sign, slerp_pose, yaw};
 use crate::skeleton::Skeleton;
 
-/// One cycle without a seam: it can be sampled at any time, before and after it too, and goes on for ever.
+/// One cycle without a seam: it can be sampled at any time, before and after it too, and goes on
+/// for ever.
 ///
-/// What the captured cycle lacks to close is spread evenly over it, half of it on either side of its middle.
+/// What the captured cycle lacks to close is spread evenly over it, half of it on either side of
+/// its middle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClosedCycle {
     skeleton: Arc<Skeleton>,
@@ -21,7 +23,8 @@ pub struct ClosedCycle {
     left_mps: f32,
     forward_mps: f32,
     turn_rps: f32,
-    /// For each frame: the root joint beside its mean path: left, height over the world's zero, forward; metres.
+    /// For each frame: the root joint beside its mean path: left, height over the world's zero,
+    /// forward; metres.
     offsets: Vec<Vec3>,
     /// For each frame and joint; the first with the heading line taken out.
     rotations: Vec<Quat>,
@@ -89,7 +92,8 @@ impl ClosedCycle {
         }
     }
 
-    /// Spreads the difference between the first frame and the one after the last over the cycle, and drops the latter.
+    /// Spreads the difference between the first frame and the one after the last over the cycle,
+    /// and drops the latter.
     fn close(&mut self) {
         let joints = self.skeleton.joint_count();
         let open = self.offsets[self.frames] - self.offsets[0];
@@ -143,8 +147,8 @@ impl ClosedCycle {
         self.turn_rps * frame / self.fps
     }
 
-    /// The root joint and the pose at a time in frames from the first left strike, which may be negative and between
-    /// frames. The heading line begins at the world's origin along +Z.
+    /// The root joint and the pose at a time in frames from the first left strike, which may be
+    /// negative and between frames. The heading line begins at the world's origin along +Z.
     pub fn at(&self, frame: f32) -> (Vec3, Vec<Quat>) {
         let joints = self.skeleton.joint_count();
         let within = frame.rem_euclid(self.frames as f32);

@@ -61,7 +61,8 @@ pub struct Cycle {
     pub heading: f32,
     /// Mean height of the root joint, metres.
     pub height_m: f32,
-    /// Root mean square distance of the joints between both ends, seen from the root along the heading line, metres.
+    /// Root mean square distance of the joints between both ends, seen from the root along the
+    /// heading line, metres.
     pub closure_m: f32,
 }
 

@@ -1,12 +1,14 @@
 //! Gaits: from a clip of somebody who walks, runs or stands to one cycle that repeats for ever.
 //!
-//! [`find_cycles`] looks for steps. A left strike is where the left foot is furthest ahead of the right in the direction of
-//! travel; a cycle reaches from one left strike to the next, so that phase 0 means the same in every gait and gaits can be
-//! blended phase by phase. [`ClosedCycle`] takes out what is left between a cycle's two ends and repeats it.
-//! [`find_stand`] looks for the frame that stands best.
+//! [`find_cycles`] looks for steps. A left strike is where the left foot is furthest ahead of the
+//! right in the direction of travel; a cycle reaches from one left strike to the next, so that
+//! phase 0 means the same in every gait and gaits can be blended phase by phase. [`ClosedCycle`]
+//! takes out what is left between a cycle's two ends and repeats it. [`find_stand`] looks for the
+//! frame that stands best.
 //!
-//! Velocities are in the frame of the cycle's heading line, the straight line through the pelvis' heading over one cycle:
-//! `left` along its left, `forward` along its forward. What the pelvis does besides, its sway, stays in the poses.
+//! Velocities are in the frame of the cycle's heading line, the straight line through the pelvis'
+//! heading over one cycle: `left` along its left, `forward` along its forward. What the pelvis does
+//! besides, its sway, stays in the poses.
 
 mod closed;
 mod cycle;

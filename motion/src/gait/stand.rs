@@ -40,7 +40,8 @@ pub struct Stand {
 /// The stillest frame of a clip with both feet down and every other joint above them.
 ///
 /// # Errors
-/// [`GaitError::Restless`] where no frame is still enough, [`GaitError::NoFeet`], [`GaitError::TooShort`] for one frame.
+/// [`GaitError::Restless`] where no frame is still enough, [`GaitError::NoFeet`],
+/// [`GaitError::TooShort`] for one frame.
 pub fn find_stand(clip: &Clip, options: &StandOptions) -> Result<Stand, GaitError> {
     if clip.frames() < 2 {
         return Err(GaitError::TooShort {

@@ -60,7 +60,8 @@ impl Steps {
         })
     }
 
-    /// Joint positions of a frame as seen from the root joint's place on the ground along `heading`, into `out`.
+    /// Joint positions of a frame as seen from the root joint's place on the ground along
+    /// `heading`, into `out`.
     pub(super) fn pose_along(&self, frame: usize, heading: f32, out: &mut Vec<Vec3>) {
         let positions = self.motion.positions_at(frame);
         let ground = positions[0] * Vec3::new(1.0, 0.0, 1.0);
@@ -80,7 +81,8 @@ pub struct Feet {
 }
 
 impl Feet {
-    /// How far the left foot is ahead of the right along a direction, metres, from the joints' world positions.
+    /// How far the left foot is ahead of the right along a direction, metres, from the joints'
+    /// world positions.
     pub fn lead_m(&self, positions: &[Vec3], direction: Vec3) -> f32 {
         let middle = |joints: &[usize]| {
             joints.iter().map(|&j| positions[j]).sum::<Vec3>() / joints.len().max(1) as f32
@@ -89,7 +91,8 @@ impl Feet {
     }
 }
 
-/// Tells the contact joints of the left and of the right foot: those of the legs that hang on the pelvis' left and right.
+/// Tells the contact joints of the left and of the right foot: those of the legs that hang on the
+/// pelvis' left and right.
 ///
 /// # Errors
 /// [`GaitError::NoFeet`] where one side has none.
@@ -104,8 +107,9 @@ pub fn feet(skeleton: &Skeleton) -> Result<Feet, GaitError> {
     Ok(Feet { left, right })
 }
 
-/// How far to the left of its parent the limb begins that a joint belongs to, metres: of the joints on the way to the pelvis,
-/// the nearest to it that lies beside the middle of the body decides. 0 where none does.
+/// How far to the left of its parent the limb begins that a joint belongs to, metres: of the joints
+/// on the way to the pelvis, the nearest to it that lies beside the middle of the body decides. 0
+/// where none does.
 fn side(skeleton: &Skeleton, joint: usize) -> f32 {
     let up = std::iter::successors(Some(joint), |&j| skeleton.joints[j].parent);
     up.filter(|&j| skeleton.joints[j].parent.is_some())
@@ -160,7 +164,8 @@ fn slopes(path: &[Vec3], fps: f32) -> Vec<Vec3> {
         .collect()
 }
 
-/// Frames whose value is the largest of all within `window` frames and at least [`STRIKE_SHARE`] of the largest of all.
+/// Frames whose value is the largest of all within `window` frames and at least [`STRIKE_SHARE`] of
+/// the largest of all.
 fn peaks(values: &[f32], window: usize) -> Vec<usize> {
     let most = values.iter().copied().fold(0.0, f32::max);
     let mut found: Vec<usize> = Vec::new();

@@ -270,7 +270,8 @@ proptest! {
         };
         let closed = ClosedCycle::new(&clip, &found[0]);
         let frames = closed.frames() as f32;
-        // A cycle later it stands in the same pose, turned by what it turns, and has gone on along its arc.
+        // A cycle later it stands in the same pose, turned by what it turns, and has gone on along
+        // its arc.
         let at = at * frames;
         let (here, pose) = closed.at(at);
         let (there, later) = closed.at(at + frames);

@@ -59,13 +59,15 @@ impl Value for DQuat {
 pub(super) struct Keys<T> {
     /// Seconds, rising.
     times: Vec<f32>,
-    /// One a key; for a cubic spline three: the tangent towards it, its value, the tangent away from it.
+    /// One a key; for a cubic spline three: the tangent towards it, its value, the tangent away
+    /// from it.
     values: Vec<T>,
     interpolation: Interpolation,
 }
 
 impl<T: Value> Keys<T> {
-    /// The value at a time; before the first key and after the last one theirs. A key [`ROUNDING_S`] ahead is reached.
+    /// The value at a time; before the first key and after the last one theirs. A key
+    /// [`ROUNDING_S`] ahead is reached.
     pub(super) fn at(&self, time_s: f64) -> T {
         let next = self
             .times
@@ -119,7 +121,8 @@ pub(super) enum Track {
     Other,
 }
 
-/// Reads the keys of a channel. What is wrong comes back as the end of a sentence about the channel.
+/// Reads the keys of a channel. What is wrong comes back as the end of a sentence about the
+/// channel.
 pub(super) fn read_track(channel: &gltf::animation::Channel<'_>, bytes: &[u8]) -> Result<Track, String> {
     use gltf::animation::Property;
 

@@ -1,5 +1,5 @@
-//! Binary glTF 2.0: writing, and (with the feature `files`) reading the animation of a skeleton. glTF's axes and units are
-//! Troupe's own.
+//! Binary glTF 2.0: writing, and (with the feature `files`) reading the animation of a skeleton.
+//! glTF's axes and units are Troupe's own.
 
 #[cfg(feature = "files")]
 mod keys;

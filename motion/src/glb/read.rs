@@ -28,9 +28,11 @@ pub struct GlbOptions {
     pub fps: Option<f32>,
     /// The animation's name. `None`: the only one.
     pub animation: Option<String>,
-    /// The character's left in the root joint's frame, for clips with a skeleton of their own; `None`: told by the joints' names.
+    /// The character's left in the root joint's frame, for clips with a skeleton of their own;
+    /// `None`: told by the joints' names.
     pub left_axis: Option<Vec3>,
-    /// How far a joint may move in its parent, for clips with a skeleton of their own, metres; 0.001 by default.
+    /// How far a joint may move in its parent, for clips with a skeleton of their own, metres;
+    /// 0.001 by default.
     pub max_offset_variation_m: f32,
     /// How far a joint may be from the given skeleton's offset, metres; 0.02 by default.
     pub max_offset_error_m: f32,
@@ -322,7 +324,8 @@ impl GlbAnimation {
         for node in &nodes {
             node.check(name)?;
         }
-        // A thousandth of a frame of slack: times are rounded, and the last frame must not be lost to that.
+        // A thousandth of a frame of slack: times are rounded, and the last frame must not be lost
+        // to that.
         let (start_s, length_s) = (f64::from(start), f64::from(end) - f64::from(start));
         let frames = (length_s * f64::from(fps) + 1e-3).floor() + 1.0;
         if frames > MAX_FRAMES as f64 {
@@ -337,8 +340,9 @@ impl GlbAnimation {
         })
     }
 
-    /// A clip with a skeleton of its own: the joints of skins and the nodes that the animation moves. What stands above them, and
-    /// a root that only places its child, is folded into the root's transform. Offsets are mean places; the ground is at height 0.
+    /// A clip with a skeleton of its own: the joints of skins and the nodes that the animation
+    /// moves. What stands above them, and a root that only places its child, is folded into the
+    /// root's transform. Offsets are mean places; the ground is at height 0.
     ///
     /// # Errors
     /// [`GlbReadError::Convert`]; for example a joint below the root that moves in its parent.
@@ -346,8 +350,8 @@ impl GlbAnimation {
         Ok(convert::to_clip(self, &options.into())?)
     }
 
-    /// A clip on a given skeleton; joints go by name. Nodes that the skeleton lacks are folded into their descendants' world
-    /// transforms.
+    /// A clip on a given skeleton; joints go by name. Nodes that the skeleton lacks are folded into
+    /// their descendants' world transforms.
     ///
     /// # Errors
     /// [`GlbReadError::Convert`]; for example joints of the skeleton that the file lacks.

@@ -13,7 +13,8 @@ use crate::fk::WorldMotion;
 use crate::rotation::angle_between;
 use crate::testing::{biped, walk};
 
-/// A file of one moving node `Hips` below a node `Rig` and with a child `Leg_L`, whose keys are at 0, 0.5 and 1 second.
+/// A file of one moving node `Hips` below a node `Rig` and with a child `Leg_L`, whose keys are at
+/// 0, 0.5 and 1 second.
 struct Made {
     json: Value,
     bytes: Vec<u8>,
@@ -362,7 +363,8 @@ fn a_long_animation_is_refused_before_memory_is_taken() {
     ));
 }
 
-/// Real files, where they are at hand: Blender's export of skinned animals, with several animations each.
+/// Real files, where they are at hand: Blender's export of skinned animals, with several animations
+/// each.
 #[test]
 fn animals_of_mesh2motion_are_read() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/data/mesh2motion/static/animations");

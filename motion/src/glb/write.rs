@@ -1,5 +1,5 @@
-//! Writes a clip as binary glTF 2.0: a node a joint, one animation, and a plain mesh a bone so that viewers show
-//! something.
+//! Writes a clip as binary glTF 2.0: a node a joint, one animation, and a plain mesh a bone so that
+//! viewers show something.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -30,7 +30,8 @@ pub enum GlbError {
     TooLarge,
 }
 
-/// A GLB file of `clip`: nodes named as the joints, root translation and all rotations as linear animation tracks.
+/// A GLB file of `clip`: nodes named as the joints, root translation and all rotations as linear
+/// animation tracks.
 ///
 /// # Errors
 /// [`GlbError::TooLarge`] for a clip beyond 4 GiB.
@@ -283,7 +284,8 @@ impl Builder {
         });
     }
 
-    /// The container: a header, the JSON chunk, the binary chunk; all lengths are multiples of four.
+    /// The container: a header, the JSON chunk, the binary chunk; all lengths are multiples of
+    /// four.
     fn finish(mut self) -> Result<Vec<u8>, GlbError> {
         self.push_buffer(None);
         let mut text = self.root.to_vec().map_err(|e| GlbError::Json(e.to_string()))?;

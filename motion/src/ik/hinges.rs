@@ -1,7 +1,8 @@
 //! Limbs of hinges: what [`super::two_bone`] is to ball joints, for robots.
 //!
-//! All hinges of a limb turn a little at a time, by damped least squares (Levenberg-Marquardt), until its end is where it is to
-//! be or comes no nearer; a hinge at its limit stays there while it would go beyond. The same input gives the same pose.
+//! All hinges of a limb turn a little at a time, by damped least squares (Levenberg-Marquardt),
+//! until its end is where it is to be or comes no nearer; a hinge at its limit stays there while it
+//! would go beyond. The same input gives the same pose.
 
 use glam::{Quat, Vec3};
 
@@ -59,8 +60,9 @@ struct Limb<'a> {
     base: (Vec3, Quat),
 }
 
-/// Turns the hinges from `top` down to `end` so that `end` comes to `goal`. Answers how far it is from the place, metres (0 where
-/// none is given); `None`, and nothing changes, where the joints are no limb or something is not finite. Does not allocate.
+/// Turns the hinges from `top` down to `end` so that `end` comes to `goal`. Answers how far it is
+/// from the place, metres (0 where none is given); `None`, and nothing changes, where the joints
+/// are no limb or something is not finite. Does not allocate.
 pub(super) fn solve(
     (skeleton, robot): (&Skeleton, &Robot),
     root: Vec3,
@@ -232,7 +234,8 @@ fn length(of: &Column) -> f32 {
     dot(of, of).sqrt()
 }
 
-/// `(J Jᵀ + damping²)⁻¹ lacking`, with the columns of J, by Cholesky's decomposition. `None` where rounding leaves none.
+/// `(J Jᵀ + damping²)⁻¹ lacking`, with the columns of J, by Cholesky's decomposition. `None` where
+/// rounding leaves none.
 fn weights(columns: &[Column], lacking: &Column, damping: f32) -> Option<Column> {
     let mut l = [[0.0_f32; 6]; 6];
     for row in 0..6 {

@@ -1,7 +1,8 @@
 //! Which joints are legs and arms: told from contact joints and the lengths of bones.
 //!
-//! A robot has a joint for every hinge, several of them a hand's breadth apart or less where a body has one: its limbs are the
-//! chains of hinges that hang from the trunk, and their middle joint is the one that leaves two long bones.
+//! A robot has a joint for every hinge, several of them a hand's breadth apart or less where a body
+//! has one: its limbs are the chains of hinges that hang from the trunk, and their middle joint is
+//! the one that leaves two long bones.
 
 use std::ops::Range;
 
@@ -36,7 +37,8 @@ pub struct Leg {
     pub toe: Option<usize>,
     /// Which contact joints the foot and the toe are: the bits of a frame's contacts.
     pub contacts: [Option<usize>; 2],
-    /// Height of the foot and of the toe over the ground that they stand on, metres; 0 where it is no contact joint.
+    /// Height of the foot and of the toe over the ground that they stand on, metres; 0 where it is
+    /// no contact joint.
     pub clearance_m: [f32; 2],
 }
 
@@ -54,7 +56,8 @@ impl Leg {
             .fold(0, |bits, &bit| bits | 1 << bit)
     }
 
-    /// Length of thigh and shin together, metres; of a robot's as far as the hinge of its knee stretches them.
+    /// Length of thigh and shin together, metres; of a robot's as far as the hinge of its knee
+    /// stretches them.
     pub fn length_m(&self, skeleton: &Skeleton) -> f32 {
         match &skeleton.robot {
             Some(robot) => stretched((skeleton, robot), self.chain()),
@@ -68,7 +71,8 @@ impl Leg {
     }
 }
 
-/// Where a leg's hip, foot and toe are in the world, frame by frame; a foot without a toe is its own.
+/// Where a leg's hip, foot and toe are in the world, frame by frame; a foot without a toe is its
+/// own.
 pub(crate) struct LegTrack {
     pub(crate) hips: Vec<Vec3>,
     pub(crate) feet: Vec<Vec3>,
@@ -109,9 +113,10 @@ impl LegTrack {
 
 /// The legs of a skeleton, in the order of its contact joints, at most [`MAX_LEGS`].
 ///
-/// From the lowest contact joint of a limb up to the pelvis, thigh and shin are the two bones in a row of which the shorter
-/// is longest. None are found without contact joints or where no two bones in a row are of similar length: a skeleton
-/// without knees. Only the first eight contact joints count, for a frame's contacts are one byte.
+/// From the lowest contact joint of a limb up to the pelvis, thigh and shin are the two bones in a
+/// row of which the shorter is longest. None are found without contact joints or where no two bones
+/// in a row are of similar length: a skeleton without knees. Only the first eight contact joints
+/// count, for a frame's contacts are one byte.
 pub fn legs(skeleton: &Skeleton) -> Vec<Leg> {
     let mut legs: Vec<Leg> = Vec::new();
     let Some(contacts) = &skeleton.contacts else {
@@ -154,8 +159,8 @@ pub fn legs(skeleton: &Skeleton) -> Vec<Leg> {
     legs
 }
 
-/// The arms of a skeleton: limbs of two bones that hang from the body and are no legs, by their upper, middle and end joint,
-/// in the order of joints.
+/// The arms of a skeleton: limbs of two bones that hang from the body and are no legs, by their
+/// upper, middle and end joint, in the order of joints.
 pub fn arms(skeleton: &Skeleton) -> Vec<[usize; 3]> {
     let legs = legs(skeleton);
     let mut arms: Vec<[usize; 3]> = Vec::new();
@@ -173,9 +178,10 @@ pub fn arms(skeleton: &Skeleton) -> Vec<[usize; 3]> {
     arms
 }
 
-/// The limb of two bones that ends in `joint`, if it can be bent without moving other limbs: `joint`, its parent and its
-/// grandparent, which is not the pelvis, with bones of some length between them, and nothing but single joints (twists)
-/// hanging from them besides. A foot has one too, the leg. Of a robot it is the chain of hinges that `joint` ends or is fixed to.
+/// The limb of two bones that ends in `joint`, if it can be bent without moving other limbs:
+/// `joint`, its parent and its grandparent, which is not the pelvis, with bones of some length
+/// between them, and nothing but single joints (twists) hanging from them besides. A foot has one
+/// too, the leg. Of a robot it is the chain of hinges that `joint` ends or is fixed to.
 pub fn arm_of(skeleton: &Skeleton, joint: usize) -> Option<[usize; 3]> {
     if let Some(robot) = &skeleton.robot {
         skeleton.joints.get(joint)?;
@@ -198,7 +204,8 @@ pub fn arm_of(skeleton: &Skeleton, joint: usize) -> Option<[usize; 3]> {
         .then_some([upper, middle, joint])
 }
 
-/// The joints of the trunk from the pelvis to the one that the arms hang from; the pelvis alone where there are no arms.
+/// The joints of the trunk from the pelvis to the one that the arms hang from; the pelvis alone
+/// where there are no arms.
 pub(super) fn spine(skeleton: &Skeleton) -> Vec<usize> {
     let mut spine = vec![0];
     let arms = arms(skeleton);
@@ -228,8 +235,8 @@ fn limb(skeleton: &Skeleton, path: &[usize], least_ratio: f32) -> Option<[usize;
     }
 }
 
-/// The limb of hinges on a path upwards, up to where others hang from the trunk: from its uppermost hinge to its last, and the
-/// hinge between them that leaves the longest shorter bone.
+/// The limb of hinges on a path upwards, up to where others hang from the trunk: from its uppermost
+/// hinge to its last, and the hinge between them that leaves the longest shorter bone.
 fn hinged_limb(
     (skeleton, robot): (&Skeleton, &Robot),
     path: &[usize],
@@ -261,7 +268,8 @@ fn hinged_limb(
     (shorter >= SHORTEST_BONE_M && shorter >= least_ratio * longer).then_some([upper, middle, end])
 }
 
-/// The farthest that the middle hinge of a limb brings its end from its upper joint, metres, with the other hinges at 0.
+/// The farthest that the middle hinge of a limb brings its end from its upper joint, metres, with
+/// the other hinges at 0.
 fn stretched(of: (&Skeleton, &Robot), [upper, middle, end]: [usize; 3]) -> f32 {
     let ((knee, turned), (foot, _)) = (at_rest(of, upper, middle), at_rest(of, upper, end));
     let Some(hinge) = of.1.hinge_of(middle) else {
@@ -271,15 +279,16 @@ fn stretched(of: (&Skeleton, &Robot), [upper, middle, end]: [usize; 3]) -> f32 {
     longest(knee, foot - knee, axis)
 }
 
-/// How far two bones reach, the second of which turns about an axis against the first: a hinge that is not square to both never
-/// makes them straight.
+/// How far two bones reach, the second of which turns about an axis against the first: a hinge that
+/// is not square to both never makes them straight.
 pub(super) fn longest(first: Vec3, second: Vec3, axis: Vec3) -> f32 {
     let along = |bone: Vec3| bone.dot(axis);
     let across = |bone: Vec3| (bone - axis * along(bone)).length();
     (along(first) + along(second)).hypot(across(first) + across(second))
 }
 
-/// Place and rotation of a joint in the frame of one above it, with all hinges between them at 0 or as near as they can be.
+/// Place and rotation of a joint in the frame of one above it, with all hinges between them at 0 or
+/// as near as they can be.
 fn at_rest((skeleton, robot): (&Skeleton, &Robot), upper: usize, lower: usize) -> (Vec3, Quat) {
     let (mut place, mut rotation) = (Vec3::ZERO, Quat::IDENTITY);
     for joint in upwards(skeleton, lower).take_while(|&joint| joint != upper) {
@@ -295,7 +304,8 @@ fn at_rest((skeleton, robot): (&Skeleton, &Robot), upper: usize, lower: usize) -
     (place, rotation)
 }
 
-/// Upper, middle and end joint of the two bones in a row of which the shorter is longest, on a path upwards.
+/// Upper, middle and end joint of the two bones in a row of which the shorter is longest, on a path
+/// upwards.
 fn longest_pair(skeleton: &Skeleton, path: &[usize], least_ratio: f32) -> Option<[usize; 3]> {
     let shorter = |chain: &&[usize]| bone(skeleton, chain[0]).min(bone(skeleton, chain[1]));
     let chain = path.windows(3).max_by(|a, b| shorter(a).total_cmp(&shorter(b)))?;

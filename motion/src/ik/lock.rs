@@ -11,17 +11,20 @@ use crate::skeleton::Skeleton;
 use super::two_bone::{STRAIGHTEST, two_bone_soft};
 use super::{Leg, LegTrack, cover, forward, spans};
 
-/// A span that begins this near behind a frame that may not change begins where the foot is: there is no room to fade.
+/// A span that begins this near behind a frame that may not change begins where the foot is: there
+/// is no room to fade.
 const ANCHOR_FRAMES: usize = 3;
 /// Frames over which what is not tied to contacts fades in from a frame that may not change.
 const EDGE_FRAMES: usize = 6;
 /// Half the window, frames, that the root's lowering is smoothed over.
 const DROP_HALF_WINDOW: usize = 3;
-/// A foot that is carried to another place between two contacts is lifted by this share of the way, at most so far, metres.
+/// A foot that is carried to another place between two contacts is lifted by this share of the way,
+/// at most so far, metres.
 const CARRY_SHARE: f32 = 0.2;
 const MAX_CARRY_M: f32 = 0.03;
-/// The share of a leg's length over which it eases towards its reach, or the knee jumps where a foot that has made it straight
-/// is let go. The root comes down for legs that would be straighter, so that held feet stay where they are.
+/// The share of a leg's length over which it eases towards its reach, or the knee jumps where a
+/// foot that has made it straight is let go. The root comes down for legs that would be straighter,
+/// so that held feet stay where they are.
 const SOFT_SHARE: f32 = 0.02;
 /// Offsets below this are none, metres.
 const NO_OFFSET_M: f32 = 1e-5;
@@ -41,7 +44,8 @@ pub struct FootLock {
     pub max_offset_m: f32,
     /// The most that the root is lowered for a leg that would be too short, metres.
     pub max_drop_m: f32,
-    /// Height of the ground in the world, metres, which feet are lifted out of; `None` leaves their height alone.
+    /// Height of the ground in the world, metres, which feet are lifted out of; `None` leaves their
+    /// height alone.
     pub floor_m: Option<f32>,
 }
 
@@ -76,7 +80,8 @@ pub struct Locked {
     pub max_offset_m: f32,
     /// The most that the root was lowered, metres.
     pub max_drop_m: f32,
-    /// The farthest that a leg fell short of its foot's place, metres; infinite where a pose was not finite.
+    /// The farthest that a leg fell short of its foot's place, metres; infinite where a pose was
+    /// not finite.
     pub max_short_m: f32,
     /// Frames in which a foot was held, summed over the legs.
     pub held_frames: usize,
@@ -84,15 +89,19 @@ pub struct Locked {
 
 /// Holds feet still over the ground while they are in contact.
 ///
-/// While its toe is in contact a foot is held by the toe, else by its ankle; rolling over the toes stays. A contact's
-/// place is the mean of where the motion had it, so that the leg is moved least; but a foot that stands on the frame before
-/// `options.range` stays where it was there, and one that stands on the first frame behind it comes to where it is there.
-/// (Where both hold and differ, the foot must slide, and does so evenly.) Between contacts the offset passes from one to
-/// the next, the foot lifted a little as it is carried over, or fades out and in again where there is time. Heights in
-/// contact change only where the ground is given. Feet keep their rotation in the world. Where a leg would be too short for its foot's place the root is lowered, smoothly and for both.
+/// While its toe is in contact a foot is held by the toe, else by its ankle; rolling over the toes
+/// stays. A contact's place is the mean of where the motion had it, so that the leg is moved least;
+/// but a foot that stands on the frame before `options.range` stays where it was there, and one
+/// that stands on the first frame behind it comes to where it is there. (Where both hold and
+/// differ, the foot must slide, and does so evenly.) Between contacts the offset passes from one to
+/// the next, the foot lifted a little as it is carried over, or fades out and in again where there
+/// is time. Heights in contact change only where the ground is given. Feet keep their rotation in
+/// the world. Where a leg would be too short for its foot's place the root is lowered, smoothly and
+/// for both.
 ///
-/// All slices are of the same frames, starting with the same one; `contacts` holds a byte a frame. Frames outside the range
-/// and frames in which nothing is to be done are left bit for bit. Poses that are not finite stay as they are.
+/// All slices are of the same frames, starting with the same one; `contacts` holds a byte a frame.
+/// Frames outside the range and frames in which nothing is to be done are left bit for bit. Poses
+/// that are not finite stay as they are.
 pub fn lock_feet(
     skeleton: &Skeleton,
     legs: &[Leg],
@@ -303,7 +312,8 @@ fn drops(tracks: &[Track], legs: &[Leg], skeleton: &Skeleton, fixed: [bool; 2], 
     drops
 }
 
-/// How much lower a hip must be for a foot to be in reach of a leg, metres; 0 where it is or cannot be.
+/// How much lower a hip must be for a foot to be in reach of a leg, metres; 0 where it is or cannot
+/// be.
 pub(crate) fn excess_height(hip: Vec3, foot: Vec3, leg_m: f32) -> f32 {
     let over = hip - foot;
     let height = leg_m * leg_m - over.x * over.x - over.z * over.z;

@@ -21,8 +21,8 @@ fn lock(motion: &Frames, options: &FootLock) -> (Frames, Locked) {
     (made, locked)
 }
 
-/// The farthest that a foot moves over the ground from one frame to the next while it is held, metres: its toe while that is
-/// in contact in both frames, its ankle while only that is.
+/// The farthest that a foot moves over the ground from one frame to the next while it is held,
+/// metres: its toe while that is in contact in both frames, its ankle while only that is.
 fn slide(motion: &Frames, frames: std::ops::Range<usize>) -> f32 {
     let skeleton = person();
     let mut worst = 0.0_f32;
@@ -286,7 +286,8 @@ proptest! {
         prop_assert!(stretch(&person(), &after.1) < 1e-5);
         prop_assert!(after.1.iter().zip(&before.1).all(|(a, b)| a.is_finite() && a.dot(*b) >= 0.0));
         let end = (start + length).min(90);
-        // Contacts that reach from one end of the range to the other, or nearly, slide where they must.
+        // Contacts that reach from one end of the range to the other, or nearly, slide where they
+        // must.
         let off = |bits: u8| before.2[start..end].windows(2).skip(2).rev().skip(2).any(|w| (w[0] | w[1]) & bits == 0);
         let free = start == 0 || end == 90 || (off(0b11) && off(0b1100));
         if free && locked.max_short_m < 1e-4 && locked.max_offset_m < 0.249 {

@@ -1,11 +1,13 @@
-//! Inverse kinematics on finished poses: limbs of two bones ([`two_bone`]), feet that stand still ([`lock_feet`]), and poses
-//! from a few points ([`reach_pose`]).
+//! Inverse kinematics on finished poses: limbs of two bones ([`two_bone`]), feet that stand still
+//! ([`lock_feet`]), and poses from a few points ([`reach_pose`]).
 //!
-//! Nothing here knows joints by name: legs are found by walking up from the skeleton's contact joints ([`legs`]), arms
-//! ([`arms`]) by their shape. Limbs of robots bend by their hinges, within the hinges' limits. Rotations are flat and frame-major, joint 0 in the world and the others parent-relative;
-//! contacts are one byte a frame, bit `i` for contact joint `i`. Bones never stretch: a goal out of reach is come as near
-//! to as the limb can, and the distance left is told. Goals, roots and points that are not finite change nothing, and
-//! their distance is told as infinity. New rotations keep the hemisphere of those they replace.
+//! Nothing here knows joints by name: legs are found by walking up from the skeleton's contact
+//! joints ([`legs`]), arms ([`arms`]) by their shape. Limbs of robots bend by their hinges, within
+//! the hinges' limits. Rotations are flat and frame-major, joint 0 in the world and the others
+//! parent-relative; contacts are one byte a frame, bit `i` for contact joint `i`. Bones never
+//! stretch: a goal out of reach is come as near to as the limb can, and the distance left is told.
+//! Goals, roots and points that are not finite change nothing, and their distance is told as
+//! infinity. New rotations keep the hemisphere of those they replace.
 
 mod hinges;
 mod limbs;
@@ -103,7 +105,8 @@ impl Motion {
         }
     }
 
-    /// Appends a copy of `pose`, each rotation in the hemisphere of that before it, in the last frame or else in `first`.
+    /// Appends a copy of `pose`, each rotation in the hemisphere of that before it, in the last
+    /// frame or else in `first`.
     pub(crate) fn push(&mut self, root: Vec3, pose: &[Quat], contacts: u8, first: &[Quat]) {
         let joints = pose.len();
         let before = self.rotations.len().checked_sub(joints);
@@ -116,11 +119,12 @@ impl Motion {
     }
 }
 
-/// Fades the last `frames` frames (at least one) of a motion into a still pose with a smoothstep, roots and rotations. The
-/// last frame is the pose exactly, up to the signs of its quaternions, which follow the frame before.
+/// Fades the last `frames` frames (at least one) of a motion into a still pose with a smoothstep,
+/// roots and rotations. The last frame is the pose exactly, up to the signs of its quaternions,
+/// which follow the frame before.
 ///
-/// `rotations` holds `joints` rotations for each of `roots`. A root or pose that is not finite or is too short changes
-/// nothing.
+/// `rotations` holds `joints` rotations for each of `roots`. A root or pose that is not finite or
+/// is too short changes nothing.
 pub fn settle(
     roots: &mut [Vec3],
     rotations: &mut [Quat],

@@ -13,8 +13,9 @@ const BACK_PER_CROUCH: f32 = 0.28;
 /// Steps in which bows (radians) and crouches (metres) are tried.
 const BOW_STEP: f32 = 0.1;
 const CROUCH_STEP_M: f32 = 0.05;
-/// What a bow (`bow * (1 + bow)`, radians) and a metre of crouch cost in metres of error: a pose is bent for a reach of a
-/// millimetre, but not for nothing, and before a bow becomes deep the knees bend too.
+/// What a bow (`bow * (1 + bow)`, radians) and a metre of crouch cost in metres of error: a pose is
+/// bent for a reach of a millimetre, but not for nothing, and before a bow becomes deep the knees
+/// bend too.
 const COST_OF_BOW: f32 = 3e-4;
 const COST_OF_CROUCH: f32 = 3e-3;
 
@@ -23,7 +24,8 @@ const COST_OF_CROUCH: f32 = 3e-3;
 pub struct ReachOptions {
     /// Where joint 0 is; given, it stays there, and there is no crouch.
     pub root: Option<Vec3>,
-    /// The deepest bow, radians, that the trunk's upper end makes. 1.5 is the deepest in the default pack's data.
+    /// The deepest bow, radians, that the trunk's upper end makes. 1.5 is the deepest in the
+    /// default pack's data.
     pub max_bow: f32,
     /// The deepest crouch, metres that the root comes down.
     pub max_crouch_m: f32,
@@ -46,7 +48,8 @@ pub struct Reached {
     pub root: Vec3,
     /// One rotation a joint, joint 0 in the world and the others parent-relative.
     pub rotations: Vec<Quat>,
-    /// How far each point is missed, metres, in their order; infinite for a point that is not finite or no joint's.
+    /// How far each point is missed, metres, in their order; infinite for a point that is not
+    /// finite or no joint's.
     pub errors_m: Vec<f32>,
     /// The farthest that a leg falls short of its foot's place, metres.
     pub short_m: f32,
@@ -80,11 +83,12 @@ impl Reached {
 
 /// Bends `base` so that some joints come to given points in the world.
 ///
-/// Hands and other ends of limbs ([`arm_of`]) reach by bending the limb, feet and toes by the leg; feet that are no points
-/// stay where `base` has them. Where that is not enough, the trunk bows forward, arms hanging, and the root comes down,
-/// as little as will do, hips going back for balance. Points of other joints steer bow and crouch but are not met otherwise; a point of joint
-/// 0 is where the root is, as `options.root` is. Out of reach the pose comes as near as it can and `errors_m` tells how
-/// near. The last of two points of one limb counts.
+/// Hands and other ends of limbs ([`arm_of`]) reach by bending the limb, feet and toes by the leg;
+/// feet that are no points stay where `base` has them. Where that is not enough, the trunk bows
+/// forward, arms hanging, and the root comes down, as little as will do, hips going back for
+/// balance. Points of other joints steer bow and crouch but are not met otherwise; a point of joint
+/// 0 is where the root is, as `options.root` is. Out of reach the pose comes as near as it can and
+/// `errors_m` tells how near. The last of two points of one limb counts.
 ///
 /// A `base` that is not finite or lacks rotations comes back as it is, with all errors infinite.
 pub fn reach_pose(
@@ -135,9 +139,11 @@ pub fn reach_pose(
     best.unwrap_or(made)
 }
 
-/// `base` with its root at `root`, bowed forward by `bow` (radians), and its feet where they were: a seat, a crouch.
+/// `base` with its root at `root`, bowed forward by `bow` (radians), and its feet where they were:
+/// a seat, a crouch.
 ///
-/// `errors_m` is empty and `crouch_m` tells how far the root came down. What is not finite leaves `base` as it is.
+/// `errors_m` is empty and `crouch_m` tells how far the root came down. What is not finite leaves
+/// `base` as it is.
 pub fn pose_at(skeleton: &Skeleton, legs: &[Leg], base: Posed<'_>, root: Vec3, bow: f32) -> Reached {
     let mut made = Reached::of(base, 0);
     if base.fits(skeleton) && base.is_finite() && root.is_finite() && bow.is_finite() {

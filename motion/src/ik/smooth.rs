@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
-/// Runs of frames for which `on` holds: gaps of at most `gap` frames are closed, and runs of fewer than `least` frames are
-/// left out unless they touch the first frame (`keep[0]`) or the last (`keep[1]`).
+/// Runs of frames for which `on` holds: gaps of at most `gap` frames are closed, and runs of fewer
+/// than `least` frames are left out unless they touch the first frame (`keep[0]`) or the last
+/// (`keep[1]`).
 pub(crate) fn spans(
     frames: usize,
     on: impl Fn(usize) -> bool,
@@ -33,7 +34,8 @@ pub(crate) fn smooth(values: &[f32], half: usize) -> Vec<f32> {
         .collect()
 }
 
-/// A smooth series that is nowhere below `needs`: spread over `2 * half` frames on either side, then smoothed twice.
+/// A smooth series that is nowhere below `needs`: spread over `2 * half` frames on either side,
+/// then smoothed twice.
 pub(crate) fn cover(needs: &[f32], half: usize) -> Vec<f32> {
     if needs.iter().all(|&need| need <= 0.0) {
         return vec![0.0; needs.len()];

@@ -16,7 +16,8 @@ pub(crate) const JOINTS: usize = 21;
 /// Height of the root of [`standing`].
 pub(crate) const STAND_M: f32 = 0.9259;
 
-/// A person of the default pack's size and joints, but with bones along the world's axes and arms to the sides at rest.
+/// A person of the default pack's size and joints, but with bones along the world's axes and arms
+/// to the sides at rest.
 pub(crate) fn person() -> Arc<Skeleton> {
     let arm = |side: f32| {
         [
@@ -84,8 +85,8 @@ pub(crate) fn standing() -> Vec<Quat> {
     pose
 }
 
-/// The standing person walking along +Z at about 1.2 m/s for `frames` frames at 30 Hz, with feet that slide while they are
-/// in contact. Roots, rotations, contacts.
+/// The standing person walking along +Z at about 1.2 m/s for `frames` frames at 30 Hz, with feet
+/// that slide while they are in contact. Roots, rotations, contacts.
 pub(crate) fn walk(frames: usize) -> (Vec<Vec3>, Vec<Quat>, Vec<u8>) {
     let (mut roots, mut rotations, mut contacts) = (Vec::new(), Vec::new(), Vec::new());
     for frame in 0..frames {
@@ -163,7 +164,8 @@ pub(crate) fn same(a: &[Quat], b: &[Quat]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(&a, &b)| a == b || a == -b)
 }
 
-/// A pose near standing: every joint turned by up to about `most` radians, knees only so as knees do.
+/// A pose near standing: every joint turned by up to about `most` radians, knees only so as knees
+/// do.
 pub(crate) fn near_standing(most: f32) -> impl Strategy<Value = Vec<Quat>> {
     proptest::collection::vec([-most..most, -most..most, -most..most], JOINTS).prop_map(|turns| {
         let turned = turns.into_iter().zip(standing()).enumerate();

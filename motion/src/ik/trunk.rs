@@ -29,8 +29,9 @@ impl Trunk {
         }
     }
 
-    /// Bows a pose forward about the level axis through its left by `angle` (radians), shared by the joints of the spine.
-    /// Arms go on hanging as they did; legs turn with the pelvis. A robot's trunk bows as far as its hinges can.
+    /// Bows a pose forward about the level axis through its left by `angle` (radians), shared by
+    /// the joints of the spine. Arms go on hanging as they did; legs turn with the pelvis. A
+    /// robot's trunk bows as far as its hinges can.
     pub(crate) fn bow(&self, skeleton: &Skeleton, rotations: &mut [Quat], angle: f32) {
         if angle == 0.0 {
             return;

@@ -12,32 +12,35 @@ use super::hinges::{Goal, solve};
 use super::limbs::longest;
 use super::trunk::turn_in_world;
 
-/// The straightest that a limb is made, as a share of its length: a little bend keeps the side of the middle joint. A limb
-/// that was straighter may stay so.
+/// The straightest that a limb is made, as a share of its length: a little bend keeps the side of
+/// the middle joint. A limb that was straighter may stay so.
 pub(super) const STRAIGHTEST: f32 = 0.9995;
 /// How much nearer the end joint may come than a folded limb brings it, metres.
 const FOLDED_M: f32 = 1e-3;
-/// A limb whose middle joint lies nearer to the line between its ends than this share of the shorter bone is bent towards
-/// the pole, fading out up to here.
+/// A limb whose middle joint lies nearer to the line between its ends than this share of the
+/// shorter bone is bent towards the pole, fading out up to here.
 const NEARLY_STRAIGHT: f32 = 0.05;
 /// Bones shorter than this are none, metres.
 pub(super) const SHORTEST_BONE_M: f32 = 1e-4;
 /// A goal as near as this is met already, metres.
 const MET_M: f32 = 1e-6;
 
-/// Bends a limb so that its end comes to a goal; answers how far it falls short, metres (0 where it reaches).
+/// Bends a limb so that its end comes to a goal; answers how far it falls short, metres (0 where it
+/// reaches).
 ///
-/// `chain` is upper, middle and end joint, each somewhere below the one before it; joints between them move along. The
-/// limb keeps the side that its middle joint bends to and turns as little as it can; where it is straight, or nearly so, it
-/// bends towards `pole`, a direction in the world. `root` and `rotations` are one frame, whose rotations of the upper and
-/// the middle joint change and, with `keep_end_rotation`, that of the end joint, which then keeps its rotation in the
+/// `chain` is upper, middle and end joint, each somewhere below the one before it; joints between
+/// them move along. The limb keeps the side that its middle joint bends to and turns as little as
+/// it can; where it is straight, or nearly so, it bends towards `pole`, a direction in the world.
+/// `root` and `rotations` are one frame, whose rotations of the upper and the middle joint change
+/// and, with `keep_end_rotation`, that of the end joint, which then keeps its rotation in the
 /// world. A goal that is met already changes nothing at all.
 ///
-/// The limb becomes no straighter than 0.9995 of its length unless it was, and comes no nearer than 1 mm to its folded
-/// length. Infinity comes back, and nothing changes, where the goal or the pose is not finite, a bone has no length, or the
-/// joints are no chain. Does not allocate.
+/// The limb becomes no straighter than 0.9995 of its length unless it was, and comes no nearer than
+/// 1 mm to its folded length. Infinity comes back, and nothing changes, where the goal or the pose
+/// is not finite, a bone has no length, or the joints are no chain. Does not allocate.
 ///
-/// A robot's limb bends by all its hinges from the upper joint down, within their limits, and needs no pole: they say which way.
+/// A robot's limb bends by all its hinges from the upper joint down, within their limits, and needs
+/// no pole: they say which way.
 pub fn two_bone(
     skeleton: &Skeleton,
     root: Vec3,
@@ -58,9 +61,10 @@ pub fn two_bone(
     )
 }
 
-/// [`two_bone`] for a goal with the share of its length, less than 1, over which the limb eases towards its reach. At once,
-/// the middle joint would move with the square root of what is left to it: a goal that comes into reach makes it jump. In
-/// return the limb falls short of goals within that share. One that was straighter eases over what is left to it.
+/// [`two_bone`] for a goal with the share of its length, less than 1, over which the limb eases
+/// towards its reach. At once, the middle joint would move with the square root of what is left to
+/// it: a goal that comes into reach makes it jump. In return the limb falls short of goals within
+/// that share. One that was straighter eases over what is left to it.
 pub fn two_bone_soft(
     skeleton: &Skeleton,
     root: Vec3,
@@ -99,7 +103,8 @@ pub fn two_bone_soft(
     bend.short_m
 }
 
-/// Bends a limb as [`two_bone_soft`] does, and turns its end so that its rotation in the world is `rotation`.
+/// Bends a limb as [`two_bone_soft`] does, and turns its end so that its rotation in the world is
+/// `rotation`.
 pub fn place_end(
     skeleton: &Skeleton,
     root: Vec3,
@@ -137,7 +142,8 @@ pub(crate) fn turn_limb(skeleton: &Skeleton, rotations: &mut [Quat], chain: [usi
     }
 }
 
-/// Turns the hinges from one joint down to another so that its rotation in the world is `rotation`, as near as they can.
+/// Turns the hinges from one joint down to another so that its rotation in the world is `rotation`,
+/// as near as they can.
 pub(super) fn turn_hinges(
     of: (&Skeleton, &Robot),
     rotations: &mut [Quat],
@@ -193,8 +199,8 @@ fn bend_hinges(
     }
 }
 
-/// How far from its upper joint the end of a limb, which reaches from `folded` to `most`, comes for a goal at `distance`, where it
-/// is `now`.
+/// How far from its upper joint the end of a limb, which reaches from `folded` to `most`, comes for
+/// a goal at `distance`, where it is `now`.
 fn reach(distance: f32, now: f32, (folded, most): (f32, f32), soft: f32) -> f32 {
     let straightest = (most * STRAIGHTEST).max(now);
     let folded = (folded + FOLDED_M).min(now);
@@ -303,7 +309,8 @@ fn bend(upper: Vec3, middle: Vec3, end: Vec3, (goal, soft): (Vec3, f32), pole: V
     })
 }
 
-/// `distance` up to `from`, then on towards `to` without coming there, continuous in value and slope.
+/// `distance` up to `from`, then on towards `to` without coming there, continuous in value and
+/// slope.
 fn ease(distance: f32, from: f32, to: f32) -> f32 {
     let (over, room) = (distance - from, to - from);
     if over <= 0.0 || room <= 0.0 {
@@ -312,7 +319,8 @@ fn ease(distance: f32, from: f32, to: f32) -> f32 {
     from + room * (1.0 - (-over / room).exp())
 }
 
-/// The side of `line` that the middle joint lies on, unit length; where it hardly lies on one, that of the pole.
+/// The side of `line` that the middle joint lies on, unit length; where it hardly lies on one, that
+/// of the pole.
 fn side_of(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
     let across = |v: Vec3| v - line * v.dot(line);
     let side = across(first);
@@ -324,8 +332,8 @@ fn side_of(first: Vec3, line: Vec3, pole: Vec3, shorter_m: f32) -> Vec3 {
         .unwrap_or_else(|| line.any_orthonormal_vector())
 }
 
-/// The shortest turn from one direction to another, both of unit length. Precise for small angles, unlike
-/// [`Quat::from_rotation_arc`], which takes less than 0.7 mrad for none.
+/// The shortest turn from one direction to another, both of unit length. Precise for small angles,
+/// unlike [`Quat::from_rotation_arc`], which takes less than 0.7 mrad for none.
 fn arc(from: Vec3, to: Vec3) -> Quat {
     let cross = from.cross(to);
     let w = 1.0 + from.dot(to);

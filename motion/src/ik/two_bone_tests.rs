@@ -259,7 +259,8 @@ proptest! {
             two_bone(&skeleton, UP, &mut made, LEG_L, goal, Vec3::Z, true);
             let knee = positions(&skeleton, UP, &made)[14];
             if let Some(before) = before {
-                // Near the end of its reach a knee moves faster than the foot, by the root of the bend.
+                // Near the end of its reach a knee moves faster than the foot, by the root of the
+                // bend.
                 let speed = knee.distance(before);
                 prop_assert!(speed < 0.05 + 4.0 * from.distance(to) / 50.0, "{speed}");
             }

@@ -6,11 +6,11 @@ use super::{MetricError, check_pair, mean};
 use crate::fk::WorldMotion;
 use crate::rotation::align_sign;
 
-/// L2P: mean over the frames of `range` of the L2 norm of the frame's whole vector of joint positions,
-/// `sqrt(Σ_joints |p - p_gt|²)`, metres.
+/// L2P: mean over the frames of `range` of the L2 norm of the frame's whole vector of joint
+/// positions, `sqrt(Σ_joints |p - p_gt|²)`, metres.
 ///
-/// LaFAN1's measure without its normalisation of positions by the training set's mean and deviation, so its figures
-/// compare with others of this measure only.
+/// LaFAN1's measure without its normalisation of positions by the training set's mean and
+/// deviation, so its figures compare with others of this measure only.
 ///
 /// # Errors
 /// [`MetricError`] where the motions or the range do not fit.
@@ -25,8 +25,8 @@ pub fn l2p_m(motion: &WorldMotion, truth: &WorldMotion, range: Range<usize>) -> 
     })))
 }
 
-/// L2Q: mean over the frames of `range` of `sqrt(Σ_joints |q - q_gt|²)` on world quaternions, each taken with the sign
-/// that is nearer to ground truth.
+/// L2Q: mean over the frames of `range` of `sqrt(Σ_joints |q - q_gt|²)` on world quaternions, each
+/// taken with the sign that is nearer to ground truth.
 ///
 /// # Errors
 /// [`MetricError`] where the motions or the range do not fit.

@@ -1,4 +1,5 @@
-//! How like two sets of motions are as a whole: FID and MMD between their latents in a motion autoencoder.
+//! How like two sets of motions are as a whole: FID and MMD between their latents in a motion
+//! autoencoder.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -42,7 +43,8 @@ impl Latents {
         &self.rows
     }
 
-    /// Every other window from the first on, and every other from the second on: what ground truth measures against itself.
+    /// Every other window from the first on, and every other from the second on: what ground truth
+    /// measures against itself.
     pub fn halves(&self) -> [Self; 2] {
         let mut halves = [Self::default(), Self::default()];
         for (nth, (&clip, row)) in self.clips.iter().zip(&self.rows).enumerate() {
@@ -67,8 +69,8 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// Mean and covariance (divided by n - 1) of latents, each counted as often as `times` says of its clip. None of fewer
-    /// than two.
+    /// Mean and covariance (divided by n - 1) of latents, each counted as often as `times` says of
+    /// its clip. None of fewer than two.
     pub fn fit(latents: &Latents, times: &[u32]) -> Option<Self> {
         let total: f64 = latents.weights(times).sum();
         let dims = latents.rows.first()?.len();
@@ -93,11 +95,12 @@ impl Gaussian {
         Some(Self { mean, covariance })
     }
 
-    /// FID (Heusel et al. 2017) of each of the others: the Fréchet distance of two Gaussians,
-    /// `|m_a - m_b|² + tr(A + B - 2 (A^½ B A^½)^½)`. In the unit of the latents squared; not scaled.
+    /// FID (Heusel et al. 2017) of each of the others: the Fréchet distance of two Gaussians, `|m_a
+    /// - m_b|² + tr(A + B - 2 (A^½ B A^½)^½)`. In the unit of the latents squared; not scaled.
     ///
-    /// Both square roots are taken through eigenvalues of symmetric matrices. Finite sets measure more than 0 even where they
-    /// come from one distribution, the more the fewer windows they have: compare figures of as many windows.
+    /// Both square roots are taken through eigenvalues of symmetric matrices. Finite sets measure
+    /// more than 0 even where they come from one distribution, the more the fewer windows they
+    /// have: compare figures of as many windows.
     ///
     /// # Panics
     /// If the latents' lengths differ.
@@ -128,10 +131,12 @@ impl Gaussian {
 }
 
 /// MMD (CMMD's, Jayasumana et al. 2024) between two sets of latents: the mean of a Gaussian kernel
-/// `exp(-|x - y|² / (2 σ²))` over all pairs in the first set, plus that in the second, less twice that between them, times
-/// [`MMD_SCALE`]. As in their code the pairs of a latent with itself count, so it is never below 0.
+/// `exp(-|x - y|² / (2 σ²))` over all pairs in the first set, plus that in the second, less twice
+/// that between them, times [`MMD_SCALE`]. As in their code the pairs of a latent with itself
+/// count, so it is never below 0.
 ///
-/// The kernel's sums are kept for each pair of clips, so that any choice of clips is measured at once.
+/// The kernel's sums are kept for each pair of clips, so that any choice of clips is measured at
+/// once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mmd {
     clips: usize,
@@ -224,7 +229,8 @@ mod tests {
 
     #[test]
     fn fid_of_axes_by_hand() {
-        // Four corners at ±h have a variance of 4 h² / 3. For diagonal matrices the Fréchet distance is
+        // Four corners at ±h have a variance of 4 h² / 3. For diagonal matrices the Fréchet
+        // distance is
         // |m_a - m_b|² + Σ (√a - √b)².
         let (a, b) = (spread([0.0, 0.0], [3.0, 1.0]), spread([1.0, 2.0], [1.0, 4.0]));
         let wanted = 1.0 + 4.0 + (4.0 / 3.0) * ((3.0 - 1.0f64).powi(2) + (1.0 - 4.0f64).powi(2));
@@ -235,8 +241,8 @@ mod tests {
 
     #[test]
     fn fid_of_correlated_latents_by_hand() {
-        // A = [[2, 1], [1, 2]] (eigenvalues 3 and 1) against B = diag(1, 4). tr (A B)^½ of 2 x 2 matrices is
-        // √(tr AB + 2 √det AB) = √(10 + 2 √12).
+        // A = [[2, 1], [1, 2]] (eigenvalues 3 and 1) against B = diag(1, 4). tr (A B)^½ of 2 x 2
+        // matrices is √(tr AB + 2 √det AB) = √(10 + 2 √12).
         let gaussian = |c: [f64; 4]| Gaussian {
             mean: DVector::zeros(2),
             covariance: DMatrix::from_row_slice(2, 2, &c),

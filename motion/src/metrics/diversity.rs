@@ -1,12 +1,13 @@
-//! Diversity: how far takes of one task are from each other (Tevet et al. 2022, where it is called multimodality).
+//! Diversity: how far takes of one task are from each other (Tevet et al. 2022, where it is called
+//! multimodality).
 
 use std::ops::Range;
 
 use super::{MetricError, check_pair, mean};
 use crate::fk::WorldMotion;
 
-/// Joint diversity: mean over all pairs of takes, the frames of `range` and all joints of the distance between a joint's two
-/// world positions, metres. The paper gives its own without a unit.
+/// Joint diversity: mean over all pairs of takes, the frames of `range` and all joints of the
+/// distance between a joint's two world positions, metres. The paper gives its own without a unit.
 ///
 /// # Errors
 /// [`MetricError`] where there are fewer than two takes, or they or the range do not fit.
@@ -20,7 +21,8 @@ pub fn joint_diversity_m(takes: &[WorldMotion], range: Range<usize>) -> Result<f
     Ok(mean(distances?.into_iter()))
 }
 
-/// Mean over the frames of `range` and all joints of the distance between a joint's world positions in two motions, metres.
+/// Mean over the frames of `range` and all joints of the distance between a joint's world positions
+/// in two motions, metres.
 ///
 /// # Errors
 /// [`MetricError`] where the motions or the range do not fit.
@@ -31,8 +33,8 @@ pub fn joint_distance_m(a: &WorldMotion, b: &WorldMotion, range: Range<usize>) -
     Ok(mean(pairs.map(|(a, b)| f64::from(a.distance(*b)))))
 }
 
-/// Latent diversity: mean over all pairs of the Euclidean distance between vectors of one length, such as the latents of
-/// several takes. `None` of fewer than two.
+/// Latent diversity: mean over all pairs of the Euclidean distance between vectors of one length,
+/// such as the latents of several takes. `None` of fewer than two.
 pub fn mean_pairwise_distance(vectors: &[Vec<f32>]) -> Option<f64> {
     (vectors.len() > 1).then(|| {
         mean(pairs(vectors).map(|(a, b)| {
@@ -59,7 +61,8 @@ mod tests {
 
     #[test]
     fn takes_are_compared_in_pairs() {
-        // Three takes stand at x = 0, 0.1 and 0.4 in the frames that count: 0.1, 0.3 and 0.4 m between them.
+        // Three takes stand at x = 0, 0.1 and 0.4 in the frames that count: 0.1, 0.3 and 0.4 m
+        // between them.
         let take = |x: f32| {
             let mut clip = stand(4);
             (1..3).for_each(|f| clip.root_positions[f].x += x);

@@ -10,7 +10,8 @@ use crate::fk::WorldMotion;
 use crate::ik::{Leg, arms, legs};
 use crate::skeleton::Skeleton;
 
-/// Frames of the two running means that take the noise of single frames out of the path of the root.
+/// Frames of the two running means that take the noise of single frames out of the path of the
+/// root.
 const PATH_FRAMES: usize = 5;
 
 /// Two joints and the straight bone between them.
@@ -29,7 +30,8 @@ pub struct Limbs {
     trunk: Option<Bone>,
 }
 
-/// Distances between the axes of limbs in one frame, metres; infinite where the body has no such two limbs.
+/// Distances between the axes of limbs in one frame, metres; infinite where the body has no such
+/// two limbs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LimbDistances {
     /// Between two shins.
@@ -116,9 +118,10 @@ fn is_below(skeleton: &Skeleton, joint: usize, other: usize) -> bool {
     std::iter::successors(Some(joint), |&joint| skeleton.joints[joint].parent).any(|joint| joint == other)
 }
 
-/// Acceleration of the root over the ground, m/s², for each frame of `range` that has [`ROOT_ACCELERATION_REACH`] frames on
-/// either side: the change of the velocity over 5 frames from one such stretch to the next. A single frame's, as
-/// [`super::root_jitter_mps2`] has it, is mostly noise.
+/// Acceleration of the root over the ground, m/s², for each frame of `range` that has
+/// [`ROOT_ACCELERATION_REACH`] frames on either side: the change of the velocity over 5 frames from
+/// one such stretch to the next. A single frame's, as [`super::root_jitter_mps2`] has it, is mostly
+/// noise.
 ///
 /// # Errors
 /// [`MetricError`] where the range does not fit.

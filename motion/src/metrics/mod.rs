@@ -1,9 +1,10 @@
-//! Measures of generated motion against ground truth (MotionBricks, section 7.2; L2P, L2Q and NPSS as in LaFAN1, Harvey
-//! et al. 2020).
+//! Measures of generated motion against ground truth (MotionBricks, section 7.2; L2P, L2Q and NPSS
+//! as in LaFAN1, Harvey et al. 2020).
 //!
-//! Everything is measured on world transforms from forward kinematics ([`WorldMotion`]). [`evaluate`] measures one
-//! in-betweening task; [`Summary`] gathers many, and [`Resamples`] says how far to trust the means. How like two sets of
-//! motions are as a whole, FID and MMD, is measured in the latent space of a motion autoencoder (feature `distribution`).
+//! Everything is measured on world transforms from forward kinematics ([`WorldMotion`]).
+//! [`evaluate`] measures one in-betweening task; [`Summary`] gathers many, and [`Resamples`] says
+//! how far to trust the means. How like two sets of motions are as a whole, FID and MMD, is
+//! measured in the latent space of a motion autoencoder (feature `distribution`).
 
 mod accuracy;
 #[cfg(feature = "distribution")]

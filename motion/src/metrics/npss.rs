@@ -1,4 +1,5 @@
-//! NPSS: normalised power spectrum similarity (Gopalakrishnan et al. 2019), as LaFAN1's benchmark computes it.
+//! NPSS: normalised power spectrum similarity (Gopalakrishnan et al. 2019), as LaFAN1's benchmark
+//! computes it.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -9,13 +10,14 @@ use super::{MetricError, check_pair};
 use crate::fk::WorldMotion;
 use crate::rotation::align_sign;
 
-/// Gathers NPSS over many sequences: the mean of all channels' distances, weighted by ground truth power across the
-/// whole set. The mean of the sequences' own NPSS is another number.
+/// Gathers NPSS over many sequences: the mean of all channels' distances, weighted by ground truth
+/// power across the whole set. The mean of the sequences' own NPSS is another number.
 ///
-/// For each channel (four a joint, world quaternions): take the discrete Fourier transform over the frames, square its
-/// **real part**, normalise by the sum over frequencies, accumulate over frequencies, and sum the absolute differences of
-/// the two cumulative spectra (an earth mover's distance). LaFAN1's code drops the imaginary part, so this does too.
-/// A channel whose truth has no power has no weight; one whose motion has none counts as a spectrum of zeros.
+/// For each channel (four a joint, world quaternions): take the discrete Fourier transform over the
+/// frames, square its **real part**, normalise by the sum over frequencies, accumulate over
+/// frequencies, and sum the absolute differences of the two cumulative spectra (an earth mover's
+/// distance). LaFAN1's code drops the imaginary part, so this does too. A channel whose truth has
+/// no power has no weight; one whose motion has none counts as a spectrum of zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Npss {
     weighted: f64,
@@ -23,8 +25,8 @@ pub struct Npss {
 }
 
 impl Npss {
-    /// Adds the frames `range` of one sequence. Quaternions are first made continuous in time, since a rotation's sign says
-    /// nothing.
+    /// Adds the frames `range` of one sequence. Quaternions are first made continuous in time,
+    /// since a rotation's sign says nothing.
     ///
     /// # Errors
     /// [`MetricError`] where the motions or the range do not fit.
@@ -104,7 +106,8 @@ fn continuous_channels(motion: &WorldMotion, joint: usize, range: Range<usize>, 
     }
 }
 
-/// Squared real part of the discrete Fourier transform. The plain sum: gaps have at most a few dozen frames.
+/// Squared real part of the discrete Fourier transform. The plain sum: gaps have at most a few
+/// dozen frames.
 fn power_spectrum(signal: &[f64], cosines: &[f64], out: &mut [f64]) {
     let n = signal.len();
     for (k, out) in out.iter_mut().enumerate() {

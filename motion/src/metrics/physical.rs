@@ -22,8 +22,9 @@ fn contacts_of(skeleton: &Skeleton) -> Result<&ContactParams, MetricError> {
         .ok_or(MetricError::NoContacts)
 }
 
-/// Foot skate: mean over the frames of `range` and the contact joints of the horizontal distance since the frame before,
-/// weighted by `clamp(2 - 2^(h / 0.025), 0, 1)`, h the height over the joint's clearance; metres a frame.
+/// Foot skate: mean over the frames of `range` and the contact joints of the horizontal distance
+/// since the frame before, weighted by `clamp(2 - 2^(h / 0.025), 0, 1)`, h the height over the
+/// joint's clearance; metres a frame.
 ///
 /// Frame 0 has no frame before it and is left out.
 ///
@@ -51,7 +52,8 @@ pub fn foot_skate_m_per_frame(
     })))
 }
 
-/// Penetration: mean over the frames of `range` and the contact joints of `max(0, clearance - 5 mm - height)`, metres.
+/// Penetration: mean over the frames of `range` and the contact joints of `max(0, clearance - 5 mm
+/// - height)`, metres.
 ///
 /// # Errors
 /// [`MetricError`] where the range does not fit or the skeleton has no contact joints.
@@ -75,8 +77,8 @@ pub fn penetration_m(
     })))
 }
 
-/// Contact accuracy: share (0 to 1) of the frames of `range` and contact joints in which the contact computed from the
-/// motion ([`contacts::detect`]) is that of ground truth.
+/// Contact accuracy: share (0 to 1) of the frames of `range` and contact joints in which the
+/// contact computed from the motion ([`contacts::detect`]) is that of ground truth.
 ///
 /// # Errors
 /// [`MetricError`] where the motions or the range do not fit or the skeleton has no contact joints.
@@ -95,9 +97,9 @@ pub fn contact_accuracy(
     Ok(mean(pairs.map(|(a, b)| f64::from(u8::from(a == b)))))
 }
 
-/// Accuracy of contacts that a network says: share (0 to 1) of the frames of `range` and contact joints in which `said` (one
-/// number for each frame and contact joint, from 0 to 1, a contact from one half on) is the contact computed from ground
-/// truth's motion ([`contacts::detect`]).
+/// Accuracy of contacts that a network says: share (0 to 1) of the frames of `range` and contact
+/// joints in which `said` (one number for each frame and contact joint, from 0 to 1, a contact from
+/// one half on) is the contact computed from ground truth's motion ([`contacts::detect`]).
 ///
 /// # Errors
 /// [`MetricError`] where the numbers or the range do not fit or the skeleton has no contact joints.
@@ -122,8 +124,8 @@ pub fn contact_prediction_accuracy(
 /// Joint jitter: mean over the frames of `range` and all joints of the acceleration's magnitude
 /// `|p[t+1] - 2 p[t] + p[t-1]| * fps²`, m/s².
 ///
-/// The neighbours of the range's ends lie outside it, so a jump at the seam counts; the motion's own first and last frame
-/// are left out.
+/// The neighbours of the range's ends lie outside it, so a jump at the seam counts; the motion's
+/// own first and last frame are left out.
 ///
 /// # Errors
 /// [`MetricError`] where the range does not fit.
@@ -139,9 +141,9 @@ pub fn root_jitter_mps2(motion: &WorldMotion, range: Range<usize>, fps: f32) -> 
     jitter(motion, range, fps, 0..1)
 }
 
-/// Joint accelerations: `|p[t+1] - 2 p[t] + p[t-1]| * fps²` of every joint in the frames of `range`, m/s², frame by frame.
-/// The neighbours count as in [`joint_jitter_mps2`], whose values these are. Gather those of several motions for
-/// [`percentile`].
+/// Joint accelerations: `|p[t+1] - 2 p[t] + p[t-1]| * fps²` of every joint in the frames of
+/// `range`, m/s², frame by frame. The neighbours count as in [`joint_jitter_mps2`], whose values
+/// these are. Gather those of several motions for [`percentile`].
 ///
 /// # Errors
 /// [`MetricError`] where the range does not fit.
@@ -154,8 +156,9 @@ pub fn joint_accelerations_mps2(
     Ok(accelerations(motion, range, fps, 0..motion.joints).collect())
 }
 
-/// The value below which a share of all joint accelerations ([`joint_accelerations_mps2`]) lies, m/s²; 0.999 is the 99.9th
-/// percentile, which a pop at a seam would raise. 0 where the range has no frame with two neighbours.
+/// The value below which a share of all joint accelerations ([`joint_accelerations_mps2`]) lies,
+/// m/s²; 0.999 is the 99.9th percentile, which a pop at a seam would raise. 0 where the range has
+/// no frame with two neighbours.
 ///
 /// # Errors
 /// [`MetricError`] where the range does not fit.
@@ -169,7 +172,8 @@ pub fn joint_acceleration_percentile_mps2(
     Ok(percentile(values, share).unwrap_or(0.0))
 }
 
-/// The value below which a share (0 to 1) of `values` lies, between the two nearest by their distance. `None` of none.
+/// The value below which a share (0 to 1) of `values` lies, between the two nearest by their
+/// distance. `None` of none.
 pub fn percentile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let place = share.clamp(0.0, 1.0) * values.len().checked_sub(1)? as f64;

@@ -12,8 +12,8 @@ pub const REACH_DISTANCE_M: f32 = 0.05;
 /// How near the target heading must be to count as reached, radians (15°).
 pub const REACH_ANGLE_RAD: f32 = 15.0 * std::f32::consts::PI / 180.0;
 
-/// The largest joint position error over the frames of `range`, metres. (The paper takes the largest rather than the mean,
-/// since that is what an eye sees.)
+/// The largest joint position error over the frames of `range`, metres. (The paper takes the
+/// largest rather than the mean, since that is what an eye sees.)
 ///
 /// # Errors
 /// [`MetricError`] where the motions or the range do not fit.
@@ -30,7 +30,8 @@ pub fn keyframe_error_m(
     Ok(f64::from(largest))
 }
 
-/// The largest distance (in 3D: ground plane and height) of the root from ground truth over the frames of `range`, metres.
+/// The largest distance (in 3D: ground plane and height) of the root from ground truth over the
+/// frames of `range`, metres.
 ///
 /// # Errors
 /// [`MetricError`] where the motions or the range do not fit.

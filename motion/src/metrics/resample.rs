@@ -32,11 +32,13 @@ impl Estimate {
     }
 }
 
-/// The bootstrap: sets of clips drawn from those measured, each as many as there are, with replacement.
+/// The bootstrap: sets of clips drawn from those measured, each as many as there are, with
+/// replacement.
 ///
-/// Clips are drawn and not windows, because windows of one clip are alike: taken as independent they would make intervals too
-/// narrow. Where clips are few and long, pieces of them may stand for clips. The nth set depends on nothing but the seed and n, so that all measures are taken on the same sets and the same
-/// seed gives the same intervals.
+/// Clips are drawn and not windows, because windows of one clip are alike: taken as independent
+/// they would make intervals too narrow. Where clips are few and long, pieces of them may stand for
+/// clips. The nth set depends on nothing but the seed and n, so that all measures are taken on the
+/// same sets and the same seed gives the same intervals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resamples {
     clips: usize,
@@ -64,8 +66,8 @@ impl Resamples {
         times
     }
 
-    /// 95 % percentile intervals of measures: `of` takes the times that each clip is counted, and gives the measures of that
-    /// set, or none where they cannot be taken.
+    /// 95 % percentile intervals of measures: `of` takes the times that each clip is counted, and
+    /// gives the measures of that set, or none where they cannot be taken.
     ///
     /// None where there are fewer than two clips, or no set could be measured.
     pub fn intervals<const N: usize>(
@@ -84,11 +86,12 @@ impl Resamples {
         })
     }
 
-    /// As [`Self::intervals`], with each interval moved so that the mean of the sets' values comes to lie on the value
-    /// measured, but not below 0.
+    /// As [`Self::intervals`], with each interval moved so that the mean of the sets' values comes
+    /// to lie on the value measured, but not below 0.
     ///
-    /// For distances between distributions, which are above 0 by chance alone: a set that has some clips twice and others not
-    /// at all measures more than all clips do, so that the plain interval may lie above the value.
+    /// For distances between distributions, which are above 0 by chance alone: a set that has some
+    /// clips twice and others not at all measures more than all clips do, so that the plain
+    /// interval may lie above the value.
     pub fn centred<const N: usize>(
         &self,
         measured: [f64; N],
@@ -107,8 +110,8 @@ impl Resamples {
         })
     }
 
-    /// The figures of tasks that were gathered clip by clip, each with its interval, in the order of [`Figures::NAMES`]. None
-    /// without any task.
+    /// The figures of tasks that were gathered clip by clip, each with its interval, in the order
+    /// of [`Figures::NAMES`]. None without any task.
     pub fn figures(&self, clips: &[Summary]) -> Option<[Estimate; Figures::NAMES.len()]> {
         let gathered = |times: &[u32]| {
             let mut all = Summary::default();
@@ -127,14 +130,15 @@ impl Resamples {
         }))
     }
 
-    /// The mean of values that were measured on clips, `(clip, value)`, with its interval. None of no value.
+    /// The mean of values that were measured on clips, `(clip, value)`, with its interval. None of
+    /// no value.
     pub fn mean(&self, values: &[(usize, f64)]) -> Option<Estimate> {
         let counted: Vec<_> = values.iter().map(|&(clip, value)| (clip, value, 1.0)).collect();
         self.ratio(&counted)
     }
 
-    /// The ratio of the sums of two values that were measured on clips, `(clip, above, below)`, with its interval. None where those
-    /// below are 0 altogether.
+    /// The ratio of the sums of two values that were measured on clips, `(clip, above, below)`,
+    /// with its interval. None where those below are 0 altogether.
     pub fn ratio(&self, values: &[(usize, f64, f64)]) -> Option<Estimate> {
         let mut sums = vec![(0.0, 0.0); self.clips];
         for &(clip, above, below) in values {

@@ -11,7 +11,8 @@ use super::{
 use crate::clip::Clip;
 use crate::fk::WorldMotion;
 
-/// The parts of an in-betweening task: context frames, gap, target frames, without holes between them.
+/// The parts of an in-betweening task: context frames, gap, target frames, without holes between
+/// them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Task {
     /// Frames given at the start.
@@ -44,8 +45,8 @@ impl Task {
     }
 }
 
-/// The measures that have a value for each task; see the functions of this module for their definitions. In the gap only,
-/// unless the name says context or target.
+/// The measures that have a value for each task; see the functions of this module for their
+/// definitions. In the gap only, unless the name says context or target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Figures {
     /// [`l2p_m`].
@@ -85,11 +86,12 @@ pub struct Evaluation {
     pub npss: Npss,
 }
 
-/// Measures `clip` against `truth`, both of exactly the task's frames, on the same joints and at the same rate.
+/// Measures `clip` against `truth`, both of exactly the task's frames, on the same joints and at
+/// the same rate.
 ///
 /// # Errors
-/// [`MetricError`] where the clips do not fit each other or the task, a part of the task is empty, or the skeleton has no
-/// contact joints.
+/// [`MetricError`] where the clips do not fit each other or the task, a part of the task is empty,
+/// or the skeleton has no contact joints.
 pub fn evaluate(clip: &Clip, truth: &Clip, task: Task) -> Result<Evaluation, MetricError> {
     if clip.frames() != task.frames() || truth.frames() != task.frames() {
         return Err(MetricError::Shape("frames"));

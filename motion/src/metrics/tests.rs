@@ -106,8 +106,9 @@ fn reference_npss(motion: &[Vec<f64>], truth: &[Vec<f64>]) -> f64 {
 
 #[test]
 fn npss_by_hand() {
-    // Four frames: a constant has all its power at frequency 0; alternating signs have it at frequency 2. The cumulative
-    // spectra are 1 1 1 1 and 0 0 1 1, two apart. (Quaternion (1, x, 0, 0); w is the same in both, with power 16.)
+    // Four frames: a constant has all its power at frequency 0; alternating signs have it at
+    // frequency 2. The cumulative spectra are 1 1 1 1 and 0 0 1 1, two apart. (Quaternion (1, x, 0,
+    // 0); w is the same in both, with power 16.)
     let truth = signal(&[[1.0, 0.5, 0.0, 0.0]; 4]);
     let flip = |t: usize| [1.0, if t.is_multiple_of(2) { 0.5 } else { -0.5 }, 0.0, 0.0];
     let motion = signal(&[flip(0), flip(1), flip(2), flip(3)]);
@@ -138,7 +139,8 @@ fn npss_is_that_of_the_reference() {
 fn npss_does_not_see_signs() {
     let truth = world(&walk(30));
     let mut flipped = truth.clone();
-    // From frame 12 on every rotation is written with the other sign, as after a careless conversion.
+    // From frame 12 on every rotation is written with the other sign, as after a careless
+    // conversion.
     flipped.rotations[12 * 8..].iter_mut().for_each(|q| *q = -*q);
     near(npss(&flipped, &truth, 0..30).unwrap(), 0.0);
 }
@@ -200,7 +202,8 @@ fn penetration_has_five_millimetres_of_grace() {
 #[test]
 fn contact_accuracy_is_a_share() {
     let (truth, mut clip) = (stand(10), stand(10));
-    // Off the ground in frames 5..8. Landing in frame 8 is too fast to be a contact, so four frames of ten are wrong.
+    // Off the ground in frames 5..8. Landing in frame 8 is too fast to be a contact, so four frames
+    // of ten are wrong.
     (5..8).for_each(|f| clip.root_positions[f].y += 0.5);
     near(
         contact_accuracy(&biped(), &world(&clip), &world(&truth), 0..10, 30.0).unwrap(),
@@ -214,7 +217,8 @@ fn contact_accuracy_is_a_share() {
 
 #[test]
 fn contacts_that_are_said_are_set_against_those_of_the_motion() {
-    // Standing, so that all four are contacts: one of frame 1's is denied and one doubted, frame 2 is off altogether.
+    // Standing, so that all four are contacts: one of frame 1's is denied and one doubted, frame 2
+    // is off altogether.
     let truth = world(&stand(3));
     let said = [1.0; 4]
         .into_iter()
@@ -250,7 +254,8 @@ fn jitter_is_acceleration() {
 
 #[test]
 fn the_highest_percentile_sees_a_pop_that_the_mean_does_not() {
-    // 200 frames of y = t² · 0.2 mm (0.36 m/s²), all eight joints; one frame is 1 cm aside: 9 m/s² beside it, 18 at it.
+    // 200 frames of y = t² · 0.2 mm (0.36 m/s²), all eight joints; one frame is 1 cm aside: 9 m/s²
+    // beside it, 18 at it.
     let pop = |off: f32| {
         let mut clip = stand(200);
         (0..200).for_each(|f| clip.root_positions[f].y += 2e-4 * (f * f) as f32);

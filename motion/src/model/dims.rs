@@ -30,7 +30,8 @@ pub struct Dims {
     pub context_frames: usize,
     /// Most target keyframes of a request.
     pub max_targets: usize,
-    /// Normal numbers from which the root stage draws one of the ways to the targets; 0 where it knows the likeliest alone.
+    /// Normal numbers from which the root stage draws one of the ways to the targets; 0 where it
+    /// knows the likeliest alone.
     pub root_choices: usize,
 }
 

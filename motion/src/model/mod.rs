@@ -1,7 +1,8 @@
-//! What characters and generators share: the body that a model animates, the tasks that it is given, what it answers.
+//! What characters and generators share: the body that a model animates, the tasks that it is
+//! given, what it answers.
 //!
-//! A model of any family takes [`Task`]s and gives [`Output`]s. Everything is in the segment frame: the origin under the last
-//! context root, +Z along its heading.
+//! A model of any family takes [`Task`]s and gives [`Output`]s. Everything is in the segment frame:
+//! the origin under the last context root, +Z along its heading.
 
 mod body;
 mod capability;

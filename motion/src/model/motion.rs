@@ -90,7 +90,8 @@ impl Output {
     }
 }
 
-/// Whether all numbers are finite. Looks at each, without a way out in the middle, so several go at once.
+/// Whether all numbers are finite. Looks at each, without a way out in the middle, so several go at
+/// once.
 pub fn all_finite(values: &[f32]) -> bool {
     values
         .iter()

@@ -10,7 +10,8 @@ use crate::feasibility::Limits;
 use crate::ik::{Leg, legs};
 use crate::stance::low_hips_m;
 
-/// The body that a pack animates, and the sizes of its segments: all that a character knows of its model.
+/// The body that a pack animates, and the sizes of its segments: all that a character knows of its
+/// model.
 #[derive(Debug, Clone)]
 pub struct Rig {
     /// The pack's name.

@@ -1,4 +1,5 @@
-//! Roots that take the place of the predicted ones (root override: MotionBricks, section 7.3, figures 4 and 14).
+//! Roots that take the place of the predicted ones (root override: MotionBricks, section 7.3,
+//! figures 4 and 14).
 
 use glam::{Quat, Vec3};
 
@@ -34,9 +35,10 @@ impl RootKey {
 
 /// Roots that frames of a segment are to have.
 ///
-/// The pose tokens are those of the predicted trajectory; what the decoder sees instead is that trajectory drawn through the
-/// keys. What a key lacks of it is spread over the frames between keys by a cubic curve for place, height and heading each. The curve
-/// begins at nothing in the last context frame. Behind the last key it stays.
+/// The pose tokens are those of the predicted trajectory; what the decoder sees instead is that
+/// trajectory drawn through the keys. What a key lacks of it is spread over the frames between keys
+/// by a cubic curve for place, height and heading each. The curve begins at nothing in the last
+/// context frame. Behind the last key it stays.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RootOverride {
     keys: Box<[RootKey]>,
@@ -76,8 +78,8 @@ impl RootOverride {
         }
     }
 
-    /// Draws roots through the keys, and turns poses along: `rotations` holds `joints` rotations a frame, of which the first has no
-    /// parent. After it keys are met to rounding.
+    /// Draws roots through the keys, and turns poses along: `rotations` holds `joints` rotations a
+    /// frame, of which the first has no parent. After it keys are met to rounding.
     pub fn pin(&self, roots: &mut [GlobalRoot], rotations: &mut [Quat], joints: usize) {
         let lacking = self.lacking(roots.len(), |frame| roots[frame]);
         let poses = rotations.chunks_exact_mut(joints.max(1));
@@ -135,7 +137,8 @@ impl Lacking {
     }
 }
 
-/// A cubic curve through values at frames. It starts from nothing, at rest, and stays at its last value.
+/// A cubic curve through values at frames. It starts from nothing, at rest, and stays at its last
+/// value.
 struct Curve<const N: usize> {
     knots: Vec<(usize, [f32; N])>,
 }
@@ -170,7 +173,8 @@ impl<const N: usize> Curve<N> {
         std::array::from_fn(|axis| hermite(t, span, (from[axis], leaving[axis]), (to[axis], arriving[axis])))
     }
 
-    /// The change a frame at a knot: that of the parabola through it and its neighbours, nothing at both ends.
+    /// The change a frame at a knot: that of the parabola through it and its neighbours, nothing at
+    /// both ends.
     fn slope(&self, knot: usize) -> [f32; N] {
         let neighbours = knot
             .checked_sub(1)

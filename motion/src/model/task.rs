@@ -18,11 +18,13 @@ pub struct KeyTensors {
 
 /// A path that the root is drawn to (root interpolation, paper section 6.1 and figure 14).
 ///
-/// It acts between the root stage and the pose stage, behind the context frames. A frame is moved by the ratios of what
-/// lies between r_g3 and the path. Frames beyond the path's end are moved as its last frame is.
+/// It acts between the root stage and the pose stage, behind the context frames. A frame is moved
+/// by the ratios of what lies between r_g3 and the path. Frames beyond the path's end are moved as
+/// its last frame is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RootGuide {
-    /// `[frames][x, y, z, heading]` from the segment's first frame on: metres and radians, in the segment frame.
+    /// `[frames][x, y, z, heading]` from the segment's first frame on: metres and radians, in the
+    /// segment frame.
     pub path: Box<[[f32; 4]]>,
     /// 0 keeps r_g3's place on the ground, 1 takes the path's; up to 1.2.
     pub position_ratio: f32,
@@ -81,14 +83,15 @@ pub struct KeyframeTask {
     pub allowed_counts: Vec<bool>,
     /// Seed of all random choices.
     pub seed: u64,
-    /// 0 for the most likely choice, above 0 to sample: token count, pose tokens, and the root trajectory where the pack's
-    /// [`Dims::root_choices`] are not 0.
+    /// 0 for the most likely choice, above 0 to sample: token count, pose tokens, and the root
+    /// trajectory where the pack's [`Dims::root_choices`] are not 0.
     pub temperature: f32,
     /// Passes of the pose stage.
     pub pose_steps: u32,
     /// Where to draw the root, if anywhere.
     pub root_guide: Option<RootGuide>,
-    /// Roots that the decoder gets in the place of the predicted ones, if any. The pose stage does not see them.
+    /// Roots that the decoder gets in the place of the predicted ones, if any. The pose stage does
+    /// not see them.
     pub root_override: Option<RootOverride>,
     /// Poses between context and targets.
     pub gap_poses: Vec<GapPose>,
@@ -108,18 +111,19 @@ impl KeyframeTask {
 
 /// A path to follow, by a body of any skeleton, in the segment frame.
 ///
-/// The answer has as many frames as the path. Its root is the network's own, not drawn to path or keyframes.
+/// The answer has as many frames as the path. Its root is the network's own, not drawn to path or
+/// keyframes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PathTask {
     /// What is to move.
     pub body: Arc<Body>,
-    /// The first frames: none to begin anywhere, or as many as the pack has context frames. A keyframe counts where it has both a
-    /// global root and a pose.
+    /// The first frames: none to begin anywhere, or as many as the pack has context frames. A
+    /// keyframe counts where it has both a global root and a pose.
     pub context: Vec<KeyTensors>,
     /// The last frames, at most as many as the pack has targets; as the context.
     pub targets: Vec<KeyTensors>,
-    /// `[frames][x, z, heading]`, metres and radians. It passes the roots of context and targets. Frames are as many as a segment of
-    /// the pack may have, whole tokens.
+    /// `[frames][x, z, heading]`, metres and radians. It passes the roots of context and targets.
+    /// Frames are as many as a segment of the pack may have, whole tokens.
     pub path: Box<[[f32; 3]]>,
     /// A weight for each word of the pack; all zero for no style.
     pub style: Vec<f32>,
@@ -188,7 +192,8 @@ pub struct PromptTask {
     pub text: String,
     /// Frames that go before, oldest first, in the segment frame; none to begin anywhere.
     pub context: Vec<KeyTensors>,
-    /// Frames that come after, oldest first, in the segment frame; none to end anywhere. Then `frames` is those between.
+    /// Frames that come after, oldest first, in the segment frame; none to end anywhere. Then
+    /// `frames` is those between.
     pub targets: Vec<KeyTensors>,
     /// What is to be danced or spoken to.
     pub audio: Option<Audio>,
@@ -200,9 +205,11 @@ pub struct PromptTask {
     pub seed: u64,
     /// How tokens are chosen.
     pub sampling: SamplingTask,
-    /// Whether frames are to leave while later ones are made. Else all leave together, for less work.
+    /// Whether frames are to leave while later ones are made. Else all leave together, for less
+    /// work.
     pub in_parts: bool,
-    /// Steps of the pack's flow decoder: its frames are finer, and leave together. 0 for the plain decoder.
+    /// Steps of the pack's flow decoder: its frames are finer, and leave together. 0 for the plain
+    /// decoder.
     pub flow_steps: u32,
 }
 

@@ -1,5 +1,6 @@
-//! Motion of a robot as Unitree publishes it: CSV without a header, a frame a row. The root's `x y z` (metres) and
-//! `qx qy qz qw` come first, in ROS axes, then the angles of the hinges in their order, radians. The file knows no rate.
+//! Motion of a robot as Unitree publishes it: CSV without a header, a frame a row. The root's `x y
+//! z` (metres) and `qx qy qz qw` come first, in ROS axes, then the angles of the hinges in their
+//! order, radians. The file knows no rate.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -65,8 +66,8 @@ pub enum CsvError {
     Clip(#[from] ClipError),
 }
 
-/// Reads a CSV as a clip of `fps` frames a second (Unitree's have 30). Empty lines are passed over. Angles are taken as they
-/// are, also outside of the hinges' limits.
+/// Reads a CSV as a clip of `fps` frames a second (Unitree's have 30). Empty lines are passed over.
+/// Angles are taken as they are, also outside of the hinges' limits.
 ///
 /// # Errors
 /// [`CsvError`], with the line that is wrong.
@@ -120,7 +121,8 @@ fn read_row(line: usize, text: &str, robot: &Robot, row: &mut [f32]) -> Result<(
     Ok(())
 }
 
-/// Writes a clip as CSV, on the hinges and within their limits ([`Robot::fit`]), with six digits behind the point.
+/// Writes a clip as CSV, on the hinges and within their limits ([`Robot::fit`]), with six digits
+/// behind the point.
 ///
 /// # Errors
 /// [`CsvError::NoRobot`].

@@ -1,11 +1,13 @@
 //! Robots: joints that are hinges with limits, and MuJoCo's `qpos`.
 //!
-//! A robot is a [`Skeleton`] whose joints turn about one axis each, or not at all. The rotation of a hinge joint relative to
-//! its parent is `rest * R(axis, angle)`; a joint without a hinge turns with its parent; the root joint floats freely. Axes and
-//! rests are in native axes, angles in radians, positive about the axis as in the robot's URDF.
+//! A robot is a [`Skeleton`] whose joints turn about one axis each, or not at all. The rotation of
+//! a hinge joint relative to its parent is `rest * R(axis, angle)`; a joint without a hinge turns
+//! with its parent; the root joint floats freely. Axes and rests are in native axes, angles in
+//! radians, positive about the axis as in the robot's URDF.
 //!
-//! [`Robot::fit`] brings any pose onto the hinges and into their limits and says what that took. `qpos` is MuJoCo's: the root's
-//! place (x, y, z in ROS axes, metres), its rotation (w, x, y, z), then the hinges' angles in their order.
+//! [`Robot::fit`] brings any pose onto the hinges and into their limits and says what that took.
+//! `qpos` is MuJoCo's: the root's place (x, y, z in ROS axes, metres), its rotation (w, x, y, z),
+//! then the hinges' angles in their order.
 
 mod csv;
 mod doc;
@@ -54,8 +56,8 @@ impl Hinge {
         self.rest * Quat::from_axis_angle(self.axis, angle)
     }
 
-    /// The angle at which the hinge comes nearest to a rotation relative to the joint's parent, as it is nearest to the middle of
-    /// the limits: in (-π, π] about it.
+    /// The angle at which the hinge comes nearest to a rotation relative to the joint's parent, as
+    /// it is nearest to the middle of the limits: in (-π, π] about it.
     #[inline]
     pub fn angle_of(&self, local: Quat) -> f32 {
         let turn = self.rest.conjugate() * local;
@@ -83,7 +85,8 @@ struct Link {
     hinge: Option<usize>,
 }
 
-/// The hinges of a skeleton. It belongs to the skeleton that it was made for ([`Skeleton::with_robot`]).
+/// The hinges of a skeleton. It belongs to the skeleton that it was made for
+/// ([`Skeleton::with_robot`]).
 ///
 /// [`Skeleton`]: crate::Skeleton
 /// [`Skeleton::with_robot`]: crate::Skeleton::with_robot
@@ -95,12 +98,14 @@ pub struct Robot {
     links: Vec<Link>,
 }
 
-/// A pose on the hinges, and what it took to bring it there. To be used again: nothing is allocated for a second pose.
+/// A pose on the hinges, and what it took to bring it there. To be used again: nothing is allocated
+/// for a second pose.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fitted {
     /// Angles of the hinges, radians, each within its limits.
     pub angles: Vec<f32>,
-    /// The largest turn in the world, of any joint, between the pose as it was and as it is, radians.
+    /// The largest turn in the world, of any joint, between the pose as it was and as it is,
+    /// radians.
     pub residual_rad: f32,
     /// Hinges that were asked for more than their limits by more than [`LIMIT_TOLERANCE_RAD`].
     pub clamped: usize,
@@ -123,7 +128,8 @@ impl Robot {
         &self.name
     }
 
-    /// The hinges, in the order of `qpos`; those nearer to the root come before those that hang from them.
+    /// The hinges, in the order of `qpos`; those nearer to the root come before those that hang
+    /// from them.
     pub fn hinges(&self) -> &[Hinge] {
         &self.hinges
     }
@@ -138,10 +144,12 @@ impl Robot {
         ROOT_QPOS + self.hinges.len()
     }
 
-    /// Brings a pose (joint 0 in the world, others parent-relative) onto the hinges and into their limits.
+    /// Brings a pose (joint 0 in the world, others parent-relative) onto the hinges and into their
+    /// limits.
     ///
-    /// From the root outwards each hinge turns as near as it can to where the pose has its joint in the world, so that a hinge makes
-    /// up for what those above it lack. A pose that is on the hinges already stays as it is, up to rounding.
+    /// From the root outwards each hinge turns as near as it can to where the pose has its joint in
+    /// the world, so that a hinge makes up for what those above it lack. A pose that is on the
+    /// hinges already stays as it is, up to rounding.
     ///
     /// # Panics
     /// Where the pose has fewer rotations than the skeleton has joints.
@@ -177,7 +185,8 @@ impl Robot {
         fitted.residual_rad = 2.0 * most_sin_half.min(1.0).asin();
     }
 
-    /// The pose of some angles, one a hinge, and a rotation of the root: joint 0 in the world, others parent-relative.
+    /// The pose of some angles, one a hinge, and a rotation of the root: joint 0 in the world,
+    /// others parent-relative.
     ///
     /// # Panics
     /// Where there are fewer angles than hinges, or `out` is shorter than the skeleton.
@@ -202,8 +211,8 @@ impl Robot {
         qpos[ROOT_QPOS..].copy_from_slice(angles);
     }
 
-    /// Reads a `qpos`: the root's place (native axes, metres) and its rotation, of the length that it is given in, and the
-    /// angles. Values are not checked.
+    /// Reads a `qpos`: the root's place (native axes, metres) and its rotation, of the length that
+    /// it is given in, and the angles. Values are not checked.
     ///
     /// # Panics
     /// Where there are fewer than [`Robot::qpos_len`] numbers.

@@ -42,7 +42,8 @@ fn world(skeleton: &Skeleton, root: Vec3, pose: &[Quat]) -> (Vec<Vec3>, Vec<Quat
 
 #[test]
 fn a_frame_of_the_data_stands_as_the_urdf_has_it() {
-    // Places of joints and the X axes of their links, by forward kinematics of the URDF in another program.
+    // Places of joints and the X axes of their links, by forward kinematics of the URDF in another
+    // program.
     let expected = [
         (
             "left_knee",
@@ -215,7 +216,8 @@ fn what_no_hinge_can_do_is_told() {
     let skeleton = crane(-1.0, 1.0);
     let robot = robot(&skeleton);
     let mut fitted = Fitted::default();
-    // 0.3 rad about the hinge, then 0.2 rad across it; the hook turns with the arm, whatever it was to do.
+    // 0.3 rad about the hinge, then 0.2 rad across it; the hook turns with the arm, whatever it was
+    // to do.
     let across = robot.hinges()[0].rotation(0.3) * Quat::from_rotation_y(0.2);
     let mut pose = [Quat::from_rotation_y(2.0), across, Quat::IDENTITY];
     robot.fit(&mut pose, &mut fitted);

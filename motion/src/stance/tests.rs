@@ -156,7 +156,8 @@ proptest! {
         prop_assert!(stretch(&skeleton, &rotations) < 1e-5);
         prop_assert!(rotations.chunks_exact(JOINTS).collect::<Vec<_>>().windows(2)
             .all(|w| w[0].iter().zip(w[1]).all(|(a, b)| a.dot(*b) >= 0.0)));
-        // As fast as the way demands: twice (least jerk) what the joint that goes furthest needs, steps and lean besides.
+        // As fast as the way demands: twice (least jerk) what the joint that goes furthest needs,
+        // steps and lean besides.
         let (a, b) = (positions(&skeleton, UP, &from), positions(&skeleton, to_root, &to));
         let way = a.iter().zip(&b).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
         let most = (6.0 * way + 0.1 + 4.0 * lean) / count as f32 + 6.0 * motion.short_m;

@@ -95,7 +95,8 @@ fn a_ledge_is_climbed_and_left_step_by_step() {
             let flat = track(&skeleton, &before.0, &before.1, foot + 1);
             for frame in 0..120_usize {
                 let planted = |f: usize| after.2[f] & bits == bits;
-                // The toes go over the ground as they went over the flat one, or higher, but for corners next to contacts.
+                // The toes go over the ground as they went over the flat one, or higher, but for
+                // corners next to contacts.
                 let near = (frame.saturating_sub(6)..(frame + 7).min(120)).any(|f| after.2[f] & bits != 0);
                 let over = toes[frame].y - ground(0.0, toes[frame].z) - (flat[frame].y - clearance).min(0.0);
                 assert!(near || over > clearance - 0.01, "{height}: frame {frame}, {over}");
@@ -174,8 +175,9 @@ fn what_was_shown_stays_and_goes_on_without_a_jump() {
     assert_eq!(changed[119].feet_m[..2], [0.2; 2]);
 }
 
-/// Lifts as they are shown where plans come every 9 frames and nothing but the frames that are known stays: of `motion`, with
-/// `ahead` frames of each plan and the last `behind` that were shown.
+/// Lifts as they are shown where plans come every 9 frames and nothing but the frames that are
+/// known stays: of `motion`, with `ahead` frames of each plan and the last `behind` that were
+/// shown.
 fn replanned(motion: &Frames, behind: usize, ahead: usize, ground: impl Fn(f32, f32) -> f32) -> Vec<Lift> {
     let frames = motion.0.len();
     let mut shown: Vec<Lift> = Vec::new();

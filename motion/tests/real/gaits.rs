@@ -17,7 +17,8 @@ fn clip(name: &str) -> Option<Clip> {
 
 #[test]
 fn speeds_and_periods_agree_with_others() {
-    // Name, forward and left (m/s), period (frames), root height (m); from smoothed root speeds and foot distances.
+    // Name, forward and left (m/s), period (frames), root height (m); from smoothed root speeds and
+    // foot distances.
     let known = [
         ("dataset-1_walk_normal_001", 1.25, -0.07, 32.0, 0.90),
         ("dataset-1_walk_sad_001", 0.55, -0.01, 50.0, 0.92),

@@ -1,5 +1,6 @@
-//! Feet, seats, falls and ledges on the default pack's skeleton: with the example walk, and with real motion capture.
-//! `cargo test -p troupe-motion --test real -- ik --nocapture` prints the figures.
+//! Feet, seats, falls and ledges on the default pack's skeleton: with the example walk, and with
+//! real motion capture. `cargo test -p troupe-motion --test real -- ik --nocapture` prints the
+//! figures.
 
 use std::sync::Arc;
 
@@ -80,8 +81,8 @@ fn acceleration(clip: &Clip, share: f64) -> f64 {
     joint_acceleration_percentile_mps2(&motion, 0..clip.frames(), clip.fps, share).unwrap()
 }
 
-/// The farthest that a foot in contact moves over the ground in a frame, millimetres: by its toe while that is in contact,
-/// by its ankle while only that is.
+/// The farthest that a foot in contact moves over the ground in a frame, millimetres: by its toe
+/// while that is in contact, by its ankle while only that is.
 fn slide_mm(clip: &Clip, contacts: &[u8]) -> f32 {
     let (motion, params) = (
         WorldMotion::from_clip(clip),
@@ -254,7 +255,8 @@ fn seats_tables_and_falls_from_a_real_stand() {
     }
 }
 
-/// Walks a clip over a ledge half way, prints the figures and answers them: short (m), acceleration p99.5 against flat.
+/// Walks a clip over a ledge half way, prints the figures and answers them: short (m), acceleration
+/// p99.5 against flat.
 fn over_a_ledge(name: &str, clip: &Clip, height: f32) -> (f32, f64) {
     let (flat, contacts, _) = locked(clip);
     let mut made = flat.clone();

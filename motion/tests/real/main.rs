@@ -1,6 +1,6 @@
-//! Real motion capture, where there is any: the BVH files below the folder that TROUPE_DATA names, else below
-//! `target/data/bandai-namco`, where `make test` unpacks them. Where there are none, a test says so and passes; the small
-//! motions of the unit tests remain.
+//! Real motion capture, where there is any: the BVH files below the folder that TROUPE_DATA names,
+//! else below `target/data/bandai-namco`, where `make test` unpacks them. Where there are none, a
+//! test says so and passes; the small motions of the unit tests remain.
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 
@@ -21,7 +21,8 @@ fn in_repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
-/// Where clips are looked for: the folder that was `asked` for, else the one that `make test` fills.
+/// Where clips are looked for: the folder that was `asked` for, else the one that `make test`
+/// fills.
 fn folder_or_default(asked: Option<OsString>) -> PathBuf {
     asked.map_or_else(|| in_repository("target/data/bandai-namco"), PathBuf::from)
 }

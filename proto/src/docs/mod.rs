@@ -1,7 +1,9 @@
-//! Documents that people write: definitions of smart objects, skills, and scenes. Plain types for TOML and JSON, the same fields in
-//! both; lengths in metres, angles in degrees about +Y, rotations as w, x, y, z, right-handed with Y up.
+//! Documents that people write: definitions of smart objects, skills, and scenes. Plain types for
+//! TOML and JSON, the same fields in both; lengths in metres, angles in degrees about +Y, rotations
+//! as w, x, y, z, right-handed with Y up.
 //!
-//! Only the form is checked here: unknown fields are refused, values are not looked at. The server checks these.
+//! Only the form is checked here: unknown fields are refused, values are not looked at. The server
+//! checks these.
 
 mod object;
 mod scene;

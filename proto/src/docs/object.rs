@@ -155,16 +155,19 @@ pub struct SocketDoc {
     /// The object's origin in the joint's frame, metres. Default: the joint.
     #[serde(default, skip_serializing_if = "is_default")]
     pub position_m: [f32; 3],
-    /// The object's rotation in the joint's frame: w, x, y, z. Left out: as it was when it was taken.
+    /// The object's rotation in the joint's frame: w, x, y, z. Left out: as it was when it was
+    /// taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation: Option<[f32; 4]>,
     /// Frames over which the object moves here. Default 4.
     #[serde(default = "SocketDoc::default_blend")]
     pub blend_frames: u32,
-    /// Whether the arm swings as in any walk while it carries the object. Default false: the hand stays where it is.
+    /// Whether the arm swings as in any walk while it carries the object. Default false: the hand
+    /// stays where it is.
     #[serde(default, skip_serializing_if = "is_false")]
     pub swings: bool,
-    /// Whether the object stands upright however the joint turns, as a full cup does. Default false: it turns with the joint.
+    /// Whether the object stands upright however the joint turns, as a full cup does. Default
+    /// false: it turns with the joint.
     #[serde(default, skip_serializing_if = "is_false")]
     pub upright: bool,
 }
@@ -215,7 +218,8 @@ pub struct SetDoc {
     /// Whether a character that comes for it stops before it begins. Default false.
     #[serde(default, skip_serializing_if = "is_false")]
     pub from_stand: bool,
-    /// Frames from the last frame before the set to its last keyframe. Left out: as many as the pack thinks right.
+    /// Frames from the last frame before the set to its last keyframe. Left out: as many as the
+    /// pack thinks right.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<u32>,
     /// τ: 0 (default) must be reached; above, it may be left so many frames early.
@@ -251,7 +255,8 @@ pub enum Origin {
 pub enum Motion {
     /// By the networks, drawn to the keyframes.
     Plan,
-    /// Without the networks, the feet held where they stand: for poses that the networks do not know.
+    /// Without the networks, the feet held where they stand: for poses that the networks do not
+    /// know.
     Stance,
 }
 
@@ -287,7 +292,8 @@ pub enum Moment {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeyframeDoc {
-    /// ω: whether it turns about the pivot with the side that the character comes from. Default false.
+    /// ω: whether it turns about the pivot with the side that the character comes from. Default
+    /// false.
     #[serde(default, skip_serializing_if = "is_false")]
     pub pivot: bool,
     /// Where the root is over the ground: x and z, metres.
@@ -302,7 +308,8 @@ pub struct KeyframeDoc {
     /// Whether heights count from what the character stands on. Default false: from the origin.
     #[serde(default, skip_serializing_if = "is_false")]
     pub from_ground: bool,
-    /// The pose: w, x, y, z for each joint, the first with the heading taken out, others relative to their parents.
+    /// The pose: w, x, y, z for each joint, the first with the heading taken out, others relative
+    /// to their parents.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotations: Option<Vec<f32>>,
     /// Where single joints are.

@@ -15,7 +15,8 @@ pub struct SceneDoc {
     /// Height of the ground plane, metres. Default 0.
     #[serde(default, skip_serializing_if = "is_default")]
     pub ground_m: f32,
-    /// What is there to stand on, and what is in the way to objects. Locomotion is not stopped by it.
+    /// What is there to stand on, and what is in the way to objects. Locomotion is not stopped by
+    /// it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub colliders: Vec<ColliderDoc>,
     /// What may be used.
@@ -121,7 +122,8 @@ pub struct HeightfieldDoc {
     pub columns: usize,
     /// Size along x and z, metres.
     pub size_m: [f32; 2],
-    /// `rows * columns` heights in metres, row by row: the first row is at the least z, its first sample at the least x.
+    /// `rows * columns` heights in metres, row by row: the first row is at the least z, its first
+    /// sample at the least x.
     pub heights_m: Vec<f32>,
 }
 

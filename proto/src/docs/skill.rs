@@ -6,8 +6,8 @@ use super::{
     AnchorDoc, BoxDoc, Motion, ObjectDoc, Origin, ReleaseDoc, SetDoc, ShapeDoc, TriggerDoc, VariantDoc,
 };
 
-/// A whole skill: what a character does where it stands. The keyframes of each set are given from where the character is as the
-/// set begins.
+/// A whole skill: what a character does where it stands. The keyframes of each set are given from
+/// where the character is as the set begins.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SkillDoc {
@@ -25,8 +25,8 @@ pub struct SkillDoc {
 }
 
 impl From<SkillDoc> for ObjectDoc {
-    /// The definition of an object that is nowhere: no set is given from it. Sets that do not say how they are made are made by the
-    /// networks, low hips or not.
+    /// The definition of an object that is nowhere: no set is given from it. Sets that do not say
+    /// how they are made are made by the networks, low hips or not.
     fn from(skill: SkillDoc) -> Self {
         let set = |set: SetDoc| SetDoc {
             origin: Origin::Character,

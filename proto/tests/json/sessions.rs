@@ -1,4 +1,5 @@
-//! The JSON form of sessions: enumerations as words, bytes as base64, a choice as an object with one member.
+//! The JSON form of sessions: enumerations as words, bytes as base64, a choice as an object with
+//! one member.
 
 use serde_json::json;
 use troupe_proto::v1;

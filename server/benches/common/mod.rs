@@ -1,4 +1,5 @@
-//! What the benches work on: the example walk as a request, as what the networks make of one, and as frames of a crowd.
+//! What the benches work on: the example walk as a request, as what the networks make of one, and
+//! as frames of a crowd.
 
 mod waiting;
 
@@ -80,7 +81,8 @@ impl Work {
         finish(&self.raw, &self.plan, &self.pack.rig).unwrap()
     }
 
-    /// The same with feet as the networks made them. Otherwise all four contact joints are held all the time, which is the most.
+    /// The same with feet as the networks made them. Otherwise all four contact joints are held all
+    /// the time, which is the most.
     pub fn finish_free(&self) -> v1::CharacterResult {
         finish(&self.raw, &self.free, &self.pack.rig).unwrap()
     }

@@ -59,7 +59,8 @@ impl Waiting {
         self.scheduler.step(self.now, event, &mut self.actions);
     }
 
-    /// One turn of a busy server: the worker is ready and takes a batch, and as many characters arrive as left.
+    /// One turn of a busy server: the worker is ready and takes a batch, and as many characters
+    /// arrive as left.
     pub fn turn(&mut self) -> usize {
         self.actions.clear();
         self.now += Duration::from_millis(10);

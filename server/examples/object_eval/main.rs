@@ -1,5 +1,6 @@
-//! How well a pack's characters use smart objects: many seeded approaches to each, from varied distances, directions, speeds
-//! and styles, then the same approach from twelve directions. Real networks, no server.
+//! How well a pack's characters use smart objects: many seeded approaches to each, from varied
+//! distances, directions, speeds and styles, then the same approach from twelve directions. Real
+//! networks, no server.
 //!
 //! ```text
 //! cargo run --release -p troupe-server --example object_eval -- --help

@@ -1,4 +1,5 @@
-//! What a trial shows, measured on its frames: the character's own word about errors is only reported beside.
+//! What a trial shows, measured on its frames: the character's own word about errors is only
+//! reported beside.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::ops::Range;
@@ -56,7 +57,8 @@ pub struct Outcome {
     pub joint_m: f32,
     pub root_m: f32,
     pub heading_deg: f32,
-    /// The worst before it was drawn to its keyframes, by the character's word: joints and root in metres.
+    /// The worst before it was drawn to its keyframes, by the character's word: joints and root in
+    /// metres.
     pub before_joint_m: f32,
     pub before_root_m: f32,
     /// From the command to the end, seconds.
@@ -66,20 +68,23 @@ pub struct Outcome {
     pub skate_before_mm: f64,
     /// Joint acceleration that 99.5 % stay below from the command to the end, m/s².
     pub acceleration: f64,
-    /// The largest acceleration of a knee from the command to the end, and a second of what follows, m/s².
+    /// The largest acceleration of a knee from the command to the end, and a second of what
+    /// follows, m/s².
     pub knee_acceleration: f64,
     /// The variant that was chosen.
     pub variant: String,
     /// Which of the twelve directions, of those trials.
     pub direction: Option<usize>,
-    /// Soft sets: how many there were, how many were left early, and by how many frames the earliest.
+    /// Soft sets: how many there were, how many were left early, and by how many frames the
+    /// earliest.
     pub soft: usize,
     pub soft_early: usize,
     pub earliest_frames: u32,
-    /// Joints at every keyframe that was reached, one keyframe after the other, as seen from the root and turned by the
-    /// heading: trials are compared by them for variety.
+    /// Joints at every keyframe that was reached, one keyframe after the other, as seen from the
+    /// root and turned by the heading: trials are compared by them for variety.
     pub poses: Vec<Vec3>,
-    /// Where the interaction was broken off: how it moved in the second after that, and as it walked at first.
+    /// Where the interaction was broken off: how it moved in the second after that, and as it
+    /// walked at first.
     pub broken_off: Option<[Roughness; 2]>,
     /// A number that differs where any frame or event does.
     pub digest: u64,
@@ -232,8 +237,9 @@ impl Record {
         hasher.finish()
     }
 
-    /// How far a frame is from a keyframe, from whatever side it was approached where the keyframe leaves that open. Joints are
-    /// compared in the world: where a keyframe says where the root is, an error of the root is one of every joint too.
+    /// How far a frame is from a keyframe, from whatever side it was approached where the keyframe
+    /// leaves that open. Joints are compared in the world: where a keyframe says where the root is,
+    /// an error of the root is one of every joint too.
     fn error(
         &self,
         definition: &Definition,
@@ -243,7 +249,8 @@ impl Record {
     ) -> KeyframeError {
         let mut error = KeyframeError::default();
         if origin == Origin::Character {
-            // Its origin is where the set began; its pose is compared below, its place is not known here.
+            // Its origin is where the set began; its pose is compared below, its place is not known
+            // here.
             if let Some(rotations) = &key.rotations {
                 error.joint_m = frame.pose_error(frame.positions[0], frame.heading, rotations);
             }
@@ -305,7 +312,8 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// The farthest joint from a pose with its heading taken out, put to a root and turned to a heading.
+    /// The farthest joint from a pose with its heading taken out, put to a root and turned to a
+    /// heading.
     fn pose_error(&self, root: Vec3, heading: f32, pose: &[Quat]) -> f32 {
         let mut pose = pose.to_vec();
         pose[0] = yaw(heading) * pose[0];

@@ -40,7 +40,8 @@ struct Object {
     /// Median and 95th percentile of the largest of each interaction.
     knee_acceleration_mps2: [f64; 2],
     variants: BTreeMap<String, usize>,
-    /// Mean distance of a joint between trials of different variants, over their keyframes, centimetres.
+    /// Mean distance of a joint between trials of different variants, over their keyframes,
+    /// centimetres.
     variety_cm: f64,
     /// Soft sets that were left early, percent, and by how many frames the earliest.
     soft_early_percent: f64,
@@ -56,8 +57,8 @@ struct Object {
     directions: Vec<f64>,
 }
 
-/// How roughly characters move in the second after an interaction was broken off, and as they walked before it: of each trial
-/// the worst joint and frame.
+/// How roughly characters move in the second after an interaction was broken off, and as they
+/// walked before it: of each trial the worst joint and frame.
 #[derive(Serialize)]
 struct BrokenOff {
     trials: usize,
@@ -106,7 +107,8 @@ impl Report {
         }
     }
 
-    /// Adds an object: varied approaches, the first of them once more, and approaches from all directions.
+    /// Adds an object: varied approaches, the first of them once more, and approaches from all
+    /// directions.
     pub fn add(
         &mut self,
         name: &str,

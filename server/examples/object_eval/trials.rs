@@ -45,7 +45,8 @@ pub struct Spec {
     pub told_at: u64,
     /// Which of [`DIRECTIONS`] it comes from, of those trials.
     pub direction: Option<usize>,
-    /// A command that breaks the interaction off, so many frames after it was told: how fast to go, m/s over the ground.
+    /// A command that breaks the interaction off, so many frames after it was told: how fast to go,
+    /// m/s over the ground.
     pub broken_off: Option<(u64, Vec3)>,
 }
 

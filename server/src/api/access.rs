@@ -14,7 +14,8 @@ use super::http::ASSETS;
 use super::reserve::GRPC_HEALTH;
 use crate::clients::{Client, Clients, Role};
 
-/// Paths that need no key: health, and the documentation and the viewer, which are the same of every server.
+/// Paths that need no key: health, and the documentation and the viewer, which are the same of
+/// every server.
 const OPEN: [&str; 5] = ["/", "/healthz", "/readyz", "/openapi.json", "/docs"];
 /// The one path that a ticket opens, and the parameter that it comes in.
 const STREAM: &str = "/v1/drive";

@@ -65,7 +65,8 @@ impl Credentials {
         self.keys.store(keys.into());
     }
 
-    /// Accepts tokens by these keys and no others, from the next call on. Without effect where there were none.
+    /// Accepts tokens by these keys and no others, from the next call on. Without effect where
+    /// there were none.
     pub fn replace_tokens(&self, tokens: Tokens) {
         if let Some(known) = &self.tokens {
             known.store(tokens.into());

@@ -1,8 +1,9 @@
-//! Every error of the API, and the one place that says how it looks: gRPC code and details, HTTP status and body,
-//! metric label.
+//! Every error of the API, and the one place that says how it looks: gRPC code and details, HTTP
+//! status and body, metric label.
 //!
-//! The layers below have errors of their own. Each has its lines of the table ([`row`]) in a file of its domain:
-//! [`batch`], [`world`], [`session`]; those of the edge itself are here. [`form`] makes answers of them.
+//! The layers below have errors of their own. Each has its lines of the table ([`row`]) in a file
+//! of its domain: [`batch`], [`world`], [`session`]; those of the edge itself are here. [`form`]
+//! makes answers of them.
 
 mod batch;
 mod form;
@@ -34,7 +35,8 @@ pub use form::{ErrorBody, ErrorDetail};
 /// The domain of this API's errors in `google.rpc.ErrorInfo`.
 const DOMAIN: &str = "troupe.v1";
 
-/// When to try again where a place may be free at any time: of a connection, or of what is on its way.
+/// When to try again where a place may be free at any time: of a connection, or of what is on its
+/// way.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
 /// How a key is sent.
@@ -53,7 +55,8 @@ pub enum ApiError {
     /// A request of the Motion Model Context Protocol that is not accepted.
     #[error(transparent)]
     Mmcp(Box<Fault>),
-    /// A body that is not a request: truncated, no protobuf, no JSON, or with a field of the wrong form.
+    /// A body that is not a request: truncated, no protobuf, no JSON, or with a field of the wrong
+    /// form.
     #[error("the request cannot be read: {message}")]
     Malformed {
         /// What is wrong with it.
@@ -86,7 +89,8 @@ pub enum ApiError {
     /// A client, an address or all clients have too much on their way.
     #[error(transparent)]
     Exhausted(#[from] Exhausted),
-    /// A body that is not said to be JSON. Pages of other sites may send any other without asking the server first.
+    /// A body that is not said to be JSON. Pages of other sites may send any other without asking
+    /// the server first.
     #[error("Content-Type is {found:?}; allowed: application/json")]
     WrongType {
         /// What it is said to be.

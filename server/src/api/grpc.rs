@@ -134,7 +134,8 @@ pub(super) fn router(
             .max_encoding_message_size(usize::MAX)
     };
     let router = mount(Router::new(), motion);
-    // A stream's messages are decoded one by one, without a look at their shape, so they are kept short.
+    // A stream's messages are decoded one by one, without a look at their shape, so they are kept
+    // short.
     let drive = format!("/{}/Drive", SessionsServer::<SessionsApi>::NAME);
     let stream_limit = limits.message_bytes.min(MAX_STREAM_MESSAGE_BYTES);
     let router = router.route_service(&drive, sessions(stream_limit));

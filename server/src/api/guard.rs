@@ -1,7 +1,8 @@
 //! Which web pages may use the server, and under which names.
 //!
-//! A browser lets every page send requests to a server that it can reach. The `Origin` header says whose page it is. The `Host`
-//! header says by which name the server was found: a page can give its own name the server's address (DNS rebinding).
+//! A browser lets every page send requests to a server that it can reach. The `Origin` header says
+//! whose page it is. The `Host` header says by which name the server was found: a page can give its
+//! own name the server's address (DNS rebinding).
 
 use std::net::IpAddr;
 use std::str::FromStr;
@@ -134,7 +135,8 @@ impl Origin {
         }
     }
 
-    /// Whether a page of this origin asks the server that it came from. A proxy may have ended TLS, so the scheme says nothing.
+    /// Whether a page of this origin asks the server that it came from. A proxy may have ended TLS,
+    /// so the scheme says nothing.
     fn is_same(&self, host: &Host) -> bool {
         let usual = self.usual_port();
         usual.is_some() && self.host.name == host.name && self.host.port.or(usual) == host.port.or(usual)

@@ -1,6 +1,7 @@
 //! How large a request's headers may be.
 //!
-//! The HTTP library would refuse them with an empty answer. Its own limits are higher than this one (`server/connections.rs`).
+//! The HTTP library would refuse them with an empty answer. Its own limits are higher than this one
+//! (`server/connections.rs`).
 
 use axum::Router;
 use axum::extract::Request;
@@ -11,7 +12,8 @@ use super::error::ApiError;
 
 /// Most bytes of a request's headers and path.
 pub(super) const MAX_HEAD_BYTES: usize = 16 << 10;
-/// What each header counts beside its name and value, as in HTTP/2 (RFC 9113, section 6.5.2), bytes.
+/// What each header counts beside its name and value, as in HTTP/2 (RFC 9113, section 6.5.2),
+/// bytes.
 const HEADER_BYTES: usize = 32;
 
 /// Puts this in front of all routes.

@@ -1,4 +1,5 @@
-//! API keys: who may call what. The server knows hashes only, so its file of keys gives nobody away.
+//! API keys: who may call what. The server knows hashes only, so its file of keys gives nobody
+//! away.
 
 use std::collections::HashSet;
 use std::io;

@@ -1,4 +1,5 @@
-//! What the routes of the Motion Model Context Protocol have of their own: the form of errors, wherever they come from.
+//! What the routes of the Motion Model Context Protocol have of their own: the form of errors,
+//! wherever they come from.
 
 use axum::Router;
 use axum::extract::Request;

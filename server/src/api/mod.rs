@@ -1,7 +1,8 @@
-//! The public interface: gRPC, HTTP and WebSocket on one port, one validation, one mapping of errors.
+//! The public interface: gRPC, HTTP and WebSocket on one port, one validation, one mapping of
+//! errors.
 //!
-//! [`ApiError`] is the only place that knows how an error looks to a caller. Both fronts hand requests to
-//! [`Service`], under one time limit and one set of metrics.
+//! [`ApiError`] is the only place that knows how an error looks to a caller. Both fronts hand
+//! requests to [`Service`], under one time limit and one set of metrics.
 
 mod access;
 mod answers;
@@ -67,11 +68,13 @@ pub struct ApiLimits {
     pub sessions: usize,
 }
 
-/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what [`set_serving`] tells it, `guard`
-/// says which web pages may use them, and `credentials` who else; without them, everybody.
+/// All routes of the server: gRPC services, HTTP, documentation. `health` reports what
+/// [`set_serving`] tells it, `guard` says which web pages may use them, and `credentials` who else;
+/// without them, everybody.
 ///
 /// # Errors
-/// Where the descriptors of the gRPC reflection service do not read, which a build that passes its tests rules out.
+/// Where the descriptors of the gRPC reflection service do not read, which a build that passes its
+/// tests rules out.
 pub fn router(
     service: &Arc<Service>,
     health: &HealthReporter,

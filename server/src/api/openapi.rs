@@ -1,5 +1,5 @@
-//! The OpenAPI document of the HTTP interface. Handlers say what is theirs alone; what follows from an operation's path
-//! and body is added here.
+//! The OpenAPI document of the HTTP interface. Handlers say what is theirs alone; what follows from
+//! an operation's path and body is added here.
 
 use utoipa::OpenApi as _;
 use utoipa::openapi::path::{Operation, Parameter, ParameterBuilder, ParameterIn, PathItem};

@@ -1,4 +1,5 @@
-//! Requests that are turned away before they are served: counted by reason, and logged once a minute.
+//! Requests that are turned away before they are served: counted by reason, and logged once a
+//! minute.
 
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -15,8 +15,8 @@ const HEALTH: [&str; 3] = ["/healthz", "/readyz", "/metrics"];
 /// gRPC's health service.
 pub(super) const GRPC_HEALTH: &str = "/grpc.health.v1.Health/";
 
-/// `router` for connections beyond the limit: health checks and metrics are answered, all else is refused, and the connection
-/// is closed.
+/// `router` for connections beyond the limit: health checks and metrics are answered, all else is
+/// refused, and the connection is closed.
 pub fn reserve(router: Router) -> Router {
     router.layer(middleware::from_fn(answer))
 }

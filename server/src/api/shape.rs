@@ -1,5 +1,6 @@
-//! A look at the shape of a request before it is decoded. An empty message takes two bytes on the wire and a hundred
-//! times as much in memory, so a body within the size limit could still take gigabytes. Counting its parts is cheap.
+//! A look at the shape of a request before it is decoded. An empty message takes two bytes on the
+//! wire and a hundred times as much in memory, so a body within the size limit could still take
+//! gigabytes. Counting its parts is cheap.
 
 use std::collections::HashMap;
 
@@ -33,7 +34,8 @@ impl Limit {
             json_parts,
         };
         Some(match (list.of, list.field) {
-            // A full one has some hundred and twenty objects and arrays; its id may hold more of their signs.
+            // A full one has some hundred and twenty objects and arrays; its id may hold more of
+            // their signs.
             ("Character", _) => limit("characters", limits.characters, 1024),
             ("SessionOptions", _) => limit("sessions", limits.sessions, 1024),
             ("SessionResume", _) => limit("sessions", limits.sessions, 16),
@@ -123,7 +125,8 @@ impl Shape {
         })
     }
 
-    /// Checks a request in gRPC framing. What is not whole, compressed or no protobuf passes: decoding says more.
+    /// Checks a request in gRPC framing. What is not whole, compressed or no protobuf passes:
+    /// decoding says more.
     pub(super) fn check_grpc(&self, frame: &Bytes) -> Result<(), ApiError> {
         match frame.split_first_chunk::<5>() {
             Some(([0, ..], message)) => self.check_protobuf(message),
@@ -152,7 +155,8 @@ impl Shape {
 }
 
 impl Rule {
-    /// Most objects and arrays as JSON of a request that is full of such entries. Those of a list in a list are its parts.
+    /// Most objects and arrays as JSON of a request that is full of such entries. Those of a list
+    /// in a list are its parts.
     fn json_parts(&self) -> usize {
         match self.steps {
             [way @ .., _] if way.iter().all(|step| !step.list) => {
@@ -196,7 +200,8 @@ fn too_many(field: String, what: &str, limit: usize) -> ApiError {
     .into()
 }
 
-/// The length-delimited fields of a message, by number. Ends where the message ends or makes no sense.
+/// The length-delimited fields of a message, by number. Ends where the message ends or makes no
+/// sense.
 struct Parts<'a>(&'a [u8]);
 
 impl<'a> Iterator for Parts<'a> {

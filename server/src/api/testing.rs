@@ -47,7 +47,8 @@ impl Reader {
         ws::decode(bytes, &self.0)
     }
 
-    /// Has a client send `messages` on a stream over WebSocket, one after the other, and gives what the server sends.
+    /// Has a client send `messages` on a stream over WebSocket, one after the other, and gives what
+    /// the server sends.
     ///
     /// # Errors
     /// [`ApiError`] where there is no place for a stream.

@@ -70,8 +70,8 @@ pub(super) struct CreateTicketResponse {
 
 /// Get a ticket for a stream
 ///
-/// A browser cannot send a key with a WebSocket. A ticket opens one stream as its key would, within 30 seconds:
-/// `/v1/drive?ticket=TICKET`.
+/// A browser cannot send a key with a WebSocket. A ticket opens one stream as its key would, within
+/// 30 seconds: `/v1/drive?ticket=TICKET`.
 #[utoipa::path(
     post,
     path = "/v1/tickets",

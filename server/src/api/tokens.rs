@@ -1,4 +1,5 @@
-//! Tokens of an identity provider (JWT): whose signatures a server accepts, and what their claims mean.
+//! Tokens of an identity provider (JWT): whose signatures a server accepts, and what their claims
+//! mean.
 
 use std::collections::HashMap;
 use std::io;
@@ -96,7 +97,8 @@ struct Claims {
     exp: f64,
 }
 
-/// Tokens whose signatures are checked, by their hashes: to check one by ES256 takes 0.1 ms of an I/O thread.
+/// Tokens whose signatures are checked, by their hashes: to check one by ES256 takes 0.1 ms of an
+/// I/O thread.
 #[derive(Debug, Default)]
 struct Checked(Mutex<HashMap<[u8; HASH_BYTES], (Identity, u64)>>);
 

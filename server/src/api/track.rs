@@ -216,8 +216,9 @@ fn code_of(response: &Response) -> &'static str {
     }
 }
 
-/// Runs a gRPC handler within the time limit: the server's, or the caller's where that is shorter. Statuses that the
-/// gRPC library makes itself, for requests that it cannot read, become those of [`ApiError`].
+/// Runs a gRPC handler within the time limit: the server's, or the caller's where that is shorter.
+/// Statuses that the gRPC library makes itself, for requests that it cannot read, become those of
+/// [`ApiError`].
 pub(super) async fn grpc(State(tracker): State<Arc<Tracker>>, request: Request, next: Next) -> Response {
     let rpc = grpc_rpc(request.uri().path());
     let asked = request

@@ -1,4 +1,5 @@
-//! Memory of requests and answers on their way: counted for the client that they belong to, and freed where nobody takes them.
+//! Memory of requests and answers on their way: counted for the client that they belong to, and
+//! freed where nobody takes them.
 
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};

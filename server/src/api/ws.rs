@@ -1,5 +1,5 @@
-//! Streams over WebSocket: the messages of `troupe.v1.Sessions/Drive`, as JSON text or as protobuf in binary messages.
-//! The server answers in the form of the first message.
+//! Streams over WebSocket: the messages of `troupe.v1.Sessions/Drive`, as JSON text or as protobuf
+//! in binary messages. The server answers in the form of the first message.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,8 +43,8 @@ impl BodyLimits {
 
 /// Drive sessions over a WebSocket
 ///
-/// The messages are DriveRequest and DriveResponse: as JSON in text messages, or as protobuf in binary ones; the server
-/// answers in the form of the first. That one must be `open`.
+/// The messages are DriveRequest and DriveResponse: as JSON in text messages, or as protobuf in
+/// binary ones; the server answers in the form of the first. That one must be `open`.
 #[utoipa::path(
     get,
     path = "/v1/drive",
@@ -151,7 +151,8 @@ where
     if !written {
         return tracing::debug!("a stream's client did not read its end");
     }
-    // What the client still says must be read, or the system resets the connection under our last words.
+    // What the client still says must be read, or the system resets the connection under our last
+    // words.
     let rest = async { while inbound.next().await.is_some() {} };
     let _ = timeout(FAREWELL, rest).await;
 }

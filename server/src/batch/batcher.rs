@@ -21,8 +21,8 @@ use super::worker;
 /// Parts that may wait for a reader; one that has more is too slow.
 const MAX_WAITING_PARTS: usize = 256;
 
-/// Makes the generator of a worker, of which it gets the number from 0 on. Called once for each worker, on the thread that
-/// will own it; all at the same time.
+/// Makes the generator of a worker, of which it gets the number from 0 on. Called once for each
+/// worker, on the thread that will own it; all at the same time.
 pub type GeneratorFactory = Arc<dyn Fn(usize) -> Result<Box<dyn Generator>, EngineError> + Send + Sync>;
 
 /// Why a request was not served.
@@ -65,8 +65,8 @@ pub struct Served {
     pub started: Duration,
     /// From the arrival to the end of the last step that gave some of the answer.
     pub finished: Duration,
-    /// Filling inputs, over the steps that gave some of the answer. Workers work side by side, so these sums may be longer than
-    /// the time from start to finish.
+    /// Filling inputs, over the steps that gave some of the answer. Workers work side by side, so
+    /// these sums may be longer than the time from start to finish.
     pub assemble: Duration,
     /// The networks, over the same.
     pub inference: Duration,
@@ -133,8 +133,8 @@ impl Drop for Owner {
 }
 
 impl Batcher {
-    /// Starts the workers, and answers when `factory` has made (and warmed up) all their generators. An idle worker spins for
-    /// `spin` before it parks.
+    /// Starts the workers, and answers when `factory` has made (and warmed up) all their
+    /// generators. An idle worker spins for `spin` before it parks.
     ///
     /// # Errors
     /// What `factory` fails with, or [`EngineError::Stopped`] where a thread ends without a word.
@@ -189,15 +189,16 @@ impl Batcher {
         self.workers() > 0
     }
 
-    /// Why a call of so many characters is refused if it comes now, where it is: to be asked before any work is put into it.
+    /// Why a call of so many characters is refused if it comes now, where it is: to be asked before
+    /// any work is put into it.
     pub fn refuse(&self, characters: usize) -> Option<SubmitError> {
         let refusal = self.shared().core().scheduler().refuse(characters)?;
         self.shared().metrics.rejected(refusal.into());
         Some(refusal.into())
     }
 
-    /// Has `tasks` served, alone or together with what other callers ask for. A caller that drops the future gives up its
-    /// place: what has not started is not run.
+    /// Has `tasks` served, alone or together with what other callers ask for. A caller that drops
+    /// the future gives up its place: what has not started is not run.
     ///
     /// # Errors
     /// [`SubmitError`], for the whole request.
@@ -205,11 +206,12 @@ impl Batcher {
         self.enqueue(tasks, order)?.await
     }
 
-    /// [`Batcher::submit`] for a caller who must not wait: `tasks` have a place when this returns, or do not. The future that
-    /// it gives is the answer; dropping it gives up the place.
+    /// [`Batcher::submit`] for a caller who must not wait: `tasks` have a place when this returns,
+    /// or do not. The future that it gives is the answer; dropping it gives up the place.
     ///
     /// # Errors
-    /// [`SubmitError::QueueFull`] where there is no place, [`EngineError::Stopped`] where there is no worker.
+    /// [`SubmitError::QueueFull`] where there is no place, [`EngineError::Stopped`] where there is
+    /// no worker.
     pub fn enqueue(&self, tasks: Vec<Task>, order: Order) -> Result<Answer, SubmitError> {
         let (reply, answer) = oneshot::channel();
         if tasks.is_empty() {
@@ -224,7 +226,8 @@ impl Batcher {
         })
     }
 
-    /// Has one task served, and its answer part by part as it comes. Dropping the parts gives up the place.
+    /// Has one task served, and its answer part by part as it comes. Dropping the parts gives up
+    /// the place.
     ///
     /// # Errors
     /// As [`Batcher::enqueue`].
@@ -341,7 +344,8 @@ impl Shared {
         })
     }
 
-    /// Shows what waits, lets go of the lock, wakes who is to be woken and sends what is to be sent.
+    /// Shows what waits, lets go of the lock, wakes who is to be woken and sends what is to be
+    /// sent.
     fn release(&self, mut core: MutexGuard<'_, Core>, replies: &mut Replies) {
         self.show(&core);
         let wake = core.take_wake();
@@ -352,13 +356,14 @@ impl Shared {
         replies.send();
     }
 
-    /// A worker that is about to start tried how fast it is: that tells how long calls will wait until others are measured.
+    /// A worker that is about to start tried how fast it is: that tells how long calls will wait
+    /// until others are measured.
     pub(super) fn tried(&self, TrialRun { rows, took }: TrialRun) {
         self.core().tried(Instant::now(), rows, took);
     }
 
-    /// Hands out what a worker's last step made, and gives it its next orders. Waits for them where the worker `is_idle`. None
-    /// when there will be no more.
+    /// Hands out what a worker's last step made, and gives it its next orders. Waits for them where
+    /// the worker `is_idle`. None when there will be no more.
     pub(super) fn next(
         &self,
         worker: usize,
@@ -404,7 +409,8 @@ impl Shared {
         self.alive.store(left, Ordering::Relaxed);
         self.metrics.workers(left);
         self.release(core, &mut replies);
-        // It may have been the last with work, after the last batcher: those that are parked look whether they may end.
+        // It may have been the last with work, after the last batcher: those that are parked look
+        // whether they may end.
         self.parkers.unpark_all();
         tracing::error!(worker, left, "a worker is lost");
     }

@@ -23,8 +23,8 @@ pub(super) const DIMS: Dims = Dims {
     root_choices: 0,
 };
 
-/// Stages that wait for a permit before each batch, note batch sizes, and mark rows by their seed. They wait no more once
-/// nobody can give a permit.
+/// Stages that wait for a permit before each batch, note batch sizes, and mark rows by their seed.
+/// They wait no more once nobody can give a permit.
 pub(super) struct Gate {
     pub(super) permits: blocking::Receiver<()>,
     pub(super) sizes: Arc<Mutex<Vec<usize>>>,
@@ -134,7 +134,8 @@ pub(super) async fn setup<const WORKERS: usize>(limits: Limits, troubles: [Troub
         let pipeline = Pipeline::new(DIMS, Box::new(gate), max_batch);
         Ok(Box::new(MotionBricks::new(pipeline, max_batch)))
     });
-    // Without a spin: a worker that is at the end of one takes what another is woken for, and tests say who gets what.
+    // Without a spin: a worker that is at the end of one takes what another is woken for, and tests
+    // say who gets what.
     let spin = Duration::ZERO;
     let metrics = telemetry.pack("test", "1");
     let batcher = Batcher::start("test", limits, spin, metrics, factory)

@@ -1,5 +1,6 @@
-//! What callers and workers share: the scheduler, and the work behind its requests. Everything here is done under the lock,
-//! and nothing here takes long: what can wait (answers, log lines) goes into the [`Replies`].
+//! What callers and workers share: the scheduler, and the work behind its requests. Everything here
+//! is done under the lock, and nothing here takes long: what can wait (answers, log lines) goes
+//! into the [`Replies`].
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
@@ -187,8 +188,8 @@ impl Core {
         self.step(now, Event::Tried { characters, took }, &mut Replies::default());
     }
 
-    /// A worker is between two steps: hands out what the last one made, and gives it new orders. `dropped` are jobs that it
-    /// has dropped since.
+    /// A worker is between two steps: hands out what the last one made, and gives it new orders.
+    /// `dropped` are jobs that it has dropped since.
     pub(super) fn ready(
         &mut self,
         worker: usize,
@@ -369,7 +370,8 @@ impl Core {
         }
     }
 
-    /// Tells the scheduler what happened, and does what it says. Gives the error where it refuses a request.
+    /// Tells the scheduler what happened, and does what it says. Gives the error where it refuses a
+    /// request.
     fn step(&mut self, now: Instant, event: Event<'_>, replies: &mut Replies) -> Option<SubmitError> {
         let mut actions = std::mem::take(&mut self.actions);
         self.scheduler.step(now, event, &mut actions);

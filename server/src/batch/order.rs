@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
-/// What kind of work a request is. Inside a class, the earliest deadline goes first; between classes, each class's
-/// [offset](super::scheduler::Limits::class_offset) is added to the deadline, so that what waits long enough goes first
-/// whatever its class.
+/// What kind of work a request is. Inside a class, the earliest deadline goes first; between
+/// classes, each class's [offset](super::scheduler::Limits::class_offset) is added to the deadline,
+/// so that what waits long enough goes first whatever its class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Class {
     /// Plans of live characters whose frames are shown by the clock.
@@ -29,7 +29,8 @@ impl Class {
     }
 }
 
-/// Names a session to the scheduler. At most one plan of an owner is with a worker at a time, and at most one waits.
+/// Names a session to the scheduler. At most one plan of an owner is with a worker at a time, and
+/// at most one waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct OwnerId(pub u64);
 
@@ -38,7 +39,8 @@ pub struct OwnerId(pub u64);
 pub struct Order {
     /// What kind of work it is.
     pub class: Class,
-    /// When the answer should be there. It orders the queue; work whose deadline has passed is done all the same.
+    /// When the answer should be there. It orders the queue; work whose deadline has passed is done
+    /// all the same.
     pub deadline: Instant,
     /// When nobody wants the answer any more: what has not started by then is not run.
     pub expires: Option<Instant>,

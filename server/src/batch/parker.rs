@@ -1,8 +1,9 @@
 //! How a worker without work waits: it spins for a moment, then it parks.
 //!
-//! A core that sleeps is slow to wake. On a virtual machine a lone caller, whose next request comes half a millisecond after an
-//! answer, would find worker and core asleep each time. So the first idle worker spins for a while after its last step, and
-//! lets every thread go first that wants its core. An idle server sleeps.
+//! A core that sleeps is slow to wake. On a virtual machine a lone caller, whose next request comes
+//! half a millisecond after an answer, would find worker and core asleep each time. So the first
+//! idle worker spins for a while after its last step, and lets every thread go first that wants its
+//! core. An idle server sleeps.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, MutexGuard, PoisonError};
@@ -53,8 +54,9 @@ impl Parkers {
         now + self.spin
     }
 
-    /// Waits awake, without the lock, until the worker is unparked or it is `until`. Who unparks it for what came while the
-    /// caller had the lock does so later than this begins; what came before the caller has seen.
+    /// Waits awake, without the lock, until the worker is unparked or it is `until`. Who unparks it
+    /// for what came while the caller had the lock does so later than this begins; what came before
+    /// the caller has seen.
     pub(super) fn spin<T>(&self, worker: usize, guard: MutexGuard<'_, T>, until: Instant) {
         let unparked = &self.parkers[worker].unparked;
         unparked.store(false, Ordering::Relaxed);

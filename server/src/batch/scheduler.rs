@@ -1,29 +1,36 @@
-//! The scheduler as a pure state machine: [`Scheduler::step`] takes what happened and answers what to do. It reads no clock,
-//! holds no work and does no I/O, so every rule below is tested without threads or time.
+//! The scheduler as a pure state machine: [`Scheduler::step`] takes what happened and answers what
+//! to do. It reads no clock, holds no work and does no I/O, so every rule below is tested without
+//! threads or time.
 //!
 //! # Order
-//! Earliest deadline first. A request's virtual deadline is its [`Order::deadline`], or its arrival where that is later, plus
-//! the [offset](Limits::class_offset) of its class. Of equal ones the first that came goes first. **Nothing starves**: what
-//! comes after a request's virtual deadline has a later one, so from then on only what already waits can go before it, and
+//! Earliest deadline first. A request's virtual deadline is its [`Order::deadline`], or its arrival
+//! where that is later, plus the [offset](Limits::class_offset) of its class. Of equal ones the
+//! first that came goes first. **Nothing starves**: what comes after a request's virtual deadline
+//! has a later one, so from then on only what already waits can go before it, and
 //! [`Limits::max_queued`] and [`Limits::max_live`] bound that.
 //!
-//! **Calls beside a crowd**: one of [`Limits::call_share`] places goes to the most urgent call first, whatever its deadline. What a
-//! batch is too small for is carried over to the next, so that the share holds for batches of one too.
+//! **Calls beside a crowd**: one of [`Limits::call_share`] places goes to the most urgent call
+//! first, whatever its deadline. What a batch is too small for is carried over to the next, so that
+//! the share holds for batches of one too.
 //!
 //! # Batches
-//! A worker that is at the end of a step says how many more jobs it has room for, and gets up to so many characters: a batch of
-//! a family with one step, new jobs beside those that go on of a family with several. A batch is capped at
-//! [`Limits::max_batch`], and at what a worker does in [`Limits::max_batch_time`]. Idle workers share what waits evenly. What is
-//! more than a call of the engine is taken in [whole calls](Limits::call_rows). A request may be split, over workers as well.
+//! A worker that is at the end of a step says how many more jobs it has room for, and gets up to so
+//! many characters: a batch of a family with one step, new jobs beside those that go on of a family
+//! with several. A batch is capped at [`Limits::max_batch`], and at what a worker does in
+//! [`Limits::max_batch_time`]. Idle workers share what waits evenly. What is more than a call of
+//! the engine is taken in [whole calls](Limits::call_rows). A request may be split, over workers as
+//! well.
 //!
 //! # Owners
-//! At most one plan of an owner is with a worker. One more may wait. A newer one replaces it and inherits its virtual deadline
-//! where that is earlier, so that a stream of plans does not push itself back.
+//! At most one plan of an owner is with a worker. One more may wait. A newer one replaces it and
+//! inherits its virtual deadline where that is earlier, so that a stream of plans does not push
+//! itself back.
 //!
 //! # Limits
-//! A request that does not fit is refused whole, at once. So is a call that would wait for longer than [`Limits::max_wait`] by
-//! the rate at which calls left the queue lately. What idle workers are about to take does not count as waiting. Work that was
-//! given up, was replaced or has expired is dropped before it starts.
+//! A request that does not fit is refused whole, at once. So is a call that would wait for longer
+//! than [`Limits::max_wait`] by the rate at which calls left the queue lately. What idle workers
+//! are about to take does not count as waiting. Work that was given up, was replaced or has expired
+//! is dropped before it starts.
 
 mod limits;
 mod meter;
@@ -37,7 +44,8 @@ use super::order::{Class, Order};
 
 pub use limits::{Limits, Refusal};
 
-/// Names a request for as long as it is known to the scheduler. Never reused, and rising with the arrivals.
+/// Names a request for as long as it is known to the scheduler. Never reused, and rising with the
+/// arrivals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct RequestId(pub u64);
 
@@ -65,7 +73,8 @@ pub enum Event<'a> {
         /// How long it took.
         took: Duration,
     },
-    /// A worker is between two steps: it has started, was woken, or a step (a batch, where the family has one step) has ended.
+    /// A worker is between two steps: it has started, was woken, or a step (a batch, where the
+    /// family has one step) has ended.
     Ready(Ready<'a>),
     /// A worker will step no more.
     WorkerLost {
@@ -265,7 +274,8 @@ impl Scheduler {
         self.meter.character_time()
     }
 
-    /// Why a call of so many characters is refused if it comes now, where it is: to be asked before it arrives.
+    /// Why a call of so many characters is refused if it comes now, where it is: to be asked before
+    /// it arrives.
     pub fn refuse(&self, characters: usize) -> Option<Refusal> {
         self.refusal(Class::Request, characters, 0)
     }
@@ -307,7 +317,8 @@ impl Scheduler {
         actions.extend(older.map(|request| Action::Supersede { request }));
     }
 
-    /// Why so many characters would have no place, where `leaving` of those that wait make room for them.
+    /// Why so many characters would have no place, where `leaving` of those that wait make room for
+    /// them.
     fn refusal(&self, class: Class, characters: usize, leaving: usize) -> Option<Refusal> {
         let pending = self.queue.pending(class) - leaving;
         let taken: usize = self.workers.iter().filter_map(|worker| worker.room()).sum();
@@ -401,7 +412,8 @@ impl Scheduler {
                     own = own.saturating_sub(part.characters);
                     let is_call = part.class == Class::Request;
                     calls += if is_call { part.characters } else { 0 };
-                    // A call may get places of its own, and then more of the others. Nothing else is there twice.
+                    // A call may get places of its own, and then more of the others. Nothing else
+                    // is there twice.
                     let mut before = parts.iter_mut().filter(|_| is_call);
                     match before.find(|before| before.request == part.request) {
                         Some(before) => before.characters += part.characters,

@@ -210,7 +210,8 @@ impl Model {
         }
     }
 
-    /// What a worker does in the longest time of a batch; the numbers may differ in how they are rounded.
+    /// What a worker does in the longest time of a batch; the numbers may differ in how they are
+    /// rounded.
     pub(super) fn time_caps(&self) -> Vec<usize> {
         if self.limits.max_batch_time.is_zero() {
             return vec![usize::MAX];
@@ -254,7 +255,8 @@ impl Model {
                 }
             };
             let place_since = self.requests[&request].place_since;
-            // What came after another's virtual deadline does not go before it, but to a place of calls.
+            // What came after another's virtual deadline does not go before it, but to a place of
+            // calls.
             for other in ready.iter().filter(|_| own == 0) {
                 assert!(place_since <= self.requests[other].due, "{other:?} is starved");
             }
@@ -320,7 +322,8 @@ impl Model {
         self.slots - held
     }
 
-    /// Notes who is woken. Then nobody sleeps while something is ready, and one at most is on the way.
+    /// Notes who is woken. Then nobody sleeps while something is ready, and one at most is on the
+    /// way.
     pub(super) fn wake(&mut self, woken: &[usize]) {
         for &worker in woken {
             assert!(!self.ready().is_empty(), "woken for nothing");

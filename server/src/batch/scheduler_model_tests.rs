@@ -21,8 +21,8 @@ enum Step {
     },
     /// The n-th request that ever arrived (modulo their number) goes away.
     Leave(usize),
-    /// The n-th worker that has jobs (modulo their number) has done a step, which finishes so much of each request (modulo
-    /// what it has, and one).
+    /// The n-th worker that has jobs (modulo their number) has done a step, which finishes so much
+    /// of each request (modulo what it has, and one).
     Finish(usize, usize, u64),
     /// The n-th worker that is woken (modulo their number) says that it is ready.
     Answer(usize),

@@ -100,7 +100,8 @@ impl Setup {
         self.arrive(1, order)
     }
 
-    /// A worker of one step is ready again: all that it held is done. Gives the requests and characters that it takes.
+    /// A worker of one step is ready again: all that it held is done. Gives the requests and
+    /// characters that it takes.
     fn ready(&mut self, worker: usize) -> Vec<(u64, usize)> {
         let finished = std::mem::take(&mut self.held[worker]);
         let took = (!finished.is_empty()).then_some(MS);

@@ -1,4 +1,5 @@
-//! A family that needs several steps for a job: joining, streaming, leaving between steps, and how workers are woken.
+//! A family that needs several steps for a job: joining, streaming, leaving between steps, and how
+//! workers are woken.
 
 use std::sync::mpsc as blocking;
 
@@ -12,8 +13,8 @@ use super::tests::{DIMS, all_idle, limits, soon, tasks, until};
 use super::*;
 use crate::telemetry::Telemetry;
 
-/// A toy that waits for a permit before each step, and notes which requests take part in it. It waits no more once nobody
-/// can give a permit.
+/// A toy that waits for a permit before each step, and notes which requests take part in it. It
+/// waits no more once nobody can give a permit.
 struct Stepped {
     toy: Toy,
     permits: blocking::Receiver<()>,

@@ -44,7 +44,8 @@ pub(super) fn run(
     worker.serve();
 }
 
-/// A worker that runs. Where it is dropped by a panic, what it had fails, and the other workers serve on.
+/// A worker that runs. Where it is dropped by a panic, what it had fails, and the other workers
+/// serve on.
 struct Worker {
     shared: Arc<Shared>,
     number: usize,
@@ -74,7 +75,8 @@ impl Worker {
         }
     }
 
-    /// Drops what is cancelled and takes what is new. `ended` is when the last step ended, where this comes right after it.
+    /// Drops what is cancelled and takes what is new. `ended` is when the last step ended, where
+    /// this comes right after it.
     fn follow(&mut self, orders: Orders, ended: Option<Instant>) {
         for request in orders.cancelled {
             for id in self.held.extract_if(.., |id| id.request == request.0) {

@@ -46,8 +46,8 @@ impl Role {
     }
 }
 
-/// Whose sessions, scenes, definitions and added styles are meant: each tenant has its own, and so have all callers without one
-/// together.
+/// Whose sessions, scenes, definitions and added styles are meant: each tenant has its own, and so
+/// have all callers without one together.
 pub type Tenant = Option<Arc<str>>;
 
 /// What a tenant may be called, for messages.
@@ -59,7 +59,8 @@ pub fn names_a_tenant(name: &str) -> bool {
     (1..=64).contains(&name.len()) && !name.starts_with('.') && name.chars().all(fits)
 }
 
-/// Who calls. Requests carry it as an extension where the server asks for keys; without keys nobody is known.
+/// Who calls. Requests carry it as an extension where the server asks for keys; without keys nobody
+/// is known.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
     /// The key's name, or the subject of the token.

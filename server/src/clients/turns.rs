@@ -1,8 +1,8 @@
 //! Turns at work that many share: a client with many tasks gets no more of them than one with few.
 //!
-//! All tasks that can go on wait in one queue of the runtime. In each round of that queue a client has a few turns; its other
-//! tasks wait in a line of their own. So others wait for a few of its tasks at most, however many it has. The clients of an address
-//! share such a line as well.
+//! All tasks that can go on wait in one queue of the runtime. In each round of that queue a client
+//! has a few turns; its other tasks wait in a line of their own. So others wait for a few of its
+//! tasks at most, however many it has. The clients of an address share such a line as well.
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -16,8 +16,8 @@ use tokio_util::sync::PollSemaphore;
 /// Turns of a line in a round, for each core.
 const TURNS_PER_CORE: usize = 2;
 
-/// Plans of steps that a client, or all of an address, have with the batchers at a time, for each core: enough to keep all workers
-/// busy. Others wait in a line of their own.
+/// Plans of steps that a client, or all of an address, have with the batchers at a time, for each
+/// core: enough to keep all workers busy. Others wait in a line of their own.
 const STEP_PLANS_PER_CORE: usize = 64;
 
 /// A line that tasks wait in.

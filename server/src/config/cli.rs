@@ -29,7 +29,8 @@ pub struct Cli {
     #[command(subcommand)]
     pub command: Option<Command>,
 
-    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is one.
+    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is
+    /// one.
     #[arg(long, env = "TROUPE_CONFIG", value_name = "FILE")]
     pub(super) config: Option<PathBuf>,
 
@@ -44,10 +45,11 @@ pub struct Cli {
 /// What the server's command does instead of serving.
 #[derive(Debug, Clone, clap::Subcommand)]
 pub enum Command {
-    /// Say what this machine and the library offer, which engine each pack gets and why, and how fast it is. Takes a few
-    /// seconds for each pack.
+    /// Say what this machine and the library offer, which engine each pack gets and why, and how
+    /// fast it is. Takes a few seconds for each pack.
     Doctor(DoctorArgs),
-    /// Ask a running server whether it is ready, and exit with 0 if it is, else with 1. For a container's health check.
+    /// Ask a running server whether it is ready, and exit with 0 if it is, else with 1. For a
+    /// container's health check.
     Health(HealthArgs),
     /// Make API keys for the file that `keys` names.
     #[command(subcommand)]
@@ -63,17 +65,19 @@ pub enum Command {
 /// What to do about keys.
 #[derive(Debug, Clone, clap::Subcommand)]
 pub enum KeyCommand {
-    /// Make a key. Prints it, which is the only time that anybody sees it, and its entry for the file of keys.
+    /// Make a key. Prints it, which is the only time that anybody sees it, and its entry for the
+    /// file of keys.
     New {
         /// Whose key it is.
         #[arg(long, value_name = "NAME")]
         name: String,
-        /// What it allows. drive: ask for motion, drive sessions, read. author: also write styles, scenes and object
-        /// definitions. admin: also read metrics. metrics: read metrics, and nothing else.
+        /// What it allows. drive: ask for motion, drive sessions, read. author: also write styles,
+        /// scenes and object definitions. admin: also read metrics. metrics: read metrics, and
+        /// nothing else.
         #[arg(long, value_name = "ROLE")]
         role: Role,
-        /// Whose sessions, scenes, definitions and styles it is for. Those of one tenant do not exist for another, nor for keys
-        /// without a tenant.
+        /// Whose sessions, scenes, definitions and styles it is for. Those of one tenant do not
+        /// exist for another, nor for keys without a tenant.
         #[arg(long, value_name = "NAME")]
         tenant: Option<String>,
     },
@@ -84,13 +88,15 @@ pub(super) fn maybe_folder() -> impl TypedValueParser<Value = PathBuf> {
     OsStringValueParser::new().map(PathBuf::from)
 }
 
-/// Options of the doctor. Those that it shares with the server come from the same environment and configuration file.
+/// Options of the doctor. Those that it shares with the server come from the same environment and
+/// configuration file.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct DoctorArgs {
     /// Print one JSON document instead of text.
     #[arg(long)]
     pub json: bool,
-    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is one.
+    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is
+    /// one.
     #[arg(long, env = "TROUPE_CONFIG", value_name = "FILE")]
     pub(super) config: Option<PathBuf>,
     /// Folder of the model packs, or a single pack.
@@ -124,24 +130,26 @@ impl DoctorArgs {
     }
 }
 
-/// Options of the health check. Without a URL it asks the address that the server's own configuration names.
+/// Options of the health check. Without a URL it asks the address that the server's own
+/// configuration names.
 #[derive(Debug, Clone, clap::Args)]
 pub struct HealthArgs {
-    /// Server to ask, with or without a path. Left out: the address that the configuration listens on. Without a path:
-    /// `/readyz`.
+    /// Server to ask, with or without a path. Left out: the address that the configuration listens
+    /// on. Without a path: `/readyz`.
     #[arg(long, value_name = "URL", value_parser = server_url)]
     pub url: Option<Uri>,
     /// How long to wait for the answer, in milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 2000)]
     timeout_ms: u64,
-    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is one.
+    /// Configuration file (TOML). Left out: `troupe.toml` in the working directory, where there is
+    /// one.
     #[arg(long, env = "TROUPE_CONFIG", value_name = "FILE")]
     pub(super) config: Option<PathBuf>,
     /// Address that the server listens on.
     #[arg(long, value_name = "ADDRESS")]
     listen: Option<SocketAddr>,
-    /// Certificates of the authorities to trust (PEM file), for an https URL. Left out and without a URL: the server's own
-    /// certificate, as tls_certificate names it.
+    /// Certificates of the authorities to trust (PEM file), for an https URL. Left out and without
+    /// a URL: the server's own certificate, as tls_certificate names it.
     #[arg(long, env = "TROUPE_CA", value_name = "FILE")]
     ca: Option<PathBuf>,
     /// Certificate to show to a server that asks for one, as with tls_client_ca (PEM file).

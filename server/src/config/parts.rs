@@ -65,8 +65,9 @@ impl Config {
         Duration::from_micros(self.worker_spin_us)
     }
 
-    /// What InBetween calls wait for before they go in front of live plans: longer than any admitted one should have to
-    /// wait, so that a flood of calls does not take live characters' turns, and yet calls are not starved by characters.
+    /// What InBetween calls wait for before they go in front of live plans: longer than any
+    /// admitted one should have to wait, so that a flood of calls does not take live characters'
+    /// turns, and yet calls are not starved by characters.
     fn ageing(&self) -> Duration {
         let longest_wait_ms = match self.max_queue_ms {
             0 => self.request_timeout_ms / 4,
@@ -156,7 +157,8 @@ impl Config {
         }
     }
 
-    /// The folder of what outlives the server. The usual one only where it is there, or can be made.
+    /// The folder of what outlives the server. The usual one only where it is there, or can be
+    /// made.
     pub fn store_folder(&self) -> Option<PathBuf> {
         let port = self.listen.port();
         let usual = || {
@@ -176,7 +178,8 @@ impl Config {
         Duration::from_millis(self.snapshot_interval_ms)
     }
 
-    /// The workers of each pack, on the cores that this process may use: container limits count, the host does not.
+    /// The workers of each pack, on the cores that this process may use: container limits count,
+    /// the host does not.
     pub fn workers(&self) -> Workers {
         Workers::plan(self.workers, self.threads, available_cores())
     }

@@ -8,17 +8,19 @@ use super::Config;
 use crate::session::{MAX_PERFORMERS, MAX_SESSION_BYTES, PERFORMER_BYTES};
 use troupe_engine::pack::Pack;
 
-/// The program, its libraries and what it needs without packs and clients, bytes; two packs of 10 million parameters took 300 MiB with
-/// theirs (`scripts/measure-memory.py`).
+/// The program, its libraries and what it needs without packs and clients, bytes; two packs of 10
+/// million parameters took 300 MiB with theirs (`scripts/measure-memory.py`).
 const PROGRAM_BYTES: u64 = 128 << 20;
 /// Copies of a pack's weights: the runtime's own, and what it made of them.
 const WEIGHT_COPIES: u64 = 4;
 const WEIGHT_BYTES: u64 = 4;
-/// Requests and answers are counted by their bytes on the wire. What is decoded, or not yet encoded, is beside that.
+/// Requests and answers are counted by their bytes on the wire. What is decoded, or not yet
+/// encoded, is beside that.
 const TRANSFER_COPIES: u64 = 2;
 /// Buffers of a connection, bytes.
 const CONNECTION_BYTES: u64 = 32 << 10;
-/// What a stream's client may have sent that is not yet read (HTTP/2's window for a call), and its own buffers, bytes.
+/// What a stream's client may have sent that is not yet read (HTTP/2's window for a call), and its
+/// own buffers, bytes.
 const STREAM_BYTES: u64 = (1 << 20) + (64 << 10);
 
 /// The most memory that a server may take.
@@ -42,7 +44,8 @@ pub struct Part {
 }
 
 impl Config {
-    /// The most memory that a server may take with these packs, `max_connections` as the system allows them.
+    /// The most memory that a server may take with these packs, `max_connections` as the system
+    /// allows them.
     pub fn worst_case<'a>(
         &self,
         packs: impl IntoIterator<Item = &'a Pack>,

@@ -1,4 +1,5 @@
-//! What this machine and the library offer, which engine each pack gets and why, and how fast it is.
+//! What this machine and the library offer, which engine each pack gets and why, and how fast it
+//! is.
 
 mod render;
 mod trial;
@@ -79,7 +80,8 @@ pub struct PackReport {
 }
 
 impl Report {
-    /// Looks at everything that the server would serve with `config`. Takes a few seconds for each pack.
+    /// Looks at everything that the server would serve with `config`. Takes a few seconds for each
+    /// pack.
     pub fn examine(config: &Config) -> Self {
         let mut report = Self {
             version: env!("CARGO_PKG_VERSION"),

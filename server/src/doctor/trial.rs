@@ -1,4 +1,5 @@
-//! A pack's networks, loaded and warmed up as the server does it, and how fast they are for a moment.
+//! A pack's networks, loaded and warmed up as the server does it, and how fast they are for a
+//! moment.
 
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
@@ -26,7 +27,8 @@ pub struct Trial {
     pub warm_up_s: f64,
     /// Frames of the plans that were made.
     pub frames: usize,
-    /// The networks alone, by workers and batch size; of a UniMoGen pack, all steps of the sampler; of a VerMo pack, whole answers.
+    /// The networks alone, by workers and batch size; of a UniMoGen pack, all steps of the sampler;
+    /// of a VerMo pack, whole answers.
     pub speeds: Vec<Speed>,
 }
 

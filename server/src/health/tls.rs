@@ -37,7 +37,8 @@ pub enum HealthTlsError {
 pub struct HealthTls {
     /// Authorities to trust.
     pub ca: Option<PathBuf>,
-    /// The one certificate to trust if there are no authorities: the asked server's own. Its name and time do not matter then.
+    /// The one certificate to trust if there are no authorities: the asked server's own. Its name
+    /// and time do not matter then.
     pub own: Option<PathBuf>,
     /// Certificate and key to show.
     pub client: Option<(PathBuf, PathBuf)>,

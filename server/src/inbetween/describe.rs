@@ -13,7 +13,8 @@ use super::sampling::check_sampling;
 use super::words::check_description;
 use crate::wire::keyframe::Role;
 
-/// Checks a request and brings it into the form of a task for `pack`. Gives what the motion is put into with it.
+/// Checks a request and brings it into the form of a task for `pack`. Gives what the motion is put
+/// into with it.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.

@@ -1,4 +1,5 @@
-//! Whether answers stay within what a pack's data does: the figures as messages, and refusals of strict requests.
+//! Whether answers stay within what a pack's data does: the figures as messages, and refusals of
+//! strict requests.
 
 use troupe_character::{FieldError, Path};
 use troupe_motion::Skeleton;
@@ -8,7 +9,8 @@ use troupe_proto::v1;
 
 use super::{GivenRoot, Plan};
 
-/// A strict request whose answer would not be feasible, with the field at fault and what would be possible.
+/// A strict request whose answer would not be feasible, with the field at fault and what would be
+/// possible.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(transparent)]
 pub struct NotFeasible(#[from] pub FieldError);
@@ -44,7 +46,8 @@ pub fn message(found: &Feasibility) -> v1::Feasibility {
     }
 }
 
-/// Refuses the strict ones among a request's characters whose keyframes alone show that no answer is feasible.
+/// Refuses the strict ones among a request's characters whose keyframes alone show that no answer
+/// is feasible.
 ///
 /// # Errors
 /// [`NotFeasible`] for the first of them.

@@ -122,7 +122,8 @@ fn a_given_root_that_is_too_fast_is_refused_before_anything_is_made() {
         ..standing(vec![key(2.0, 2.4, Quat::IDENTITY)], Some(34))
     };
     assert_eq!(refused(by(vec![aside(10, 2.3, 1.2), aside(20, 2.3, 1.8)])), None);
-    // 3 m in 10 frames are 9 m/s, and so is the way back to the target for whatever entry is the last.
+    // 3 m in 10 frames are 9 m/s, and so is the way back to the target for whatever entry is the
+    // last.
     for (root, field) in [
         (
             vec![aside(10, 2.0, 1.2), aside(20, 5.0, 1.2)],

@@ -49,7 +49,8 @@ pub fn finish_judged(
         .map(|root| plan.frame.to_world_position(root.position))
         .collect();
     to_world_rotations(&plan.frame, dims.joints, &mut rotations);
-    // A robot's feet are held by what its hinges can do, so its poses come onto them first. What that took is told.
+    // A robot's feet are held by what its hinges can do, so its poses come onto them first. What
+    // that took is told.
     let mut hinges = on_hinges(
         rig,
         &root_positions,
@@ -124,9 +125,11 @@ fn flat<T, const N: usize>(items: &[T], numbers: impl Fn(&T) -> [f32; N]) -> Vec
     all
 }
 
-/// Has the frames meet their keyframes: roots over the whole gap, poses over a few frames on either side.
+/// Has the frames meet their keyframes: roots over the whole gap, poses over a few frames on either
+/// side.
 ///
-/// A root's heading is that of the pelvis that the decoder made, which r_g4's heading only comes close to.
+/// A root's heading is that of the pelvis that the decoder made, which r_g4's heading only comes
+/// close to.
 fn pin(roots: &mut [GlobalRoot], rotations: &mut [Quat], plan: &Plan, skeleton: &Skeleton) {
     let joints = skeleton.joint_count();
     for (root, pose) in roots.iter_mut().zip(rotations.chunks_exact(joints)) {
@@ -158,7 +161,8 @@ fn pin(roots: &mut [GlobalRoot], rotations: &mut [Quat], plan: &Plan, skeleton: 
         given.over.pin(roots, rotations, joints);
     }
 
-    // Heights without a root come second: the pins of roots have moved the place on the ground that they keep.
+    // Heights without a root come second: the pins of roots have moved the place on the ground that
+    // they keep.
     let height_pins: Vec<RootPin> = keys
         .iter()
         .filter_map(|&(frame, key)| {

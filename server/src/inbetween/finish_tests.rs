@@ -139,7 +139,8 @@ fn given_roots_are_met_in_their_frames() {
         ..plan(Some(16), vec![Some(target)])
     };
     let frames = finish(&raw(4, 0.0), &plan, &toy_rig()).unwrap().frames.unwrap();
-    // The segment's +Z is the world's +X, and its +X the world's -Z. The height is the network's, on its way to the target's.
+    // The segment's +Z is the world's +X, and its +X the world's -Z. The height is the network's,
+    // on its way to the target's.
     let place = |frame: usize| &frames.root_positions[frame * 3..][..3];
     assert_near(&[place(8)[0], place(8)[2]], &[5.6, 1.75]);
     assert!(place(8)[1] < 0.9 && place(8)[1] > 0.8, "{}", place(8)[1]);
@@ -169,7 +170,8 @@ fn a_height_without_a_root_is_met_where_the_root_is() {
         ..plan(None, Vec::new())
     };
     let frames = finish(&raw(3, 0.0), &plan, &toy_rig()).unwrap().frames.unwrap();
-    // Segment (0.3, 0.8, 0.8), and the last frame goes on from there: the model makes 0.1 m of way along +Z.
+    // Segment (0.3, 0.8, 0.8), and the last frame goes on from there: the model makes 0.1 m of way
+    // along +Z.
     assert_near(&frames.root_positions[30..33], &[5.8, 0.8, 1.7]);
     assert_near(&frames.root_positions[33..], &[5.9, 0.7, 1.7]);
 }

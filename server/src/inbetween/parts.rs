@@ -44,7 +44,8 @@ impl PartWriter {
         Self { judge, ..self }
     }
 
-    /// The messages of the next part: one for each character that has frames in it. The last part has one at least.
+    /// The messages of the next part: one for each character that has frames in it. The last part
+    /// has one at least.
     ///
     /// # Errors
     /// [`NonFinite`] where the model gave numbers that are not finite.

@@ -26,12 +26,14 @@ pub const MAX_PATH_POINTS: usize = 10_000;
 const MAX_SECONDS: f32 = 300.0;
 /// Slowest and fastest way over the ground, metres a second.
 const SPEEDS_MPS: [f32; 2] = [0.05, 15.0];
-/// Paths that are faster than so many sizes of a body a second, or turn faster than so many radians, have a note.
+/// Paths that are faster than so many sizes of a body a second, or turn faster than so many
+/// radians, have a note.
 const NOTED_SPEED: f32 = 5.0;
 const NOTED_TURN_RAD_PER_S: f32 = 4.0;
 /// Farthest that a given pose may be from the path, metres.
 const MAX_OFF_M: f32 = 5.0;
-/// Time over which a motion leads over from a given pose to the path, and from there to one, seconds.
+/// Time over which a motion leads over from a given pose to the path, and from there to one,
+/// seconds.
 const LEAD_S: f32 = 0.5;
 /// Usual speed of a walk, sizes of the body a second.
 const WALK: f32 = 1.4;
@@ -50,7 +52,8 @@ pub struct PathPlan {
     dims: Dims,
     /// World x, z and heading of every frame, those of the past included.
     path: Vec<[f32; 3]>,
-    /// The last frames that there are: the past, then those of the windows that are done. None or as many as the context.
+    /// The last frames that there are: the past, then those of the windows that are done. None or
+    /// as many as the context.
     last: Vec<Checked>,
     targets: Vec<Checked>,
     style: Vec<f32>,
@@ -166,7 +169,8 @@ impl PathPlan {
         Some((task, frame))
     }
 
-    /// Takes what the model made of [`next`](Self::next); gives the frames of it that are new, and whether they are the last.
+    /// Takes what the model made of [`next`](Self::next); gives the frames of it that are new, and
+    /// whether they are the last.
     pub fn take(&mut self, motion: &Motion, frame: &SegmentFrame) -> (Motion, bool) {
         let (rig, context) = (&self.body.rig, self.dims.context_frames);
         let Some(window) = self.windows.get(self.done) else {
@@ -215,7 +219,8 @@ fn part(motion: &Motion, from: usize, count: usize, dims: &Dims) -> Motion {
     }
 }
 
-/// The windows of a motion of `fresh` frames behind `past` ones. Where it ends in targets the last window ends with it.
+/// The windows of a motion of `fresh` frames behind `past` ones. Where it ends in targets the last
+/// window ends with it.
 fn windows(past: usize, fresh: usize, dims: &Dims, ends_in_targets: bool) -> Vec<Window> {
     let (context, most) = (dims.context_frames, dims.max_frames());
     let mut windows = Vec::new();

@@ -107,7 +107,8 @@ fn what_a_keyframe_gives_twice_may_differ_by_rounding() {
     let (item, _) = prepared(twice).unwrap();
     assert_near(&item.targets[0].local_root.unwrap(), &[0.0, 0.0, 0.0, 0.9]);
 
-    // A heading a turn further is the same one, and one who lies on a side has none to compare with.
+    // A heading a turn further is the same one, and one who lies on a side has none to compare
+    // with.
     let mut turned = character();
     root(&mut turned.targets[0]).heading = Some(FRAC_PI_2 - std::f32::consts::TAU);
     prepared(turned).unwrap();

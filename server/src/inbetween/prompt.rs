@@ -27,7 +27,8 @@ pub struct Prepared {
     pub notes: Vec<String>,
 }
 
-/// Checks words to act out, which are the goal of `request`, and brings them into the form of a task for `pack`.
+/// Checks words to act out, which are the goal of `request`, and brings them into the form of a
+/// task for `pack`.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.
@@ -230,7 +231,8 @@ impl Keys {
     }
 }
 
-/// Checks that the keyframes `name` of the message at `path` are within reach of `anchor`, or of the origin where there is none.
+/// Checks that the keyframes `name` of the message at `path` are within reach of `anchor`, or of
+/// the origin where there is none.
 pub(super) fn check_near(
     path: &Path<'_>,
     name: &'static str,

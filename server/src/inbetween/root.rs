@@ -33,7 +33,8 @@ pub(super) struct Around<'a> {
     pub(super) frames: Option<usize>,
 }
 
-/// Checks the field `root` of a character, whose segment lies at `segment`. None where it gives none.
+/// Checks the field `root` of a character, whose segment lies at `segment`. None where it gives
+/// none.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.

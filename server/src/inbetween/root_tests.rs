@@ -30,7 +30,8 @@ fn keyframe(x: f32) -> v1::Keyframe {
     }
 }
 
-/// Walks along +X, which it faces, at 3 m/s from x = 5, for 30 frames: the last context frame is at 5.3, the target at 7.9.
+/// Walks along +X, which it faces, at 3 m/s from x = 5, for 30 frames: the last context frame is at
+/// 5.3, the target at 7.9.
 fn character(roots: Vec<v1::RootKey>) -> v1::Character {
     v1::Character {
         context: (0..4).map(|frame| keyframe(5.0 + 0.1 * frame as f32)).collect(),

@@ -21,7 +21,8 @@ pub fn most_past(pack: &Pack) -> usize {
     }
 }
 
-/// Checks a prompt's task against what the pack can read and write. Gives notes on what the model may not do well.
+/// Checks a prompt's task against what the pack can read and write. Gives notes on what the model
+/// may not do well.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.

@@ -112,7 +112,8 @@ fn unknown(name: &str, models: &[Model]) -> Fault {
     fault.with("available_models", ids)
 }
 
-/// Refuses segments that the protocol knows and the model does not take, before what they bring along is read.
+/// Refuses segments that the protocol knows and the model does not take, before what they bring
+/// along is read.
 fn check_types(value: &Value, model: &Model) -> Result<(), Fault> {
     let segments = value.get("segments").and_then(Value::as_array);
     let supported = model.segments();
@@ -379,8 +380,8 @@ fn check_guidance(guidance: &Guidance, model: &Model) -> Result<(), Fault> {
     }
 }
 
-/// Whether the model takes this type of guidance. What it does not take is left out with a note: the protocol's own client for Blender
-/// sends guidance by text to every model.
+/// Whether the model takes this type of guidance. What it does not take is left out with a note:
+/// the protocol's own client for Blender sends guidance by text to every model.
 fn takes(guidance: &Guidance, model: &Model) -> bool {
     model.guidance().contains(&guidance.kind.as_str())
 }

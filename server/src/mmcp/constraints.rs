@@ -358,7 +358,8 @@ impl Scope<'_> {
                 let place = format!("{place}.rotations[{nth}]");
                 rotation(&place, rotations[nth]).map(|turned| axes.world_to_model(joint, turned))
             });
-            // The root's places are met before the motion is lifted onto the ground, those of other joints on it.
+            // The root's places are met before the motion is lifted onto the ground, those of other
+            // joints on it.
             let floor = if joint == 0 {
                 ground.height(point.x, point.z)
             } else {

@@ -1,4 +1,5 @@
-//! From what the model made to what was asked for: constraints are met, feet stand still, the ground is below.
+//! From what the model made to what was asked for: constraints are met, feet stand still, the
+//! ground is below.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -163,7 +164,8 @@ impl Work<'_> {
         root
     }
 
-    /// Moves roots to where they must be: the first frame by moving everything, others by what fades.
+    /// Moves roots to where they must be: the first frame by moving everything, others by what
+    /// fades.
     fn meet_roots(&mut self) {
         let last = self.last();
         if let Some(first) = self.fixed.get(&0).copied() {

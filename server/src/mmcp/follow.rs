@@ -67,7 +67,8 @@ impl Follow {
                     seed,
                     closes: None,
                 });
-                // Windows are of whole tokens, so the end that is closed may come a few frames later.
+                // Windows are of whole tokens, so the end that is closed may come a few frames
+                // later.
                 let fresh = (take.frames - 1).next_multiple_of(dims.frames_per_token);
                 stretches.push(Stretch {
                     from: 1,

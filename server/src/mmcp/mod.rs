@@ -1,10 +1,11 @@
 //! The Motion Model Context Protocol (MMCP 1.4): what motion tools such as Blender speak.
 //!
-//! A loaded pack is a model, or one model a body ([`model`]). A request is read ([`schema`]), checked ([`check`], [`constraints`])
-//! and becomes a [`take::Take`]. [`run`] has all samples of all takes made together, window after window: from keyframe to
-//! keyframe and in a style between them ([`walk`]), or along a path ([`follow`]). A motion in the place of words ([`reference`]) is put
-//! into words first. [`finish`] has them meet their constraints, and
-//! [`answer`] writes them as glTF with the extension `MMCP_motion`.
+//! A loaded pack is a model, or one model a body ([`model`]). A request is read ([`schema`]),
+//! checked ([`check`], [`constraints`]) and becomes a [`take::Take`]. [`run`] has all samples of
+//! all takes made together, window after window: from keyframe to keyframe and in a style between
+//! them ([`walk`]), or along a path ([`follow`]). A motion in the place of words ([`reference`]) is
+//! put into words first. [`finish`] has them meet their constraints, and [`answer`] writes them as
+//! glTF with the extension `MMCP_motion`.
 
 pub mod answer;
 pub mod check;

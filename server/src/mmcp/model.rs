@@ -141,7 +141,8 @@ impl Model {
         names(&[("nocfg", true), ("regular", self.follows())])
     }
 
-    /// Names of its styles, as many as an option may list. The default comes first where there is one.
+    /// Names of its styles, as many as an option may list. The default comes first where there is
+    /// one.
     pub fn style_names(&self) -> Vec<String> {
         if self.follows() {
             let words = self.body().map(|body| body.words.clone()).unwrap_or_default();
@@ -153,7 +154,8 @@ impl Model {
         default.iter().cloned().chain(others).take(MAX_VALUES).collect()
     }
 
-    /// The local rotations of its pose at rest, one a joint, and the height of its root, metres. It stands and faces +Z.
+    /// The local rotations of its pose at rest, one a joint, and the height of its root, metres. It
+    /// stands and faces +Z.
     pub fn rest(&self) -> (Vec<Quat>, f32) {
         let skeleton = &self.rig().skeleton;
         if let Some(body) = self.body() {
@@ -172,8 +174,8 @@ impl Model {
         Axes::new(&self.rig().skeleton, &self.rest().0)
     }
 
-    /// Its skeleton at rest. On the wire all joints have the world's axes then: there are clients that leave out the rotations of
-    /// a rest pose.
+    /// Its skeleton at rest. On the wire all joints have the world's axes then: there are clients
+    /// that leave out the rotations of a rest pose.
     pub fn skeleton(&self) -> Skeleton {
         let (_, height_m) = self.rest();
         let axes = self.axes();
@@ -299,8 +301,8 @@ pub struct Capabilities {
 }
 
 impl Capabilities {
-    /// What the models of a table can do, from requests of at most so many bytes. A pack that can do nothing of the protocol is no
-    /// model.
+    /// What the models of a table can do, from requests of at most so many bytes. A pack that can
+    /// do nothing of the protocol is no model.
     pub fn of(table: &PackTable, max_request_bytes: usize) -> Self {
         let models = models(table).into_iter();
         let models = models.filter(|model| !model.segments().is_empty());

@@ -17,7 +17,8 @@ const MAX_DISPLAY_CHARS: usize = 256;
 /// Shortest and longest quaternion that is taken as a rotation.
 const QUAT_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
-/// The axes that joints have on the wire: those of the world where the model is at rest. The model's own are turned against them.
+/// The axes that joints have on the wire: those of the world where the model is at rest. The
+/// model's own are turned against them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axes {
     /// World rotation of each joint at rest, in the model's axes.
@@ -26,7 +27,8 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// Those of a skeleton whose pose at rest has these rotations, joint 0 in the world and others relative to their parents.
+    /// Those of a skeleton whose pose at rest has these rotations, joint 0 in the world and others
+    /// relative to their parents.
     pub fn new(skeleton: &troupe_motion::Skeleton, pose: &[Quat]) -> Self {
         let mut rest: Vec<Quat> = Vec::with_capacity(pose.len());
         for (joint, &rotation) in skeleton.joints.iter().zip(pose) {
@@ -93,8 +95,8 @@ pub fn rotation(place: &str, xyzw: [f64; 4]) -> Result<Quat, Fault> {
     }
 }
 
-/// Checks the skeleton of a request, whose joints must be the model's. Their order may be another, and so may the rotations at
-/// rest: a channel replaces them.
+/// Checks the skeleton of a request, whose joints must be the model's. Their order may be another,
+/// and so may the rotations at rest: a channel replaces them.
 ///
 /// # Errors
 /// [`Fault`] for joints that are no tree, and for those that are not the model's.

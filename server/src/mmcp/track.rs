@@ -59,7 +59,8 @@ impl Track {
         self.contacts.push(contacts);
     }
 
-    /// Adds some frames of another, as many of `from..from + count` as there are, in the hemispheres of those before.
+    /// Adds some frames of another, as many of `from..from + count` as there are, in the
+    /// hemispheres of those before.
     pub fn extend(&mut self, other: &Self, from: usize, count: usize) {
         for frame in from..(from + count).min(other.len()) {
             let start = self.rotations.len();
@@ -71,7 +72,8 @@ impl Track {
         }
     }
 
-    /// Has the frames from `from` on begin at the pose before them: what they are off by fades over `over` frames.
+    /// Has the frames from `from` on begin at the pose before them: what they are off by fades over
+    /// `over` frames.
     pub fn lead_over(&mut self, from: usize, over: usize) {
         let len = self.len();
         if from == 0 || from >= len {
@@ -86,8 +88,8 @@ impl Track {
         self.extend(&behind, 0, len - from);
     }
 
-    /// Brings the first frames nearer to where they are to go on from: what `is` there differs from what `was` expected (root and
-    /// pose of one frame each) fades over `over` frames.
+    /// Brings the first frames nearer to where they are to go on from: what `is` there differs from
+    /// what `was` expected (root and pose of one frame each) fades over `over` frames.
     pub fn join(&mut self, was: (Vec3, &[Quat]), is: (Vec3, &[Quat]), over: usize) {
         let joints = self.joints();
         let turns: Vec<Quat> = was
@@ -142,7 +144,8 @@ impl Track {
         }
     }
 
-    /// `frames` frames at the places that `at` gives, between frames too: places are interpolated, rotations on the shorter way.
+    /// `frames` frames at the places that `at` gives, between frames too: places are interpolated,
+    /// rotations on the shorter way.
     #[must_use]
     pub fn resampled(&self, frames: usize, at: impl Fn(usize) -> f32) -> Self {
         let joints = self.joints();

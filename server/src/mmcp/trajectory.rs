@@ -1,4 +1,5 @@
-//! The way that a motion travels, without the sway of its steps: what a client takes out to play it in place.
+//! The way that a motion travels, without the sway of its steps: what a client takes out to play it
+//! in place.
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -11,7 +12,8 @@ use troupe_motion::Skeleton;
 const STRIDE_S: f32 = 1.0;
 /// One who ends and stays this near to where it began is still, metres.
 const STILL_M: f32 = 0.15;
-/// How far from a line the way of one who goes straight is at most: metres, and a share of its length.
+/// How far from a line the way of one who goes straight is at most: metres, and a share of its
+/// length.
 const LINE: (f32, f32) = (0.03, 0.03);
 /// Turns of less than this are none, radians.
 const STEADY_RAD: f32 = 0.07;
@@ -65,7 +67,8 @@ pub fn trajectory(track: &Track, skeleton: &Skeleton, fps: f32, is_loop: bool) -
     }
 }
 
-/// Means over up to `half` frames on either side: fewer at the ends of a motion, the same motion again at those of a loop.
+/// Means over up to `half` frames on either side: fewer at the ends of a motion, the same motion
+/// again at those of a loop.
 fn averaged(values: &[f32], half: usize, is_loop: bool) -> Vec<f32> {
     let count = values.len();
     let (Some(first), Some(last)) = (values.first(), values.last()) else {

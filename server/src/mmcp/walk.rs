@@ -1,7 +1,7 @@
 //! Motion of a model that goes from keyframe to keyframe, window after window.
 //!
-//! Where a keyframe is near, a window ends with it. Elsewhere smart locomotion walks along the way in a style, as a live character
-//! does. Words are acted out from where the motion is.
+//! Where a keyframe is near, a window ends with it. Elsewhere smart locomotion walks along the way
+//! in a style, as a live character does. Words are acted out from where the motion is.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -400,7 +400,8 @@ impl Walk {
         way * self.rig.fps / (now - from).max(1) as f32
     }
 
-    /// A window that ends with the keyframe `away` frames ahead and those right behind it, and how many frames it makes.
+    /// A window that ends with the keyframe `away` frames ahead and those right behind it, and how
+    /// many frames it makes.
     fn to_key(&self, now: usize, away: usize) -> (PlanTargets, usize) {
         let first = now + away;
         let most = self.rig.dims.max_targets;

@@ -24,8 +24,8 @@ impl Access {
     /// What `config` says for a server that listens on `address`.
     ///
     /// # Errors
-    /// [`StartError::Keys`] for a file that cannot be used, [`StartError::Anonymous`] where strangers could use the server and
-    /// nobody has said that they may.
+    /// [`StartError::Keys`] for a file that cannot be used, [`StartError::Anonymous`] where
+    /// strangers could use the server and nobody has said that they may.
     pub(super) fn new(config: &Config, address: SocketAddr) -> Result<Self, StartError> {
         let local = address.ip().to_canonical().is_loopback();
         let access = Self::of(config)?;

@@ -34,7 +34,8 @@ pub(super) struct Activity {
     serving: AtomicUsize,
     /// Whether the client takes less than there is to send.
     blocked: AtomicBool,
-    /// When a call was last open, and bytes were last sent, in milliseconds since the connection's birth.
+    /// When a call was last open, and bytes were last sent, in milliseconds since the connection's
+    /// birth.
     called_ms: AtomicU64,
     sent_ms: AtomicU64,
 }
@@ -221,7 +222,8 @@ impl<B: HttpBody + Unpin> HttpBody for CallBody<B> {
     }
 }
 
-/// A connection's bytes. Its place is taken for as long as they can flow: those of a WebSocket outlive HTTP.
+/// A connection's bytes. Its place is taken for as long as they can flow: those of a WebSocket
+/// outlive HTTP.
 pub(super) struct Held<T> {
     stream: T,
     activity: Arc<Activity>,

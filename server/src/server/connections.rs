@@ -30,25 +30,29 @@ const HALF_REQUEST_GRACE: Duration = Duration::from_secs(1);
 /// How long a connection beyond the limit may take, in all and between two calls.
 const RESERVE_TIMEOUT: Duration = Duration::from_secs(5);
 const RESERVE_IDLE_TIMEOUT: Duration = Duration::from_millis(500);
-/// Bytes that an HTTP/2 client may send ahead of what is read, for a call and for all of a connection. HTTP/2's own 64 KiB for both
-/// would have a burst of calls come in crumbs; and of each small frame that is not yet read, or that comes for a call which
-/// is over, h2 takes a part of half the connection's window, and closes the connection where nothing of it is left. Frames
-/// that are read, and large ones, give it back. So that is room for the small frames of 16 thousand calls.
+/// Bytes that an HTTP/2 client may send ahead of what is read, for a call and for all of a
+/// connection. HTTP/2's own 64 KiB for both would have a burst of calls come in crumbs; and of each
+/// small frame that is not yet read, or that comes for a call which is over, h2 takes a part of
+/// half the connection's window, and closes the connection where nothing of it is left. Frames that
+/// are read, and large ones, give it back. So that is room for the small frames of 16 thousand
+/// calls.
 const CALL_WINDOW_BYTES: u32 = 1 << 20;
 const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
-/// Calls that a client may have given up before the server has seen them. A client may well give up all that it asks for at once;
-/// by default that would end the connection, with all other calls on it, from the 21st on. A limit there must be, for
-/// such calls cost a server more than the client (CVE-2023-44487).
+/// Calls that a client may have given up before the server has seen them. A client may well give up
+/// all that it asks for at once; by default that would end the connection, with all other calls on
+/// it, from the 21st on. A limit there must be, for such calls cost a server more than the client
+/// (CVE-2023-44487).
 const MAX_GIVEN_UP_UNSEEN: usize = 1024;
-/// Headers of a request beyond which the library itself refuses it, with an empty answer: how many there may be over HTTP/1, and
-/// their bytes over HTTP/2. `api/head.rs` has the limit for requests that get a full answer.
+/// Headers of a request beyond which the library itself refuses it, with an empty answer: how many
+/// there may be over HTTP/1, and their bytes over HTTP/2. `api/head.rs` has the limit for requests
+/// that get a full answer.
 const MAX_HEADERS: usize = 512;
 const MAX_HEAD_BYTES: u32 = 64 << 10;
 /// What an HTTP/2 connection begins with (RFC 9113, section 3.4).
 const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
-/// Accepts until told to stop, then waits for requests in flight, at most for the configured time. Answers whether all of
-/// them finished.
+/// Accepts until told to stop, then waits for requests in flight, at most for the configured time.
+/// Answers whether all of them finished.
 pub(super) async fn accept(
     mut listener: impl Listen,
     router: Router,
@@ -119,8 +123,8 @@ pub(super) async fn accept(
     lost == 0
 }
 
-/// Ends when what is watched fits `wanted`. Where nobody can change it any more it never does: the server runs until the
-/// process ends.
+/// Ends when what is watched fits `wanted`. Where nobody can change it any more it never does: the
+/// server runs until the process ends.
 async fn reached<T>(watched: &mut watch::Receiver<T>, wanted: impl FnMut(&T) -> bool) {
     if watched.wait_for(wanted).await.is_err() {
         std::future::pending().await
@@ -246,9 +250,9 @@ fn ended(result: Result<(), Box<dyn std::error::Error + Send + Sync>>) {
     }
 }
 
-/// Reads until it is clear which HTTP version a connection speaks, and gives a stream that begins with what was read. None where
-/// that does not come in time, or the server stops.
-/// The connection builder decides the same, but without a time limit.
+/// Reads until it is clear which HTTP version a connection speaks, and gives a stream that begins
+/// with what was read. None where that does not come in time, or the server stops. The connection
+/// builder decides the same, but without a time limit.
 async fn begin<R, W>(
     read: R,
     write: W,
@@ -288,7 +292,8 @@ fn builder(config: &Config) -> Builder<TokioExecutor> {
         .http1()
         .timer(TokioTimer::new())
         .max_headers(MAX_HEADERS)
-        // For each head of a request, the wait between two requests included. The first bytes have `begin`'s limit.
+        // For each head of a request, the wait between two requests included. The first bytes have
+        // `begin`'s limit.
         .header_read_timeout(config.request_timeout());
     builder
         .http2()

@@ -1,6 +1,7 @@
-//! Stops of a server in simulated time: a thousand schedules of requests, half requests, steps, streams, faults of the disk, a
-//! signal, and perhaps a second one. All of the server runs, over connections in memory, on one thread. Who does what when comes from
-//! a seed; a failure names it, and `TROUPE_DRAIN_SEED=7` runs that one alone.
+//! Stops of a server in simulated time: a thousand schedules of requests, half requests, steps,
+//! streams, faults of the disk, a signal, and perhaps a second one. All of the server runs, over
+//! connections in memory, on one thread. Who does what when comes from a seed; a failure names it,
+//! and `TROUPE_DRAIN_SEED=7` runs that one alone.
 
 mod clients;
 mod engine;
@@ -278,7 +279,8 @@ async fn ready(dial: &Dial) -> Option<u16> {
     }
 }
 
-/// From its signal on a server says that it is not ready. It takes connections until its delay is over, and none after.
+/// From its signal on a server says that it is not ready. It takes connections until its delay is
+/// over, and none after.
 async fn probe(dial: Dial, delay: Duration, stop: Instant) {
     for part in 0..4 {
         sleep_until(stop + delay * part / 4).await;
@@ -298,7 +300,8 @@ async fn probe(dial: Dial, delay: Duration, stop: Instant) {
     assert!(dial.connect().is_none(), "the port is closed");
 }
 
-/// Who asked in time was answered, once; where somebody was not, the server says that it lost something.
+/// Who asked in time was answered, once; where somebody was not, the server says that it lost
+/// something.
 fn check_answers(plan: &Plan, end: &End, log: &Log, sum: &mut Sum) {
     let closes = end.begun + plan.stop + plan.delay;
     let in_time = |at: Instant| at < closes && at < end.at;
@@ -347,7 +350,8 @@ fn check_streams(plan: &Plan, end: &End, log: &Log, sum: &mut Sum) {
     }
 }
 
-/// What clients were told is there for the next server: all of it after a stop, and after a forced one what is older than a snapshot.
+/// What clients were told is there for the next server: all of it after a stop, and after a forced
+/// one what is older than a snapshot.
 async fn check_kept(plan: &Plan, end: &End, log: &Log, disk: &Shared, sum: &mut Sum) {
     let service = &end.service;
     let telemetry = service.telemetry();

@@ -8,8 +8,8 @@ const USUAL_CONNECTIONS: usize = 10_000;
 /// Files that the server needs for all else: libraries, packs, scenes, the log.
 const OTHER_FILES: u64 = 256;
 
-/// Most connections: `asked`, or with 0 the usual number or as many as there is room for. Raises this process's limit of open
-/// files as far as the system lets it.
+/// Most connections: `asked`, or with 0 the usual number or as many as there is room for. Raises
+/// this process's limit of open files as far as the system lets it.
 ///
 /// # Errors
 /// [`StartError::Files`] where there is no room for those that are asked for.

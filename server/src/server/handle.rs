@@ -97,8 +97,9 @@ impl ServerHandle {
         }
     }
 
-    /// Says that the server is not ready, and serves on for the configured delay. Then stops accepting connections, lets
-    /// requests finish for at most the configured time, and cuts what is left. Answers whether everything finished.
+    /// Says that the server is not ready, and serves on for the configured delay. Then stops
+    /// accepting connections, lets requests finish for at most the configured time, and cuts what
+    /// is left. Answers whether everything finished.
     pub async fn shut_down(mut self) -> bool {
         self.service.announce_stop();
         if let Some(starting) = self.starting.take() {
@@ -112,7 +113,8 @@ impl ServerHandle {
         tokio::time::sleep(self.drain_delay).await;
         let deadline = tokio::time::Instant::now() + self.drain_timeout + FAREWELL;
         self.service.drain();
-        // Ends the streams of health watchers, once they have the status: open streams would hold up the stop.
+        // Ends the streams of health watchers, once they have the status: open streams would hold
+        // up the stop.
         for service in [
             "",
             motion_server::SERVICE_NAME,

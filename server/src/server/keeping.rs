@@ -13,8 +13,8 @@ use crate::session::Keeper;
 /// Opens the records, where some are to be kept. It blocks.
 pub(super) type OpenRecords = Box<dyn FnOnce() -> Result<Option<Records>, RecordsError> + Send>;
 
-/// The records that `config` asks for. The usual folder may be of no use, as on a disk that cannot be written: then a warning says
-/// that nothing is kept.
+/// The records that `config` asks for. The usual folder may be of no use, as on a disk that cannot
+/// be written: then a warning says that nothing is kept.
 pub(super) fn records_of(config: &Config) -> OpenRecords {
     let (folder, asked) = (config.store_folder(), config.store.is_some());
     Box::new(move || open(folder, asked))

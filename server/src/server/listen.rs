@@ -51,8 +51,9 @@ impl Connection for TcpStream {
     }
 }
 
-/// Small answers must not wait for acknowledgements (40 ms stalls), dead peers must be noticed, and what a slow reader has
-/// not taken must not pile up in the system: a stream's frames would be seconds old by the time that they are read.
+/// Small answers must not wait for acknowledgements (40 ms stalls), dead peers must be noticed, and
+/// what a slow reader has not taken must not pile up in the system: a stream's frames would be
+/// seconds old by the time that they are read.
 fn prepare(stream: &TcpStream) {
     let keepalive = socket2::TcpKeepalive::new().with_time(Duration::from_secs(60));
     let socket = socket2::SockRef::from(stream);

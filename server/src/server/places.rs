@@ -76,7 +76,8 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Places for `limit` connections, and for `per_address` of one address; 0 for as many as there are.
+    /// Places for `limit` connections, and for `per_address` of one address; 0 for as many as there
+    /// are.
     pub(super) fn new(limit: usize, per_address: usize, telemetry: &Telemetry) -> Arc<Self> {
         Arc::new(Self {
             limit,

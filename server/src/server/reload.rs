@@ -23,7 +23,8 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// Something whose files have just been read, `seen` before that. `read` reads them again, or says why it cannot.
+    /// Something whose files have just been read, `seen` before that. `read` reads them again, or
+    /// says why it cannot.
     pub(super) fn new<E: std::error::Error>(
         what: &'static str,
         files: Vec<PathBuf>,
@@ -53,7 +54,8 @@ impl Source {
     }
 }
 
-/// What is in `files`. By that and not by their times, because links to folders are how some tools change several at once.
+/// What is in `files`. By that and not by their times, because links to folders are how some tools
+/// change several at once.
 pub(super) fn fingerprint(files: &[PathBuf]) -> Fingerprint {
     let mut hash = Sha256::new();
     for file in files {

@@ -30,7 +30,8 @@ impl Service {
     /// `troupe.v1.Motion/Describe`. Has a place in the queue when it returns.
     ///
     /// # Errors
-    /// [`ServiceError`] for a value that is not accepted, a pack that cannot do it, and where there is no place.
+    /// [`ServiceError`] for a value that is not accepted, a pack that cannot do it, and where there
+    /// is no place.
     pub fn describe(&self, request: &v1::DescribeRequest) -> Result<Description, ServiceError> {
         let arrived = Instant::now();
         let loaded = self.table()?.find("pack", &request.pack)?;

@@ -33,7 +33,8 @@ impl Service {
     /// `troupe.v1.Scenes/PutScene`.
     ///
     /// # Errors
-    /// [`ServiceError`] for the first value that is not accepted, or where the scene cannot be kept.
+    /// [`ServiceError`] for the first value that is not accepted, or where the scene cannot be
+    /// kept.
     pub async fn put_scene(&self, request: v1::PutSceneRequest) -> Result<v1::SceneSummary, ServiceError> {
         let put = self.blocking(move |store| store.put(&request)).await?;
         self.common.metrics.scenes_uploaded.increment(1);
@@ -104,7 +105,8 @@ impl Service {
     /// `troupe.v1.Scenes/PutObjectDefinition`.
     ///
     /// # Errors
-    /// [`ServiceError`] for the first thing that is wrong with the document, or where it cannot be kept.
+    /// [`ServiceError`] for the first thing that is wrong with the document, or where it cannot be
+    /// kept.
     pub async fn put_object_definition(
         &self,
         request: v1::PutObjectDefinitionRequest,
@@ -151,7 +153,8 @@ impl Service {
     /// `troupe.v1.Scenes/Detect`.
     ///
     /// # Errors
-    /// [`ServiceError`] for a value that is not accepted, and for a session or scene that is not there.
+    /// [`ServiceError`] for a value that is not accepted, and for a session or scene that is not
+    /// there.
     pub fn detect(&self, request: &v1::DetectRequest) -> Result<v1::DetectResponse, ServiceError> {
         let standing = |id: &str| {
             self.sessions()

@@ -30,10 +30,12 @@ impl Service {
         Ok(self.sessions().create(packs, store, request).await?)
     }
 
-    /// `troupe.v1.Sessions/ResumeSessions`. While the server starts there are none yet, which is not to be taken for their end.
+    /// `troupe.v1.Sessions/ResumeSessions`. While the server starts there are none yet, which is
+    /// not to be taken for their end.
     ///
     /// # Errors
-    /// [`ServiceError`] for the request as a whole; what is wrong with one session is in its problem.
+    /// [`ServiceError`] for the request as a whole; what is wrong with one session is in its
+    /// problem.
     pub async fn resume_sessions(
         &self,
         request: v1::ResumeSessionsRequest,
@@ -46,7 +48,8 @@ impl Service {
     /// `troupe.v1.Sessions/ListStyles`.
     ///
     /// # Errors
-    /// [`ServiceError::UnknownPack`], [`SessionError::UnknownBody`], or [`ServiceError::Starting`] while the server starts.
+    /// [`ServiceError::UnknownPack`], [`SessionError::UnknownBody`], or [`ServiceError::Starting`]
+    /// while the server starts.
     pub fn list_styles(
         &self,
         request: &v1::ListStylesRequest,
@@ -58,7 +61,8 @@ impl Service {
     /// `troupe.v1.Sessions/GetStyle`.
     ///
     /// # Errors
-    /// [`ServiceError::UnknownPack`], [`SessionError::UnknownStyle`], or [`ServiceError::Starting`] while the server starts.
+    /// [`ServiceError::UnknownPack`], [`SessionError::UnknownStyle`], or [`ServiceError::Starting`]
+    /// while the server starts.
     pub fn get_style(&self, request: &v1::GetStyleRequest) -> Result<v1::Style, ServiceError> {
         Ok(styles::get(
             self.table()?.find("pack", &request.pack)?,
@@ -70,7 +74,8 @@ impl Service {
     /// `troupe.v1.Sessions/PutStyle`.
     ///
     /// # Errors
-    /// [`ServiceError`] for the first value that is not accepted, or where the style cannot be kept.
+    /// [`ServiceError`] for the first value that is not accepted, or where the style cannot be
+    /// kept.
     pub async fn put_style(&self, request: v1::PutStyleRequest) -> Result<v1::Style, ServiceError> {
         let pack = self.table()?.find("pack", &request.pack)?.clone();
         let memory = self.space()?.store.memory().clone();

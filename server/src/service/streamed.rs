@@ -29,7 +29,8 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    /// Asks for what a task makes, for a request that arrived then. It has a place in the queue when this returns.
+    /// Asks for what a task makes, for a request that arrived then. It has a place in the queue
+    /// when this returns.
     ///
     /// # Errors
     /// [`ServiceError`] where there is no place.

@@ -62,7 +62,8 @@ struct Common {
 }
 
 impl Sessions {
-    /// A server's sessions: none yet, of callers without a tenant. `executor` runs their characters.
+    /// A server's sessions: none yet, of callers without a tenant. `executor` runs their
+    /// characters.
     pub fn new(limits: SessionLimits, time: TimeSource, executor: Executor, telemetry: &Telemetry) -> Self {
         Self {
             registry: Arc::new(Registry::new(limits.sessions)),
@@ -146,7 +147,8 @@ impl Sessions {
         commands::apply(&self.registry, &self.common.time, commands).await
     }
 
-    /// Runs a stream, or what else advances characters, on the threads for that, in the turns of its client.
+    /// Runs a stream, or what else advances characters, on the threads for that, in the turns of
+    /// its client.
     pub fn spawn(&self, turns: Turns, work: impl Future<Output = ()> + Send + 'static) {
         self.common.executor.spawn(turns, work);
     }
@@ -154,7 +156,8 @@ impl Sessions {
     /// A place for a stream.
     ///
     /// # Errors
-    /// [`SessionError::TooManyStreams`], or [`SessionError::ShuttingDown`] while the server shuts down.
+    /// [`SessionError::TooManyStreams`], or [`SessionError::ShuttingDown`] while the server shuts
+    /// down.
     pub fn open_stream(self: &Arc<Self>) -> Result<StreamPermit, SessionError> {
         if *self.common.draining.borrow() {
             return Err(SessionError::ShuttingDown);
@@ -278,7 +281,8 @@ impl Sessions {
     /// `troupe.v1.Sessions/Command`.
     ///
     /// # Errors
-    /// [`SessionError::Field`] for a list that is empty or too long; what is wrong with one command is in its result.
+    /// [`SessionError::Field`] for a list that is empty or too long; what is wrong with one command
+    /// is in its result.
     pub async fn command(
         self: &Arc<Self>,
         request: v1::CommandRequest,

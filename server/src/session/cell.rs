@@ -226,7 +226,8 @@ impl SessionCell {
         self.ttl
     }
 
-    /// Whether it was there before the server started, and this is the first time that somebody asks.
+    /// Whether it was there before the server started, and this is the first time that somebody
+    /// asks.
     pub(super) fn take_woken(&self) -> bool {
         self.woken.swap(false, Ordering::AcqRel)
     }
@@ -379,7 +380,8 @@ impl SessionCell {
         }
     }
 
-    /// Waits until a plan came or failed, or the session ended, since the last wait. For the owner only.
+    /// Waits until a plan came or failed, or the session ended, since the last wait. For the owner
+    /// only.
     pub async fn changed(&self) {
         self.changed.notified().await;
     }
@@ -389,8 +391,8 @@ impl SessionCell {
         self.changed.notify_one();
     }
 
-    /// Takes the requests that the character has, where there are any, and what happened to it; counts what it has done
-    /// meanwhile, and gives up words that it wants no more.
+    /// Takes the requests that the character has, where there are any, and what happened to it;
+    /// counts what it has done meanwhile, and gives up words that it wants no more.
     pub fn settle(&self, live: &mut Live) -> Wants {
         let Live {
             character, events, ..

@@ -58,7 +58,8 @@ impl Form {
     }
 }
 
-/// Writes the columns of one block. Every place of a column is made once; a frame is written where it belongs.
+/// Writes the columns of one block. Every place of a column is made once; a frame is written where
+/// it belongs.
 #[derive(Debug)]
 pub struct BlockWriter {
     form: Form,

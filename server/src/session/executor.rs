@@ -1,4 +1,5 @@
-//! Threads of their own for characters: whatever many of them cost, connections and health checks go on.
+//! Threads of their own for characters: whatever many of them cost, connections and health checks
+//! go on.
 
 use std::future::Future;
 use std::time::{Duration, Instant};
@@ -39,7 +40,8 @@ impl Executor {
         })
     }
 
-    /// No threads but those that this is called on: a simulation has its time for everything, and a fuzz target one order.
+    /// No threads but those that this is called on: a simulation has its time for everything, and a
+    /// fuzz target one order.
     #[cfg(any(test, feature = "testing"))]
     pub fn here() -> Self {
         Self {

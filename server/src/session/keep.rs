@@ -1,7 +1,8 @@
 //! Keeps sessions, and what moves in scenes, so that they outlive the process.
 //!
-//! A round notes all that has changed since the last, and writes it at once: what is on the disk is a moment of every session. A session
-//! is locked for the few microseconds that it takes to copy it.
+//! A round notes all that has changed since the last, and writes it at once: what is on the disk is
+//! a moment of every session. A session is locked for the few microseconds that it takes to copy
+//! it.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -98,8 +99,8 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// Restores the sessions and scenes of `records`, and keeps them from now on. What cannot be restored is left out with a
-    /// warning, and goes with the next round.
+    /// Restores the sessions and scenes of `records`, and keeps them from now on. What cannot be
+    /// restored is left out with a warning, and goes with the next round.
     ///
     /// # Errors
     /// [`RecordsError`] where the records cannot be read.
@@ -280,7 +281,8 @@ impl Keeper {
         Ok(round)
     }
 
-    /// A round. Says where it fails, once a minute. Answers how long to wait until the next, where rounds come every `interval`.
+    /// A round. Says where it fails, once a minute. Answers how long to wait until the next, where
+    /// rounds come every `interval`.
     pub fn go_on(&mut self, interval: Duration) -> Duration {
         let begun = Instant::now();
         if let Err(error) = self.round() {

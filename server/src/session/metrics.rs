@@ -180,8 +180,8 @@ impl SessionMetrics {
         self.replans[index].increment(1);
     }
 
-    /// A character of this priority asks for a plan of `length` frames, where that is settled, `interval` frames after the
-    /// one before, where there was one.
+    /// A character of this priority asks for a plan of `length` frames, where that is settled,
+    /// `interval` frames after the one before, where there was one.
     pub fn paced(&self, priority: f32, interval: Option<u32>, length: Option<usize>) {
         let last = BANDS.len() - 1;
         let band = &self.bands[((priority * BANDS.len() as f32) as usize).min(last)];

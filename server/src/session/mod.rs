@@ -1,7 +1,8 @@
 //! Live characters: the pure state machine of a session, and what runs many of them.
 //!
-//! A [`Character`] is pure: it knows no clock, no thread and no engine. A [`cell`] holds one behind a lock, the
-//! [`Registry`] holds all cells, and [`Sessions`] has the calls. Plans go through the pack's batcher ([`planner`]).
+//! A [`Character`] is pure: it knows no clock, no thread and no engine. A [`cell`] holds one behind
+//! a lock, the [`Registry`] holds all cells, and [`Sessions`] has the calls. Plans go through the
+//! pack's batcher ([`planner`]).
 
 mod calls;
 pub mod cell;

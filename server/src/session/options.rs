@@ -161,7 +161,8 @@ fn style(path: &Path<'_>, name: &str, styles: &StyleTable) -> Result<Arc<Style>,
     found.ok_or_else(|| unknown_style(path, name, styles))
 }
 
-/// Names that the error of an unknown style lists at most: one call may carry thousands of such errors.
+/// Names that the error of an unknown style lists at most: one call may carry thousands of such
+/// errors.
 const MAX_LISTED_STYLES: usize = 32;
 
 /// The error of a style that is not there.

@@ -13,7 +13,8 @@ use troupe_character::live::load::PlanLoad;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_motion::model::{Body, Rig};
 
-/// A pack and one of its bodies with a tenant's styles, and what the sessions of all tenants and bodies share of it.
+/// A pack and one of its bodies with a tenant's styles, and what the sessions of all tenants and
+/// bodies share of it.
 #[derive(Debug)]
 pub struct LivePack {
     /// The pack.
@@ -137,8 +138,8 @@ impl LivePacks {
         &self.table
     }
 
-    /// A pack with one of its bodies. The request named them in the fields `pack` and `body` of `path`; the defaults where they
-    /// are empty.
+    /// A pack with one of its bodies. The request named them in the fields `pack` and `body` of
+    /// `path`; the defaults where they are empty.
     ///
     /// # Errors
     /// [`SessionError::UnknownPack`] or [`SessionError::UnknownBody`].

@@ -1,8 +1,9 @@
 //! The way of a plan: from a character's request through its pack's batcher and back.
 //!
-//! Every plan travels on its own, so that it shares batches with everybody else's. A character has at most one under way:
-//! it asks for the next only after [`Character::plan_arrived`](super::Character::plan_arrived), which every request
-//! leads to, whatever becomes of it, a panic on the way included.
+//! Every plan travels on its own, so that it shares batches with everybody else's. A character has
+//! at most one under way: it asks for the next only after
+//! [`Character::plan_arrived`](super::Character::plan_arrived), which every request leads to,
+//! whatever becomes of it, a panic on the way included.
 
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
@@ -52,7 +53,8 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
     let task = task(cell.pack(), request.item);
     let (shape, pins) = (request.shape, request.pins);
     let turns = Turns::current();
-    // A tick's plan enters the queue now, in the order of the calls, and not when its task first runs.
+    // A tick's plan enters the queue now, in the order of the calls, and not when its task first
+    // runs.
     let entered = match patience {
         Patience::Fails => {
             let order = Order::live(cell.owner_id(), deadline);
@@ -78,11 +80,13 @@ pub fn ask(cell: &Arc<SessionCell>, request: PlanRequest, patience: Patience) {
             .and_then(|raw| finish(&raw, &shape, pins.as_deref(), cell.pack()));
         awaited.arrived(plan);
     };
-    // What is made of its motion takes as long as the rest of a character's frames, and counts for the same client.
+    // What is made of its motion takes as long as the rest of a character's frames, and counts for
+    // the same client.
     tokio::spawn(turns.take(work));
 }
 
-/// The answer to a plan that a step waits for. Where there is no place for it, it is asked for again.
+/// The answer to a plan that a step waits for. Where there is no place for it, it is asked for
+/// again.
 async fn step_plan(
     cell: &SessionCell,
     task: Task,
@@ -133,8 +137,8 @@ fn path_task(pack: &LivePack, body: &Arc<Body>, item: PathItem) -> PathTask {
     }
 }
 
-/// A plan that somebody waits for. Where it is dropped without an answer, for a panic or the end of the runtime, it has
-/// failed: the character asks for another, and nobody counts on it any more.
+/// A plan that somebody waits for. Where it is dropped without an answer, for a panic or the end of
+/// the runtime, it has failed: the character asks for another, and nobody counts on it any more.
 struct Awaited {
     cell: Arc<SessionCell>,
     number: u64,

@@ -11,15 +11,17 @@ use super::metrics::Eviction;
 use super::options::MAX_ID_CHARS;
 use crate::clients::Tenant;
 
-/// About the most memory that an open session takes, bytes. 38 KiB were measured for one that walks in the default pack. One in a
-/// scene keeps events and keyframes besides. A path of 1,024 points takes 28 KiB: once while it is followed, once while it waits.
+/// About the most memory that an open session takes, bytes. 38 KiB were measured for one that walks
+/// in the default pack. One in a scene keeps events and keyframes besides. A path of 1,024 points
+/// takes 28 KiB: once while it is followed, once while it waits.
 pub const MAX_SESSION_BYTES: u64 = 128 << 10;
 /// Most ids of expired sessions that are remembered: a few megabytes.
 const MAX_TOMBSTONES: usize = 65_536;
 
 type ById = BTreeMap<Arc<str>, Arc<SessionCell>>;
 
-/// The open sessions of one tenant. Those of others share room and time with them, and do not exist otherwise.
+/// The open sessions of one tenant. Those of others share room and time with them, and do not exist
+/// otherwise.
 #[derive(Debug)]
 pub struct Registry {
     all: Arc<All>,
@@ -122,8 +124,9 @@ impl Registry {
         self.len() == 0
     }
 
-    /// Whether `more` sessions may be opened: a look ahead of the work of making them. Those whose time is up at `now` make
-    /// room, and so do those that nobody has wanted for `usual_ttl` although they may live longer.
+    /// Whether `more` sessions may be opened: a look ahead of the work of making them. Those whose
+    /// time is up at `now` make room, and so do those that nobody has wanted for `usual_ttl`
+    /// although they may live longer.
     ///
     /// # Errors
     /// [`SessionError::TooMany`].
@@ -138,8 +141,9 @@ impl Registry {
         self.check_room(self.len(), more)
     }
 
-    /// Ends sessions that nobody has wanted for `usual_ttl`, although they may live longer, until there is room for `more`: the
-    /// longest idle first. Where there is room enough for all others they stay.
+    /// Ends sessions that nobody has wanted for `usual_ttl`, although they may live longer, until
+    /// there is room for `more`: the longest idle first. Where there is room enough for all others
+    /// they stay.
     fn expire_idle(&self, more: usize, usual_ttl: Duration, now: Instant) {
         let (mut idle, open): (Vec<_>, usize) = {
             let open = self.all.read();
@@ -170,8 +174,8 @@ impl Registry {
         }
     }
 
-    /// Opens sessions, all or none. `field` names the id of one by its place. An id whose session's time is up at `now` is
-    /// free.
+    /// Opens sessions, all or none. `field` names the id of one by its place. An id whose session's
+    /// time is up at `now` is free.
     ///
     /// # Errors
     /// [`SessionError::Exists`] or [`SessionError::TooMany`].
@@ -227,7 +231,8 @@ impl Registry {
     /// The session of that id, which the request gave in `field`.
     ///
     /// # Errors
-    /// [`SessionError::Expired`] where its time is up at `now`, or was lately; [`SessionError::Unknown`].
+    /// [`SessionError::Expired`] where its time is up at `now`, or was lately;
+    /// [`SessionError::Unknown`].
     pub fn get(
         &self,
         id: &str,
@@ -252,7 +257,8 @@ impl Registry {
         }
     }
 
-    /// Up to `count` sessions whose ids come after `after`, by id, and how many the tenant has in all.
+    /// Up to `count` sessions whose ids come after `after`, by id, and how many the tenant has in
+    /// all.
     pub fn page(&self, after: Option<&str>, count: usize) -> (Vec<Arc<SessionCell>>, usize) {
         let open = self.all.read();
         let Some(own) = open.of.get(&self.tenant) else {

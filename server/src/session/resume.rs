@@ -24,7 +24,8 @@ impl Sessions {
     /// `troupe.v1.Sessions/ResumeSessions`.
     ///
     /// # Errors
-    /// [`SessionError::Field`] for a list that is empty or too long; what is wrong with one session is in its problem.
+    /// [`SessionError::Field`] for a list that is empty or too long; what is wrong with one session
+    /// is in its problem.
     pub async fn resume(
         self: &Arc<Self>,
         request: v1::ResumeSessionsRequest,

@@ -1,4 +1,5 @@
-//! What each tenant has of its own: sessions, added styles, scenes and object definitions. Those of one do not exist for another.
+//! What each tenant has of its own: sessions, added styles, scenes and object definitions. Those of
+//! one do not exist for another.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -136,7 +137,8 @@ impl Spaces {
         let Some(name) = tenant else {
             return Ok(self.common.clone());
         };
-        // Files are read under this lock alone, so that callers of other tenants do not wait for them.
+        // Files are read under this lock alone, so that callers of other tenants do not wait for
+        // them.
         let making = self.making.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(space) = self.known(tenant) {
             return Ok(space);

@@ -1,10 +1,11 @@
-//! Client-clocked frames: each call advances many characters, and waits for the plans that they need.
+//! Client-clocked frames: each call advances many characters, and waits for the plans that they
+//! need.
 //!
-//! Every character runs until it is done or needs a plan; then all plans that are missing are waited for together, and
-//! so on. Plans of one round travel in the same batches.
+//! Every character runs until it is done or needs a plan; then all plans that are missing are
+//! waited for together, and so on. Plans of one round travel in the same batches.
 //!
-//! Characters that share a scene go frame by frame, in the order of their names: who gets an object, and what stands in
-//! whose way, must not depend on whose plan came first.
+//! Characters that share a scene go frame by frame, in the order of their names: who gets an
+//! object, and what stands in whose way, must not depend on whose plan came first.
 
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
@@ -62,8 +63,8 @@ pub struct StepPlan {
     form: Form,
 }
 
-/// Checks what a step asks for, apart from its commands and the sessions themselves. `joints_of` gives the number of joints of a
-/// session that is open.
+/// Checks what a step asks for, apart from its commands and the sessions themselves. `joints_of`
+/// gives the number of joints of a session that is open.
 pub(super) fn check(
     request: &v1::StepRequest,
     limits: &SessionLimits,
@@ -226,7 +227,8 @@ fn gather(
         };
         {
             let mut live = held.cell().live();
-            // What failed for an earlier caller need not fail for this one, and this one waits for its plans.
+            // What failed for an earlier caller need not fail for this one, and this one waits for
+            // its plans.
             live.trouble = None;
             live.character.under_load(Strain::default());
         }
@@ -267,7 +269,8 @@ fn groups(walkers: &[CharacterStep]) -> Vec<Vec<usize>> {
     groups
 }
 
-/// How far a group goes next, frames of the step: `frames_at_once` beyond the one that is last. `None`: all are there.
+/// How far a group goes next, frames of the step: `frames_at_once` beyond the one that is last.
+/// `None`: all are there.
 fn next_stop(
     walkers: &[CharacterStep],
     group: &[usize],
@@ -281,8 +284,8 @@ fn next_stop(
 }
 
 impl CharacterStep {
-    /// Runs until the character has done `until` frames of the step, cannot be served, or needs a plan; answers whether it is the
-    /// last.
+    /// Runs until the character has done `until` frames of the step, cannot be served, or needs a
+    /// plan; answers whether it is the last.
     fn run(&mut self, plan: &StepPlan, until: usize, writer: &mut BlockWriter, out: &mut FrameOut) -> bool {
         if self.trouble.is_some() || self.done >= until {
             return false;
@@ -294,12 +297,14 @@ impl CharacterStep {
             return false;
         }
         let mut live = cell.live();
-        // What is left of a frame, if anything: of this step before its plan came, or of an earlier one that was cut off.
+        // What is left of a frame, if anything: of this step before its plan came, or of an earlier
+        // one that was cut off.
         let mut moved = live.character.advance(0, Clock::Waits);
         loop {
             let wants = cell.settle(&mut live);
             if !wants.is_empty() {
-                // The answer comes over another task, or, where the runtime ends, from within: it takes the lock.
+                // The answer comes over another task, or, where the runtime ends, from within: it
+                // takes the lock.
                 drop(live);
                 planner::serve(&cell, wants, Patience::Waits);
                 live = cell.live();

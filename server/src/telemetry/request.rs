@@ -23,7 +23,8 @@ tokio::task_local! {
 pub struct RequestId(Arc<str>);
 
 impl RequestId {
-    /// The id that a caller gave, or a new one where it gave none, or one that is not fit for headers and logs.
+    /// The id that a caller gave, or a new one where it gave none, or one that is not fit for
+    /// headers and logs.
     pub fn given_or_new(given: Option<&[u8]>) -> Self {
         let fit = |id: &[u8]| {
             (1..=MAX_ID).contains(&id.len())
@@ -70,7 +71,8 @@ impl RequestContext {
         CURRENT.try_with(|request| request.trace.clone()).ok().flatten()
     }
 
-    /// Adds a part to the trace of the request that this task serves: one that began at `from` and ends now.
+    /// Adds a part to the trace of the request that this task serves: one that began at `from` and
+    /// ends now.
     pub fn part(name: &'static str, from: Instant, attributes: impl FnOnce() -> Vec<KeyValue>) {
         if let Some(trace) = Self::current_trace() {
             trace.part(name, from, Instant::now(), attributes());

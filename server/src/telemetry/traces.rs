@@ -1,7 +1,7 @@
 //! Traces: where the time of a request went, for an OpenTelemetry collector.
 //!
-//! They are off unless an endpoint is set; then they cost a branch. The parts of a request are measured anyway, so their spans
-//! are made once they are over.
+//! They are off unless an endpoint is set; then they cost a branch. The parts of a request are
+//! measured anyway, so their spans are made once they are over.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -44,7 +44,8 @@ const SERVICE: &str = "troupe-server";
 pub struct TraceOptions {
     /// The collector: `http://HOST:PORT`, OTLP over gRPC.
     pub endpoint: String,
-    /// Which share of requests and plans is traced, where the caller does not say whether its request is.
+    /// Which share of requests and plans is traced, where the caller does not say whether its
+    /// request is.
     pub sample_ratio: f64,
 }
 
@@ -116,7 +117,8 @@ impl Traces {
         }
     }
 
-    /// Begins the trace of a request, or goes on with its caller's, as `traceparent` says. None where it is not sampled.
+    /// Begins the trace of a request, or goes on with its caller's, as `traceparent` says. None
+    /// where it is not sampled.
     pub fn request(&self, headers: &HeaderMap) -> Option<Trace> {
         let parent = TraceContextPropagator::new().extract_with_context(&Context::new(), &Headers(headers));
         self.begin(
@@ -208,7 +210,8 @@ impl Extractor for Headers<'_> {
     }
 }
 
-/// Lets as many spans through as may wait. The library's own queue would drop them too, but tells nobody how many.
+/// Lets as many spans through as may wait. The library's own queue would drop them too, but tells
+/// nobody how many.
 #[derive(Debug)]
 struct Gate {
     next: BatchSpanProcessor,

@@ -18,7 +18,8 @@ pub struct ContextFrame {
     pub rotations: Vec<Quat>,
 }
 
-/// Checks the keyframes of the field `name` of `path`, as a request's context is checked, and gives their frames.
+/// Checks the keyframes of the field `name` of `path`, as a request's context is checked, and gives
+/// their frames.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.

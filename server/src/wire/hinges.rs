@@ -9,7 +9,8 @@ use troupe_proto::v1;
 
 use super::ANGLE_TOLERANCE_RAD;
 
-/// The root and the pose (joint 0 in the world, others parent-relative) that the `qpos` of a keyframe says.
+/// The root and the pose (joint 0 in the world, others parent-relative) that the `qpos` of a
+/// keyframe says.
 ///
 /// # Errors
 /// [`FieldError`] for the first value that is not accepted.

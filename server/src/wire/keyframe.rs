@@ -11,8 +11,8 @@ use troupe_proto::v1;
 use super::hinges::check_qpos;
 use super::{HEIGHT_TOLERANCE_M, MAX_DISTANCE_M, MAX_VELOCITY};
 
-/// Least part of the character's left that must lie on the ground for its pose to have a heading worth comparing:
-/// below it the left is within six degrees of the vertical.
+/// Least part of the character's left that must lie on the ground for its pose to have a heading
+/// worth comparing: below it the left is within six degrees of the vertical.
 const MIN_GROUND_LEFT: f32 = 0.1;
 
 /// Whether a keyframe must be complete.
@@ -24,7 +24,8 @@ pub(crate) enum Role {
     Target,
 }
 
-/// Checks the values of one keyframe. Distances from the context are checked once that is known: [`check_reach`].
+/// Checks the values of one keyframe. Distances from the context are checked once that is known:
+/// [`check_reach`].
 pub(crate) fn check(
     path: &Path<'_>,
     key: &v1::Keyframe,

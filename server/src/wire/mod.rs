@@ -1,7 +1,8 @@
 //! Values of messages: checked, brought into native units and axes, and back.
 //!
-//! Conventions are dealt with here, at the edge; everything that comes out is in metres, radians and the native axes.
-//! [`units`] has single values, [`keyframe`] keyframes, [`context`] those that a live character begins with.
+//! Conventions are dealt with here, at the edge; everything that comes out is in metres, radians
+//! and the native axes. [`units`] has single values, [`keyframe`] keyframes, [`context`] those that
+//! a live character begins with.
 
 mod context;
 mod hinges;
@@ -16,7 +17,8 @@ pub const MAX_DISTANCE_M: f32 = 1e4;
 pub const HEIGHT_TOLERANCE_M: f32 = 1e-3;
 /// Largest given velocity of a keyframe, in m/s along an axis and in rad/s.
 pub const MAX_VELOCITY: f32 = 1e3;
-/// How far outside of its hinge's limits an angle of a keyframe may be, radians; it is taken as the limit.
+/// How far outside of its hinge's limits an angle of a keyframe may be, radians; it is taken as the
+/// limit.
 pub const ANGLE_TOLERANCE_RAD: f32 = 0.01;
 /// Highest sampling temperature.
 pub const MAX_TEMPERATURE: f32 = 2.0;
@@ -27,7 +29,8 @@ pub const MAX_MESSAGE: usize = 512;
 /// Most characters of a field's path that may echo the request.
 pub const MAX_PATH: usize = 256;
 
-/// What an error echoes of a request: at most `limit` characters of it, and an ellipsis where there is more.
+/// What an error echoes of a request: at most `limit` characters of it, and an ellipsis where there
+/// is more.
 pub fn cut(text: &str, limit: usize) -> String {
     match text.char_indices().nth(limit) {
         Some((end, _)) => format!("{}…", &text[..end]),

@@ -73,8 +73,8 @@ pub fn heading(path: &Path<'_>, value: f32, convention: Convention) -> Result<f3
     within(path, value, -MAX_HEADING, MAX_HEADING).map(|value| convention.heading_to_native(value))
 }
 
-/// A vector in the session's convention, each of its numbers at most `limit` metres (or metres per second) either way, as
-/// the native one.
+/// A vector in the session's convention, each of its numbers at most `limit` metres (or metres per
+/// second) either way, as the native one.
 pub fn vector(
     path: &Path<'_>,
     value: v1::Vec3,

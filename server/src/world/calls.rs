@@ -46,7 +46,8 @@ impl Store {
     /// `troupe.v1.Scenes/PutScene`.
     ///
     /// # Errors
-    /// [`WorldError`] for the first value that is not accepted, or where the scene cannot be kept; then nothing has changed.
+    /// [`WorldError`] for the first value that is not accepted, or where the scene cannot be kept;
+    /// then nothing has changed.
     pub fn put(&self, request: &v1::PutSceneRequest) -> Result<v1::SceneSummary, WorldError> {
         let root = Path::root();
         let name = match (&request.scene, &request.document) {
@@ -186,7 +187,8 @@ impl Store {
     /// `troupe.v1.Scenes/PutObjectDefinition`, for `pack`.
     ///
     /// # Errors
-    /// [`WorldError`] for the first thing that is wrong with the document, or where it cannot be kept; then nothing has changed.
+    /// [`WorldError`] for the first thing that is wrong with the document, or where it cannot be
+    /// kept; then nothing has changed.
     pub fn put_object(
         &self,
         request: &v1::PutObjectDefinitionRequest,

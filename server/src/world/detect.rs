@@ -50,7 +50,8 @@ impl Store {
     /// `troupe.v1.Scenes/Detect`. `standing` says where the character of a session is.
     ///
     /// # Errors
-    /// [`WorldError`] for a value that is not accepted, and for a session or scene that is not there.
+    /// [`WorldError`] for a value that is not accepted, and for a session or scene that is not
+    /// there.
     pub fn detect<E: From<WorldError>>(
         &self,
         request: &v1::DetectRequest,
@@ -153,7 +154,8 @@ impl Question {
             free: instance.state == State::Free,
             ..v1::Detected::default()
         };
-        // A definition is not removed while there are objects of it; this scene may be a moment old.
+        // A definition is not removed while there are objects of it; this scene may be a moment
+        // old.
         if let Ok(listed) = definitions.get(&instance.object) {
             let definition = &listed.definition;
             let side = definition.side_of(instance.transform, self.trace.center());

@@ -1,4 +1,5 @@
-//! What moves in scenes, as records: where objects are, and whose. The scenes themselves are kept as files.
+//! What moves in scenes, as records: where objects are, and whose. The scenes themselves are kept
+//! as files.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,5 @@
-//! What clients have uploaded and the server holds in memory, all tenants together: scenes, object definitions, styles.
+//! What clients have uploaded and the server holds in memory, all tenants together: scenes, object
+//! definitions, styles.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -74,7 +75,8 @@ impl UploadMemory {
         holders.push(holder);
     }
 
-    /// Whether there is room for `bytes` in the place of `replaced`. Two that ask at the same time may both get the last room.
+    /// Whether there is room for `bytes` in the place of `replaced`. Two that ask at the same time
+    /// may both get the last room.
     ///
     /// # Errors
     /// [`NoMemory`].

@@ -15,13 +15,14 @@ use troupe_motion::model::Rig;
 
 use super::memory::{NoMemory, UploadMemory};
 
-/// Where scenes and definitions are read from as the server starts, and kept when they are uploaded.
+/// Where scenes and definitions are read from as the server starts, and kept when they are
+/// uploaded.
 #[derive(Debug, Clone, Default)]
 pub struct Folders {
     /// Scenes, a file each. `None`: uploaded ones last until the server stops.
     pub scenes: Option<PathBuf>,
-    /// Definitions: a folder for each pack, named as the pack, with a file each. `None`: uploaded ones last until the server
-    /// stops.
+    /// Definitions: a folder for each pack, named as the pack, with a file each. `None`: uploaded
+    /// ones last until the server stops.
     pub objects: Option<PathBuf>,
 }
 
@@ -109,8 +110,9 @@ pub enum StoreError {
 }
 
 impl Store {
-    /// Reads all files of `folders`. Definitions are checked for that of `packs` whose folder they are in. A file that cannot be
-    /// used is left out with a warning. Scenes, definitions and whatever else [`Store::memory`] counts may take `max_bytes` in all.
+    /// Reads all files of `folders`. Definitions are checked for that of `packs` whose folder they
+    /// are in. A file that cannot be used is left out with a warning. Scenes, definitions and
+    /// whatever else [`Store::memory`] counts may take `max_bytes` in all.
     ///
     /// # Errors
     /// [`LoadError`] where a folder cannot be read, or holds more than a server may have.
@@ -186,9 +188,10 @@ impl Store {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a scene, or replaces the one of its name: those who are in it are in the new one at once. `make` makes it, of the
-    /// definitions as they are and will be until this is done; `text` is what it was made from, where it was from a text.
-    /// Writes it to the folder of scenes, where there is one: this blocks. Gives the scene's name.
+    /// Adds a scene, or replaces the one of its name: those who are in it are in the new one at
+    /// once. `make` makes it, of the definitions as they are and will be until this is done; `text`
+    /// is what it was made from, where it was from a text. Writes it to the folder of scenes, where
+    /// there is one: this blocks. Gives the scene's name.
     ///
     /// # Errors
     /// That of `make`, or [`StoreError`]; then nothing has changed.
@@ -222,7 +225,8 @@ impl Store {
         })
     }
 
-    /// Whether what is uploaded may take so much memory, where it takes the place of something that takes `replaced`.
+    /// Whether what is uploaded may take so much memory, where it takes the place of something that
+    /// takes `replaced`.
     fn room(&self, what: &'static str, name: &str, bytes: usize, replaced: usize) -> Result<(), StoreError> {
         self.memory
             .check(bytes, replaced)
@@ -236,8 +240,8 @@ impl Store {
     /// Takes out a scene in which there are no sessions, and its file. This blocks.
     ///
     /// # Errors
-    /// [`StoreError::Scenes`]; then nothing has changed. [`StoreError::Keep`] where its file could not be removed: then it comes
-    /// back when the server starts again.
+    /// [`StoreError::Scenes`]; then nothing has changed. [`StoreError::Keep`] where its file could
+    /// not be removed: then it comes back when the server starts again.
     pub fn delete_scene(&self, name: &str) -> Result<(), StoreError> {
         let mut kept = self.kept();
         self.scenes.remove(name)?;
@@ -248,8 +252,8 @@ impl Store {
         Ok(())
     }
 
-    /// Adds a definition that was read from `text`, or replaces the one of its name. Writes it to the folder of definitions,
-    /// where there is one: this blocks.
+    /// Adds a definition that was read from `text`, or replaces the one of its name. Writes it to
+    /// the folder of definitions, where there is one: this blocks.
     ///
     /// # Errors
     /// [`StoreError`]; then nothing has changed.
@@ -283,11 +287,12 @@ impl Store {
         Ok(self.definitions.upload(definition, &self.scenes)?)
     }
 
-    /// Takes out a definition of which no scene has an object, as it is or as it is kept, and its file. This blocks.
+    /// Takes out a definition of which no scene has an object, as it is or as it is kept, and its
+    /// file. This blocks.
     ///
     /// # Errors
-    /// [`StoreError::Definitions`]; then nothing has changed. [`StoreError::Keep`] where its file could not be removed: then it
-    /// comes back when the server starts again.
+    /// [`StoreError::Definitions`]; then nothing has changed. [`StoreError::Keep`] where its file
+    /// could not be removed: then it comes back when the server starts again.
     pub fn delete_definition(&self, name: &str) -> Result<(), StoreError> {
         let kept = self.kept();
         let names =

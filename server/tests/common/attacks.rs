@@ -1,4 +1,5 @@
-//! What attackers send. The example `attacks` of `troupe-tests` sends the same to a server of its own.
+//! What attackers send. The example `attacks` of `troupe-tests` sends the same to a server of its
+//! own.
 
 use std::fmt::Write as _;
 use std::time::Duration;

@@ -1,4 +1,5 @@
-//! A server on a free port of the loopback interface, over an engine that answers with straight lines.
+//! A server on a free port of the loopback interface, over an engine that answers with straight
+//! lines.
 
 pub mod attacks;
 pub mod calls;
@@ -97,7 +98,8 @@ impl HandClock {
     }
 }
 
-/// Goes straight from the last context root to the last target root, with all joints unturned and every token 1.
+/// Goes straight from the last context root to the last target root, with all joints unturned and
+/// every token 1.
 pub struct StraightLine {
     pub dims: Dims,
     pub gate: Gate,
@@ -287,8 +289,8 @@ impl TestServer {
             .unwrap()
     }
 
-    /// A gRPC call of InBetween with any body and one more header; gives the status and its text, empty where they are
-    /// in the trailers.
+    /// A gRPC call of InBetween with any body and one more header; gives the status and its text,
+    /// empty where they are in the trailers.
     pub async fn raw_grpc(&self, body: Vec<u8>, header: (&'static str, &'static str)) -> (String, String) {
         let client = reqwest::Client::builder()
             .http2_prior_knowledge()

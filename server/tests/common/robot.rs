@@ -133,7 +133,8 @@ impl Drop for Folder {
     }
 }
 
-/// Goes straight as [`StraightLine`] does, but every joint of the G1 turns a little to all sides, and its knees the wrong way.
+/// Goes straight as [`StraightLine`] does, but every joint of the G1 turns a little to all sides,
+/// and its knees the wrong way.
 struct Wobble {
     line: StraightLine,
     skeleton: Arc<Skeleton>,
@@ -159,7 +160,8 @@ impl Stages for Wobble {
         let mut world = local.clone();
         let mut places = vec![Vec3::ZERO; JOINTS];
         for row in 0..rows {
-            // One foot is down, then the other; each plan goes on where the one before it, nine frames ago, was.
+            // One foot is down, then the other; each plan goes on where the one before it, nine
+            // frames ago, was.
             let contacts = output.contacts.row_mut(row).as_chunks_mut::<4>().0;
             for (frame, down) in contacts.iter_mut().enumerate() {
                 let left = if (4..8).contains(&(frame % 9)) { 0.0 } else { 1.0 };

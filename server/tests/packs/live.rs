@@ -12,7 +12,8 @@ use troupe_motion::metrics::foot_skate_m_per_frame;
 use troupe_motion::root::wrap_angle;
 use troupe_motion::{Skeleton, Vec3};
 
-/// Ticks that a plan for a command may take and come in time: it takes over two frames after it was asked for.
+/// Ticks that a plan for a command may take and come in time: it takes over two frames after it was
+/// asked for.
 const IN_TIME_TICKS: usize = 1;
 /// 30 Hz frames of a scene, and its command changes: at 0.5 s and at 5 s.
 const FRAMES: u64 = 300;
@@ -179,7 +180,8 @@ fn characters_do_what_they_are_told() {
     }
 }
 
-/// Degrees between a heading and the way that a command goes; one that stands keeps heading 0, or its last.
+/// Degrees between a heading and the way that a command goes; one that stands keeps heading 0, or
+/// its last.
 fn heading_error(heading: f32, wanted: Vec3) -> f32 {
     match wanted {
         Vec3::ZERO => wrap_angle(heading).to_degrees(),
@@ -214,8 +216,8 @@ fn frames_do_not_depend_on_latency_or_company() {
             .zip(&b.roots)
             .position(|(a, b)| a.distance(*b) > 1e-3);
         assert_eq!(differs, None, "{} in {}: by latency", scene.name, scene.style);
-        // A plan that is asked for in the last frames may come behind them.
-        // One that came at once may be given up for a command before it takes over; then the next seam is not behind it.
+        // A plan that is asked for in the last frames may come behind them. One that came at once
+        // may be given up for a command before it takes over; then the next seam is not behind it.
         let seen = |take: &Take| -> Vec<_> {
             let held = |&(at, seam): &(usize, &_)| take.seams[at + 1..].iter().all(|later| later > seam);
             let seams = take.seams.iter().enumerate().filter(held);

@@ -1,5 +1,5 @@
-//! The server and its parts with a real pack: `models/human`, or the folder that the environment variable TROUPE_TEST_PACK
-//! names. They need the ONNX Runtime library (`make runtime` fetches it).
+//! The server and its parts with a real pack: `models/human`, or the folder that the environment
+//! variable TROUPE_TEST_PACK names. They need the ONNX Runtime library (`make runtime` fetches it).
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 

@@ -325,7 +325,8 @@ fn a_cup_is_taken_from_all_sides_carried_and_put_down() {
         assert!(quality.step < 0.3 && quality.acceleration < 100.0, "{quality:?}");
         all.push(quality);
 
-        // Up, a walk with it in the hand, and down again where the column is no more: onto the ground below is too far.
+        // Up, a walk with it in the hand, and down again where the column is no more: onto the
+        // ground below is too far.
         let lifted = |kind: &EventKind| matches!(kind, EventKind::Reached { set, .. } if set == "lift");
         actor.until(100, lifted);
         assert!(matches!(

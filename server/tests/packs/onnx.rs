@@ -215,7 +215,8 @@ fn graphs_that_do_not_name_their_axes_are_served_too() {
     }
 }
 
-/// A copy of `pack` whose graphs fix the time axis at the longest segment, as those of older packs do.
+/// A copy of `pack` whose graphs fix the time axis at the longest segment, as those of older packs
+/// do.
 fn with_fixed_time(pack: &Pack) -> Pack {
     rewritten(pack, "fixed-time", |graph| {
         fix_axis(graph, "tokens", pack.rig.dims.max_tokens);
@@ -237,8 +238,9 @@ fn rewritten(pack: &Pack, name: &str, change: impl Fn(&mut [u8])) -> Pack {
     rewritten
 }
 
-/// Gives every axis called `name` in an ONNX file the length `value`, in as many bytes: field 2 of the message
-/// `Dimension` is an axis's name, field 1 its length, as a number that may be written with leading zeros.
+/// Gives every axis called `name` in an ONNX file the length `value`, in as many bytes: field 2 of
+/// the message `Dimension` is an axis's name, field 1 its length, as a number that may be written
+/// with leading zeros.
 fn fix_axis(graph: &mut [u8], name: &str, value: usize) {
     let mut fixed = vec![0x08];
     fixed.extend((0..name.len()).map(|index| (value >> (7 * index)) as u8 | 0x80));

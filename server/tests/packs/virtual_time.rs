@@ -1,4 +1,5 @@
-//! Live characters in virtual time: no clock, no thread, one pipeline for all of them, so a run is the same every time.
+//! Live characters in virtual time: no clock, no thread, one pipeline for all of them, so a run is
+//! the same every time.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -130,7 +131,8 @@ impl Take {
     }
 }
 
-/// Accelerations of all joints (m/s²) around every frame but the first and last: second differences of positions.
+/// Accelerations of all joints (m/s²) around every frame but the first and last: second differences
+/// of positions.
 pub fn accelerations(motion: &WorldMotion) -> Vec<f32> {
     let joints = motion.joints;
     let middle = motion.positions.windows(2 * joints + 1);
@@ -217,8 +219,8 @@ impl Actor {
     }
 }
 
-/// Plays all scripts at once for `frames` frames at 30 Hz. Plans come `latency_ticks` after they were asked for. Gives
-/// what each character did, frame 0 first.
+/// Plays all scripts at once for `frames` frames at 30 Hz. Plans come `latency_ticks` after they
+/// were asked for. Gives what each character did, frame 0 first.
 pub fn play(
     networks: &mut Networks,
     mut troop: Vec<Actor>,

@@ -1,4 +1,5 @@
-//! A server with a pack of words: a tiny VerMo pack of random weights. Words become motion; [`describe`] has the other way.
+//! A server with a pack of words: a tiny VerMo pack of random weights. Words become motion;
+//! [`describe`] has the other way.
 
 mod describe;
 mod mmcp;

@@ -57,7 +57,8 @@ impl Provider {
         self.signed(&json!({ "alg": algorithm, "kid": id, "typ": "JWT" }), claims)
     }
 
-    /// A token with any header. Where its algorithm is none of the provider's, it is signed by Ed25519.
+    /// A token with any header. Where its algorithm is none of the provider's, it is signed by
+    /// Ed25519.
     fn signed(&self, header: &Value, claims: &Value) -> String {
         let message = format!("{}.{}", base64(header.to_string()), base64(claims.to_string()));
         let signature = match header["alg"].as_str() {

@@ -1,6 +1,7 @@
 //! Many calls at once over one connection: none of them may cost the others that connection.
 //!
-//! The tests run on one thread, so that the server finds all of a burst in its socket before it has looked at any of it.
+//! The tests run on one thread, so that the server finds all of a burst in its socket before it has
+//! looked at any of it.
 
 use std::time::Duration;
 

@@ -1,5 +1,5 @@
-//! More live characters than the engine can serve as often as usual: everybody keeps moving, and the important are planned
-//! for more often.
+//! More live characters than the engine can serve as often as usual: everybody keeps moving, and
+//! the important are planned for more often.
 
 use std::time::Duration;
 

@@ -1,4 +1,5 @@
-//! Streams over gRPC: sessions driven by the server's clock, and every way in which a stream may end.
+//! Streams over gRPC: sessions driven by the server's clock, and every way in which a stream may
+//! end.
 
 use std::time::Duration;
 
@@ -373,7 +374,8 @@ async fn a_stream_that_is_never_read_gets_the_latest_then_closes() {
     let dropped: f64 = line.rsplit(' ').next().unwrap().parse().unwrap();
     assert!(dropped >= 400.0 * 60.0, "{line}");
 
-    // One who wakes up finds a few old ticks, the latest with the count of those it missed, and the reason.
+    // One who wakes up finds a few old ticks, the latest with the count of those it missed, and the
+    // reason.
     let (mut read, mut missed) = (0, 0);
     let reason = loop {
         match drive.next().await.unwrap() {

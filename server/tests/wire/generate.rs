@@ -1,4 +1,5 @@
-//! A model family that needs several steps a job, streams parts and answers in words: scheduler, sessions and API know none.
+//! A model family that needs several steps a job, streams parts and answers in words: scheduler,
+//! sessions and API know none.
 
 use std::time::Duration;
 

@@ -254,8 +254,8 @@ async fn a_stream_tells_what_happens() {
     assert_eq!(kinds(&told), ["started", "entered", "reached"]);
 }
 
-/// Two want one object within one step: who asks at the earlier frame gets it, whoever is first in the request and whoever's plans
-/// come first.
+/// Two want one object within one step: who asks at the earlier frame gets it, whoever is first in
+/// the request and whoever's plans come first.
 #[tokio::test]
 async fn the_earlier_frame_wins_within_a_step() {
     for ids in [["a", "b"], ["b", "a"]] {

@@ -1,4 +1,5 @@
-//! The server over gRPC, HTTP and WebSocket, with toy packs whose engine answers with straight lines. No ONNX Runtime.
+//! The server over gRPC, HTTP and WebSocket, with toy packs whose engine answers with straight
+//! lines. No ONNX Runtime.
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 

@@ -1,4 +1,5 @@
-//! More work than the engine can do: what is refused, what keeps its place, and what is left afterwards.
+//! More work than the engine can do: what is refused, what keeps its place, and what is left
+//! afterwards.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -86,8 +87,9 @@ async fn a_flood_is_refused_at_once_and_gone_when_it_stops() {
     let server = slow_server().await;
     let stop = Arc::new(AtomicBool::new(false));
     let over_http = async {
-        // Past the first wave, the other front refuses as well. All come at once: one that came with the answer to the one
-        // before would come just when a batch has left the queue, and always find a place.
+        // Past the first wave, the other front refuses as well. All come at once: one that came
+        // with the answer to the one before would come just when a batch has left the queue, and
+        // always find a place.
         tokio::time::sleep(Duration::from_millis(700)).await;
         let body = serde_json::to_vec(&request(1)).unwrap();
         let mut refused = 0;
@@ -104,7 +106,8 @@ async fn a_flood_is_refused_at_once_and_gone_when_it_stops() {
     let (flood, refused_over_http) = tokio::join!(flood(&server, 3 * CAPACITY, stop.clone()), over_http);
     assert!(refused_over_http > 0);
 
-    // The engine was kept busy, the rest was refused: with a hint, and long before the admitted had their answers.
+    // The engine was kept busy, the rest was refused: with a hint, and long before the admitted had
+    // their answers.
     let (served, refused) = (flood.served.len(), flood.refused.len());
     assert!(served >= CAPACITY / 2, "{served} served");
     assert!(refused >= served / 2, "{refused} refused, {served} served");
@@ -157,7 +160,8 @@ async fn sessions_keep_their_place_beside_a_flood() {
         took
     };
     let (flood, took) = tokio::join!(flood(&server, 3 * CAPACITY, stop.clone()), walking);
-    // 10 plans take 50 ms of both workers. Before them, each worker ends the batch that it has: 40 ms at most.
+    // 10 plans take 50 ms of both workers. Before them, each worker ends the batch that it has: 40
+    // ms at most.
     assert!(took < Duration::from_millis(40 * 200), "{took:?}");
     assert!(!flood.served.is_empty() && !flood.refused.is_empty());
 

@@ -47,7 +47,8 @@ async fn pages_of_other_sites_are_refused() {
     let own = server.url("");
     let response = ask(&server, Method::GET, "/v1/packs", &[("origin", &own)]).await;
     assert_eq!(response.status(), StatusCode::OK);
-    // A page may send such a request without asking first, but its browser says where the page is from.
+    // A page may send such a request without asking first, but its browser says where the page is
+    // from.
     let response = ask(
         &server,
         Method::POST,

@@ -1,4 +1,5 @@
-//! Packs of many bodies that plan by paths: sessions of several of them together, styles that are words, and paths to follow.
+//! Packs of many bodies that plan by paths: sessions of several of them together, styles that are
+//! words, and paths to follow.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -132,7 +133,8 @@ fn corner() -> v1::FollowPath {
     }
 }
 
-/// Steps until the session has arrived: the event, its frame, and where the session stands two seconds later.
+/// Steps until the session has arrived: the event, its frame, and where the session stands two
+/// seconds later.
 async fn arrives(client: &mut Client, id: &str, command: v1::Command) -> (v1::PathArrived, u64, v1::Session) {
     let mut commands = vec![command];
     for _ in 0..20 {

@@ -1,4 +1,5 @@
-//! A server that is started again: sessions, uploads and the objects of scenes are there, and clients go on from what they saw.
+//! A server that is started again: sessions, uploads and the objects of scenes are there, and
+//! clients go on from what they saw.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -1,4 +1,5 @@
-//! A robot's pack: frames on the hinges and within their limits however they leave, MuJoCo's qpos both ways, and refusals.
+//! A robot's pack: frames on the hinges and within their limits however they leave, MuJoCo's qpos
+//! both ways, and refusals.
 
 use std::path::Path;
 
@@ -50,7 +51,8 @@ struct Told<'a> {
     six_d: &'a [f32],
 }
 
-/// Checks that all columns say the same poses, in the native convention, within the limits. Gives the rotations.
+/// Checks that all columns say the same poses, in the native convention, within the limits. Gives
+/// the rotations.
 fn check(skeleton: &Skeleton, told: &Told<'_>) -> Vec<Quat> {
     let robot = robot::robot(skeleton);
     let frames = told.qpos.len() / QPOS;
@@ -182,7 +184,8 @@ async fn a_gap_is_filled_on_the_hinges_and_told_as_qpos() {
         assert!(off < 1e-4, "frame {frame} is off by {off}");
         assert!(frames.hinge_residuals[frame] < 1e-4 && frames.clamped_hinges[frame] == 0);
     }
-    // What the networks made no hinge can do, and some frames bend a knee the wrong way; both are told.
+    // What the networks made no hinge can do, and some frames bend a knee the wrong way; both are
+    // told.
     assert_eq!(frames.hinge_residuals.len(), 40);
     assert!(frames.hinge_residuals[20] > 0.02, "{:?}", frames.hinge_residuals);
     assert!(frames.clamped_hinges[24] >= 1, "{:?}", frames.clamped_hinges);
@@ -368,7 +371,8 @@ async fn a_robot_walks_on_its_hinges_and_is_told_the_same_in_every_form() {
         "{:?}",
         &last[..3]
     );
-    // Poses that no hinge can make are told. The knees that the networks bend the wrong way are not: feet are held, within the limits.
+    // Poses that no hinge can make are told. The knees that the networks bend the wrong way are
+    // not: feet are held, within the limits.
     assert!(told.hinge_residuals.iter().any(|&residual| residual > 0.02));
     assert!(told.clamped_hinges.iter().all(|&clamped| clamped == 0));
 

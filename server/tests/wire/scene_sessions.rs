@@ -1,4 +1,5 @@
-//! Sessions in scenes: living there while they change, and seeing what is in reach; folders of scenes.
+//! Sessions in scenes: living there while they change, and seeing what is in reach; folders of
+//! scenes.
 
 use serde_json::Value;
 use tonic::Code;
@@ -111,7 +112,8 @@ async fn what_is_in_reach_is_detected() {
         ..v1::DetectRequest::default()
     };
     let mut detect = async |request| client.detect(request).await.map(|answer| answer.into_inner());
-    // It stands at the origin and faces +Z; the stool is 2 m ahead and reaches 0.8 m, the character 0.25 m.
+    // It stands at the origin and faces +Z; the stool is 2 m ahead and reaches 0.8 m, the character
+    // 0.25 m.
     assert!(detect(ahead(0.0)).await.unwrap().objects.is_empty());
     let found = detect(ahead(2.0)).await.unwrap();
     assert_eq!((found.scene.as_str(), found.objects.len()), ("yard", 1));
@@ -153,7 +155,8 @@ async fn what_is_in_reach_is_detected() {
     );
     let (native, unreal) = (detect(native).await.unwrap(), detect(unreal).await.unwrap());
     let (native, unreal) = (&native.objects[0], &unreal.objects[0]);
-    // The world's left is the right of what faces back: a quarter turn, the other way round for Unreal.
+    // The world's left is the right of what faces back: a quarter turn, the other way round for
+    // Unreal.
     assert!(
         (native.side + std::f32::consts::FRAC_PI_2).abs() < 1e-3,
         "{native:?}"

@@ -1,4 +1,5 @@
-//! Every kind of bad input to sessions, over gRPC and HTTP: the code, the field and the allowed range.
+//! Every kind of bad input to sessions, over gRPC and HTTP: the code, the field and the allowed
+//! range.
 
 use reqwest::{Method, StatusCode};
 use tonic::{Code, Status};

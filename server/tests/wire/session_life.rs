@@ -45,7 +45,8 @@ async fn a_peek_shows_the_future_and_the_plan_behind_it() {
     assert!((weights - 1.0).abs() < 1e-4, "{:?}", plan.gaits);
     assert!(["command", "interval", "low_buffer"].contains(&plan.cause.as_str()));
 
-    // A peek changes nothing, and what comes is what it showed, as long as no other plan takes over.
+    // A peek changes nothing, and what comes is what it showed, as long as no other plan takes
+    // over.
     let few = v1::PeekRequest {
         session_id: "a".into(),
         frames: 2,

@@ -1,4 +1,5 @@
-//! What one client may do to others, with default limits: attacker and victim on connections of their own.
+//! What one client may do to others, with default limits: attacker and victim on connections of
+//! their own.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

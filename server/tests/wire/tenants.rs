@@ -1,4 +1,5 @@
-//! What one tenant has does not exist for another: sessions, streams, scenes, definitions and added styles.
+//! What one tenant has does not exist for another: sessions, streams, scenes, definitions and added
+//! styles.
 
 use std::path::Path;
 

@@ -13,7 +13,8 @@ pub mod calls;
 #[path = "../../../server/tests/common/scenes.rs"]
 pub mod scenes;
 
-/// The server, and the address from which an attacker calls: another one than the victim's, as it would be in a network.
+/// The server, and the address from which an attacker calls: another one than the victim's, as it
+/// would be in a network.
 #[derive(Debug, Clone, Copy)]
 pub struct TestServer {
     address: SocketAddr,
@@ -21,7 +22,8 @@ pub struct TestServer {
 }
 
 impl TestServer {
-    /// The server as attacker number `nth` sees it: 127.0.0.2 and so on. Linux needs no setup for these addresses.
+    /// The server as attacker number `nth` sees it: 127.0.0.2 and so on. Linux needs no setup for
+    /// these addresses.
     pub fn new(address: SocketAddr, nth: u8) -> Self {
         let from = Ipv4Addr::new(127, 0, 0, 2 + nth);
         Self { address, from }

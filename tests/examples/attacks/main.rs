@@ -1,6 +1,7 @@
-//! What attackers cost others: each attack of docs/security.md against a `troupe-server` with default limits, beside somebody
-//! who drives a character, asks for `/healthz` and for in-betweens. Attackers and victim have connections and addresses of
-//! their own, and each attack meets a server that was just started.
+//! What attackers cost others: each attack of docs/security.md against a `troupe-server` with
+//! default limits, beside somebody who drives a character, asks for `/healthz` and for in-betweens.
+//! Attackers and victim have connections and addresses of their own, and each attack meets a server
+//! that was just started.
 //!
 //! ```text
 //! cargo build --release -p troupe-server

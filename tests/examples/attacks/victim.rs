@@ -1,4 +1,5 @@
-//! Somebody who uses the server while it is attacked, on connections, threads and an address of its own.
+//! Somebody who uses the server while it is attacked, on connections, threads and an address of its
+//! own.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -51,7 +52,8 @@ pub struct Phase {
     pub underruns: u64,
     /// p99 and worst, ms; none where nothing was asked.
     pub health_ms: Option<(f64, f64)>,
-    /// p99 and worst, ms; none where nothing was asked, such as while a call before takes all the time.
+    /// p99 and worst, ms; none where nothing was asked, such as while a call before takes all the
+    /// time.
     pub call_ms: Option<(f64, f64)>,
     pub faults: Vec<String>,
 }

@@ -1,4 +1,5 @@
-//! Half an hour of sessions that come and go at 70 % of what the server can do, with calls of InBetween beside them.
+//! Half an hour of sessions that come and go at 70 % of what the server can do, with calls of
+//! InBetween beside them.
 //!
 //! ```text
 //! cargo build --release -p troupe-server -p troupe-loadtest

@@ -1,4 +1,5 @@
-//! What keys, TLS, snapshots and traces cost: the server with an option and without it in turns, under `troupe-loadtest`.
+//! What keys, TLS, snapshots and traces cost: the server with an option and without it in turns,
+//! under `troupe-loadtest`.
 //!
 //! ```text
 //! cargo build --release -p troupe-server -p troupe-loadtest
@@ -180,8 +181,8 @@ impl Tester<'_> {
         Ok(serde_json::from_slice(&std::fs::read(&self.report)?)?)
     }
 
-    /// Has characters live, and gives processor time of the server over some time of that, what of it no network took, and that time,
-    /// all in seconds.
+    /// Has characters live, and gives processor time of the server over some time of that, what of
+    /// it no network took, and that time, all in seconds.
     fn live(&self, server: &Server) -> anyhow::Result<(f64, f64, f64)> {
         let characters = self.arguments.characters.to_string();
         let load = ["--workload", "drive", "--characters", &characters];
@@ -201,7 +202,8 @@ impl Tester<'_> {
     }
 }
 
-/// Rows of an option: medians without and with it, and the cost with the least and the most of all turns.
+/// Rows of an option: medians without and with it, and the cost with the least and the most of all
+/// turns.
 fn compare(name: &str, turns: &[(Turn, Turn)]) -> Vec<Vec<String>> {
     let is_tls = name == "tls";
     let ratio = |of: fn(&Turn) -> f64, more_is_worse: bool| {
@@ -262,7 +264,8 @@ fn compare(name: &str, turns: &[(Turn, Turn)]) -> Vec<Vec<String>> {
     ]
 }
 
-/// Medians without and with an option; the cost by these medians, and the least and the most of single turns.
+/// Medians without and with an option; the cost by these medians, and the least and the most of
+/// single turns.
 fn spread(
     turns: &[(Turn, Turn)],
     of: fn(&Turn) -> f64,

@@ -1,4 +1,5 @@
-//! The options whose cost is measured, and what they need: a key, a certificate, a collector of traces.
+//! The options whose cost is measured, and what they need: a key, a certificate, a collector of
+//! traces.
 
 use std::path::Path;
 

@@ -11,7 +11,8 @@ use troupe_motion::Vec3;
 const SPEED_MPS: f32 = 1.2;
 /// Turn between two commands, radians.
 const TURN: f32 = 0.7;
-/// How long a stream that breaks is opened again: longer than a server takes to start, on a slow machine too.
+/// How long a stream that breaks is opened again: longer than a server takes to start, on a slow
+/// machine too.
 const RECONNECT: Duration = Duration::from_secs(60);
 
 /// What was seen of a character.
@@ -52,7 +53,8 @@ pub struct FirstFrame {
 }
 
 impl Follower {
-    /// Time from the oldest command that is lost to the signal that ended the server, ms. None: none is lost.
+    /// Time from the oldest command that is lost to the signal that ended the server, ms. None:
+    /// none is lost.
     pub fn lost_ms(&self, stopped: Instant) -> Option<f64> {
         let resumed = self.resumed.as_ref().filter(|one| one.lost_commands > 0)?;
         let oldest = resumed.given.checked_sub(resumed.lost_commands as usize)?;
@@ -103,7 +105,8 @@ impl Crowd {
         })
     }
 
-    /// Follows the characters over a restart. Says on `done` when all go on, and ends once nobody listens there.
+    /// Follows the characters over a restart. Says on `done` when all go on, and ends once nobody
+    /// listens there.
     pub async fn follow(mut self, done: mpsc::Sender<()>) -> Result<Vec<Follower>, ClientError> {
         let begun = Instant::now();
         let mut told = false;

@@ -1,4 +1,5 @@
-//! A server that ends and starts again under live characters: when they go on, where, and what of their commands is lost.
+//! A server that ends and starts again under live characters: when they go on, where, and what of
+//! their commands is lost.
 //!
 //! ```text
 //! cargo build --release -p troupe-server

@@ -1,4 +1,5 @@
-//! What those who watch a crowd cost its server: one stream of characters, and more and more viewers of it over WebSocket.
+//! What those who watch a crowd cost its server: one stream of characters, and more and more
+//! viewers of it over WebSocket.
 //!
 //! ```text
 //! cargo build --release -p troupe-server
@@ -173,7 +174,8 @@ async fn open(address: SocketAddr, name: &str) -> anyhow::Result<Socket> {
     Ok(socket)
 }
 
-/// Watches, and looks at no more of a message than its first fields: reading all of it is the viewer's cost.
+/// Watches, and looks at no more of a message than its first fields: reading all of it is the
+/// viewer's cost.
 async fn watch(address: SocketAddr, name: String, seen: Arc<Seen>) -> anyhow::Result<()> {
     let mut socket = open(address, &name).await?;
     let mut last = None;
@@ -193,7 +195,8 @@ async fn watch(address: SocketAddr, name: String, seen: Arc<Seen>) -> anyhow::Re
     bail!("the server ended the stream")
 }
 
-/// The number of a tick, where the message is one: field 1 of `DriveResponse`, whose field 1 is the number.
+/// The number of a tick, where the message is one: field 1 of `DriveResponse`, whose field 1 is the
+/// number.
 fn tick_number(bytes: &Bytes) -> Option<u64> {
     let mut rest = bytes.as_ref();
     let (frames, tick) = (0x0a, 0x08);

@@ -171,8 +171,8 @@ async fn intermediates_and_positions_fit_the_frames() {
 
 #[tokio::test]
 async fn a_turned_and_moved_request_gives_the_turned_and_moved_answer() {
-    // In f32: what is moved is off by a rounding, and in bf16 that may tip the choice between two codes that are as good as
-    // equally likely.
+    // In f32: what is moved is off by a rounding, and in bf16 that may tip the choice between two
+    // codes that are as good as equally likely.
     let server = Server::start_with(|config| config.engine = EngineChoice::Cpu).await;
     let (client, pack) = server.client().await;
     let clip = walk(&pack);

@@ -1,4 +1,5 @@
-//! Bad input: each kind, in gRPC and HTTP, gets the right code and names the field and what it may be.
+//! Bad input: each kind, in gRPC and HTTP, gets the right code and names the field and what it may
+//! be.
 
 use bytes::{Buf as _, BufMut as _};
 use prost::Message as _;
@@ -11,7 +12,8 @@ use troupe_proto::v1;
 use crate::motion::{character, request, walk};
 use crate::server::{Told, shared};
 
-/// One kind of bad input: what it is, how it comes about, the field at fault, and what is told of the allowed values.
+/// One kind of bad input: what it is, how it comes about, the field at fault, and what is told of
+/// the allowed values.
 struct Case {
     what: &'static str,
     spoil: fn(&mut v1::InBetweenRequest),
@@ -300,8 +302,8 @@ async fn every_bad_value_is_named_over_http() {
     }
 }
 
-/// JSON has no NaN and no infinity, and writers put null for them. A number too great for 32 bits is how such values get
-/// in all the same.
+/// JSON has no NaN and no infinity, and writers put null for them. A number too great for 32 bits
+/// is how such values get in all the same.
 fn nulls_to_infinity(value: &mut Value) {
     match value {
         Value::Null => *value = 1e39.into(),

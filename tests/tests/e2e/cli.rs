@@ -82,8 +82,8 @@ pub fn printed(output: &Output) -> String {
     text(&output.stdout)
 }
 
-/// Checks the exit code of a failed command, and that it told all of `told` on standard error and nothing on standard
-/// output.
+/// Checks the exit code of a failed command, and that it told all of `told` on standard error and
+/// nothing on standard output.
 pub fn failed(output: &Output, code: i32, told: &[&str]) {
     let errors = text(&output.stderr);
     assert_eq!(output.status.code(), Some(code), "{errors}");

@@ -4,8 +4,8 @@ use troupe_client::{Crowd, Locomotion, Pack, Rate, Recording, SessionOptions};
 use troupe_motion::clip::Clip;
 use troupe_motion::conventions::Convention;
 
-/// Adds characters to a crowd, steps them together by `parts` of so many frames, records what each does and closes the crowd.
-/// `intent`: what to do in a part, by its index and the character's.
+/// Adds characters to a crowd, steps them together by `parts` of so many frames, records what each
+/// does and closes the crowd. `intent`: what to do in a part, by its index and the character's.
 pub async fn perform(
     mut crowd: Crowd,
     pack: &Pack,

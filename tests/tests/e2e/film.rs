@@ -13,8 +13,9 @@ fn example(name: &str) -> String {
     format!("{}/../examples/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Puts the courtyard of the examples onto the server under another name, with definitions of other names, so that tests do
-/// not meet. Answers the scene's name; none where the pack is not the one that the examples are for.
+/// Puts the courtyard of the examples onto the server under another name, with definitions of other
+/// names, so that tests do not meet. Answers the scene's name; none where the pack is not the one
+/// that the examples are for.
 async fn courtyard(test: &str) -> Option<String> {
     let (client, pack) = shared().client().await;
     if pack.name() != "human" {

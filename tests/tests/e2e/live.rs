@@ -1,4 +1,5 @@
-//! Live characters through the client library: stepped, in crowds, on streams, and by the command line.
+//! Live characters through the client library: stepped, in crowds, on streams, and by the command
+//! line.
 
 use std::time::Duration;
 
@@ -214,7 +215,8 @@ async fn conventions_encodings_and_rates_tell_of_the_same_motion() {
             let unit = convention.units_per_metre();
             assert!(hips.distance(frames.last().unwrap().root) < 1e-3 * unit);
             let clip = recording.into_clip().unwrap();
-            // Beside the encoding's own error, what conversion there and back rounds may move a plan a little.
+            // Beside the encoding's own error, what conversion there and back rounds may move a
+            // plan a little.
             assert_near(
                 &clip,
                 &native,

@@ -1,7 +1,7 @@
 //! End-to-end tests: the real server with a real pack, called over gRPC, HTTP and the command line.
 //!
-//! They need the ONNX Runtime library (`make runtime` fetches it) and a pack, `models/human` or the folder that the
-//! environment variable TROUPE_TEST_PACK names.
+//! They need the ONNX Runtime library (`make runtime` fetches it) and a pack, `models/human` or the
+//! folder that the environment variable TROUPE_TEST_PACK names.
 
 #![allow(clippy::unwrap_used, reason = "these are tests, their helpers too")]
 

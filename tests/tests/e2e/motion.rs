@@ -46,7 +46,8 @@ pub fn turn_and_move(clip: &Clip, heading: f32, by: Vec3) -> Clip {
     clip
 }
 
-/// The largest difference of root positions (metres) and of rotations (of quaternions, sign aside) between two clips.
+/// The largest difference of root positions (metres) and of rotations (of quaternions, sign aside)
+/// between two clips.
 pub fn difference(a: &Clip, b: &Clip) -> f32 {
     assert_eq!(a.frames(), b.frames());
     let places = a

@@ -7,7 +7,8 @@ use std::sync::OnceLock;
 /// Clips of the test split to use, by part of their names: one of each kind of motion.
 const KINDS: [&str; 4] = ["_walk_", "_run_", "_walk-turn-left_", "_wave-both-hands_"];
 
-/// BVH files of a few clips of the test split; none where the archive is not there, which is then said once.
+/// BVH files of a few clips of the test split; none where the archive is not there, which is then
+/// said once.
 ///
 /// # Panics
 /// Where the archive is there but cannot be unpacked.
@@ -47,7 +48,8 @@ fn unpack(archive: &Path, names: &[String]) -> Vec<PathBuf> {
     if paths.iter().all(|path| path.is_file()) {
         return paths;
     }
-    // Into a folder of its own first, so that a run that is stopped leaves no half of a clip behind.
+    // Into a folder of its own first, so that a run that is stopped leaves no half of a clip
+    // behind.
     let fresh = folder.with_extension(std::process::id().to_string());
     std::fs::create_dir_all(&fresh).expect("the build folder can be written");
     let members = names.iter().map(|name| format!("bandai-namco/{name}"));

@@ -26,7 +26,8 @@ async fn broken_clients_disturb_nobody() {
     let body = serde_json::to_string(&request([character(&pack)])).unwrap();
     let head = head_of(&body);
 
-    // Some say nothing, some stop in the head, some in the body, some speak another language; all stay connected.
+    // Some say nothing, some stop in the head, some in the body, some speak another language; all
+    // stay connected.
     let half = format!("{head}{}", &body[..body.len() / 2]);
     let openings = ["", "POST /v1/inb", &half, "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0"];
     let mut open = Vec::new();
@@ -64,7 +65,8 @@ async fn broken_clients_disturb_nobody() {
         let _ = tokio::time::timeout(Duration::from_micros(500), leaving).await;
     }
 
-    // What the deaf one asked for may fill the queue for a moment; then there is a hint to come back.
+    // What the deaf one asked for may fill the queue for a moment; then there is a hint to come
+    // back.
     let answered = async {
         loop {
             match client.in_between(&pack, &gap).await {

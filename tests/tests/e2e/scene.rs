@@ -19,7 +19,8 @@ async fn run(arguments: &[&str]) -> std::process::Output {
     troupe(arguments).await
 }
 
-/// A definition without poses, which any pack with a root can use, named by the test so that tests do not meet.
+/// A definition without poses, which any pack with a root can use, named by the test so that tests
+/// do not meet.
 fn post(name: &str) -> String {
     format!(
         r#"

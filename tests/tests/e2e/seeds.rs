@@ -1,4 +1,5 @@
-//! What a session's seed changes: walkers differ, obey as well, and each is the same alone and in company.
+//! What a session's seed changes: walkers differ, obey as well, and each is the same alone and in
+//! company.
 
 use troupe_client::{Client, Crowd, CrowdOptions, Locomotion, Pack, SessionOptions};
 use troupe_motion::clip::Clip;
@@ -33,7 +34,8 @@ async fn walk(client: &Client, pack: &Pack, seeds: &[u64]) -> Vec<Clip> {
     perform(crowd, pack, &options, &[STAND, WALK, WALK], intent).await
 }
 
-/// The joints at [`PHASES`] phases of the steadiest step, seen from the root on the ground, facing ahead.
+/// The joints at [`PHASES`] phases of the steadiest step, seen from the root on the ground, facing
+/// ahead.
 fn step(clip: &Clip) -> Vec<Vec3> {
     let cycles = find_cycles(clip, &CycleOptions::default()).unwrap();
     let closed = ClosedCycle::new(clip, &cycles[0]);

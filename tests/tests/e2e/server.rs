@@ -177,7 +177,8 @@ pub struct Told {
 }
 
 impl Told {
-    /// Reads `google.rpc` details. A field at fault must be in the bad request, and the same in the error's metadata.
+    /// Reads `google.rpc` details. A field at fault must be in the bad request, and the same in the
+    /// error's metadata.
     pub fn from_status(status: &tonic::Status) -> Self {
         let details = status.get_error_details();
         let metadata = |key| {

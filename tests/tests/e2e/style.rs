@@ -85,7 +85,8 @@ async fn a_style_from_a_clip_can_be_walked_in() {
     let before = character.step(60).await.unwrap().last().unwrap().root;
     let after = character.step(60).await.unwrap().last().unwrap().root;
     let speed = (after - before).with_y(0.0).length() / 2.0;
-    // Nobody walks like this: a pack of people makes it slower than told, if by less than a quarter.
+    // Nobody walks like this: a pack of people makes it slower than told, if by less than a
+    // quarter.
     assert!((speed - 0.9).abs() < 0.22, "{speed} m/s");
     character.close().await.unwrap();
 }

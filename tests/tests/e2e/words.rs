@@ -1,4 +1,5 @@
-//! Words to motion and back, from the command line and the client: a server whose pack has random weights.
+//! Words to motion and back, from the command line and the client: a server whose pack has random
+//! weights.
 
 use std::path::Path;
 use std::sync::Arc;

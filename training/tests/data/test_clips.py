@@ -113,7 +113,8 @@ def test_a_mirrored_robot_is_the_mirror_image(source: RobotSource, tmp_path: Pat
     seen = mirror.clip(clip)
     assert seen.name == "clip_M.csv" and seen.mirrored
     np.testing.assert_allclose(seen.positions[:, mirror.partners], clip.positions * WORLD, atol=1e-5)
-    # In angles: left and right swapped; pitch as it is, waist yaw and shoulder roll with the other sign.
+    # In angles: left and right swapped; pitch as it is, waist yaw and shoulder roll with the other
+    # sign.
     expected = np.concatenate([angles[:, 3:6], angles[:, :3], -angles[:, 6:7], -angles[:, 8:9], -angles[:, 7:8]], 1)
     turned = Hinges(skeleton).project(six_d_to_matrix(torch.from_numpy(seen.six_d)))
     np.testing.assert_allclose(turned.angles, expected, atol=1e-3)
@@ -138,7 +139,8 @@ def test_a_bvh_skeleton_with_mirrored_axes_is_mirrored_too(cache: Path):
     skeleton = store.skeleton
     spans = [slice(c["start"], c["start"] + c["frames"]) for c in store.clips]
     plain = [Clip("a.bvh", "a.bvh", 0, store.positions[s].numpy(), store.six_d[s].numpy()) for s in spans]
-    # The same motion with the axes of the right side's joints turned: R' = R Q, and the bones below in the new axes.
+    # The same motion with the axes of the right side's joints turned: R' = R Q, and the bones below
+    # in the new axes.
     turn = np.diag([1.0, -1.0, -1.0])
     turned_joints = [j for j, name in enumerate(skeleton.names) if name.endswith("_R")]
     offsets = np.array(skeleton.offsets)

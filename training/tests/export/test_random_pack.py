@@ -55,7 +55,8 @@ def test_its_rotations_are_usable(pack: Path):
         "frame_mask": np.zeros((2, 20), np.float32),
     }
     columns = session.run(["rotations"], inputs)[0].reshape(-1, 2, 3)
-    # The reader orthonormalises them, which is only sound where neither is short and they are well apart.
+    # The reader orthonormalises them, which is only sound where neither is short and they are well
+    # apart.
     lengths = np.linalg.norm(columns, axis=-1)
     cosines = (columns[:, 0] * columns[:, 1]).sum(-1) / lengths.prod(-1)
     assert lengths.min() > 0.5 and np.abs(cosines).max() < 0.5

@@ -49,7 +49,8 @@ def test_forward_kinematics_by_hand(tmp_path: Path):
     assert at["left_ankle"] == pytest.approx([2.1, 2.2, 1.0])
     assert at["left_toe"] == pytest.approx([2.1, 2.15, 1.15])
     assert at["right_hand"] == pytest.approx([1.79, 2.9, 1.0])
-    # Turned left by 90 degrees, left hip raised by 90 degrees, knee bent by 90: the thigh points along +Y, the shin down.
+    # Turned left by 90 degrees, left hip raised by 90 degrees, knee bent by 90: the thigh points
+    # along +Y, the shin down.
     half = math.sqrt(0.5)
     angles = [-math.pi / 2, math.pi / 2, *STRAIGHT[2:]]
     positions, rotations = pose_of(tmp_path, robot, [0, 0, 1, 0, 0, half, half, *angles])

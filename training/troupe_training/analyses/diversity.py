@@ -183,7 +183,8 @@ def measure_spread(study: Study, samplers: dict[str, Sampler], seeds: int) -> di
     for nth, requests in enumerate(study.requests()):
         captured = study.captured(requests)
         for name, sampler in tqdm(samplers.items(), desc=f"gap {study.gap}", leave=False):
-            # Seeds differ between batches, and begin with a multiple of `SEEDS`, so that all similar windows have a turn.
+            # Seeds differ between batches, and begin with a multiple of `SEEDS`, so that all
+            # similar windows have a turn.
             own = range(1_000_000 * nth, 1_000_000 * nth + seeds)
             answers = torch.stack([study.positions(requests, sampler, seed) for seed in own])
             parts[name].append(spread_of(answers, captured))

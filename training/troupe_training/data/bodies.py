@@ -25,7 +25,8 @@ DESCRIPTION = (
     *("is_hinge", "is_fixed", "is_contact", "is_end", "is_root", "is_place", "depth", "left", "reach", "log_size"),
 )
 SYMMETRY_TOLERANCE_M = 0.02
-# Rows that a row of the joint attention reads: itself, its nearest ancestors, the root joint and the root's place.
+# Rows that a row of the joint attention reads: itself, its nearest ancestors, the root joint and
+# the root's place.
 SLOTS = 16
 
 

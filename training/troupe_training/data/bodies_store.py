@@ -12,7 +12,8 @@ from troupe_training.data.bodies import STEP, Body, is_symmetric, mirror_pairs
 from troupe_training.data.cells import cell_of, mirrored_cell
 from troupe_training.data.corpus import CorpusClip
 
-# Clips that show the same are drawn by their length to this power, and bodies by that of all their clips.
+# Clips that show the same are drawn by their length to this power, and bodies by that of all their
+# clips.
 BALANCE, BODY_BALANCE = 0.5, 0.5
 
 

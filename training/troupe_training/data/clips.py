@@ -15,9 +15,9 @@ from troupe_training.data.skeleton import Skeleton
 
 MIN_CLIP_FRAMES = 16
 MAX_JOINT_SPEED_MPS = 20.0
-# A root that leaves its neighbours' velocity for one frame alone was moved, not walked: retargeted motion is often solved in
-# blocks and joined with a shift. Real roots stay below 0.65 m/s in the 2.2 hours of the G1's LaFAN1; hard landings change the
-# velocity for good and are no shifts.
+# A root that leaves its neighbours' velocity for one frame alone was moved, not walked: retargeted
+# motion is often solved in blocks and joined with a shift. Real roots stay below 0.65 m/s in the
+# 2.2 hours of the G1's LaFAN1; hard landings change the velocity for good and are no shifts.
 MAX_ROOT_SHIFT_MPS = 0.75
 MAX_BELOW_GROUND_M = 0.15
 CONTACT_HEIGHT_MARGIN_M = 0.05

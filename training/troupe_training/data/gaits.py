@@ -125,7 +125,8 @@ def repeated(motion: FileMotion, step: np.ndarray) -> FileMotion:
     """A cycle over and over, to about four seconds; ``step`` ``[F, 2]`` is what the root moves by in each frame (`_moved`)."""
     back = _turned(motion.rotations[-1], motion.rotations[0]).max()
     step_rad = float(np.median(_turned(motion.rotations[:-1], motion.rotations[1:]).max(1)))
-    # Where the last frame is the first again it counts once; keys that do not fall on frames end a part of one before that.
+    # Where the last frame is the first again it counts once; keys that do not fall on frames end a
+    # part of one before that.
     first = 1 if back < 0.5 * step_rad else 0
     cycle = np.arange(first, len(motion.positions))
     times = min(MAX_LOOPS, max(1, -(-MIN_LOOP_FRAMES // len(cycle))))

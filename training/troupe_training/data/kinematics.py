@@ -6,7 +6,8 @@ from torch import Tensor
 from troupe_training.data.precision import full_precision
 from troupe_training.data.skeleton import Skeleton
 
-# A joint lower than this above its resting height counts as near the ground, as in the foot-skate figure.
+# A joint lower than this above its resting height counts as near the ground, as in the foot-skate
+# figure.
 SKATE_HEIGHT_M = 0.025
 
 

@@ -16,15 +16,17 @@ from troupe_training.data.rotations import columns_to_matrix, matrix_to_quat
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.data.store import ClipEntry, in_split
 
-# Share of the training windows that may be beyond a limit. There are eleven figures, and windows that are beyond one are often
-# beyond others: together they flag less than 2 % of windows.
+# Share of the training windows that may be beyond a limit. There are eleven figures, and windows
+# that are beyond one are often beyond others: together they flag less than 2 % of windows.
 BEYOND = 0.001
 STRIDE = 8  # frames from one window to the next
 # Share of the frames in which a joint may be beyond either end of its range of bends.
 BEND_BEYOND = 0.0005
-# Frames from the last context frame to a target for which the reach is measured; between them it is interpolated.
+# Frames from the last context frame to a target for which the reach is measured; between them it is
+# interpolated.
 REACH_FRAMES = (1, 2, 4, 8, 12, 16, 24, 32, 44, 60)
-# Limits are at least so large, in their units: what data without any such motion says of it is no more exact.
+# Limits are at least so large, in their units: what data without any such motion says of it is no
+# more exact.
 LEAST = {"below_ground_m": 0.05, "bend_rad": 0.1}
 LEAST_OTHER = 0.01
 

@@ -11,7 +11,8 @@ from troupe_training.data.sides import side_pairs
 from troupe_training.data.skeleton import HingeTable, Skeleton
 
 STEP_RAD = np.radians(2.0)
-# Metres that a hand must sink for a hinge to turn by one radian (squared): those that need not turn, stay.
+# Metres that a hand must sink for a hinge to turn by one radian (squared): those that need not
+# turn, stay.
 STIFFNESS_M = 0.01
 SWEEPS = 3
 

@@ -16,8 +16,8 @@ def local_root_of(global_root: Tensor) -> Tensor:
     rounds what is left over otherwise, and a row of the batch must not depend on where in the tensor it lies.
     """
     y, c, s = global_root[..., 1], global_root[..., 3], global_root[..., 4]
-    # Metres in 16 bits are a centimetre off, which 30 times a second is more than walking differs by. Sixteenths are exact
-    # in them up to 16 m, and what is left over is small.
+    # Metres in 16 bits are a centimetre off, which 30 times a second is more than walking differs
+    # by. Sixteenths are exact in them up to 16 m, and what is left over is small.
     coarse = torch.round(global_root * 16) / 16
     fine = global_root - coarse
     step = (coarse[..., 1:, :] - coarse[..., :-1, :]) + (fine[..., 1:, :] - fine[..., :-1, :])

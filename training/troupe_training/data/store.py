@@ -22,11 +22,13 @@ from troupe_training.data.roots import local_root_of
 from troupe_training.data.rotations import wrap_angle, yaw_matrix
 from troupe_training.data.skeleton import Skeleton
 
-# The server turns every request so that its context heads along +Z. Most training samples therefore stay near
-# heading 0; the rest are turned anywhere, as in the paper, so that a heading that is ill-defined does no harm.
+# The server turns every request so that its context heads along +Z. Most training samples therefore
+# stay near heading 0; the rest are turned anywhere, as in the paper, so that a heading that is
+# ill-defined does no harm.
 HEADING_JITTER_RAD = 0.15
 UNIFORM_HEADING_SHARE = 0.15
-# A kind of motion with n possible segments is drawn in proportion to n to this power: 1 is by length, 0 is evenly.
+# A kind of motion with n possible segments is drawn in proportion to n to this power: 1 is by
+# length, 0 is evenly.
 BALANCE = 1.0
 PIECE_FRAMES = 300
 PIECES = 1000  # more than any clip has

@@ -23,7 +23,8 @@ from troupe_training.models.evaluator import INPUTS
 from troupe_training.robots.hinges import Hinges, on_hinges
 
 BATCH = 64
-# Mean distance of a joint from sampled answers to the captured motion: what diversity is divided by.
+# Mean distance of a joint from sampled answers to the captured motion: what diversity is divided
+# by.
 DISTANCE = "sampled_distance_m"
 
 
@@ -47,7 +48,8 @@ class Sampling:
         return self.temperature if self.root is None else self.root
 
 
-# Fills the windows of captured segments of so many frames, with a choice of tokens where the method has one.
+# Fills the windows of captured segments of so many frames, with a choice of tokens where the method
+# has one.
 Method = Callable[[Segments, int, Sampling], Motion]
 
 

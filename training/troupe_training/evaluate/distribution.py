@@ -9,7 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-# Kernel width and scale of CMMD (Jayasumana et al. 2024), whose vectors are of about that length too.
+# Kernel width and scale of CMMD (Jayasumana et al. 2024), whose vectors are of about that length
+# too.
 MMD_SIGMA = 10.0
 MMD_SCALE = 1000.0
 

@@ -28,7 +28,8 @@ PAPER_G1 = Reference(
         "root_jitter_mps2": 2.53,
         "foot_skate_m_per_frame": 0.003,
         "penetration_m": 0.003,
-        # Of the contacts that the network gives, or of those that its motion makes: the text leaves it open.
+        # Of the contacts that the network gives, or of those that its motion makes: the text leaves
+        # it open.
         "contact_accuracy": 0.889,
         "contact_prediction_accuracy": 0.889,
         "context_keyframe_error_m": 0.053,

@@ -23,8 +23,8 @@ from troupe_training.data.store import BALANCE, ClipStore
 from troupe_training.train.checkpoints import read_checkpoint, write_checkpoint
 
 M = TypeVar("M", bound=nn.Module)
-# A model, a random generator and the share of the budget that is spent (0 to 1) to named terms, which are added up; those
-# whose names begin with an underscore are only noted.
+# A model, a random generator and the share of the budget that is spent (0 to 1) to named terms,
+# which are added up; those whose names begin with an underscore are only noted.
 Loss = Callable[[M, Generator, float], dict[str, Tensor]]
 
 CHECKPOINT_SECONDS = 120
@@ -135,7 +135,8 @@ class Trainer(Generic[M]):
     def fit(self, loss_fn: Loss[M]) -> bool:
         """Trains until the budget is spent; false where it was stopped before that."""
         previous = [signal.signal(s, self._on_signal) for s in (signal.SIGINT, signal.SIGTERM)]
-        # the position in the random stream follows from the step, so a resumed run does not repeat its batches
+        # the position in the random stream follows from the step, so a resumed run does not repeat
+        # its batches
         generator = Generator().manual_seed(self.seed + self.step)
         bar = tqdm(total=100, desc=self.stage, bar_format="{l_bar}{bar}| {n:.1f}% [{elapsed}<{remaining}{postfix}]")
         bar.update(100 * self.progress())

@@ -1,5 +1,6 @@
-// BVH: any hierarchy, any order of channels. Position channels replace the axis of the OFFSET that they name; rotation
-// channels apply in the order in which they stand. Files are in centimetres (motion/src/bvh).
+// BVH: any hierarchy, any order of channels. Position channels replace the axis of the OFFSET that
+// they name; rotation channels apply in the order in which they stand. Files are in centimetres
+// (motion/src/bvh).
 import { Euler, Quaternion, Vector3 } from 'three';
 import type { Clip, Rig } from './clip';
 import { poseAt, quaternionAt } from './clip';

@@ -1,5 +1,6 @@
-// A robot's motion as Unitree publishes it: a row is a frame, without a header. `x y z qx qy qz qw` of the root in ROS axes
-// (X forward, Y left, Z up), then an angle for each hinge, radians. The file knows no rate: it is the pack's.
+// A robot's motion as Unitree publishes it: a row is a frame, without a header. `x y z qx qy qz qw`
+// of the root in ROS axes (X forward, Y left, Z up), then an angle for each hinge, radians. The
+// file knows no rate: it is the pack's.
 import { Quaternion } from 'three';
 import type { Clip, Hinge, Rig } from './clip';
 import { poseAt, quaternionAt } from './clip';

@@ -1,4 +1,5 @@
-// glb: any skeleton animation in, a node a joint and slim bones out. glTF's axes and units are Troupe's own.
+// glb: any skeleton animation in, a node a joint and slim bones out. glTF's axes and units are
+// Troupe's own.
 import {
   AnimationClip,
   AnimationMixer,

@@ -1,4 +1,5 @@
-// Handles on a pose: a ball on each limb's end and on the root, and arrows or rings on the one that is selected.
+// Handles on a pose: a ball on each limb's end and on the root, and arrows or rings on the one that
+// is selected.
 import {
   Mesh,
   MeshBasicMaterial,

@@ -67,7 +67,8 @@ function reachTwoBones(skeleton: Skeleton, pose: Pose, limb: Limb, target: Vecto
   const isStraight = cross.length() < STRAIGHT * l1 * l2;
   const axis = isStraight ? limb.bend.clone().applyQuaternion(world.turn(upper)) : cross.clone();
   axis.normalize();
-  // How far the second bone is turned from the first one's direction: as it is, and as the distance wants it.
+  // How far the second bone is turned from the first one's direction: as it is, and as the distance
+  // wants it.
   const now = Math.atan2(cross.dot(axis), first.dot(second));
   const cosine = (distance * distance - l1 * l1 - l2 * l2) / (2 * l1 * l2);
   const wanted = Math.acos(Math.min(Math.max(cosine, -1), 1));

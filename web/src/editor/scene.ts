@@ -107,7 +107,8 @@ export class EditorScene {
     const from_rad = Math.atan2(side.x, side.z) + (count > 1 ? AHEAD_RAD : ASIDE_RAD);
     const length = Math.hypot(last[0]! - first[0]!, last[2]! - first[2]!);
     const distance = count > 1 ? length * 0.8 + spread * 1.1 + 3.4 : length * 1.1 + 2.8;
-    // The panels cover the right, so the middle of the picture is a little to the right of what it shows.
+    // The panels cover the right, so the middle of the picture is a little to the right of what it
+    // shows.
     const middle = new Vector3((first[0]! + last[0]!) / 2, 0.6 * first[1]!, (first[2]! + last[2]!) / 2)
       .addScaledVector(side, count > 1 ? ((count - 1) / 2 - chosen) * BESIDE_M : 0)
       .addScaledVector(new Vector3(Math.cos(from_rad), 0, -Math.sin(from_rad)), 0.08 * distance);

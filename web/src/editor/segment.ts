@@ -1,4 +1,5 @@
-// What is to be filled: a segment of the clip, its keyframes, and the limits that the pack sets. Pure.
+// What is to be filled: a segment of the clip, its keyframes, and the limits that the pack sets.
+// Pure.
 import type { Clip, Limits, Rig } from './clip';
 import { poseAt } from './clip';
 import type { Pose } from '../stage/types';

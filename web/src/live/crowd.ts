@@ -1,4 +1,5 @@
-// The characters of the page and their frames: opens sessions, streams them, and takes them up again after a break.
+// The characters of the page and their frames: opens sessions, streams them, and takes them up
+// again after a break.
 import type { Api } from '../wire/api';
 import { ApiError } from '../wire/api';
 import { decodeBlock, fromBase64 } from '../wire/codec';

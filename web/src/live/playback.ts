@@ -1,4 +1,5 @@
-// From ticks to the screen's rate: a clock that stays a little behind what has come, and poses between frames.
+// From ticks to the screen's rate: a clock that stays a little behind what has come, and poses
+// between frames.
 import type { DecodedBlock } from '../wire/codec';
 
 /** Frames a second of the sessions' timelines. */

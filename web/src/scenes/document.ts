@@ -1,4 +1,5 @@
-// Documents that people write: which kind a dropped file is, and what the page draws of a definition.
+// Documents that people write: which kind a dropped file is, and what the page draws of a
+// definition.
 import type { Approach, Drawn, Shape } from './types';
 
 export interface TextDocument {

@@ -1,4 +1,5 @@
-// Places of objects in hands, at the times of their frames: shown as late as the characters that carry them.
+// Places of objects in hands, at the times of their frames: shown as late as the characters that
+// carry them.
 import { slerp } from '../live/playback';
 
 interface Sample {

@@ -47,7 +47,8 @@ const SYNONYMS: Record<string, string> = {
 
 /** Takes a name apart: `mixamorig:LeftForeArm`, `forearm.L` and `LowerArm_L` are all the left `lowerarm`. */
 export function partOf(name: string): PartName {
-  // Prefixes: a namespace, Mixamo's with its colon lost (as three.js does), VRM's J_Bip_C_, and DEF- of Rigify.
+  // Prefixes: a namespace, Mixamo's with its colon lost (as three.js does), VRM's J_Bip_C_, and
+  // DEF- of Rigify.
   let rest = name
     .replace(/^.*[:|]/, '')
     .replace(/^mixamorig\d*_?/i, '')

@@ -1,4 +1,5 @@
-// Any other body: a trunk where limbs meet, limbs that taper to their ends, a head, and thin tails and ears.
+// Any other body: a trunk where limbs meet, limbs that taper to their ends, a head, and thin tails
+// and ears.
 import { beyond, type Capsule, type Rig, type Tree } from './rig';
 
 /** Radii by the size of the body: the longest way from its root to an end. */

@@ -101,7 +101,8 @@ export function rigOf(skeleton: Skeleton): Rig {
 
 /** The point beyond a joint that goes on as its own bone came in, in the joint's frame. */
 export function beyond(tree: Tree, joint: number, length_m: number): [number, number, number] {
-  // In the pose with identity rotations all frames are parallel, so the incoming direction is the offset's.
+  // In the pose with identity rotations all frames are parallel, so the incoming direction is the
+  // offset's.
   const length = tree.lengths[joint]!;
   if (length < 1e-6) return [0, length_m, 0];
   const scale = length_m / length;

@@ -115,7 +115,8 @@ function retarget(skeleton: Skeleton, rest: readonly Matrix4[]): Fit['follow'] {
   const swings = swingsOf(skeleton, ours, theirs);
   const restTurns = rotationsOf(rest);
 
-  // turn[j] = joint rotation * constant[j], with constant = neutral⁻¹ * swing * rest. Offsets in the joint's neutral frame.
+  // turn[j] = joint rotation * constant[j], with constant = neutral⁻¹ * swing * rest. Offsets in
+  // the joint's neutral frame.
   const constants = new Float32Array(count * 4);
   const undo = new Float32Array(4);
   const offsets = new Float32Array(count * 3);

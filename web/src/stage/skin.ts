@@ -1,4 +1,5 @@
-// Skinned bodies: all characters with the same skin in one draw call per mesh, posed through a texture of bones.
+// Skinned bodies: all characters with the same skin in one draw call per mesh, posed through a
+// texture of bones.
 import {
   Bone,
   BufferGeometry,

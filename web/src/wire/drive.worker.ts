@@ -1,5 +1,6 @@
 /// <reference lib="webworker" />
-// Owns the WebSocket of a stream: reads its protobuf messages, decodes frames, and hands them to the page.
+// Owns the WebSocket of a stream: reads its protobuf messages, decodes frames, and hands them to
+// the page.
 import { create, fromBinary, fromJson, toBinary, toJson } from '@bufbuild/protobuf';
 import type { JsonValue, Message } from '@bufbuild/protobuf';
 import type { GenMessage } from '@bufbuild/protobuf/codegenv2';

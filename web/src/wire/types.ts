@@ -1,4 +1,5 @@
-// Names for the server's messages, as JSON has them. The types are made from its OpenAPI document (npm run generate).
+// Names for the server's messages, as JSON has them. The types are made from its OpenAPI document
+// (npm run generate).
 import type { components } from './gen/openapi';
 
 type Schemas = components['schemas'];

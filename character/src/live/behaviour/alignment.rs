@@ -14,18 +14,20 @@ use crate::scene::{BoxTrace, Scene, Surface, Transform};
 
 /// Half the width and depth of the box that must fit through to where a character starts, metres.
 const HALF_WIDTH_M: f32 = 0.15;
-/// Height of its upper end over the ground, metres. Its lower end is above what can be stepped onto.
+/// Height of its upper end over the ground, metres. Its lower end is above what can be stepped
+/// onto.
 const HEAD_M: f32 = 1.6;
 /// A way shorter than this is none, metres.
 const STAYS_M: f32 = 0.05;
-/// Sides that are tried where the way is blocked lie so far apart, radians; on both hands, up to the far side.
+/// Sides that are tried where the way is blocked lie so far apart, radians; on both hands, up to
+/// the far side.
 const SIDE_STEP: f32 = PI / 12.0;
 const SIDE_STEPS: i32 = 12;
 
 impl Using {
-    /// Chooses side and approach for an object at `object` and a character at `root`: where that leads. The side that it is on, or,
-    /// where the way there is blocked and the object may be used from others, the nearest that is free: a cup on a table
-    /// is taken over the table's edge.
+    /// Chooses side and approach for an object at `object` and a character at `root`: where that
+    /// leads. The side that it is on, or, where the way there is blocked and the object may be used
+    /// from others, the nearest that is free: a cup on a table is taken over the table's edge.
     pub(super) fn align(&mut self, scene: &Scene, object: Transform, root: Vec3, body: &Body<'_>) -> Entry {
         let natural = self.definition().side_of(object, root);
         let level = body.footing.level();
@@ -78,7 +80,8 @@ impl Using {
         self.definition().anchor(self.object, self.side, ground_y)
     }
 
-    /// What stands in the way of a character at `root`, on ground of height `level`, to where the first set begins.
+    /// What stands in the way of a character at `root`, on ground of height `level`, to where the
+    /// first set begins.
     pub(super) fn blocked(&self, scene: &Scene, root: Vec3, level: f32) -> Option<String> {
         self.blocked_to(self.approach.as_ref()?.entry(), scene, root, level)
     }
@@ -107,7 +110,8 @@ fn stops(set: &Set) -> bool {
     set.from_stand || set.motion == Some(Motion::Stance) || (low && set.motion.is_none())
 }
 
-/// What stands between `from` and `to` for a character on ground of height `level`, the object `own` left out.
+/// What stands between `from` and `to` for a character on ground of height `level`, the object
+/// `own` left out.
 fn blocked(scene: &Scene, from: Vec3, to: Vec3, level: f32, own: &str) -> Option<String> {
     let (low, high) = (level + STEP_M + 0.05, level + HEAD_M);
     let sweep = (to - from).with_y(0.0);

@@ -72,8 +72,8 @@ impl Body<'_> {
         GlobalRoot::of_pose(posed.root, pelvis, self.rig.skeleton.left_axis)
     }
 
-    /// Locomotion goes by `command` from `frame` on: further on its way, or again from wherever something else has brought the
-    /// character.
+    /// Locomotion goes by `command` from `frame` on: further on its way, or again from wherever
+    /// something else has brought the character.
     pub(super) fn move_on(&mut self, frame: i64, command: LocomotionCommand, further: bool) {
         if further {
             self.locomotion.set_command(frame as u64, command);
@@ -95,7 +95,8 @@ impl Body<'_> {
         self.footing.renew(shown, self.timeline.buffer(), scene, skeleton);
     }
 
-    /// The ground is at `height` now where the character stands: it goes there from the frame behind `shown` on.
+    /// The ground is at `height` now where the character stands: it goes there from the frame
+    /// behind `shown` on.
     pub(super) fn shift_footing(&mut self, shown: i64, height: f32, scene: &Scene) {
         if let Some(there) = self.footing.shift(shown, height) {
             self.renew_footing(there, scene);

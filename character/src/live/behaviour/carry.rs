@@ -1,6 +1,8 @@
-//! A hand that carries something: while locomotion moves the rest, it is kept where it was, before the hips.
+//! A hand that carries something: while locomotion moves the rest, it is kept where it was, before
+//! the hips.
 //!
-//! As [`super::Footing`] lifts frames as they are shown, this bends the arm: plans know nothing of it.
+//! As [`super::Footing`] lifts frames as they are shown, this bends the arm: plans know nothing of
+//! it.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::fk::joint_transform;
@@ -26,8 +28,8 @@ pub(in crate::live) struct Carry {
     grip: Option<Grip>,
     /// What was carried is in the hand no more.
     over: bool,
-    /// Locomotion moves the frames behind this one. Who has something in the hand then carries it: not before, for what is
-    /// taken or put down in that frame is not known when a plan comes.
+    /// Locomotion moves the frames behind this one. Who has something in the hand then carries it:
+    /// not before, for what is taken or put down in that frame is not known when a plan comes.
     due: Option<i64>,
     /// The last frame of which that is known.
     settled: i64,
@@ -40,13 +42,15 @@ pub(in crate::live) struct Carry {
 struct Grip {
     /// Upper, middle and end joint.
     chain: [usize; 3],
-    /// Rotations of the upper and the middle joint, relative to their parents: the elbow keeps to its side.
+    /// Rotations of the upper and the middle joint, relative to their parents: the elbow keeps to
+    /// its side.
     bent: [Quat; 2],
     /// The end joint in the frame of the root and its heading.
     end: Transform,
 }
 
-/// Behind frame `start` the weight goes over to `to`. That frame itself may have been shown before the ramp was known.
+/// Behind frame `start` the weight goes over to `to`. That frame itself may have been shown before
+/// the ramp was known.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Ramp {
     start: i64,
@@ -67,8 +71,8 @@ impl Ramp {
 }
 
 impl Carry {
-    /// Bends the arm of a frame that is shown, `part` of the way (0 to 1) from `frame` to the next. Where nothing is carried,
-    /// nothing changes.
+    /// Bends the arm of a frame that is shown, `part` of the way (0 to 1) from `frame` to the next.
+    /// Where nothing is carried, nothing changes.
     pub(in crate::live) fn bend(
         &self,
         skeleton: &Skeleton,
@@ -121,7 +125,8 @@ impl Carry {
         self.due.get_or_insert(start);
     }
 
-    /// Other motion moves the arm behind frame `start`, and `frames` or at most [`RAMP_FRAMES`] later it alone.
+    /// Other motion moves the arm behind frame `start`, and `frames` or at most [`RAMP_FRAMES`]
+    /// later it alone.
     pub(super) fn rest(&mut self, start: i64, frames: i64) {
         self.due = None;
         if self.goes_to() > 0.0 {
@@ -173,7 +178,8 @@ fn body(skeleton: &Skeleton, root: Vec3, rotations: &[Quat]) -> Transform {
 }
 
 impl Body<'_> {
-    /// What the arm does behind the frames up to `frame`, which are settled, with something in `socket` or nothing.
+    /// What the arm does behind the frames up to `frame`, which are settled, with something in
+    /// `socket` or nothing.
     pub(super) fn settle_arm(&mut self, frame: i64, socket: Option<&Socket>) {
         self.carry.settled = frame;
         let due = self.carry.due.take_if(|due| *due <= frame);
@@ -184,8 +190,8 @@ impl Body<'_> {
         }
     }
 
-    /// The hand stays where it is in frame `start`, or goes back to where it was when it began to carry, if something else has
-    /// moved it since.
+    /// The hand stays where it is in frame `start`, or goes back to where it was when it began to
+    /// carry, if something else has moved it since.
     fn carry_on(&mut self, start: i64, hand: usize) {
         let again = self.carry.grip.is_some() && !self.carry.over;
         if again && self.carry.goes_to() < 1.0 {

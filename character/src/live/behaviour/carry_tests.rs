@@ -36,8 +36,8 @@ fn lean(rig: &Harness) -> f32 {
     (cup(rig).rotation * Vec3::Y).angle_between(Vec3::Y)
 }
 
-/// Runs some frames; the farthest that the middle of the cup goes in one of them while it is held, metres. It does not turn by
-/// more than [`CUP_TURN`].
+/// Runs some frames; the farthest that the middle of the cup goes in one of them while it is held,
+/// metres. It does not turn by more than [`CUP_TURN`].
 fn watch(rig: &mut Harness, frames: usize) -> f32 {
     let held = |rig: &Harness| rig.character.held().map(|held| held.transform);
     let middle = |at: Transform| at.point(Vec3::Y * 0.06);
@@ -121,7 +121,8 @@ fn with_cup_of(from: &str, to: &str) -> Harness {
     Harness::in_scene(scene, definitions, "a", Vec3::ZERO)
 }
 
-/// Plans start from the motion as it is without carrying, which is seen from what they were asked with.
+/// Plans start from the motion as it is without carrying, which is seen from what they were asked
+/// with.
 #[test]
 fn only_the_arm_is_bent_and_plans_never_see_it() {
     for swings in [false, true] {
@@ -199,7 +200,8 @@ fn a_slow_hand_does_not_turn_what_it_puts_down_before_it_is_there() {
     assert!(done.0 - entered.0 >= 40);
 }
 
-/// Whenever it is lifted or put down, a walk may begin; the cup is then held where the hand was, or where it was carried before.
+/// Whenever it is lifted or put down, a walk may begin; the cup is then held where the hand was, or
+/// where it was carried before.
 #[test]
 fn a_walk_may_begin_at_any_frame() {
     for clock in [Clock::Waits, Clock::Runs] {
@@ -257,7 +259,8 @@ fn an_arm_that_lets_go_swings_again() {
     }
 }
 
-/// What is done with another object meanwhile has the arm to itself; then the cup is carried as before.
+/// What is done with another object meanwhile has the arm to itself; then the cup is carried as
+/// before.
 #[test]
 fn a_cup_is_carried_again_after_something_else() {
     let mut rig = with_cup();

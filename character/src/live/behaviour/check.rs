@@ -1,4 +1,5 @@
-//! Beginning to use an object: what must hold for it, what it is called when it does not, and the reservation.
+//! Beginning to use an object: what must hold for it, what it is called when it does not, and the
+//! reservation.
 
 use std::sync::Arc;
 
@@ -32,8 +33,8 @@ impl Behaviour {
         generator.next_u64()
     }
 
-    /// Whether the object can be used now, by which variant and from which approach. `root` is where the character is;
-    /// `names` are of variant and approach, where they are asked for.
+    /// Whether the object can be used now, by which variant and from which approach. `root` is
+    /// where the character is; `names` are of variant and approach, where they are asked for.
     ///
     /// # Errors
     /// [`Refusal`].

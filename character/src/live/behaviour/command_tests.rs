@@ -1,4 +1,5 @@
-//! Commands that come together or twice, objects that go away while they are carried, and the order of what is told.
+//! Commands that come together or twice, objects that go away while they are carried, and the order
+//! of what is told.
 
 use troupe_motion::Vec3;
 
@@ -143,7 +144,8 @@ fn what_is_carried_out_of_the_world_is_freed() {
     }
 }
 
-/// Where locomotion takes over already, another command ends what is left of an interaction at once.
+/// Where locomotion takes over already, another command ends what is left of an interaction at
+/// once.
 #[test]
 fn what_happens_is_told_in_order() {
     let length = {

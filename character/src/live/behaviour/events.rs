@@ -15,7 +15,8 @@ impl Behaviour {
         self.pass_to(frame, frame, body)
     }
 
-    /// [`Behaviour::pass`], up to a frame that may be to come; nothing happens later than at frame `now`.
+    /// [`Behaviour::pass`], up to a frame that may be to come; nothing happens later than at frame
+    /// `now`.
     pub(super) fn pass_to(&mut self, frame: i64, now: i64, body: &mut Body<'_>) -> Result<(), Refused> {
         let Doing::Using(using) = &mut self.doing else {
             return Ok(());

@@ -17,15 +17,16 @@ use crate::scene::{RayHit, Scene};
 /// Frames over which the velocity at the edge is measured.
 const VELOCITY_FRAMES: i64 = 3;
 
-/// Who is to move after a landing does so once its hips are at this share of their standing height: lower ones the networks do
-/// not know.
+/// Who is to move after a landing does so once its hips are at this share of their standing height:
+/// lower ones the networks do not know.
 const UP_SHARE: f32 = 0.85;
 
 /// A surface whose normal points up by less than this is a wall: one does not land on it.
 const LEAST_UP: f32 = 0.6;
 /// The root stays so far from a wall that it falls against, metres.
 const OFF_WALL_M: f32 = 0.25;
-/// How far behind the landing a wall is looked for, for it is not at rest at once, and how high, metres.
+/// How far behind the landing a wall is looked for, for it is not at rest at once, and how high,
+/// metres.
 const WAY_OUT_M: f32 = 0.8;
 const SHIN_M: f32 = 0.3;
 
@@ -35,7 +36,8 @@ pub(super) struct Fall {
     /// First frame with the feet on the ground.
     touches: i64,
     landed: bool,
-    /// First frame behind the landing with the hips as high as the networks know them: one who is to move goes on from there.
+    /// First frame behind the landing with the hips as high as the networks know them: one who is
+    /// to move goes on from there.
     up: i64,
     /// Last frame, from which locomotion goes on in any case.
     upright: i64,
@@ -44,7 +46,8 @@ pub(super) struct Fall {
 }
 
 impl Behaviour {
-    /// Writes the fall into the buffer, from frame `frame` on. Answers whether there is one: not where nothing is below.
+    /// Writes the fall into the buffer, from frame `frame` on. Answers whether there is one: not
+    /// where nothing is below.
     pub(super) fn begin_fall(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
         let (fps, level) = (body.rig.fps, body.footing.level());
         let shown = body.shown(frame);
@@ -55,7 +58,8 @@ impl Behaviour {
         let floor = landing.floor_m;
         let style = &body.locomotion.command().style;
         let idle = style.idle();
-        // The joints go over from the motion that was under way, as any plan does; the root begins with its velocity.
+        // The joints go over from the motion that was under way, as any plan does; the root begins
+        // with its velocity.
         let goes_on = (1..=CROSSFADE_FRAMES as i64).flat_map(|step| body.shown(frame + step).rotations);
         let under_way: Vec<_> = goes_on.collect();
         let drop = Drop {
@@ -122,8 +126,8 @@ impl Behaviour {
         self.fail(frame, body, Refused { reason, message });
     }
 
-    /// Nothing is asked for before the character is upright, or nearly so where it is to move; then locomotion goes on with its
-    /// command, and with what came during the fall.
+    /// Nothing is asked for before the character is upright, or nearly so where it is to move; then
+    /// locomotion goes on with its command, and with what came during the fall.
     pub(super) fn settle_fall(&mut self, frame: i64, body: &mut Body<'_>) -> Next {
         let Doing::Falling(fall) = &mut self.doing else {
             return Next::Locomotion;
@@ -170,8 +174,8 @@ struct Landing {
     wall_s: Option<f32>,
 }
 
-/// Where a body that is thrown from `foot`, the floor point under its root, lands. At a wall it falls straight down, and stands on
-/// what it comes to then, steep as that may be.
+/// Where a body that is thrown from `foot`, the floor point under its root, lands. At a wall it
+/// falls straight down, and stands on what it comes to then, steep as that may be.
 fn landing(scene: &Scene, foot: Vec3, velocity: Vec3, fps: f32) -> Option<Landing> {
     let throw = Throw {
         position: foot,

@@ -1,7 +1,9 @@
-//! What a character stands on: how far each of its frames is lifted from the flat ground that the networks know.
+//! What a character stands on: how far each of its frames is lifted from the flat ground that the
+//! networks know.
 //!
-//! The buffer holds motion over a flat ground at height 0. Beside it, every frame has a [`Lift`]: the height of the ground
-//! under each foot, and how far the root is lifted with them. Frames are lifted as they are shown, so plans never see a step.
+//! The buffer holds motion over a flat ground at height 0. Beside it, every frame has a [`Lift`]:
+//! the height of the ground under each foot, and how far the root is lifted with them. Frames are
+//! lifted as they are shown, so plans never see a step.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -13,24 +15,28 @@ use troupe_motion::{Quat, Skeleton, Vec3};
 use super::super::buffer::MotionBuffer;
 use crate::scene::{Scene, Surface};
 
-/// Highest step up or down that a character takes in its stride, metres. Stairs have 0.15 to 0.2; beyond this the rear knee
-/// bends deep and feet are accelerated three times as much as on the flat. What is higher, up to the hips, is a wall.
+/// Highest step up or down that a character takes in its stride, metres. Stairs have 0.15 to 0.2;
+/// beyond this the rear knee bends deep and feet are accelerated three times as much as on the
+/// flat. What is higher, up to the hips, is a wall.
 pub(super) const STEP_M: f32 = 0.3;
 /// How far down a surface is looked for, metres.
 pub(super) const DEEPEST_M: f32 = 2.0e4;
-/// The same for one to stand on or fall to: deeper falls take longer than [`MAX_FALL_S`], and are none.
+/// The same for one to stand on or fall to: deeper falls take longer than [`MAX_FALL_S`], and are
+/// none.
 ///
 /// [`MAX_FALL_S`]: troupe_motion::ballistic::MAX_FALL_S
 const DEEPEST_FALL_M: f32 = 1950.0;
-/// Height over the ground from which it is looked for downwards, metres: the hips'. Higher things are walls.
+/// Height over the ground from which it is looked for downwards, metres: the hips'. Higher things
+/// are walls.
 const LOOK_FROM_M: f32 = 0.9;
-/// How far ground may come up under a character that is then put on top of it, metres. What is higher is a wall around it; the
-/// ground plane is none, however high.
+/// How far ground may come up under a character that is then put on top of it, metres. What is
+/// higher is a wall around it; the ground plane is none, however high.
 const RISES_M: f32 = 2.0;
-/// Fastest that a character goes up or down with the ground below it, metres in a frame. Feet that catch up with their way go as
-/// fast.
+/// Fastest that a character goes up or down with the ground below it, metres in a frame. Feet that
+/// catch up with their way go as fast.
 const RISE_RATE_M: f32 = 0.07;
-/// A character whose root is this far beyond an edge, or within this of both sides of a gap, still stands, metres.
+/// A character whose root is this far beyond an edge, or within this of both sides of a gap, still
+/// stands, metres.
 const STANCE_M: f32 = 0.15;
 /// The ways that are looked in around a place.
 const AROUND: [Vec3; 4] = [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z];
@@ -61,8 +67,9 @@ pub(super) fn support(scene: &Scene, place: Vec3, level: f32) -> Support {
     }
 }
 
-/// What a character stands on whose root is at `place` and that stood at height `level`: what is under its root, or near enough
-/// to it for its feet. Looks around only where there is nothing under the root.
+/// What a character stands on whose root is at `place` and that stood at height `level`: what is
+/// under its root, or near enough to it for its feet. Looks around only where there is nothing
+/// under the root.
 pub(super) fn stands_on(scene: &Scene, place: Vec3, level: f32) -> Support {
     let below = support(scene, place, level);
     let Support::Below(_) = below else {
@@ -80,8 +87,8 @@ pub(super) fn stands_on(scene: &Scene, place: Vec3, level: f32) -> Support {
     }
 }
 
-/// Height of what is to stand on at `place` for one that stood at height `level` before the ground there changed. `None` where
-/// the ground has gone, or a wall has come.
+/// Height of what is to stand on at `place` for one that stood at height `level` before the ground
+/// there changed. `None` where the ground has gone, or a wall has come.
 fn stands_anew(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
     match stands_on(scene, place, level) {
         Support::At(height) => Some(height),
@@ -92,7 +99,8 @@ fn stands_anew(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
     }
 }
 
-/// Height of the ground that has come up over `level` at `place`. An object that was moved there is none.
+/// Height of the ground that has come up over `level` at `place`. An object that was moved there is
+/// none.
 fn risen(scene: &Scene, place: Vec3, level: f32) -> Option<f32> {
     [LOOK_FROM_M, RISES_M].into_iter().find_map(|up| {
         let hit = scene.support(place.with_y(level + up), up, None)?;
@@ -158,8 +166,9 @@ impl Footing {
         self.stood = Some((place.with_y(self.level), scene.revision()));
     }
 
-    /// Height of what is under its root at `place` now, where the ground that it stands on has gone up, or down by a step, since
-    /// [`Footing::stands`]. Whoever has walked into something has not had the ground change: that is looked at where it stood.
+    /// Height of what is under its root at `place` now, where the ground that it stands on has gone
+    /// up, or down by a step, since [`Footing::stands`]. Whoever has walked into something has not
+    /// had the ground change: that is looked at where it stood.
     pub(super) fn shifted(&self, scene: &Scene, place: Vec3) -> Option<f32> {
         let (stood, revision) = self.stood?;
         if scene.revision() == revision {
@@ -173,8 +182,9 @@ impl Footing {
         ((here - there).abs() <= STEP_M).then_some(here)
     }
 
-    /// The ground that it stands on is at `height` now: it goes there in the frames behind `shown`, as it stands or walks; at once
-    /// where that is far. The first frame at that height, where it took some.
+    /// The ground that it stands on is at `height` now: it goes there in the frames behind `shown`,
+    /// as it stands or walks; at once where that is far. The first frame at that height, where it
+    /// took some.
     pub(super) fn shift(&mut self, shown: i64, height: f32) -> Option<i64> {
         let from = self.at(shown);
         let far = (height - from.root_m).abs();
@@ -183,7 +193,8 @@ impl Footing {
             return None;
         }
         self.keep(shown - BEFORE_FRAMES, shown);
-        // It starts as fast as it may and comes to rest evenly: ground that goes on moving is followed.
+        // It starts as fast as it may and comes to rest evenly: ground that goes on moving is
+        // followed.
         let frames = (2.0 * far / RISE_RATE_M).ceil().max(1.0) as i64;
         for frame in 1..=frames {
             let left = 1.0 - frame as f32 / frames as f32;
@@ -223,7 +234,8 @@ impl Footing {
         lift_frame(skeleton, &self.legs, root, rotations, &lift);
     }
 
-    /// Frames behind `shown` are lifted evenly, by `level`: they are in the air or come to stand there.
+    /// Frames behind `shown` are lifted evenly, by `level`: they are in the air or come to stand
+    /// there.
     pub(super) fn level_from(&mut self, shown: i64, level: f32) {
         self.keep(shown - BEFORE_FRAMES, shown);
         self.lifts.push(Lift::even(level));
@@ -241,8 +253,8 @@ impl Footing {
         self.first = from;
     }
 
-    /// The frames behind `shown` have changed. Their lifts are worked out when the next frame is settled, with the scene as it is then:
-    /// a plan may come at any moment.
+    /// The frames behind `shown` have changed. Their lifts are worked out when the next frame is
+    /// settled, with the scene as it is then: a plan may come at any moment.
     pub(super) fn changed(&mut self, shown: i64) {
         self.stale = Some(self.stale.map_or(shown, |stale| stale.min(shown)));
     }
@@ -285,8 +297,8 @@ impl Footing {
         }
     }
 
-    /// Notes what is under the root at the frames to come, step by step; says whether any of it, or near it, is at another height
-    /// than where the character stands now.
+    /// Notes what is under the root at the frames to come, step by step; says whether any of it, or
+    /// near it, is at another height than where the character stands now.
     fn look_ahead(&mut self, from: i64, last: i64, buffer: &MotionBuffer, scene: &Scene) -> bool {
         self.levels.clear();
         let roots = buffer.range(from, last).roots;
@@ -312,7 +324,8 @@ impl Footing {
         uneven || self.near_steps(scene)
     }
 
-    /// Whether there is nothing but the ground plane along the way, which is where the character stands: most often so.
+    /// Whether there is nothing but the ground plane along the way, which is where the character
+    /// stands: most often so.
     fn is_plain(&self, roots: &[Vec3], scene: &Scene) -> bool {
         const MARGIN: Vec3 = Vec3::new(1.0, STEP_M, 1.0);
         let low = roots.iter().copied().fold(Vec3::INFINITY, Vec3::min);
@@ -337,7 +350,8 @@ impl Footing {
     }
 }
 
-/// Height of the ground under a foot: within a step of what the root is over when it is nearest. NaN where there is none.
+/// Height of the ground under a foot: within a step of what the root is over when it is nearest.
+/// NaN where there is none.
 fn ground(scene: &Scene, levels: &[(Vec3, f32)], level: f32, x: f32, z: f32) -> f32 {
     let foot = Vec3::new(x, 0.0, z);
     let nearest = (levels.iter()).min_by(|a, b| {

@@ -12,7 +12,8 @@ use crate::primitives::object::recipe::LOW_STANCE;
 use crate::scene::Scene;
 
 impl Behaviour {
-    /// Whether the character is busy standing up, or has to. When it is done its locomotion goes on.
+    /// Whether the character is busy standing up, or has to. When it is done its locomotion goes
+    /// on.
     pub(super) fn settle_rise(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
         let splice = frame + body.timeline.look_ahead();
         if let Some(until) = self.gets_up_until {

@@ -102,7 +102,8 @@ fn falls_end_when_the_projectile_lands() {
 
 #[test]
 fn one_with_its_feet_on_the_edge_does_not_fall() {
-    // The edge comes nearer, and then lies behind the root: by 0.1 m, where its feet still are, and by 0.2 m.
+    // The edge comes nearer, and then lies behind the root: by 0.1 m, where its feet still are, and
+    // by 0.2 m.
     for (edge, falls) in [(-0.1, false), (-0.2, true)] {
         let mut rig = on_platform(1.0);
         rig.run(20);
@@ -185,7 +186,8 @@ fn a_command_during_a_fall_holds_after_it() {
 
 #[test]
 fn one_who_is_to_move_goes_on_before_it_is_upright() {
-    // Frames from the landing to where it goes over the ground by 0.3 m/s again, and to the end of the activity.
+    // Frames from the landing to where it goes over the ground by 0.3 m/s again, and to the end of
+    // the activity.
     let times = |moves: bool| {
         let mut rig = on_platform(2.0);
         rig.walk(0.0, 1.2);
@@ -312,7 +314,8 @@ fn a_wall_is_no_step() {
     assert_eq!(hit.surface, Surface::Collider("wall".into()));
 }
 
-/// A rig on a platform of 3 m with a higher block this far behind its edge, which is half a metre ahead.
+/// A rig on a platform of 3 m with a higher block this far behind its edge, which is half a metre
+/// ahead.
 fn before_a_wall(gap: f32) -> Harness {
     let rig = on_platform(3.0);
     let platform = block("platform", [0.0, 1.5, -1.5], [2.0, 1.5, 2.0]);

@@ -43,7 +43,8 @@ pub(super) struct Refused {
 }
 
 impl Hand {
-    /// Takes the object `instance` to socket `socket`, at frame `frame` of which `posed` is what is shown.
+    /// Takes the object `instance` to socket `socket`, at frame `frame` of which `posed` is what is
+    /// shown.
     ///
     /// # Errors
     /// [`Refused`] where the scene does not have it, or somebody else does.
@@ -94,7 +95,8 @@ impl Hand {
         self.definition.sockets.get(self.socket)
     }
 
-    /// Where the object is in a frame, which may lie between two of the timeline; `posed` is what is shown.
+    /// Where the object is in a frame, which may lie between two of the timeline; `posed` is what
+    /// is shown.
     pub(super) fn transform(&self, skeleton: &Skeleton, frame: f64, posed: Posed<'_>) -> Transform {
         let Some(socket) = self.socket() else {
             return self.from;
@@ -106,7 +108,8 @@ impl Hand {
         self.raised(socket, at, socket.share(since) * (1.0 - rest))
     }
 
-    /// An object at `at` that stands upright, where the socket has it so: turned by `share` of its tilt about its middle.
+    /// An object at `at` that stands upright, where the socket has it so: turned by `share` of its
+    /// tilt about its middle.
     fn raised(&self, socket: &Socket, at: Transform, share: f32) -> Transform {
         if !socket.upright {
             return at;
@@ -117,7 +120,8 @@ impl Hand {
         Transform::new(at.point(middle) - rotation * middle, rotation)
     }
 
-    /// Where the object is in the joint's frame. Frames of a session that lasts are many, so they are not counted as `f32`.
+    /// Where the object is in the joint's frame. Frames of a session that lasts are many, so they
+    /// are not counted as `f32`.
     fn offset(&self, socket: &Socket, frame: f64) -> Transform {
         let since = (frame - self.since as f64) as f32;
         let held = socket.offset_at(self.from, self.held, since);
@@ -131,8 +135,9 @@ impl Hand {
         )
     }
 
-    /// What becomes of the object when it is put down in a frame: how far up its middle goes, metres (down where that is negative),
-    /// and where it then is in the joint's frame. `None` where there is no place for it.
+    /// What becomes of the object when it is put down in a frame: how far up its middle goes,
+    /// metres (down where that is negative), and where it then is in the joint's frame. `None`
+    /// where there is no place for it.
     pub(super) fn on_release(
         &self,
         scene: &Scene,
@@ -148,7 +153,8 @@ impl Hand {
         Some((lift, joint.inverse() * placed))
     }
 
-    /// The object turns in the hand to where it is put down: at frame `rest.0` it is at `rest.1` in the joint's frame.
+    /// The object turns in the hand to where it is put down: at frame `rest.0` it is at `rest.1` in
+    /// the joint's frame.
     pub(super) fn comes_to_rest(&mut self, rest: (i64, Transform)) {
         self.rest = Some(rest);
     }
@@ -177,7 +183,8 @@ impl Hand {
         self.release(world, placement.transform)
     }
 
-    /// Lets go of the object: it is put down by the rule, or, where there is no place for it, on whatever is below it.
+    /// Lets go of the object: it is put down by the rule, or, where there is no place for it, on
+    /// whatever is below it.
     pub(super) fn let_go(&self, world: &World, at: Transform) -> Option<Transform> {
         if let Ok(transform) = self.put_down(world, at) {
             return Some(transform);
@@ -197,8 +204,8 @@ impl Hand {
         self.release(world, transform).ok()
     }
 
-    /// Frees the object in the scene, at `transform`; at the edge of the world where that is beyond it, for a scene does not
-    /// take it there and it is to be in nobody's hand.
+    /// Frees the object in the scene, at `transform`; at the edge of the world where that is beyond
+    /// it, for a scene does not take it there and it is to be in nobody's hand.
     fn release(&self, world: &World, mut transform: Transform) -> Result<Transform, Refused> {
         let edge = Vec3::splat(MAX_COORDINATE_M);
         transform.position = transform.position.clamp(-edge, edge);

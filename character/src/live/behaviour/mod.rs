@@ -9,9 +9,10 @@
 //!
 //! Who breaks off in a low pose stands up first ([`getting_up`]): the networks know no such poses.
 //!
-//! This is the only place that knows both the timeline and the primitives of [`crate::primitives::object`]. Every frame is
-//! settled here first ([`Behaviour::settle`]); what is left to locomotion goes its usual way. The scene is read through snapshots, and
-//! changed only where an object is reserved, taken, put down or let go.
+//! This is the only place that knows both the timeline and the primitives of
+//! [`crate::primitives::object`]. Every frame is settled here first ([`Behaviour::settle`]); what
+//! is left to locomotion goes its usual way. The scene is read through snapshots, and changed only
+//! where an object is reserved, taken, put down or let go.
 
 use serde::{Deserialize, Serialize};
 mod alignment;
@@ -126,8 +127,8 @@ impl Behaviour {
         }
     }
 
-    /// Height of what a character stands on that starts at `place`, its root `hips_m` over its feet or at them: the first surface at
-    /// or below it, or, inside of something, where its feet are.
+    /// Height of what a character stands on that starts at `place`, its root `hips_m` over its feet
+    /// or at them: the first surface at or below it, or, inside of something, where its feet are.
     pub(super) fn floor_under(world: &World, place: Vec3, hips_m: f32) -> f32 {
         const ABOVE_M: f32 = 0.05;
         let scene = world.scene.snapshot();
@@ -143,7 +144,8 @@ impl Behaviour {
         into.append(&mut self.events);
     }
 
-    /// Events are told in the order of their frames: keyframes of a set, which are told with its last, may have been overtaken.
+    /// Events are told in the order of their frames: keyframes of a set, which are told with its
+    /// last, may have been overtaken.
     fn emit(&mut self, frame: i64, kind: EventKind) {
         let frame = self.told.max(frame.max(0) as u64);
         self.told = frame;
@@ -173,7 +175,8 @@ impl Behaviour {
         self.hand.is_some()
     }
 
-    /// Puts down what is in the hand, which is at `held`, and frees all that the character has in the scene.
+    /// Puts down what is in the hand, which is at `held`, and frees all that the character has in
+    /// the scene.
     pub(super) fn leave(self, held: Option<Transform>) {
         if let (Some(hand), Some(at)) = (&self.hand, held) {
             hand.let_go(&self.world, at);
@@ -209,7 +212,8 @@ impl Behaviour {
         .map(|_| ())
     }
 
-    /// Takes up a command at a frame. Answers whether locomotion goes by another command from now on.
+    /// Takes up a command at a frame. Answers whether locomotion goes by another command from now
+    /// on.
     pub(super) fn take_up(&mut self, intent: Intent, frame: i64, body: &mut Body<'_>) -> bool {
         if let Doing::Falling(_) = self.doing {
             return match intent {
@@ -283,8 +287,9 @@ impl Behaviour {
         }
     }
 
-    /// Ends what is held; an interaction that has not come to its object is broken off, and one that is over but for the
-    /// object in the hand goes on with its way out. A way out goes on: it is the end that was asked for.
+    /// Ends what is held; an interaction that has not come to its object is broken off, and one
+    /// that is over but for the object in the hand goes on with its way out. A way out goes on: it
+    /// is the end that was asked for.
     fn end(&mut self, frame: i64, body: &mut Body<'_>) {
         match &mut self.doing {
             Doing::Using(using) if using.approaches() && !using.interaction.exits() => {
@@ -296,7 +301,8 @@ impl Behaviour {
         }
     }
 
-    /// Other motion than any of a scene is to come: an interaction is broken off, and nothing waits for the end of a fall.
+    /// Other motion than any of a scene is to come: an interaction is broken off, and nothing waits
+    /// for the end of a fall.
     pub(super) fn make_way(&mut self, frame: i64, body: &mut Body<'_>) {
         self.waiting = None;
         self.interrupt(frame, body, None);
@@ -315,7 +321,8 @@ impl Behaviour {
         body.renew_footing(shown, &scene);
     }
 
-    /// Breaks off an interaction. Locomotion goes by `command`, or stands. Answers whether there was one.
+    /// Breaks off an interaction. Locomotion goes by `command`, or stands. Answers whether there
+    /// was one.
     fn interrupt(&mut self, frame: i64, body: &mut Body<'_>, command: Option<&LocomotionCommand>) -> bool {
         let Doing::Using(using) = &self.doing else {
             return false;
@@ -331,8 +338,8 @@ impl Behaviour {
         true
     }
 
-    /// Has an interaction that locomotion takes over from come to its end at once: what was to happen in the frames to come
-    /// happens in this one.
+    /// Has an interaction that locomotion takes over from come to its end at once: what was to
+    /// happen in the frames to come happens in this one.
     fn go_through(&mut self, frame: i64, body: &mut Body<'_>) {
         if let Err(refused) = self.pass_to(i64::MAX, frame, body) {
             self.fail(frame, body, refused);
@@ -360,7 +367,8 @@ impl Behaviour {
         }
     }
 
-    /// Frees what an interaction has reserved; locomotion goes by `command`, or stands. What is in the hand stays there.
+    /// Frees what an interaction has reserved; locomotion goes by `command`, or stands. What is in
+    /// the hand stays there.
     fn stop_using(&mut self, frame: i64, body: &mut Body<'_>, command: Option<&LocomotionCommand>) {
         if let Doing::Using(using) = std::mem::replace(&mut self.doing, Doing::Locomotion) {
             self.unreserve(&using);
@@ -456,7 +464,8 @@ impl Behaviour {
         }
     }
 
-    /// What was taken out of the scene, or put there again, is in nobody's hand any more; that ends its use too.
+    /// What was taken out of the scene, or put there again, is in nobody's hand any more; that ends
+    /// its use too.
     fn watch_hand(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) {
         let lost = |hand: &mut Hand| {
             let there = scene.instance(&hand.instance);
@@ -482,8 +491,9 @@ impl Behaviour {
         }
     }
 
-    /// Looks at what a character on its feet stands on: a step is taken note of, ground that has moved is followed, and where the
-    /// ground ends a fall begins, unless it is busy with an object. Answers whether one did.
+    /// Looks at what a character on its feet stands on: a step is taken note of, ground that has
+    /// moved is followed, and where the ground ends a fall begins, unless it is busy with an
+    /// object. Answers whether one did.
     fn lose_ground(&mut self, scene: &Scene, frame: i64, body: &mut Body<'_>) -> bool {
         let may_fall = match &self.doing {
             Doing::Locomotion => true,

@@ -21,7 +21,8 @@ struct Ends {
     out: HashSet<Arc<str>>,
     /// Commands to perform that began, and how many ended.
     performs: HashSet<u64>,
-    /// There was no place for them: that ends their use, but not where they were only to be dropped.
+    /// There was no place for them: that ends their use, but not where they were only to be
+    /// dropped.
     no_place: HashSet<Arc<str>>,
 }
 
@@ -96,9 +97,10 @@ proptest! {
         prop_assert_eq!(rig.character.activity(), Activity::Locomotion);
         prop_assert!(rig.character.held().is_none());
         prop_assert_eq!(rig.scene.snapshot().of_holder(&Holder::new("a")).count(), 0);
-        // A plan that comes late where the clock runs has gone its way meanwhile. Where it turns round, the fade closes up to
-        // 2 * 1.2 m/s * 20 frames within 8 frames: 0.3 m a frame at its steepest, and the limbs that turn come to it. In time,
-        // what goes farthest (0.28 m in 1000 cases) is the knee of a leg that swings under one who goes down to the floor.
+        // A plan that comes late where the clock runs has gone its way meanwhile. Where it turns
+        // round, the fade closes up to 2 * 1.2 m/s * 20 frames within 8 frames: 0.3 m a frame at
+        // its steepest, and the limbs that turn come to it. In time, what goes farthest (0.28 m in
+        // 1000 cases) is the knee of a leg that swings under one who goes down to the floor.
         let late = runs && events.iter().any(|event| matches!(event, Event::Plans(Plans::After(4..))));
         let most = if late { 0.5 } else { 0.3 };
         let (acceleration, step) = rig.roughness(0);
@@ -133,8 +135,8 @@ proptest! {
     }
 }
 
-/// Two characters of one scene that take turns tick by tick; each takes every other event, and plans come so many ticks after they
-/// were asked for.
+/// Two characters of one scene that take turns tick by tick; each takes every other event, and
+/// plans come so many ticks after they were asked for.
 fn shared_scene(events: &[Event], delays: &[u32], rate_hz: u32) -> [Harness; 2] {
     let first = Harness::new();
     let (scene, definitions) = (Arc::clone(&first.scene), Arc::clone(&first.definitions));

@@ -1,4 +1,5 @@
-//! The motion of one set: its keyframes in full, and the way to them, by the networks or without them.
+//! The motion of one set: its keyframes in full, and the way to them, by the networks or without
+//! them.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -22,10 +23,11 @@ use crate::primitives::object::{
 use crate::primitives::recipe::VELOCITY_FRAMES;
 use crate::scene::{Scene, Transform};
 
-/// What is put down may stand so much lower or higher than the keyframe says, metres: the hand goes there. Farther below, it is
-/// let fall.
+/// What is put down may stand so much lower or higher than the keyframe says, metres: the hand goes
+/// there. Farther below, it is let fall.
 const PUT_DOWN_M: f32 = 0.4;
-/// How near the object comes to the surface, metres, in at most so many rounds: a hand that goes lower turns too.
+/// How near the object comes to the surface, metres, in at most so many rounds: a hand that goes
+/// lower turns too.
 const PUT_DOWN_NEAR_M: f32 = 0.003;
 const PUT_DOWN_ROUNDS: usize = 4;
 
@@ -40,12 +42,14 @@ pub(super) struct Prepared {
     pub(super) keys: Vec<Key>,
     /// Height of the ground at the keyframes, metres.
     pub(super) ground: f32,
-    /// Where what is put down at the last of them comes to rest, in the frame of the joint that holds it.
+    /// Where what is put down at the last of them comes to rest, in the frame of the joint that
+    /// holds it.
     pub(super) rest: Option<Transform>,
 }
 
 impl Using {
-    /// Works out the keyframes of a set for a character that comes from frame `splice`, with `hand` holding something.
+    /// Works out the keyframes of a set for a character that comes from frame `splice`, with `hand`
+    /// holding something.
     pub(super) fn prepare(
         &self,
         scene: &Scene,
@@ -123,9 +127,10 @@ fn puts_down(set: &Set) -> bool {
     events.any(|event| event.action == Action::Release && event.at != Moment::Start)
 }
 
-/// The keyframes of a set that puts down what `joint` holds, with the joint's points moved up or down so that the object is let
-/// go where it comes to lie, for a definition cannot know how high the surface is; and where it lies then in the joint's frame.
-/// `None` where the joint has no point, or the surface is too far or out of reach: then it falls.
+/// The keyframes of a set that puts down what `joint` holds, with the joint's points moved up or
+/// down so that the object is let go where it comes to lie, for a definition cannot know how high
+/// the surface is; and where it lies then in the joint's frame. `None` where the joint has no
+/// point, or the surface is too far or out of reach: then it falls.
 fn onto_surface(
     set: &Set,
     joint: usize,
@@ -152,8 +157,9 @@ fn onto_surface(
     Some((moved, rest))
 }
 
-/// Height of what the character stands on at the last keyframe of `set`: what is under its root, but where the hips are low.
-/// One who sits keeps its feet on the ground that it stood on, at height `level`.
+/// Height of what the character stands on at the last keyframe of `set`: what is under its root,
+/// but where the hips are low. One who sits keeps its feet on the ground that it stood on, at
+/// height `level`.
 fn ground_at(scene: &Scene, set: &Set, anchor: &Anchor, from: Vec3, level: f32) -> f32 {
     let last = set
         .keyframes
@@ -191,8 +197,9 @@ impl Prepared {
         }
     }
 
-    /// Whether the character stopped for the set and stands where its keyframe is, but for a small step or turn. The networks fill
-    /// so short a way with gestures: an arm goes up before somebody sits down.
+    /// Whether the character stopped for the set and stands where its keyframe is, but for a small
+    /// step or turn. The networks fill so short a way with gestures: an arm goes up before somebody
+    /// sits down.
     fn is_there(&self, set: &Set, body: &Body<'_>) -> bool {
         let (from, left_axis) = (body.root(self.splice), body.rig.skeleton.left_axis);
         let speed = body.velocity(self.splice, VELOCITY_FRAMES as i64).length();

@@ -31,7 +31,8 @@ fn on_ground(walks: bool) -> Harness {
     rig
 }
 
-/// Hips over the ground at the end, which is at `height`; what was shown since frame `from` made no jump.
+/// Hips over the ground at the end, which is at `height`; what was shown since frame `from` made no
+/// jump.
 fn assert_on(rig: &Harness, from: usize, height: f32, what: &str) {
     assert!(rig.events.is_empty(), "{what}: {:?}", rig.events);
     let last = rig.frames.last().unwrap().root;

@@ -11,7 +11,8 @@ use crate::primitives::LocomotionCommand;
 use crate::primitives::object::Interaction;
 use crate::skill::Skills;
 
-/// A skill of a pack and the index of its variant, by their names, or by `seed` where the variant has none.
+/// A skill of a pack and the index of its variant, by their names, or by `seed` where the variant
+/// has none.
 ///
 /// # Errors
 /// [`Refusal::UnknownSkill`] or [`Refusal::UnknownSkillVariant`].
@@ -59,8 +60,9 @@ impl Behaviour {
         self.doing = Doing::Using(Box::new(using));
     }
 
-    /// Keeps a command for the end of the skill that is under way, and has a held one left by its exit: from the middle of a jump,
-    /// or from the ground, locomotion cannot go on. The command back where it need not wait.
+    /// Keeps a command for the end of the skill that is under way, and has a held one left by its
+    /// exit: from the middle of a jump, or from the ground, locomotion cannot go on. The command
+    /// back where it need not wait.
     pub(super) fn after_skill(&mut self, intent: Intent, frame: i64, body: &Body<'_>) -> Option<Intent> {
         let Doing::Using(using) = &mut self.doing else {
             return Some(intent);

@@ -9,12 +9,14 @@ use crate::primitives::LocomotionCommand;
 use crate::primitives::object::KeyframeError;
 use crate::scene::{Holder, State, Transform};
 
-/// The most that a joint of a plain walk of these plans is accelerated by, m/s², and what else may come to it.
+/// The most that a joint of a plain walk of these plans is accelerated by, m/s², and what else may
+/// come to it.
 pub(super) const SMOOTH: f32 = 160.0;
-/// The farthest that a joint goes in a frame, metres. Walks of these plans that turn round come to 0.112: they have their full
-/// speed at once.
+/// The farthest that a joint goes in a frame, metres. Walks of these plans that turn round come to
+/// 0.112: they have their full speed at once.
 pub(super) const STEP: f32 = 0.12;
-/// The same where a way to an object is broken off: plans to keyframes are a little faster in places than walks.
+/// The same where a way to an object is broken off: plans to keyframes are a little faster in
+/// places than walks.
 const STEP_BACK: f32 = 0.13;
 
 fn reached(rig: &Harness) -> Vec<(u64, String, KeyframeError, KeyframeError)> {
@@ -88,7 +90,8 @@ fn a_cup_is_taken_and_put_down() {
     );
 }
 
-/// However high the table is, the cup is let go where it comes to stand; what is too far below, it falls.
+/// However high the table is, the cup is let go where it comes to stand; what is too far below, it
+/// falls.
 #[test]
 fn the_hand_goes_down_to_the_surface() {
     for (height, follows) in [(0.7, true), (0.8, true), (0.95, true), (0.3, false)] {
@@ -117,7 +120,8 @@ fn the_hand_goes_down_to_the_surface() {
     }
 }
 
-/// Broken off while it is put down, the cup stays in the hand and goes back to how it was held without a jump.
+/// Broken off while it is put down, the cup stays in the hand and goes back to how it was held
+/// without a jump.
 #[test]
 fn a_cup_that_is_not_put_down_after_all_stays_in_the_hand() {
     let mut rig = with_cup();
@@ -165,7 +169,8 @@ fn a_hard_keyframe_is_met_at_its_frame() {
     for (a, b) in shown.rotations.iter().zip(&key.rotations) {
         assert!(angle_between(*a, *b) < 1e-3);
     }
-    // The hand is at the cup: 12 cm above its foot, 6 cm before it, from the side that it comes from.
+    // The hand is at the cup: 12 cm above its foot, 6 cm before it, from the side that it comes
+    // from.
     let hand = rig.joints(frame - 1)[HAND];
     assert!(hand.distance(Vec3::new(0.05, 0.92, 2.94)) < 1e-3, "{hand}");
     rig.run(1);
@@ -502,7 +507,8 @@ fn it_follows_an_object_that_is_moved_before_its_keyframe() {
     );
 }
 
-/// A seat that is pulled away, before or after somebody sits on it, is not followed: it fails, and who sat stands up.
+/// A seat that is pulled away, before or after somebody sits on it, is not followed: it fails, and
+/// who sat stands up.
 #[test]
 fn a_seat_that_is_moved_away_is_not_gone_along_with() {
     let reached = {

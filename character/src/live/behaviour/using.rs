@@ -20,10 +20,11 @@ use crate::scene::{Instance, Scene, State, Transform};
 
 /// An object that moves by more than this has moved: metres and radians.
 const MOVED: (f32, f32) = (0.02, 0.035);
-/// One that is moved farther than this while it is used is not followed, metres: motions to its keyframes are short.
+/// One that is moved farther than this while it is used is not followed, metres: motions to its
+/// keyframes are short.
 const FOLLOW_M: f32 = 0.5;
-/// A keyframe that is farther from where its motion starts than this is not gone to, metres: without the networks, and with them. A
-/// step and a stretch, and two seconds of a quick walk.
+/// A keyframe that is farther from where its motion starts than this is not gone to, metres:
+/// without the networks, and with them. A step and a stretch, and two seconds of a quick walk.
 const FARTHEST_M: (f32, f32) = (1.2, 4.0);
 /// Plans that may fail one after the other.
 const MAX_FAILURES: u32 = 3;
@@ -71,7 +72,8 @@ pub(super) struct Made {
     pub(super) ground: f32,
     /// How far off it was before it was drawn to them.
     pub(super) off: Vec<KeyframeError>,
-    /// Where what is put down at the last of them comes to rest, in the frame of the joint that holds it.
+    /// Where what is put down at the last of them comes to rest, in the frame of the joint that
+    /// holds it.
     rest: Option<Transform>,
 }
 
@@ -92,7 +94,8 @@ impl Using {
         using
     }
 
-    /// A use that begins once the character stands, wherever that is: of an object in the hand, or of none.
+    /// A use that begins once the character stands, wherever that is: of an object in the hand, or
+    /// of none.
     pub(super) fn where_it_stands(
         instance: Arc<str>,
         interaction: Interaction,
@@ -159,7 +162,8 @@ impl Using {
         !self.approaches() && !self.leaves()
     }
 
-    /// An arm that carried something goes over to the motion that was made last, and meets its first keyframe.
+    /// An arm that carried something goes over to the motion that was made last, and meets its
+    /// first keyframe.
     pub(super) fn rest_arm(&self, body: &mut Body<'_>) {
         if let Some(Made { stretch, keys, .. }) = self.made.last() {
             let others = keys.len().saturating_sub(1) as i64;
@@ -211,7 +215,8 @@ impl Using {
         Some(asked.prepared)
     }
 
-    /// A plan took over, and goes from the first of these frames on to its last keyframe at the other.
+    /// A plan took over, and goes from the first of these frames on to its last keyframe at the
+    /// other.
     pub(super) fn landed(&mut self, number: u64, off: &[KeyframeError], (from, key): (i64, i64)) {
         let Some(prepared) = self.take_asked(number) else {
             return;
@@ -235,7 +240,8 @@ impl Using {
         });
     }
 
-    /// The frame at which the object in the hand is put down, and where it is then in the joint's frame, once that is known.
+    /// The frame at which the object in the hand is put down, and where it is then in the joint's
+    /// frame, once that is known.
     pub(super) fn rest(&self) -> Option<(i64, Transform)> {
         let made = self.made.last()?;
         Some((made.stretch.key, made.rest?))
@@ -340,7 +346,8 @@ impl Using {
         }
     }
 
-    /// Follows the object, where it has moved: the approach leads elsewhere, or the motion to its keyframes is made again.
+    /// Follows the object, where it has moved: the approach leads elsewhere, or the motion to its
+    /// keyframes is made again.
     fn follow(
         &mut self,
         scene: &Scene,

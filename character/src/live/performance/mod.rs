@@ -5,8 +5,9 @@
 //! ───────────────► Due ───────────► Asked ──────────────────────► Playing ──────────────────────────► Leaving ──► over
 //! ```
 //!
-//! Locomotion goes on until the performance begins, and takes over behind its last frames. Frames that have come wait in a
-//! [`Script`] and enter the buffer as the cursor comes near. What is due at a frame is decided in [`stages`].
+//! Locomotion goes on until the performance begins, and takes over behind its last frames. Frames
+//! that have come wait in a [`Script`] and enter the buffer as the cursor comes near. What is due
+//! at a frame is decided in [`stages`].
 
 mod part;
 mod script;
@@ -40,7 +41,8 @@ pub struct PerformCommand {
     pub pack: Arc<str>,
     /// Frames that the pack reads as the past: at most [`MAX_PAST_FRAMES`] are given.
     pub past_frames: u32,
-    /// Frames to make, at most [`MAX_PERFORMANCE_FRAMES`]. `None`: as many as the model wants, and at most those.
+    /// Frames to make, at most [`MAX_PERFORMANCE_FRAMES`]. `None`: as many as the model wants, and
+    /// at most those.
     pub frames: Option<u32>,
     /// Sampling temperature. `None`: the pack's.
     pub temperature: Option<f32>,
@@ -102,7 +104,8 @@ pub(super) struct Performance {
     number: u64,
     command: PerformCommand,
     stage: Stage,
-    /// Frames that have come and are not in the buffer yet. Gone where the process ends, and the performance with them.
+    /// Frames that have come and are not in the buffer yet. Gone where the process ends, and the
+    /// performance with them.
     #[serde(skip)]
     script: Script,
 }
@@ -110,7 +113,8 @@ pub(super) struct Performance {
 /// How far a performance is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 enum Stage {
-    /// Words are to be asked for as soon as nothing is on its way that changes the frames that they go on from.
+    /// Words are to be asked for as soon as nothing is on its way that changes the frames that they
+    /// go on from.
     Due,
     /// Words were asked for.
     Asked {

@@ -23,8 +23,8 @@ pub struct WordsPart {
     pub contacts: Vec<u8>,
 }
 
-/// Reads the parts of a pack of words, one after another, for characters of another pack, whose joints are the same. Feet that
-/// stand are held.
+/// Reads the parts of a pack of words, one after another, for characters of another pack, whose
+/// joints are the same. Feet that stand are held.
 #[derive(Debug, Clone)]
 pub struct PartReader {
     words: Arc<Rig>,
@@ -109,7 +109,8 @@ impl PartReader {
         Ok(part)
     }
 
-    /// Holds the feet of a part; those that stand at the end of the one before go on standing there.
+    /// Holds the feet of a part; those that stand at the end of the one before go on standing
+    /// there.
     fn hold_feet(&mut self, part: &mut WordsPart) {
         let joints = self.own.skeleton.joint_count();
         if part.roots.is_empty() {

@@ -10,7 +10,8 @@ use super::{MAX_PERFORMANCE_FRAMES, WordsPart};
 pub(super) const BEGIN_FRAMES: usize = 2 * MARGIN_FRAMES as usize;
 /// About how many frames a part has.
 const PART_FRAMES: i64 = 32;
-/// Frames that the next part is expected to take at least: the first may have come before others asked for theirs.
+/// Frames that the next part is expected to take at least: the first may have come before others
+/// asked for theirs.
 const LEAST_EXPECTED: i64 = 30;
 
 /// Frames in their segment frame, by column, and how they came.
@@ -59,14 +60,16 @@ impl Script {
         self.waiting.frames() == 0
     }
 
-    /// Whether a performance may begin for one who waits for every frame of it: there are more than the last `reserve` frames.
+    /// Whether a performance may begin for one who waits for every frame of it: there are more than
+    /// the last `reserve` frames.
     pub(super) fn is_enough(&self, reserve: i64) -> bool {
         let held = self.waiting.frames();
         self.whole || held >= BEGIN_FRAMES && held as i64 > reserve
     }
 
-    /// Whether a performance that was asked for at frame `asked` may begin for one who waits for nothing: beyond the last `reserve`
-    /// frames there are as many as the next part is expected to take, by the time that those before took.
+    /// Whether a performance that was asked for at frame `asked` may begin for one who waits for
+    /// nothing: beyond the last `reserve` frames there are as many as the next part is expected to
+    /// take, by the time that those before took.
     pub(super) fn will_last(&self, asked: i64, reserve: i64) -> bool {
         let held = self.waiting.frames() as i64;
         let took = (self.newest_at - asked).max(1);

@@ -27,7 +27,8 @@ impl Character {
         self.words_outbox.take()
     }
 
-    /// Whether words that were asked for by this number may still be of use. Others are to be given up.
+    /// Whether words that were asked for by this number may still be of use. Others are to be given
+    /// up.
     pub fn wants_words(&self, number: u64) -> bool {
         (self.performance.as_ref()).is_some_and(|it| it.number == number && it.listens())
     }
@@ -69,7 +70,8 @@ impl Character {
         self.performance = Some(Performance::new(number, command));
     }
 
-    /// Ends a performance, where there is one; locomotion goes on from wherever it has brought the character.
+    /// Ends a performance, where there is one; locomotion goes on from wherever it has brought the
+    /// character.
     pub(in crate::live) fn stop_performing(&mut self, frame: i64, why: PerformanceEnd) {
         let begun = |it: &Performance| matches!(it.stage, Stage::Playing { .. });
         if self.performance.as_ref().is_some_and(begun) {
@@ -105,7 +107,8 @@ impl Character {
         });
     }
 
-    /// Locomotion goes on from the frames in the buffer by the command that held before; where that was a path, it stands.
+    /// Locomotion goes on from the frames in the buffer by the command that held before; where that
+    /// was a path, it stands.
     fn walk_on(&mut self, frame: i64) {
         let command = match self.locomotion.path() {
             Some(path) => LocomotionCommand::standing(&path.style),

@@ -1,8 +1,9 @@
 //! The way to an object: steering, slowing down, and the moment at which the first set may begin.
 //!
-//! A character that walks hands over on the way: the first set's motion begins 1.4 seconds of walking before its keyframe.
-//! One that is to stop first (the set says so, or it stood close by already) goes to the keyframe's place, stops there facing
-//! as the keyframe does, and hands over when it stands.
+//! A character that walks hands over on the way: the first set's motion begins 1.4 seconds of
+//! walking before its keyframe. One that is to stop first (the set says so, or it stood close by
+//! already) goes to the keyframe's place, stops there facing as the keyframe does, and hands over
+//! when it stands.
 
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -28,7 +29,8 @@ pub struct Entry {
     pub via: Option<Vec3>,
     /// Whether the character stops before the first set.
     pub from_stand: bool,
-    /// The first set begins wherever the character comes to stand: the place of `key` is not used, nor is its heading.
+    /// The first set begins wherever the character comes to stand: the place of `key` is not used,
+    /// nor is its heading.
     pub anywhere: bool,
 }
 
@@ -251,7 +253,8 @@ impl Approach {
     }
 }
 
-/// Whether a character that moves by `velocity` is on its way to what is `left`, and slow enough to meet it there.
+/// Whether a character that moves by `velocity` is on its way to what is `left`, and slow enough to
+/// meet it there.
 fn comes(velocity: Vec3, left: Vec3) -> bool {
     let velocity = flat(velocity);
     let speed = velocity.length();

@@ -120,7 +120,8 @@ fn one_that_runs_past_turns_around_first() {
     }
 }
 
-/// A character that cannot come in the right direction, or not slowly, is not let run on for ever: it stops first.
+/// A character that cannot come in the right direction, or not slowly, is not let run on for ever:
+/// it stops first.
 #[test]
 fn one_that_cannot_slow_down_stops() {
     let mut approach = Approach::new(entry(0.0, 0.0, 0.0), Arc::new(walker_style()), 0);

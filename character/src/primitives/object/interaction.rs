@@ -1,4 +1,5 @@
-//! The state machine of an interaction: which set comes next, from which frame on, and what has happened by a frame.
+//! The state machine of an interaction: which set comes next, from which frame on, and what has
+//! happened by a frame.
 //!
 //! ```text
 //! Approach ──Arrived──► Waiting ──Planned──► In { now, next } ──┐ the next set's motion takes over
@@ -7,9 +8,10 @@
 //!                                             └──Leaving──► Leaving ──Frame──► Over
 //! ```
 //!
-//! It says what it wants ([`Interaction::want`]) and is told what came of it ([`Input`]); every change of state is in
-//! [`Interaction::on`]. The motion of a set takes over at a frame that is known only when it is there: one that comes late
-//! takes over later, the keyframe before it being held meanwhile.
+//! It says what it wants ([`Interaction::want`]) and is told what came of it ([`Input`]); every
+//! change of state is in [`Interaction::on`]. The motion of a set takes over at a frame that is
+//! known only when it is there: one that comes late takes over later, the keyframe before it being
+//! held meanwhile.
 
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -37,15 +39,16 @@ pub struct Stretch {
 pub enum Input {
     /// The character is where the first set may begin.
     Arrived,
-    /// The motion of the set that was wanted goes from frame `from` on, to its last keyframe at `key`.
+    /// The motion of the set that was wanted goes from frame `from` on, to its last keyframe at
+    /// `key`.
     Planned {
         /// First frame.
         from: Frame,
         /// Last keyframe.
         key: Frame,
     },
-    /// The newest motion is wanted once more: that of the set to come, or else of the set that it is in, from where the
-    /// character then is.
+    /// The newest motion is wanted once more: that of the set to come, or else of the set that it
+    /// is in, from where the character then is.
     Again,
     /// Locomotion takes over at this frame, as was wanted.
     Leaving(Frame),
@@ -254,7 +257,8 @@ impl Interaction {
         }
     }
 
-    /// Takes an input; what happened by it is added to `out`, in order. An input that does not suit the state changes nothing.
+    /// Takes an input; what happened by it is added to `out`, in order. An input that does not suit
+    /// the state changes nothing.
     pub fn on(&mut self, input: Input, out: &mut Vec<Output>) {
         self.state = match (self.state, input) {
             (State::Approach, Input::Arrived) => State::Waiting,
@@ -349,8 +353,9 @@ impl Interaction {
         };
     }
 
-    /// Takes note of an end by command: the sets to come are those of the exit, where the set that is held waits for it. The
-    /// exit comes once: an end on its way changes nothing, but where it holds until ended itself.
+    /// Takes note of an end by command: the sets to come are those of the exit, where the set that
+    /// is held waits for it. The exit comes once: an end on its way changes nothing, but where it
+    /// holds until ended itself.
     fn end(&mut self, state: State) {
         if matches!(state, State::Leaving { .. } | State::Over) || self.ended {
             return;

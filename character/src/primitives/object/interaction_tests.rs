@@ -5,7 +5,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::object::testing::definition;
 
-/// Sets of the definition: reach (hard), lift (soft by 6, held until ended), grab (hard, held for 10), put-down (hard).
+/// Sets of the definition: reach (hard), lift (soft by 6, held until ended), grab (hard, held for
+/// 10), put-down (hard).
 const REACH: usize = 0;
 const LIFT: usize = 1;
 const PUT_DOWN: usize = 3;
@@ -99,7 +100,8 @@ fn an_end_before_the_held_set_is_remembered() {
     assert_eq!(cup.want(), set(PUT_DOWN, 64));
 }
 
-/// The exit's motion is made ahead of the frame at which it takes over: an end in between asks for no other.
+/// The exit's motion is made ahead of the frame at which it takes over: an end in between asks for
+/// no other.
 #[test]
 fn a_second_end_does_not_bring_the_exit_again() {
     for entered in [false, true] {
@@ -252,8 +254,8 @@ fn event() -> impl Strategy<Value = Event> {
 }
 
 proptest! {
-    /// Whatever comes: every set is entered before it is reached and reached before it is left, in the order of frames, and
-    /// none is entered twice.
+    /// Whatever comes: every set is entered before it is reached and reached before it is left, in
+    /// the order of frames, and none is entered twice.
     #[test]
     fn what_happens_is_in_order(events in prop::collection::vec(event(), 1..120), variant in 0_usize..2) {
         let (mut cup, mut out) = begun(variant);

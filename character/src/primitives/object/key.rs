@@ -109,9 +109,10 @@ fn stepping_frames(skeleton: &Skeleton, a: Posed<'_>, b: Posed<'_>) -> f32 {
         .sum()
 }
 
-/// The keyframes of `set`, anchored by `anchor`, for a character that comes from the frame `from` (its root's height over
-/// what it stands on) and stands at height `ground_y` in the world at the keyframes. What a keyframe does not say is as in the
-/// standing pose, its place and heading as in the one before.
+/// The keyframes of `set`, anchored by `anchor`, for a character that comes from the frame `from`
+/// (its root's height over what it stands on) and stands at height `ground_y` in the world at the
+/// keyframes. What a keyframe does not say is as in the standing pose, its place and heading as in
+/// the one before.
 ///
 /// # Errors
 /// [`Unreachable`] for the first point that is out of reach.
@@ -176,7 +177,8 @@ fn key(
     };
     let mut reached = reach(root_m);
     if given.place.is_some() {
-        // Who bows moves the hips back: the feet stand so far ahead that the hips come to the place that is given.
+        // Who bows moves the hips back: the feet stand so far ahead that the hips come to the place
+        // that is given.
         let mut base = root_m;
         for _ in 0..PLACE_ROUNDS {
             let off = (root_m - reached.root).with_y(0.0);
@@ -199,8 +201,8 @@ fn key(
     })
 }
 
-/// The standing pose at a root. At another height its feet stay on the ground: where they are, for one that comes from `before`
-/// close by, or else below the root.
+/// The standing pose at a root. At another height its feet stay on the ground: where they are, for
+/// one that comes from `before` close by, or else below the root.
 fn upright(root: GlobalRoot, before: GlobalRoot, body: &BodyParts<'_>) -> (Vec3, Vec<Quat>) {
     let standing_at = |root: GlobalRoot| {
         let mut rotations = body.standing.rotations.clone();
@@ -224,7 +226,8 @@ fn upright(root: GlobalRoot, before: GlobalRoot, body: &BodyParts<'_>) -> (Vec3,
     (posed.root, posed.rotations)
 }
 
-/// Whether the motion to these keyframes of `set` is made without the networks, for a character that comes from `from`.
+/// Whether the motion to these keyframes of `set` is made without the networks, for a character
+/// that comes from `from`.
 pub fn suits_stance(set: &Set, keys: &[Key], from: Posed<'_>) -> bool {
     let low = |height: f32| height < set.low_hips_m;
     let hands_alone = (set.keyframes.iter()).all(|key| {

@@ -193,7 +193,8 @@ fn frames_that_a_set_gives_are_kept_to() {
     );
 }
 
-/// A hand that reaches far and low has the body bow, and bowing hips go back: but not from the place that is given.
+/// A hand that reaches far and low has the body bow, and bowing hips go back: but not from the
+/// place that is given.
 #[test]
 fn hips_come_to_the_place_that_is_given() {
     let (cup, reach) = set_of("cup", "reach");

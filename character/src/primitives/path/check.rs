@@ -29,8 +29,8 @@ pub struct AskedPoint {
 }
 
 impl PathCommand {
-    /// Checks a path. `path` is the message's place in the request, for errors. Positions and headings are finite.
-    /// `speed_mps` is for points without times. `None`: the style's.
+    /// Checks a path. `path` is the message's place in the request, for errors. Positions and
+    /// headings are finite. `speed_mps` is for points without times. `None`: the style's.
     ///
     /// # Errors
     /// [`FieldError`] for the first value that is not accepted.

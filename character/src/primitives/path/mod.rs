@@ -1,7 +1,7 @@
 //! A path that a character is to follow: where to be and how to face, point by point.
 //!
-//! A path is a smooth curve through its points ([`PathCommand::at`]). How a character comes to it, keeps to it and falls behind
-//! is [`run`].
+//! A path is a smooth curve through its points ([`PathCommand::at`]). How a character comes to it,
+//! keeps to it and falls behind is [`run`].
 
 mod check;
 pub(super) mod run;
@@ -28,9 +28,11 @@ pub const MIN_PATH_MPS: f32 = 0.05;
 /// How far a path may begin from the character, metres.
 pub const MAX_LEAD_M: f32 = 5.0;
 
-/// Seconds over which a path begins and ends: half of them before the first and the last point, half behind.
+/// Seconds over which a path begins and ends: half of them before the first and the last point,
+/// half behind.
 const EASE_S: f32 = 0.6;
-/// A tangent is at most so many times as fast as the slower side of its point. Wider curves would leave the way between two points.
+/// A tangent is at most so many times as fast as the slower side of its point. Wider curves would
+/// leave the way between two points.
 const TANGENT_LIMIT: f32 = 2.0;
 /// A path that is slower has no direction to face, m/s.
 const FACING_MPS: f32 = 0.1;
@@ -105,7 +107,8 @@ impl PathCommand {
         (EASE_S / 2.0).min((self.last_s() - self.first_s()) / 2.0)
     }
 
-    /// The path's own time and how fast it passes, at a time from the command: it begins and ends smoothly.
+    /// The path's own time and how fast it passes, at a time from the command: it begins and ends
+    /// smoothly.
     fn eased(&self, time_s: f32) -> (f32, f32) {
         let (first, last, ease) = (self.first_s(), self.last_s(), self.ease_s());
         let start = ease.min(first);
@@ -174,7 +177,8 @@ impl PathCommand {
         ([self.point(from), self.point(from + 1)], length_s)
     }
 
-    /// Mean velocity of the segment behind point `from`, and its time in seconds. None where the path has no such segment.
+    /// Mean velocity of the segment behind point `from`, and its time in seconds. None where the
+    /// path has no such segment.
     fn slope(&self, from: Option<usize>) -> Option<(Vec3, f32)> {
         let from = from?;
         if !self.is_loop() && from + 1 >= self.points.len() {
@@ -184,7 +188,8 @@ impl PathCommand {
         Some(((b.position - a.position) / length_s, length_s))
     }
 
-    /// Velocity at point `index`, m/s: that of the way from the point before to the one behind, no faster than a limit.
+    /// Velocity at point `index`, m/s: that of the way from the point before to the one behind, no
+    /// faster than a limit.
     fn tangent(&self, index: usize) -> Vec3 {
         let before = match self.is_loop() {
             true => Some(index + self.points.len() - 1),

@@ -1,9 +1,11 @@
 //! A character on a path.
 //!
-//! The path has a clock of its own. It passes as time does while the character keeps up. Where the character is off the path, or the
-//! path is faster than it can go, the clock slows down, and the character is late from then on.
+//! The path has a clock of its own. It passes as time does while the character keeps up. Where the
+//! character is off the path, or the path is faster than it can go, the clock slows down, and the
+//! character is late from then on.
 //!
-//! Every plan is a [`Leg`]: the path from the clock's time on, plus what the character is off by, which fades.
+//! Every plan is a [`Leg`]: the path from the clock's time on, plus what the character is off by,
+//! which fades.
 
 use serde::{Deserialize, Serialize};
 use troupe_motion::Vec3;
@@ -19,9 +21,11 @@ use crate::style::Style;
 const FADE_S: f32 = 0.5;
 /// The same for headings, seconds, and seconds more for each radian.
 const TURN_FADE_S: (f32, f32) = (0.5, 0.35);
-/// Off by less than the first, metres, a character keeps up with the clock; off by more than the second, the clock waits.
+/// Off by less than the first, metres, a character keeps up with the clock; off by more than the
+/// second, the clock waits.
 const OFF_M: (f32, f32) = (0.25, 1.25);
-/// A path has come to its end where the character is nearer to it than this, metres, or this many seconds later.
+/// A path has come to its end where the character is nearer to it than this, metres, or this many
+/// seconds later.
 const ARRIVED: (f32, f32) = (0.2, 1.0);
 /// Step of numeric derivatives, seconds.
 const STEP_S: f32 = 1.0 / 60.0;
@@ -139,7 +143,8 @@ impl PathRun {
         self.leg.map(|leg| Way { path, leg })
     }
 
-    /// Begins the plan that starts now and goes on for `horizon_s`. `spring` has the heading before the first.
+    /// Begins the plan that starts now and goes on for `horizon_s`. `spring` has the heading before
+    /// the first.
     pub(in crate::primitives) fn plan(&mut self, now: &Now, horizon_s: f32, spring: &HeadingSpring) {
         let mut clock_s = self.clock_s(now.frame, now.fps);
         if let Some(leg) = &self.leg {
@@ -277,7 +282,8 @@ impl Way<'_> {
         towards.unwrap_or_else(|| self.path.at(clock_s + rate * t).heading) + aside
     }
 
-    /// Heading (radians, within half a turn of that at the start) and turn rate (rad/s) after `t` seconds.
+    /// Heading (radians, within half a turn of that at the start) and turn rate (rad/s) after `t`
+    /// seconds.
     pub(in crate::primitives) fn heading(&self, t: f32) -> (f32, f32) {
         let at = |t: f32| {
             self.leg.heading + wrap_angle(self.goal(t) + self.leg.turn_off.at(t).x - self.leg.heading)

@@ -1,9 +1,10 @@
-//! The motion autoencoder in whose latent space FID, MMD and latent diversity are measured: the `evaluator.onnx` that
-//! `troupe-train evaluator` makes, run here and not by the server.
+//! The motion autoencoder in whose latent space FID, MMD and latent diversity are measured: the
+//! `evaluator.onnx` that `troupe-train evaluator` makes, run here and not by the server.
 //!
-//! Its inputs are `root` `[B, T, 5]` (x, y, z, cos, sin), `positions` `[B, T, J, 3]` (relative to the projected root, metres)
-//! and `six_d` `[B, T, J, 6]` (world rotations), all in the segment frame: origin at the projected root of the last context
-//! frame, heading 0 there. Its output is `latent` `[B, D]`. Normalisation is inside.
+//! Its inputs are `root` `[B, T, 5]` (x, y, z, cos, sin), `positions` `[B, T, J, 3]` (relative to
+//! the projected root, metres) and `six_d` `[B, T, J, 6]` (world rotations), all in the segment
+//! frame: origin at the projected root of the last context frame, heading 0 there. Its output is
+//! `latent` `[B, D]`. Normalisation is inside.
 
 mod inputs;
 #[cfg(feature = "evaluator")]
@@ -38,7 +39,8 @@ pub(crate) struct Origin {
 pub(crate) type Found = Result<Evaluator, &'static str>;
 
 impl Evaluator {
-    /// The evaluator in a file or a pack's folder; without one that of the pack's folder below `models`, if it is there.
+    /// The evaluator in a file or a pack's folder; without one that of the pack's folder below
+    /// `models`, if it is there.
     ///
     /// # Errors
     /// Where a file was given and cannot be used.
@@ -78,8 +80,8 @@ impl Evaluator {
         &self.origin
     }
 
-    /// The latents of clips of the same number of frames on the pack's skeleton, each with its last context frame where a
-    /// request has it.
+    /// The latents of clips of the same number of frames on the pack's skeleton, each with its last
+    /// context frame where a request has it.
     pub(crate) fn latents(&self, clips: &[&Clip]) -> Result<Vec<Vec<f32>>, Failure> {
         let mut inputs = Inputs::default();
         clips.iter().for_each(|clip| inputs.push(clip));
@@ -127,8 +129,8 @@ mod tests {
 
     #[test]
     fn windows_begin_at_the_origin_and_head_ahead() {
-        // It stands at x = 5 and faces +X until frame 3, then is 2 m further along +X and faces -Z: 2 m ahead of where it
-        // was, turned to the right.
+        // It stands at x = 5 and faces +X until frame 3, then is 2 m further along +X and faces -Z:
+        // 2 m ahead of where it was, turned to the right.
         let mut clip = pointing(5);
         for f in 0..5 {
             clip.root_positions[f] = Vec3::new(if f < 4 { 5.0 } else { 7.0 }, 0.9, 3.0);
@@ -170,7 +172,8 @@ mod tests {
     fn the_tiny_evaluator_gives_what_its_script_says() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/eval/evaluator/tiny.onnx");
         let evaluator = Evaluator::find(Some(&folder), "").unwrap().ok().unwrap();
-        // Means over the frames of root z, of the hand's z, and of twice the hips' first rotation entry.
+        // Means over the frames of root z, of the hand's z, and of twice the hips' first rotation
+        // entry.
         let mut far = pointing(14);
         (4..14).for_each(|f| far.root_positions[f].z = 1.4);
         let latents = evaluator.latents(&[&pointing(14), &far]).unwrap();

@@ -9,9 +9,10 @@ use crate::values::positive;
 
 /// Measure how well answers tell what is not feasible.
 ///
-/// Windows are cut from clips and filled, as `troupe eval` does it: few of these answers may say that they are not feasible. Then the
-/// same windows are asked for what nobody can do, in several kinds: a target far away, a body on its head or under the ground, targets
-/// that contradict one another, and more. Nearly all of those answers must say so.
+/// Windows are cut from clips and filled, as `troupe eval` does it: few of these answers may say
+/// that they are not feasible. Then the same windows are asked for what nobody can do, in several
+/// kinds: a target far away, a body on its head or under the ground, targets that contradict one
+/// another, and more. Nearly all of those answers must say so.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -39,7 +40,8 @@ pub(crate) struct FeasibilityEval {
     #[arg(long, default_value_t = 30, value_name = "FRAMES", value_parser = positive)]
     pub(super) stride: usize,
 
-    /// Most real windows for each gap, and most requests of each kind, spread evenly over all windows.
+    /// Most real windows for each gap, and most requests of each kind, spread evenly over all
+    /// windows.
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(super) max_windows: Option<usize>,
 

@@ -76,8 +76,8 @@ impl Kind {
         }
     }
 
-    /// A request of the kind for a window of a clip: four context frames, the gap, and the frame that the target is made of.
-    /// `chance` says what is random about it.
+    /// A request of the kind for a window of a clip: four context frames, the gap, and the frame
+    /// that the target is made of. `chance` says what is random about it.
     pub(super) fn request(self, window: &Clip, chance: u64) -> Result<InBetween, RequestError> {
         let at = CONTEXT_FRAMES + self.gap();
         let angle = TAU * (chance % 360) as f32 / 360.0;

@@ -36,8 +36,8 @@ pub(crate) struct GapEval {
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) max_windows: Option<usize>,
 
-    /// Motion autoencoder to measure FID, MMD and latent diversity with, or a pack's folder that has one as evaluator.onnx.
-    /// Without it that of models/PACK, if it is there.
+    /// Motion autoencoder to measure FID, MMD and latent diversity with, or a pack's folder that
+    /// has one as evaluator.onnx. Without it that of models/PACK, if it is there.
     #[arg(long, value_name = "FILE")]
     pub(crate) evaluator: Option<PathBuf>,
 
@@ -49,8 +49,9 @@ pub(crate) struct GapEval {
     #[arg(long, default_value_t = 100, value_name = "N", value_parser = positive)]
     pub(crate) diversity_windows: usize,
 
-    /// Have the pack's motion pass beside its own way: its root in the middle of the gap is moved to the left of the character by so
-    /// many metres (a root override), and what comes is measured. Diversity stays that of motions without.
+    /// Have the pack's motion pass beside its own way: its root in the middle of the gap is moved
+    /// to the left of the character by so many metres (a root override), and what comes is
+    /// measured. Diversity stays that of motions without.
     #[arg(
         long,
         default_value_t = 0.0,

@@ -255,7 +255,8 @@ mod tests {
 
     #[test]
     fn distances_are_to_ground_truth_and_of_it_between_its_halves() {
-        // Ground truth alternates between ±1, which both halves have in full; the pack is as it is, interpolation at 3.
+        // Ground truth alternates between ±1, which both halves have in full; the pack is as it is,
+        // interpolation at 3.
         let latents = |of: &dyn Fn(usize) -> f32| {
             let mut all = Latents::default();
             (0..24).for_each(|nth| all.push(nth / 4, vec![of(nth)]));

@@ -1,4 +1,5 @@
-//! How far takes of one window are from each other and from the truth, and whether one of them is nearer than the likeliest answer.
+//! How far takes of one window are from each other and from the truth, and whether one of them is
+//! nearer than the likeliest answer.
 
 use futures_util::{StreamExt as _, TryStreamExt as _, stream};
 use troupe_motion::clip::Clip;
@@ -58,7 +59,8 @@ impl Spread {
 }
 
 impl Bench<'_> {
-    /// Fills some windows with several seeds each and adds how far the takes are from each other. Returns how many.
+    /// Fills some windows with several seeds each and adds how far the takes are from each other.
+    /// Returns how many.
     pub(super) async fn add_diversity(
         &self,
         metrics: &mut ByMethod<Metrics>,

@@ -54,7 +54,8 @@ enum Better {
     Neither,
 }
 
-/// A row of the table: the measure, what it is called, its unit, how to read it, and how it is written.
+/// A row of the table: the measure, what it is called, its unit, how to read it, and how it is
+/// written.
 struct Row {
     key: &'static str,
     name: &'static str,
@@ -216,7 +217,8 @@ impl Report {
         text.trim_end().to_owned()
     }
 
-    /// A row for each measure and a column for each method; on a narrow terminal intervals stand below their values.
+    /// A row for each measure and a column for each method; on a narrow terminal intervals stand
+    /// below their values.
     fn table(&self, gap: &GapReport, width: Option<u16>) -> Table {
         let pack = format!("{} {}", self.pack, self.pack_version);
         let methods = [

@@ -28,7 +28,8 @@ pub(in crate::eval) fn task(gap_frames: usize) -> Task {
     }
 }
 
-/// Every window of `task` that starts at a multiple of `stride`, of at most `most` windows spread evenly over all.
+/// Every window of `task` that starts at a multiple of `stride`, of at most `most` windows spread
+/// evenly over all.
 pub(in crate::eval) fn windows(
     clips: &[NamedClip],
     task: Task,
@@ -46,8 +47,9 @@ pub(in crate::eval) fn windows(
     }
 }
 
-/// The piece of a clip that each window is of, counted from 0 over those that have any: what intervals are drawn over. A piece
-/// is a clip, or ten seconds of a longer one. The windows are in the order of their clips.
+/// The piece of a clip that each window is of, counted from 0 over those that have any: what
+/// intervals are drawn over. A piece is a clip, or ten seconds of a longer one. The windows are in
+/// the order of their clips.
 pub(super) fn pieces_of(windows: &[Window]) -> Vec<usize> {
     let piece = |window: &Window| (window.clip, window.start / PIECE_FRAMES);
     let mut count = 0;

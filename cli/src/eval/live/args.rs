@@ -6,11 +6,13 @@ use clap::Args;
 
 use crate::files::Scale;
 
-/// Measure live characters: how well they obey, how their feet hold the ground, how smooth they are.
+/// Measure live characters: how well they obey, how their feet hold the ground, how smooth they
+/// are.
 ///
-/// A character of every style goes at the speed of each of its gaits, stops, and turns by 45, 90 and 180 degrees, all frame by
-/// frame through the server. With --data and --list foot skate and acceleration are set against the clips that the list
-/// names for each gait, and other takes of them: files whose names differ in the number at the end.
+/// A character of every style goes at the speed of each of its gaits, stops, and turns by 45, 90
+/// and 180 degrees, all frame by frame through the server. With --data and --list foot skate and
+/// acceleration are set against the clips that the list names for each gait, and other takes of
+/// them: files whose names differ in the number at the end.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Speeds are means over half a cycle, the first around 1 s after the command. Headings are measured 1 s after the command \

@@ -142,7 +142,8 @@ fn drift(clip: &Clip, at: usize) -> f32 {
     (way * Vec3::new(1.0, 0.0, 1.0)).length() * clip.fps / 10.0
 }
 
-/// How the pelvis' heading sways with the steps: a plane through heading against the lead of the left foot and its change.
+/// How the pelvis' heading sways with the steps: a plane through heading against the lead of the
+/// left foot and its change.
 struct Sway {
     feet: troupe_motion::gait::Feet,
     slopes: [f32; 2],
@@ -231,8 +232,8 @@ mod tests {
         Arc::new(Skeleton::new(joints, Vec3::X, 0.0, Some(contacts)).unwrap())
     }
 
-    /// Walks at `speed` from the start order on, turns or stops within half a second of the second order, and sways with its
-    /// steps by 0.2 rad. `short` radians are missing from a turn.
+    /// Walks at `speed` from the start order on, turns or stops within half a second of the second
+    /// order, and sways with its steps by 0.2 rad. `short` radians are missing from a turn.
     fn walker(scenario: &Scenario, speed: f32, short: f32) -> Clip {
         let (at, angle) = match scenario.course {
             Course::Stop { at } => (at, None),

@@ -19,7 +19,8 @@ const TURNING_RPS: f32 = 0.3;
 const STANDING_MPS: f32 = 0.1;
 /// A gait farther off its heading than this (radians) is told to face ahead of it.
 const ASIDE: f32 = 0.2;
-/// Turns that are asked of every style, degrees. The last came later: the others begin at the moments that they always did.
+/// Turns that are asked of every style, degrees. The last came later: the others begin at the
+/// moments that they always did.
 pub(super) const TURNS: [u16; 4] = [45, 90, 180, 120];
 
 /// One character's orders.

@@ -1,4 +1,5 @@
-//! Whether bodies pass through themselves where they turn, and how hard they are pushed there and where they stop.
+//! Whether bodies pass through themselves where they turn, and how hard they are pushed there and
+//! where they stop.
 
 use std::fmt;
 
@@ -10,7 +11,8 @@ use super::reference::References;
 use super::report::{Against, Bar};
 use super::scenario::{Course, Scenario};
 
-/// Turns of less than this are not looked at, degrees: in those of 45° people step as they do straight on.
+/// Turns of less than this are not looked at, degrees: in those of 45° people step as they do
+/// straight on.
 const LEAST_TURN_DEG: f32 = 80.0;
 /// Limbs whose axes are nearer than this pass through each other, metres.
 const SHINS_M: f32 = 0.05;
@@ -40,7 +42,8 @@ pub(super) struct Turning {
     root_mps2: Vec<(String, f64)>,
     /// The same of stops.
     stop_root_mps2: Vec<(String, f64)>,
-    /// What 95 of 100 clips that turn stay below, m/s²; and of those that go straight on, for stops.
+    /// What 95 of 100 clips that turn stay below, m/s²; and of those that go straight on, for
+    /// stops.
     root_clips_mps2: Option<f64>,
     stop_clips_mps2: Option<f64>,
 }

@@ -26,7 +26,8 @@ struct Methods {
     pack: std::collections::BTreeMap<String, Estimate>,
 }
 
-/// The figures of gaps that a pack filled, each the mean over the lengths of gap that were measured.
+/// The figures of gaps that a pack filled, each the mean over the lengths of gap that were
+/// measured.
 ///
 /// The ends of the intervals are means too, since all lengths are measured on the same clips.
 pub(super) fn read(path: &Path, pack: &Pack) -> Result<Kinds<Estimate>, Failure> {
@@ -64,7 +65,8 @@ fn figures(gaps: &[Gap]) -> Result<Kinds<Estimate>, &'static str> {
     Ok(found)
 }
 
-/// `figure` as a multiple of `base`. The interval takes both as independent: their relative widths add up as squares.
+/// `figure` as a multiple of `base`. The interval takes both as independent: their relative widths
+/// add up as squares.
 pub(super) fn ratio(figure: Estimate, base: Estimate) -> Option<Estimate> {
     if base.mean <= 0.0 || base.mean.is_nan() {
         return None;

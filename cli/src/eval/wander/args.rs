@@ -7,12 +7,14 @@ use clap::Args;
 use crate::files::Scale;
 use crate::values::positive;
 
-/// Measure characters that wander for a minute: foot skate and jitter, beside those of in-betweening.
+/// Measure characters that wander for a minute: foot skate and jitter, beside those of
+/// in-betweening.
 ///
-/// Characters of all styles go where chance has them go: every second to four of them somewhere else at 0.7 to 1.2 times
-/// their style's speed, now and then facing aside, now and then they stand. They are measured from the first second on.
-/// With --against foot skate and jitter are set against those of the gaps that the same pack filled; those of walking clips
-/// compare like with like, for bows and waves skate less.
+/// Characters of all styles go where chance has them go: every second to four of them somewhere
+/// else at 0.7 to 1.2 times their style's speed, now and then facing aside, now and then they
+/// stand. They are measured from the first second on. With --against foot skate and jitter are set
+/// against those of the gaps that the same pack filled; those of walking clips compare like with
+/// like, for bows and waves skate less.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 With several --replan the same characters wander with each interval (MotionBricks, figure 15), all with the look-ahead of the \

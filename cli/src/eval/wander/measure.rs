@@ -94,7 +94,8 @@ pub(super) fn latents<'a>(
     Ok(latents)
 }
 
-/// FID of characters that wander to clips, with an interval over characters. None where there are too few windows.
+/// FID of characters that wander to clips, with an interval over characters. None where there are
+/// too few windows.
 pub(super) fn fid(
     evaluator: &Evaluator,
     clips: &[Clip],
@@ -122,8 +123,8 @@ mod tests {
 
     #[test]
     fn characters_count_alike_and_the_first_second_not_at_all() {
-        // Hips that are feet too, 100 frames: they lie on the ground and slide by so many metres a frame from frame 30 on, after
-        // wild leaps.
+        // Hips that are feet too, 100 frames: they lie on the ground and slide by so many metres a
+        // frame from frame 30 on, after wild leaps.
         let joint = Joint {
             name: "Hips".to_owned(),
             parent: None,

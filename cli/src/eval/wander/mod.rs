@@ -71,7 +71,8 @@ pub(super) async fn run(context: &Context, command: &Wander) -> Result<(), Failu
     print(&report.to_text())
 }
 
-/// How often to plan, once for each time that characters are to wander. All have the look-ahead of the shortest interval.
+/// How often to plan, once for each time that characters are to wander. All have the look-ahead of
+/// the shortest interval.
 fn replans(intervals: &[u32]) -> Vec<Option<Replan>> {
     let Some(&shortest) = intervals.iter().min() else {
         return vec![None];

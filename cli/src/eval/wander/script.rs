@@ -45,8 +45,8 @@ pub(super) fn wanderers(
     .collect()
 }
 
-/// Every second to four of them, something else: mostly to go somewhere, sometimes to stand or to look elsewhere than where
-/// it goes.
+/// Every second to four of them, something else: mostly to go somewhere, sometimes to stand or to
+/// look elsewhere than where it goes.
 fn orders(speed_mps: f32, frames: usize, seed: u64) -> Vec<(usize, Locomotion)> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut heading = random.random_range(-3.0..3.0f32);

@@ -16,11 +16,14 @@ const WRITING: &str = "Writing";
 
 /// Make a definition from a motion clip.
 ///
-/// Each of FRAMES becomes one phase (a set), in order: a character comes to the pose that the clip has there, at the place where the
-/// clip has it as seen from the object. Between two of them it takes as long as the clip does, where that is between the fewest and
-/// the most frames of a segment. The object is imagined into the clip: --distance before the character, or in its hand (--hand).
+/// Each of FRAMES becomes one phase (a set), in order: a character comes to the pose that the clip
+/// has there, at the place where the clip has it as seen from the object. Between two of them it
+/// takes as long as the clip does, where that is between the fewest and the most frames of a
+/// segment. The object is imagined into the clip: --distance before the character, or in its hand
+/// (--hand).
 ///
-/// Frames count from 0, at the pack's rate. What is written is TOML with comments; docs/objects.md explains its fields.
+/// Frames count from 0, at the pack's rate. What is written is TOML with comments; docs/objects.md
+/// explains its fields.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -32,11 +35,13 @@ Examples:
   troupe object new --skill --rebuild --pack g1 --from walk3_subject1.csv --start 6503 --frames 6519,6560,6602,6630 --hold 6560 \
 --name sit-on-ground --out models/g1/skills/sit-on-ground.toml")]
 pub(crate) struct New {
-    /// Motion clip: .bvh, .glb (reach.glb#Pick for one animation of several) or .npz, or a robot's .csv or .npy.
+    /// Motion clip: .bvh, .glb (reach.glb#Pick for one animation of several) or .npz, or a robot's
+    /// .csv or .npy.
     #[arg(long, value_name = "FILE")]
     pub(super) from: PathBuf,
 
-    /// Frames of the clip that become keyframes, one set each, in the order in which a character comes to them. A frame may come again.
+    /// Frames of the clip that become keyframes, one set each, in the order in which a character
+    /// comes to them. A frame may come again.
     #[arg(long, required = true, value_delimiter = ',', value_name = "FRAME,...")]
     pub(super) frames: Vec<usize>,
 
@@ -48,12 +53,13 @@ pub(crate) struct New {
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true, help_heading = THING)]
     pub(super) description: String,
 
-    /// Size of the object, metres: width, height and depth of a box that stands on its origin. Without it 0.4,0.9,0.4; for what a
-    /// hand takes 0.08,0.12,0.08, and 0.45,M,0.45 for a seat.
+    /// Size of the object, metres: width, height and depth of a box that stands on its origin.
+    /// Without it 0.4,0.9,0.4; for what a hand takes 0.08,0.12,0.08, and 0.45,M,0.45 for a seat.
     #[arg(long, value_name = "box:W,H,D", help_heading = THING)]
     pub(super) shape: Option<Size>,
 
-    /// How far the object stands before the character at --object-frame, metres; below 0 it is behind it.
+    /// How far the object stands before the character at --object-frame, metres; below 0 it is
+    /// behind it.
     #[arg(
         long,
         default_value_t = 0.6,
@@ -64,7 +70,8 @@ pub(crate) struct New {
     )]
     pub(super) distance: f32,
 
-    /// Height of the object's origin over the ground in the clip, metres: for what hangs on a wall. Points count from there.
+    /// Height of the object's origin over the ground in the clip, metres: for what hangs on a wall.
+    /// Points count from there.
     #[arg(
         long,
         default_value_t = 0.0,
@@ -80,8 +87,9 @@ pub(crate) struct New {
     #[arg(long, value_name = "FRAME", help_heading = THING)]
     pub(super) object_frame: Option<usize>,
 
-    /// Whether keyframes turn about the object with the side that the character comes from, so that it works from every side. If
-    /// not, a character comes from within 60 degrees of the object's front, which faces the character of the clip.
+    /// Whether keyframes turn about the object with the side that the character comes from, so that
+    /// it works from every side. If not, a character comes from within 60 degrees of the object's
+    /// front, which faces the character of the clip.
     #[arg(long, default_value_t = true, action = clap::ArgAction::Set, value_name = "BOOL", help_heading = THING)]
     pub(super) pivot: bool,
 
@@ -93,8 +101,9 @@ pub(crate) struct New {
     #[arg(long, help_heading = THING)]
     pub(super) not_solid: bool,
 
-    /// Write a skill of a pack instead of an object: what a character does where it stands. Each keyframe is given from the one before
-    /// it, the first from --start. It belongs into the pack's folder `skills`.
+    /// Write a skill of a pack instead of an object: what a character does where it stands. Each
+    /// keyframe is given from the one before it, the first from --start. It belongs into the pack's
+    /// folder `skills`.
     #[arg(
         long,
         conflicts_with_all = ["shape", "distance", "height", "object_frame", "pivot", "shared", "not_solid", "points", "seat", "from_stand",
@@ -103,11 +112,13 @@ pub(crate) struct New {
     )]
     pub(super) skill: bool,
 
-    /// Frame of the clip at which the skill begins. Without it the first of FRAMES, which is then done on the spot.
+    /// Frame of the clip at which the skill begins. Without it the first of FRAMES, which is then
+    /// done on the spot.
     #[arg(long, value_name = "FRAME", requires = "skill", help_heading = THING)]
     pub(super) start: Option<usize>,
 
-    /// At the last frame the character stands as its style does, at that place: the pose of the clip is of no account.
+    /// At the last frame the character stands as its style does, at that place: the pose of the
+    /// clip is of no account.
     #[arg(long, requires = "skill", help_heading = THING)]
     pub(super) stand: bool,
 
@@ -123,26 +134,30 @@ pub(crate) struct New {
     #[arg(long, value_delimiter = ',', value_name = "NAME,...", value_parser = name, help_heading = USE)]
     pub(super) sets: Vec<String>,
 
-    /// Only where these joints are, instead of whole poses. The rest of the body follows, at whatever height the object is.
+    /// Only where these joints are, instead of whole poses. The rest of the body follows, at
+    /// whatever height the object is.
     #[arg(long, value_delimiter = ',', value_name = "JOINT,...", help_heading = USE)]
     pub(super) points: Vec<String>,
 
-    /// How motion is made: by the networks, or without them with the feet held where they stand. Without it as it suits:
-    /// without them where the hips are below 0.70 m, which the default pack has no motion for.
+    /// How motion is made: by the networks, or without them with the feet held where they stand.
+    /// Without it as it suits: without them where the hips are below 0.70 m, which the default pack
+    /// has no motion for.
     #[arg(long, value_enum, value_name = "HOW", help_heading = USE)]
     pub(super) motion: Option<How>,
 
-    /// Hold this frame until the interaction is ended; the frames after it are then how it is left. With FRAME=COUNT it is held for
-    /// so many frames. May be given again.
+    /// Hold this frame until the interaction is ended; the frames after it are then how it is left.
+    /// With FRAME=COUNT it is held for so many frames. May be given again.
     #[arg(long, value_name = "FRAME[=COUNT]", value_parser = hold, help_heading = USE)]
     pub(super) hold: Vec<At<Option<u32>>>,
 
-    /// The set of this frame need not be reached: what follows may begin up to TAU frames before it. May be given again.
+    /// The set of this frame need not be reached: what follows may begin up to TAU frames before
+    /// it. May be given again.
     #[arg(long, value_name = "FRAME=TAU", value_parser = at::<u32>, help_heading = USE)]
     pub(super) soft: Vec<At<u32>>,
 
-    /// Sit at this frame, on a seat of this height in metres (0.3 to 0.7), for clips without one: the hips of the clip's pose go down
-    /// and back, the feet stay, the hands lie on the thighs. The object is the seat, and the character's back is to it.
+    /// Sit at this frame, on a seat of this height in metres (0.3 to 0.7), for clips without one:
+    /// the hips of the clip's pose go down and back, the feet stay, the hands lie on the thighs.
+    /// The object is the seat, and the character's back is to it.
     #[arg(
         long,
         value_name = "FRAME=M",
@@ -156,7 +171,8 @@ pub(crate) struct New {
     #[arg(long, help_heading = USE)]
     pub(super) from_stand: bool,
 
-    /// Joint that takes the object, at --object-frame. The object is imagined there, its middle --grip beyond the joint, and held so.
+    /// Joint that takes the object, at --object-frame. The object is imagined there, its middle
+    /// --grip beyond the joint, and held so.
     #[arg(long, value_name = "JOINT", conflicts_with = "distance", help_heading = USE)]
     pub(super) hand: Option<String>,
 
@@ -168,8 +184,8 @@ pub(crate) struct New {
     #[arg(long, value_name = "FRAME", requires = "hand", help_heading = USE)]
     pub(super) release: Option<usize>,
 
-    /// Have the server's pack rebuild every pose from the motion around it, so that the definition holds poses that its networks make,
-    /// and none of the clip.
+    /// Have the server's pack rebuild every pose from the motion around it, so that the definition
+    /// holds poses that its networks make, and none of the clip.
     #[arg(long, conflicts_with = "pack_folder", help_heading = WRITING)]
     pub(super) rebuild: bool,
 
@@ -177,7 +193,8 @@ pub(crate) struct New {
     #[arg(long, value_name = "FILE", help_heading = WRITING)]
     pub(super) out: Option<PathBuf>,
 
-    /// Write --out even where there is such a file; what it holds is gone then, variants that were added too.
+    /// Write --out even where there is such a file; what it holds is gone then, variants that were
+    /// added too.
     #[arg(long, requires = "out", help_heading = WRITING)]
     pub(super) force: bool,
 

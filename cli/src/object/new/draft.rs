@@ -29,8 +29,9 @@ pub(super) struct Draft {
     pub(super) notes: Vec<String>,
 }
 
-/// Makes the definition that is asked for. `clip` is at the pack's rate, on its skeleton. `into`: the definition that it is added to;
-/// then all that is made but sockets, variant and sets is of no account.
+/// Makes the definition that is asked for. `clip` is at the pack's rate, on its skeleton. `into`:
+/// the definition that it is added to; then all that is made but sockets, variant and sets is of no
+/// account.
 pub(super) fn draft(
     new: &New,
     clip: &Clip,
@@ -93,7 +94,8 @@ pub(super) fn draft(
     Ok(Draft { doc, notes })
 }
 
-/// Fits what was made to a definition that it is added to: names that are different, and sockets that it has not.
+/// Fits what was made to a definition that it is added to: names that are different, and sockets
+/// that it has not.
 fn beside(old: &ObjectDoc, mut made: ObjectDoc) -> Result<ObjectDoc, Wrong> {
     let variant = made.variants[0].name.clone();
     if old.variants.iter().any(|other| other.name == variant) {

@@ -96,7 +96,8 @@ fn read(file: &Path, is_skill: bool) -> Result<Old, Failure> {
     Ok(Old { text, doc })
 }
 
-/// Puts into a clip, at each of the frames that become keyframes, the pose that the pack's networks make there.
+/// Puts into a clip, at each of the frames that become keyframes, the pose that the pack's networks
+/// make there.
 async fn rebuilt(context: &Context, new: &New, clip: &mut Clip) -> Result<(), Failure> {
     let (client, pack) = context.connect_to_pack(&new.pack.pack).await?;
     let (least, most) = (KEY, clip.frames().saturating_sub(SEGMENT - KEY));

@@ -1,4 +1,5 @@
-//! Seated poses, which clips seldom have: the hips of a standing one go down onto a seat, the feet stay where they stand.
+//! Seated poses, which clips seldom have: the hips of a standing one go down onto a seat, the feet
+//! stay where they stand.
 
 use troupe_motion::ik::{Leg, Posed, arms, legs, pose_at, two_bone};
 use troupe_motion::{Quat, Skeleton, Vec3};
@@ -62,7 +63,8 @@ fn elbow(out: Vec3, forward: Vec3) -> Vec3 {
     out * 0.4 - forward * 0.5 - Vec3::Y
 }
 
-/// Stretches a limb of upper, middle and end joint, so that it has no side of its own that it bends to.
+/// Stretches a limb of upper, middle and end joint, so that it has no side of its own that it bends
+/// to.
 fn straighten(skeleton: &Skeleton, rotations: &mut [Quat], [_, middle, end]: [usize; 3]) {
     let upper_bone = skeleton.joints[middle].offset_m.normalize_or_zero();
     let lower_bone = rotations[middle] * skeleton.joints[end].offset_m.normalize_or_zero();

@@ -38,7 +38,8 @@ impl Pose {
         }
     }
 
-    /// Whether its root is where that of another pose is, within metres over the ground and radians.
+    /// Whether its root is where that of another pose is, within metres over the ground and
+    /// radians.
     pub(super) fn stays_at(&self, other: &Self, (metres, radians): (f32, f32)) -> bool {
         let way = self.root.position - other.root.position;
         let turn = wrap_angle(self.root.heading - other.root.heading);
@@ -56,8 +57,8 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    /// An object `distance` metres before a character, its origin `height` metres over the ground: it faces the character. Behind
-    /// the character it faces the way that the character does.
+    /// An object `distance` metres before a character, its origin `height` metres over the ground:
+    /// it faces the character. Behind the character it faces the way that the character does.
     pub(super) fn before(skeleton: &Skeleton, pose: &Pose, distance: f32, height: f32) -> Self {
         let place = pose.root.projected() + pose.root.forward() * distance;
         Self {
@@ -77,7 +78,8 @@ impl Stage {
         }
     }
 
-    /// An object whose middle, `middle` metres over its origin, is `grip` metres beyond a joint along its bone. It faces the character.
+    /// An object whose middle, `middle` metres over its origin, is `grip` metres beyond a joint
+    /// along its bone. It faces the character.
     pub(super) fn in_hand(skeleton: &Skeleton, pose: &Pose, joint: usize, grip: f32, middle: f32) -> Self {
         let at = pose.positions[joint] + pose.turned[joint] * bone(skeleton, joint) * grip;
         Self {
@@ -98,7 +100,8 @@ impl Stage {
     }
 }
 
-/// Which way a joint's bone points in its own frame: towards its first child, else on from its parent.
+/// Which way a joint's bone points in its own frame: towards its first child, else on from its
+/// parent.
 fn bone(skeleton: &Skeleton, joint: usize) -> Vec3 {
     let child = skeleton.joints.iter().find(|other| other.parent == Some(joint));
     let along = child.map_or(skeleton.joints[joint].offset_m, |child| child.offset_m);

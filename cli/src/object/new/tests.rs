@@ -29,8 +29,9 @@ const LIMITS: Limits = Limits { least: 8, most: 60 };
 const FRAMES: usize = 100;
 const HEADING: f32 = 0.5;
 
-/// Hips and an arm. It faces 0.5 rad, walks ahead 1 cm a frame up to frame 40 and stands then; its hand, at first below the shoulder,
-/// goes up before it; its hips go down to 0.5 m from frame 60 on.
+/// Hips and an arm. It faces 0.5 rad, walks ahead 1 cm a frame up to frame 40 and stands then; its
+/// hand, at first below the shoulder, goes up before it; its hips go down to 0.5 m from frame 60
+/// on.
 fn clip() -> Clip {
     let joint = |name: &str, parent, offset_m| Joint {
         name: name.to_owned(),

@@ -280,7 +280,8 @@ impl<'a> Wish<'a> {
             return keyframe(pose, &view, self.new.pivot && !taken);
         }
         let stays = before.is_some_and(|before| pose.stays_at(before, STAYS));
-        // A thing that stands on something may stand higher or lower in a scene: hands go where it is.
+        // A thing that stands on something may stand higher or lower in a scene: hands go where it
+        // is.
         let raised = !taken && stage.origin.y > ground;
         let heights = if raised { stage.origin.y } else { ground };
         KeyframeDoc {

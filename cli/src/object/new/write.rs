@@ -1,6 +1,7 @@
 //! A drafted definition as TOML with comments, as people write it.
 //!
-//! Tables of a list may stand anywhere in a TOML text, so what is added to a definition ([`addition`]) goes behind its end.
+//! Tables of a list may stand anywhere in a TOML text, so what is added to a definition
+//! ([`addition`]) goes behind its end.
 
 use std::fmt::{Display, Write as _};
 
@@ -75,7 +76,8 @@ pub(super) fn skill(doc: &ObjectDoc, source: &Source<'_>) -> String {
     text.0
 }
 
-/// What is added to a definition: the drafted variant, its sets, and its sockets but for those that the definition has.
+/// What is added to a definition: the drafted variant, its sets, and its sockets but for those that
+/// the definition has.
 pub(super) fn addition(doc: &ObjectDoc, source: &Source<'_>) -> String {
     let mut text = Text::default();
     text.gap();

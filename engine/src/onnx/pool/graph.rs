@@ -12,7 +12,8 @@ use crate::specs::StageTensors as _;
 use crate::{EngineError, lengths};
 use troupe_motion::model::Dims;
 
-/// What an open network takes beside its weights in 16 bits: graph and kernels. Measured with OpenVINO 2025.4.
+/// What an open network takes beside its weights in 16 bits: graph and kernels. Measured with
+/// OpenVINO 2025.4.
 const NETWORK_BYTES: u64 = 13 << 20;
 
 /// Bytes that the networks take without which a pack cannot be served: one of every length.
@@ -94,7 +95,8 @@ impl PackNetworks {
         &self.graphs
     }
 
-    /// The networks that are needed at least, as graphs and lengths. Stages in turns, because each compiles one network at a time.
+    /// The networks that are needed at least, as graphs and lengths. Stages in turns, because each
+    /// compiles one network at a time.
     pub(super) fn least(&self) -> Vec<(&Arc<Graph>, usize)> {
         let [root, pose, decoder] = &self.graphs;
         let others = self

@@ -1,11 +1,12 @@
 //! The networks of fixed shapes that are open, for all workers and packs.
 //!
-//! A network is made for one stage, one length and one number of rows. Workers borrow one for a call. What is missing opens in
-//! the background, while calls run in what is open: a row's bits are the same in every number of rows, so it does not matter
-//! which. A network that is asked for while another worker has it is opened a second time.
+//! A network is made for one stage, one length and one number of rows. Workers borrow one for a
+//! call. What is missing opens in the background, while calls run in what is open: a row's bits are
+//! the same in every number of rows, so it does not matter which. A network that is asked for while
+//! another worker has it is opened a second time.
 //!
-//! All of them together stay within a budget. A network that was not used lately closes for one that is needed. Of every length
-//! one network stays open.
+//! All of them together stay within a budget. A network that was not used lately closes for one
+//! that is needed. Of every length one network stays open.
 
 mod graph;
 mod opener;
@@ -58,8 +59,8 @@ impl NetworkPool {
         self.networks.budget_bytes
     }
 
-    /// The graphs of a pack, with one network of every length open. Who comes first reads and opens them; `look` checks them
-    /// and says whether they take segments of any length.
+    /// The graphs of a pack, with one network of every length open. Who comes first reads and opens
+    /// them; `look` checks them and says whether they take segments of any length.
     pub(super) fn pack(
         &self,
         runtime: &Runtime,

@@ -14,8 +14,8 @@ use crate::onnx::exit;
 use crate::onnx::network::Sample;
 use crate::onnx::openvino::Compiled;
 
-/// The thread that opens networks in the background. Dropped, it ends the thread and waits for it: a library that compiles must
-/// not be left while the process exits.
+/// The thread that opens networks in the background. Dropped, it ends the thread and waits for it:
+/// a library that compiles must not be left while the process exits.
 pub(super) struct Opener {
     closing: Arc<AtomicBool>,
     /// Holds each shape once at most. None where there is no thread.
@@ -162,8 +162,8 @@ impl Networks {
         result
     }
 
-    /// A network, run once. None where a row of it is not, bit for bit, what it is alone: a CPU may have other instructions for
-    /// larger products, and OpenVINO has bugs that show so too.
+    /// A network, run once. None where a row of it is not, bit for bit, what it is alone: a CPU may
+    /// have other instructions for larger products, and OpenVINO has bugs that show so too.
     fn opened(&self, graph: &Arc<Graph>, key: Key) -> Result<Option<Compiled>, EngineError> {
         let started = Instant::now();
         let run = |reason: String| EngineError::Run {

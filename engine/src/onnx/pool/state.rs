@@ -1,4 +1,5 @@
-//! Which networks of fixed shapes are open, and which close for others: the rules, without the networks.
+//! Which networks of fixed shapes are open, and which close for others: the rules, without the
+//! networks.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -123,8 +124,8 @@ impl<N> State<N> {
         }
     }
 
-    /// Reserves room for a network that was asked for. Gives those that close for it. None where there is no room, or where it
-    /// was forgotten meanwhile.
+    /// Reserves room for a network that was asked for. Gives those that close for it. None where
+    /// there is no room, or where it was forgotten meanwhile.
     pub(super) fn make_room_for(
         &mut self,
         key: Key,

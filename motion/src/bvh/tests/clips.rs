@@ -15,8 +15,8 @@ use crate::testing::{biped, walk};
 
 const SIX: &str = "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation";
 
-/// A root that places the hips, hips with two legs, six channels everywhere: `(placing root, hips, left leg)` positions a
-/// frame, no rotation but 90° about Y at the placing root.
+/// A root that places the hips, hips with two legs, six channels everywhere: `(placing root, hips,
+/// left leg)` positions a frame, no rotation but 90° about Y at the placing root.
 fn placed(frames: &[([f64; 3], [f64; 3], [f64; 3])]) -> BvhFile {
     let mut text = format!(
         "HIERARCHY ROOT place {{ OFFSET 0 0 0 {SIX} JOINT Hips {{ OFFSET 7 7 7 {SIX}
@@ -77,7 +77,8 @@ fn a_static_placing_root_is_folded() {
             Quat::from_rotation_y(std::f32::consts::FRAC_PI_2)
         ) < 1e-6
     );
-    // Position channels replaced the OFFSET; where there are none it stays. Left is from the right leg to the left.
+    // Position channels replaced the OFFSET; where there are none it stays. Left is from the right
+    // leg to the left.
     let offsets: Vec<_> = clip.skeleton.joints[1..].iter().map(|j| j.offset_m).collect();
     assert!(offsets[0].abs_diff_eq(Vec3::new(0.01, 0.0, 0.0), 1e-6));
     assert!(offsets[1].abs_diff_eq(Vec3::new(-0.01, 0.0, 0.0), 1e-6));
@@ -119,8 +120,8 @@ fn a_root_that_moves_over_a_fixed_child_stays() {
 
 #[test]
 fn a_pelvis_with_an_only_child_stays() {
-    // Hips > Spine > two arms: the first joint that branches is not the pelvis. Whether the spine has position channels of
-    // its own, as every joint of some files has, or not.
+    // Hips > Spine > two arms: the first joint that branches is not the pelvis. Whether the spine
+    // has position channels of its own, as every joint of some files has, or not.
     for (channels, place) in [("CHANNELS 3 Zrotation Xrotation Yrotation", ""), (SIX, "0 10 0")] {
         let text = format!(
             "HIERARCHY ROOT Hips {{ OFFSET 0 0 0 {SIX} JOINT Spine {{ OFFSET 0 10 0 {channels}

@@ -4,10 +4,12 @@ use glam::{Quat, Vec3};
 
 use crate::skeleton::Skeleton;
 
-/// Numbers that describe a row: bone (3), place in the neutral pose (3), hinge axis (3). Then six flags: a hinge, fixed, a contact, an
-/// end, the root, the root's place. Last depth, side, reach and the logarithm of the size.
+/// Numbers that describe a row: bone (3), place in the neutral pose (3), hinge axis (3). Then six
+/// flags: a hinge, fixed, a contact, an end, the root, the root's place. Last depth, side, reach
+/// and the logarithm of the size.
 pub const DESCRIPTION: usize = 19;
-/// Rows that a row's attention reads: itself, the root's place, the root joint, then its nearest ancestors.
+/// Rows that a row's attention reads: itself, the root's place, the root joint, then its nearest
+/// ancestors.
 pub const SLOTS: usize = 16;
 
 /// Slots of each row.

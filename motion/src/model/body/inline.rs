@@ -11,7 +11,8 @@ use crate::skeleton::{ContactParams, Joint, Skeleton};
 
 /// Joints farther than this share of the body's extent from the middle have a side.
 const SIDE_SHARE: f32 = 0.02;
-/// Ends that are higher than this share of the body's extent above the lowest one do not touch the ground.
+/// Ends that are higher than this share of the body's extent above the lowest one do not touch the
+/// ground.
 const GROUND_SHARE: f32 = 0.05;
 /// A contact joint counts as touching the ground up to this height above where it stands, metres.
 const CONTACT_ROOM_M: f32 = 0.05;
@@ -34,11 +35,13 @@ pub struct InlineJoint {
 pub struct InlineSkeleton {
     /// Parents before their children. The answer has the same order.
     pub joints: Vec<InlineJoint>,
-    /// The body's left in the root's own frame, unit length. Left out: what is +X in the neutral pose.
+    /// The body's left in the root's own frame, unit length. Left out: what is +X in the neutral
+    /// pose.
     pub left_axis: Option<Vec3>,
     /// Names of the joints that touch the ground. Left out: the lowest ends.
     pub contacts: Option<Vec<String>>,
-    /// World rotations of the neutral pose, one a joint. Left out: the rest pose, turned to head along +Z.
+    /// World rotations of the neutral pose, one a joint. Left out: the rest pose, turned to head
+    /// along +Z.
     pub neutral: Option<Vec<Quat>>,
     /// 1 left, -1 right, 0 middle, one a joint. Left out: by the places of the neutral pose.
     pub sides: Option<Vec<i8>>,
@@ -147,7 +150,8 @@ impl InlineSkeleton {
         way.take(self.joints.len()).any(|joint| joint == start)
     }
 
-    /// The joints that touch the ground: where they stand in the neutral pose the lowest of them is on the ground.
+    /// The joints that touch the ground: where they stand in the neutral pose the lowest of them is
+    /// on the ground.
     fn contact_params(&self, skeleton: &Skeleton, places: &[Vec3]) -> Result<ContactParams, BodyError> {
         let joints = match &self.contacts {
             Some(names) => {

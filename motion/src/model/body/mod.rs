@@ -1,8 +1,10 @@
-//! A body that one model of many bodies can move: a skeleton with a neutral pose, described joint by joint.
+//! A body that one model of many bodies can move: a skeleton with a neutral pose, described joint
+//! by joint.
 //!
-//! In the neutral pose the body stands upright, heads along +Z, and its limbs hang down. With `N[j]` the world rotation of a joint
-//! in that pose, `R[j] N[j]ᵀ` is how far it has turned in a frame, in world axes: the same bend on every body. The
-//! reference is `training/troupe_training/data/bodies.py`.
+//! In the neutral pose the body stands upright, heads along +Z, and its limbs hang down. With
+//! `N[j]` the world rotation of a joint in that pose, `R[j] N[j]ᵀ` is how far it has turned in a
+//! frame, in world axes: the same bend on every body. The reference is
+//! `training/troupe_training/data/bodies.py`.
 
 mod description;
 mod error;
@@ -48,16 +50,18 @@ pub struct BodyParts {
     pub neutral: Vec<Quat>,
     /// 1 left, -1 right, 0 middle.
     pub sides: Vec<i8>,
-    /// Height of the root in the neutral pose above the ground, metres. Left out: the lowest foot stands on the ground.
+    /// Height of the root in the neutral pose above the ground, metres. Left out: the lowest foot
+    /// stands on the ground.
     pub height_m: Option<f32>,
-    /// What lengths are divided by, metres. Left out: the root's height, or half the extent of what does not stand on legs.
+    /// What lengths are divided by, metres. Left out: the root's height, or half the extent of what
+    /// does not stand on legs.
     pub size_m: Option<f32>,
     /// The words that its clips show.
     pub words: Vec<String>,
 }
 
-/// A checked body, with what networks are told of it. It has J joints, and J + 1 rows: one for the place of its root, then one a
-/// joint.
+/// A checked body, with what networks are told of it. It has J joints, and J + 1 rows: one for the
+/// place of its root, then one a joint.
 #[derive(Debug, Clone)]
 pub struct Body {
     /// Its name.
@@ -74,7 +78,8 @@ pub struct Body {
     pub size_m: f32,
     /// The words that its clips show; none where it has no clips.
     pub words: Vec<String>,
-    /// Bones in the neutral pose, world axes, `[J]`, metres: `N[parent] offset[j]`, zero for the root.
+    /// Bones in the neutral pose, world axes, `[J]`, metres: `N[parent] offset[j]`, zero for the
+    /// root.
     pub bones_m: Box<[Vec3]>,
     /// What networks are told of each row, `[J + 1]`. Lengths are shares of the size.
     pub description: Box<[[f32; DESCRIPTION]]>,
@@ -85,7 +90,8 @@ pub struct Body {
 }
 
 impl Body {
-    /// Checks the parts, and computes what networks need. `dims` has the sizes of windows; joints and contacts are the body's own.
+    /// Checks the parts, and computes what networks need. `dims` has the sizes of windows; joints
+    /// and contacts are the body's own.
     ///
     /// # Errors
     /// [`BodyError`], which names the field and its range.

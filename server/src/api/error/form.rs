@@ -118,7 +118,8 @@ impl ApiError {
         response
     }
 
-    /// The error behind a gRPC status: our own, or one that the gRPC library made while it read the request.
+    /// The error behind a gRPC status: our own, or one that the gRPC library made while it read the
+    /// request.
     pub fn of_status(status: &Status, limit_bytes: usize) -> Self {
         let own = std::error::Error::source(status).and_then(|source| source.downcast_ref::<Self>());
         if let Some(own) = own {

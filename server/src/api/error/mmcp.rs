@@ -1,4 +1,5 @@
-//! Errors as the Motion Model Context Protocol has them: the one place that maps our table to its closed list of codes.
+//! Errors as the Motion Model Context Protocol has them: the one place that maps our table to its
+//! closed list of codes.
 
 use axum::Json;
 use axum::response::{IntoResponse as _, Response};

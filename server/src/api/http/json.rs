@@ -75,8 +75,8 @@ fn check_start(bytes: &[u8]) -> Result<(), ApiError> {
     Err(not_json(wrong.to_owned()))
 }
 
-/// The field that an error is about: the value's place, with the name of one that is unknown, twice or missing there. What is
-/// wrong with the whole is about the body.
+/// The field that an error is about: the value's place, with the name of one that is unknown, twice
+/// or missing there. What is wrong with the whole is about the body.
 fn field_at_fault(path: &str, message: &str) -> String {
     let kinds = ["unknown field `", "duplicate field `", "missing field `"];
     let rest = kinds.iter().find_map(|kind| message.strip_prefix(kind));
@@ -94,7 +94,8 @@ fn field_at_fault(path: &str, message: &str) -> String {
     }
 }
 
-/// An answer that may be large, written as JSON on the pool for blocking work: it may take a second.
+/// An answer that may be large, written as JSON on the pool for blocking work: it may take a
+/// second.
 pub(in crate::api) async fn written<T: Serialize>(
     answer: impl FnOnce() -> T + Send + 'static,
 ) -> Result<Response, ApiError> {

@@ -39,7 +39,8 @@ impl FromRequest<Arc<Service>> for Call {
 
 /// What this server's models can do, for tools that speak MMCP
 ///
-/// The Motion Model Context Protocol, version 1.4: a model for each pack, or for each body of a pack.
+/// The Motion Model Context Protocol, version 1.4: a model for each pack, or for each body of a
+/// pack.
 #[utoipa::path(
     get,
     path = "/capabilities",
@@ -57,8 +58,8 @@ pub(crate) async fn capabilities(
 
 /// Make motion for a tool that speaks MMCP
 ///
-/// The Motion Model Context Protocol, version 1.4. A batch, `{"protocol_version", "requests": […]}`, answers
-/// `{"results": [{"gltf"} or {"error"}, …]}` as application/json.
+/// The Motion Model Context Protocol, version 1.4. A batch, `{"protocol_version", "requests":
+/// […]}`, answers `{"results": [{"gltf"} or {"error"}, …]}` as application/json.
 #[utoipa::path(
     post,
     path = "/generate",

@@ -19,8 +19,9 @@ const LINES: &str = "application/x-ndjson";
 
 /// Act out words, or follow a path
 ///
-/// The answer comes part by part while it is made, one JSON object a line; the last has `is_last`. An error after the first part
-/// is a line of its own, with the member `error`, and ends the answer. What a pack can do is in its `capabilities`.
+/// The answer comes part by part while it is made, one JSON object a line; the last has `is_last`.
+/// An error after the first part is a line of its own, with the member `error`, and ends the
+/// answer. What a pack can do is in its `capabilities`.
 #[utoipa::path(
     post,
     path = "/v1/generate",
@@ -43,8 +44,9 @@ pub(crate) async fn generate(
 
 /// Put a motion into words, or into audio that goes with it
 ///
-/// The answer comes part by part while it is made, one JSON object a line; the last has `is_last`. An error after the first part
-/// is a line of its own, with the member `error`, and ends the answer. What a pack can do is in its `capabilities`.
+/// The answer comes part by part while it is made, one JSON object a line; the last has `is_last`.
+/// An error after the first part is a line of its own, with the member `error`, and ends the
+/// answer. What a pack can do is in its `capabilities`.
 #[utoipa::path(
     post,
     path = "/v1/describe",

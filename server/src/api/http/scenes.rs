@@ -136,8 +136,8 @@ pub(in crate::api) async fn delete(
 
 /// Put objects into a scene
 ///
-/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the body is the name in the path,
-/// or left out.
+/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the
+/// body is the name in the path, or left out.
 #[utoipa::path(
     post,
     path = "/v1/scenes/{name}/add",
@@ -160,8 +160,8 @@ pub(in crate::api) async fn add(
 
 /// Move objects of a scene
 ///
-/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the body is the name in the path,
-/// or left out.
+/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the
+/// body is the name in the path, or left out.
 #[utoipa::path(
     post,
     path = "/v1/scenes/{name}/move",
@@ -184,8 +184,8 @@ pub(in crate::api) async fn move_objects(
 
 /// Take objects out of a scene, whoever has them
 ///
-/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the body is the name in the path,
-/// or left out.
+/// Each has a result of its own. One that is refused does not hold up the others. `scene` in the
+/// body is the name in the path, or left out.
 #[utoipa::path(
     post,
     path = "/v1/scenes/{name}/remove",
@@ -243,7 +243,8 @@ pub(in crate::api) async fn list_objects(
 
 /// Add an object definition, or replace one
 ///
-/// An error of the document names its line, column and field. `name` in the body is the name in the path, or left out.
+/// An error of the document names its line, column and field. `name` in the body is the name in the
+/// path, or left out.
 #[utoipa::path(
     put,
     path = "/v1/objects/{name}",

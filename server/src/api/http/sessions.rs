@@ -198,8 +198,8 @@ pub(in crate::api) async fn command(
 
 /// Give commands and take the next frames
 ///
-/// Waits for the plans that the frames need. Sessions that cannot be served are among the problems; where none can be, the
-/// answer is the first one's error.
+/// Waits for the plans that the frames need. Sessions that cannot be served are among the problems;
+/// where none can be, the answer is the first one's error.
 #[utoipa::path(
     post,
     path = "/v1/step",

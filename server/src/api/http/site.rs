@@ -1,4 +1,5 @@
-//! The documentation: the site that `scripts/docs.sh` builds from `docs/`, inside the program if it was built before the program.
+//! The documentation: the site that `scripts/docs.sh` builds from `docs/`, inside the program if it
+//! was built before the program.
 
 use axum::Router;
 use axum::extract::Path;
@@ -48,7 +49,8 @@ async fn front(headers: HeaderMap) -> Response {
     response
 }
 
-/// A file of the site. A folder's page is at the folder's name and a slash, so that its links lead on from there.
+/// A file of the site. A folder's page is at the folder's name and a slash, so that its links lead
+/// on from there.
 fn file(path: &str, headers: &HeaderMap) -> Response {
     if path.ends_with('/') {
         return files::answer(Files::get(&format!("{path}{PAGE}")), headers, Keep::Ask, POLICY);

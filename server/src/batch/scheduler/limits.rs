@@ -14,22 +14,23 @@ pub struct Limits {
     pub workers: usize,
     /// Most characters that a worker takes at once.
     pub max_batch: usize,
-    /// Rows of the engine's largest call, where it cuts batches into calls; else 0. More than a call is taken in whole calls: rows
-    /// beyond them would run in small ones, which cost more a row.
+    /// Rows of the engine's largest call, where it cuts batches into calls; else 0. More than a
+    /// call is taken in whole calls: rows beyond them would run in small ones, which cost more a
+    /// row.
     pub call_rows: usize,
     /// Longest time of what a worker takes at once, by measure; zero for no such limit.
     pub max_batch_time: Duration,
     /// Most characters of calls that may wait.
     pub max_queued: usize,
-    /// Most characters of live plans that may wait. A session has one at most, so with a place for each session none is
-    /// ever refused, however many calls wait.
+    /// Most characters of live plans that may wait. A session has one at most, so with a place for
+    /// each session none is ever refused, however many calls wait.
     pub max_live: usize,
     /// A call that would wait for longer than this is refused; zero for no such limit.
     pub max_wait: Duration,
     /// What calls wait for before they go in front of live plans.
     pub ageing: Duration,
-    /// One of so many places goes to a call first, where one waits; 0 for none. Of a large crowd some plans always wait, and made
-    /// each call wait for `ageing`, or be refused.
+    /// One of so many places goes to a call first, where one waits; 0 for none. Of a large crowd
+    /// some plans always wait, and made each call wait for `ageing`, or be refused.
     pub call_share: usize,
 }
 
@@ -39,7 +40,8 @@ impl Default for Limits {
             workers: 1,
             max_batch: 64,
             call_rows: 0,
-            // Two frames at 30 Hz: half of the usual look-ahead of a plan is left for its own batch.
+            // Two frames at 30 Hz: half of the usual look-ahead of a plan is left for its own
+            // batch.
             max_batch_time: Duration::from_millis(66),
             max_queued: 1024,
             max_live: 16_384,

@@ -2,28 +2,34 @@
 
 use std::time::{Duration, Instant};
 
-/// Time of a character on a worker before any was measured. It counts as one character of the measurements to come.
+/// Time of a character on a worker before any was measured. It counts as one character of the
+/// measurements to come.
 const FIRST_GUESS_S: f64 = 0.005;
 /// What is left of older measurements of the workers after each step that finishes something.
 const WORKER_MEMORY: f64 = 0.9;
-/// Time, in seconds, after which older measurements of the queue have lost two thirds of their weight.
+/// Time, in seconds, after which older measurements of the queue have lost two thirds of their
+/// weight.
 const QUEUE_MEMORY_S: f64 = 0.5;
-/// Time, in seconds, that calls are taken to have left at the workers' full speed when they begin to pile up.
+/// Time, in seconds, that calls are taken to have left at the workers' full speed when they begin
+/// to pile up.
 const QUEUE_PRIOR_S: f64 = 0.1;
 /// The longest wait that is told: where hardly any call leaves, treat it as infinite.
 const LONGEST_WAIT_S: f64 = 3600.0;
 
 /// Two measures.
 ///
-/// - **Workers**: a worker's time for one character, over the latest steps. It tells how many a worker does in a given time.
-/// - **Queue**: characters of calls that left a second, over the latest time during which some were left waiting. It includes
-///   what live plans took away from them, and tells how long a call would wait (Little's law).
+/// - **Workers**: a worker's time for one character, over the latest steps. It tells how many a
+///   worker does in a given time.
+/// - **Queue**: characters of calls that left a second, over the latest time during which some were
+///   left waiting. It includes what live plans took away from them, and tells how long a call would
+///   wait (Little's law).
 #[derive(Debug)]
 pub(super) struct Meter {
     workers: usize,
     worker_time_s: f64,
     characters: f64,
-    /// Time of steps since something was last finished: characters that need many steps pay for all of them.
+    /// Time of steps since something was last finished: characters that need many steps pay for all
+    /// of them.
     open_s: f64,
     queue_time_s: f64,
     queue_characters: f64,
@@ -59,7 +65,8 @@ impl Meter {
         self.workers = self.workers.saturating_sub(1);
     }
 
-    /// So many characters of calls have left the queue since the last time this was told, and some, or none, are left.
+    /// So many characters of calls have left the queue since the last time this was told, and some,
+    /// or none, are left.
     pub(super) fn left(&mut self, now: Instant, characters: usize, some_wait: bool) {
         match self.backlog_since {
             Some(since) => {

@@ -113,7 +113,8 @@ impl Queue {
         older
     }
 
-    /// Takes up to `room` characters, at least one, of the most urgent request, or of the most urgent call.
+    /// Takes up to `room` characters, at least one, of the most urgent request, or of the most
+    /// urgent call.
     pub(super) fn take(&mut self, now: Instant, room: usize, calls_only: bool) -> Option<Take> {
         let &(due, request) = match calls_only {
             true => self.ready_calls.first()?,

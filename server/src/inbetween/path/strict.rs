@@ -20,7 +20,8 @@ pub(super) fn check(path: &Path<'_>, goal: &v1::PathGoal, body: &Body) -> Result
 }
 
 impl PathPlan {
-    /// A judge of the frames that are made, which go on from the past. None where the body has no limits.
+    /// A judge of the frames that are made, which go on from the past. None where the body has no
+    /// limits.
     pub fn judge(&self) -> Option<Judge> {
         let mut judge = Judge::new(&self.body.rig)?;
         for (frame, key) in self.last.iter().enumerate() {

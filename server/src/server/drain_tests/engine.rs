@@ -1,7 +1,8 @@
 //! An engine that stops and goes on when it is told to, and time that stands still while it works.
 //!
-//! A worker is a thread of the system, whose work takes real time. The time of a simulation goes on by itself as soon as nobody has
-//! anything to do; while a step waits for a worker that may work it must not.
+//! A worker is a thread of the system, whose work takes real time. The time of a simulation goes on
+//! by itself as soon as nobody has anything to do; while a step waits for a worker that may work it
+//! must not.
 
 use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, mpsc};

@@ -1,4 +1,5 @@
-//! Those who watch a stream. They read what its own client reads, each tick written once for all of them.
+//! Those who watch a stream. They read what its own client reads, each tick written once for all of
+//! them.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -13,7 +14,8 @@ use super::outbox::{Outbox, Shared, Tick};
 pub enum Ending {
     /// The stream that was watched is over.
     WatchedEnded,
-    /// So many messages waited for the watcher that there was no room for one that must not be left out.
+    /// So many messages waited for the watcher that there was no room for one that must not be left
+    /// out.
     TooSlow,
 }
 

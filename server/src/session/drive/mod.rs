@@ -1,7 +1,8 @@
 //! Server-clocked frames: one task a stream, which ticks its sessions and hears its client.
 //!
-//! The task ends when the client is done or gone, reads nothing for too long, says something that makes no sense, or when
-//! the server shuts down. Its sessions are let go of then, whatever the reason.
+//! The task ends when the client is done or gone, reads nothing for too long, says something that
+//! makes no sense, or when the server shuts down. Its sessions are let go of then, whatever the
+//! reason.
 
 mod audience;
 mod outbox;
@@ -31,8 +32,8 @@ pub(super) use roster::Roster;
 pub use said::{Attached, Closing, Departure, Said};
 use watching::Watching;
 
-/// Longest time that characters catch up on after ticks that the server missed. What is longer they lose: one who walked would
-/// jump otherwise.
+/// Longest time that characters catch up on after ticks that the server missed. What is longer they
+/// lose: one who walked would jump otherwise.
 const MAX_CATCH_UP: Duration = Duration::from_millis(200);
 
 /// A place among the server's streams; dropping it makes room for another.
@@ -56,8 +57,8 @@ impl StreamPermit {
         &self.sessions
     }
 
-    /// Runs a stream to its end. `inbound` gives what the client says, or why it cannot be read; it ends when the client
-    /// is done.
+    /// Runs a stream to its end. `inbound` gives what the client says, or why it cannot be read; it
+    /// ends when the client is done.
     pub async fn run<I>(&self, inbound: &mut I, outbox: Outbox)
     where
         I: Stream<Item = Result<v1::DriveRequest, v1::Problem>> + Unpin,
@@ -244,7 +245,8 @@ impl Driving {
             return;
         }
         let ticks = 1 + tick.missed.min(self.ticker.most_missed()) as u32;
-        // Where there is no room for what happened, it waits in the sessions, so many events for each.
+        // Where there is no room for what happened, it waits in the sessions, so many events for
+        // each.
         let mut happened = outbox.has_room().then(Vec::new);
         let (mut frames, counts) = self
             .roster
@@ -372,7 +374,8 @@ mod tests {
             .unwrap();
         let _guard = runtime.enter();
         let mut ticker = Ticker::new(30);
-        // The interval's period is a third of a nanosecond short; after a day that is a millisecond.
+        // The interval's period is a third of a nanosecond short; after a day that is a
+        // millisecond.
         let period = Duration::from_secs(1) / 30;
         for number in 0..30 * 3600 * 24u32 {
             let tick = ticker.count(period * number);

@@ -1,6 +1,7 @@
-//! What a stream has to say, and how much of it may wait: control messages in a short queue, and one tick's frames. A tick
-//! that its reader has not taken when the next one comes is replaced, so a slow reader always gets the latest. A tick is one
-//! message for all who read it: it is written once.
+//! What a stream has to say, and how much of it may wait: control messages in a short queue, and
+//! one tick's frames. A tick that its reader has not taken when the next one comes is replaced, so
+//! a slow reader always gets the latest. A tick is one message for all who read it: it is written
+//! once.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -14,7 +15,8 @@ use troupe_proto::v1::drive_response::Message;
 use super::said::{Closing, Said};
 use crate::session::LivePack;
 
-/// Control messages that may wait. With as many waiting, the stream takes no more of its client's messages.
+/// Control messages that may wait. With as many waiting, the stream takes no more of its client's
+/// messages.
 const MAX_CONTROL: usize = 64;
 /// Bytes of them that may wait, likewise; the message that goes over it still fits.
 const MAX_CONTROL_BYTES: usize = 1 << 20;

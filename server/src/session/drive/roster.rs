@@ -28,8 +28,8 @@ struct Member {
     pack: usize,
 }
 
-/// The sessions on a stream. Dropping it lets go of them, and closes them where that was asked for, however the stream
-/// ended.
+/// The sessions on a stream. Dropping it lets go of them, and closes them where that was asked for,
+/// however the stream ended.
 #[derive(Debug)]
 pub struct Roster {
     registry: Arc<Registry>,
@@ -143,8 +143,9 @@ impl Roster {
         left
     }
 
-    /// Advances everybody by `sub_frames` and writes the frames; answers them and how many there are of each pack. The tick's number
-    /// and count of dropped ones are left to the stream. `happened` is where to put what happened; without it, it goes on waiting.
+    /// Advances everybody by `sub_frames` and writes the frames; answers them and how many there
+    /// are of each pack. The tick's number and count of dropped ones are left to the stream.
+    /// `happened` is where to put what happened; without it, it goes on waiting.
     pub async fn tick(
         &mut self,
         sub_frames: u32,

@@ -28,7 +28,8 @@ impl Watching {
     /// Joins those who watch the stream of the session that `open` names.
     ///
     /// # Errors
-    /// [`FieldError`] where no stream has that session, or `open` asks for a rate or form of its own.
+    /// [`FieldError`] where no stream has that session, or `open` asks for a rate or form of its
+    /// own.
     pub fn join(sessions: &Arc<Sessions>, open: &v1::DriveOpen, outbox: &Outbox) -> Result<Self, FieldError> {
         let root = Path::root();
         let path = root.field("open");

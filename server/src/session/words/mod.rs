@@ -1,4 +1,5 @@
-//! Sentences that characters act out: the packs that make motion of them, and what a command may ask of those.
+//! Sentences that characters act out: the packs that make motion of them, and what a command may
+//! ask of those.
 
 pub mod performer;
 

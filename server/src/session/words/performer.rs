@@ -1,7 +1,9 @@
-//! The way of words: from a character's request through the batcher of a pack of words, and back part by part.
+//! The way of words: from a character's request through the batcher of a pack of words, and back
+//! part by part.
 //!
-//! A session has one stream of words at most. Parts are read as they come, and frames wait with the character. Every request leads to
-//! its last part or to [`words_failed`](troupe_character::live::Character::words_failed), a panic on the way included.
+//! A session has one stream of words at most. Parts are read as they come, and frames wait with the
+//! character. Every request leads to its last part or to
+//! [`words_failed`](troupe_character::live::Character::words_failed), a panic on the way included.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -102,7 +104,8 @@ fn order(cell: &SessionCell, request: &WordsRequest, patience: Patience) -> Orde
     }
 }
 
-/// Words that a character waits for. Where they are dropped before their last part, they have failed.
+/// Words that a character waits for. Where they are dropped before their last part, they have
+/// failed.
 struct Awaited {
     cell: Arc<SessionCell>,
     number: u64,

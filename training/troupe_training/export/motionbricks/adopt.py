@@ -155,7 +155,8 @@ def save_adopted(
 ) -> None:
     """A checkpoint with the updates and minutes that the pack's manifest tells of the stage."""
     steps, loss = told.get(f"{stage}_steps", 0), told.get(f"{stage}_final_loss")
-    # A pack's decoder has been refined, of which the next manifest is to tell even where it is not refined again.
+    # A pack's decoder has been refined, of which the next manifest is to tell even where it is not
+    # refined again.
     refined = {key: value for key, value in told.items() if stage == TOKENIZER.name and key.startswith("refine_")}
     write_checkpoint(
         run / f"{stage}.pt",

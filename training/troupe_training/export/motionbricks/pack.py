@@ -36,8 +36,8 @@ OPSET = 20
 EXPORTED = (3, 7, 1)  # batch size, tokens, seed
 CHECKED = ((1, MIN_TOKENS, 2), (5, 9, 3), (8, 12, 5), (32, MAX_TOKENS, 4))
 TOLERANCE = 1e-3
-# Read by rows, and not before a product: OpenVINO turns every row that it reads of such a table into 32 bits number by
-# number, which takes 25 times as long as to copy it.
+# Read by rows, and not before a product: OpenVINO turns every row that it reads of such a table
+# into 32 bits number by number, which takes 25 times as long as to copy it.
 STORED_WHOLE = ("trust",)
 
 

@@ -35,7 +35,8 @@ def interpolation(mask: Tensor) -> tuple[Tensor, Tensor]:
     """
     before, after = neighbours(mask)
     place = torch.arange(mask.shape[1], device=mask.device, dtype=torch.float32)
-    # Not `place - (before * place).sum(-1)`, shorter as it is: OpenVINO fuses that into something wrong (docs/engines.md).
+    # Not `place - (before * place).sum(-1)`, shorter as it is: OpenVINO fuses that into something
+    # wrong (docs/engines.md).
     lag = place[:, None] - place
     has_before, has_after = before.sum(-1), after.sum(-1)
     behind, ahead = (before * lag).sum(-1), -(after * lag).sum(-1)
@@ -76,7 +77,8 @@ class CarriedPose(nn.Module):
         pose = pose - heights * mask[..., None]
         nothing = (1.0 - mask.amax(-1, keepdim=True))[..., None]
         x, y, z = pose.unflatten(-1, (-1, 3)).permute(0, 3, 1, 2).unbind(1)
-        # Interpolated as seen from their own headings, then turned to those of the frames they come to.
+        # Interpolated as seen from their own headings, then turned to those of the frames they come
+        # to.
         right, forward = shares @ (x * cosine - z * sine), shares @ (z * cosine + x * sine)
         x, z = right * cosine + forward * sine, forward * cosine - right * sine
         # Not stacked on the last axis, which takes OpenVINO seven times as long (docs/engines.md).

@@ -30,8 +30,8 @@ class ModelConfig:
     pose_layers: int = 5
     pose_feedforward: int = 4  # width of the pose module's feed-forward layers, in multiples of `pose_dim`
     attention_head_dim: int = 32
-    # Levels of each dimension of a head where it is quantised by rounding (FSQ); none where it has a codebook. Their
-    # product is `codes`, their number `code_dim`.
+    # Levels of each dimension of a head where it is quantised by rounding (FSQ); none where it has
+    # a codebook. Their product is `codes`, their number `code_dim`.
     fsq_levels: tuple[int, ...] = ()
 
 
@@ -40,7 +40,8 @@ def config_of(**sizes: Any) -> ModelConfig:
     return ModelConfig(**{name: size for name, size in sizes.items() if not name.startswith("delta_")})
 
 
-# A third of the default's work, for crowds on few cores. Taught by a pack of the default's size (`--teacher`).
+# A third of the default's work, for crowds on few cores. Taught by a pack of the default's size
+# (`--teacher`).
 SMALL = ModelConfig(decoder_channels=(224, 144, 80), root_dim=128, root_layers=2, pose_dim=160, pose_layers=4)
 
 
@@ -53,9 +54,10 @@ def single_head(config: ModelConfig) -> ModelConfig:
     return replace(config, heads=1, codes=4096, code_dim=96)
 
 
-# The parameter counts that section 7.4 gives: 150 M for the pose module of 16 layers and 16 heads at width 1024, 50 M for the
-# root module at width 512, 23.5 M for encoder and decoder together. Those counts fix what the text leaves open: feed-forward
-# layers of twice the width, and 512 channels (the text says 1024, which would make it 94 M).
+# The parameter counts that section 7.4 gives: 150 M for the pose module of 16 layers and 16 heads
+# at width 1024, 50 M for the root module at width 512, 23.5 M for encoder and decoder together.
+# Those counts fix what the text leaves open: feed-forward layers of twice the width, and 512
+# channels (the text says 1024, which would make it 94 M).
 PAPER = ModelConfig(
     encoder_channels=(512, 512, 512),
     decoder_channels=(512, 512, 512),
@@ -73,7 +75,8 @@ PRESETS = {
     "single-head": single_head(ModelConfig()),
     "small-single-head": single_head(SMALL),
     "paper": PAPER,
-    # The widths of the text instead, whatever they count to: 1024 channels, feed-forward layers of four times the width.
+    # The widths of the text instead, whatever they count to: 1024 channels, feed-forward layers of
+    # four times the width.
     "paper-wide": replace(PAPER, encoder_channels=(1024,) * 3, decoder_channels=(1024,) * 3, pose_feedforward=4),
     "test": ModelConfig(
         heads=2,

@@ -17,8 +17,8 @@ from troupe_training.models.motionbricks.root_module import RootPass
 CHANNELS = 4  # x, y, z in metres, heading in radians
 # Usual sizes of what is missed, by channel: what the read-out's numbers are multiples of.
 SCALES = (0.05, 0.02, 0.05, 0.1)
-# Frames from the context, and from a target, at which half of the envelope is reached. The speed of the context is known, so
-# misses begin with the square of time; at a target only the place is.
+# Frames from the context, and from a target, at which half of the envelope is reached. The speed of
+# the context is known, so misses begin with the square of time; at a target only the place is.
 CONTEXT_FRAMES_TO_HALF, TARGET_FRAMES_TO_HALF = 3.0, 2.0
 
 

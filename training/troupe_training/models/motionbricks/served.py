@@ -89,7 +89,8 @@ class DecoderStage(nn.Module):
         self.register_buffer("columns", columns, persistent=False)
         self.widths = [len(six_d), len(root), len(contacts)]
         self.leave = nn.Linear(decoder.leave.in_features, len(columns), device=columns.device)
-        # Rotations come out in physical units less their usual heights, and so does what is carried.
+        # Rotations come out in physical units less their usual heights, and so does what is
+        # carried.
         scale, centre = torch.ones(len(columns)), torch.zeros(len(columns))
         heights = usual_heights(decoder.pose_scale.mean)[six_d]
         scale[: len(six_d)], centre[: len(six_d)] = (

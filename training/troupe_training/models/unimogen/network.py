@@ -226,7 +226,8 @@ class Carried(nn.Module):
         d = torch.arange(self.CARRIED_FRAMES + 1, dtype=torch.float32)
         shares = torch.stack([torch.exp(-d / 4), d * torch.exp(-d / 2), torch.exp(-d / 4)])
         self.shares = nn.Parameter(shares.repeat(2, 1, 1))  # [joint or place, value, velocity or last, distance]
-        # Noise is white and motion smooth, so that nothing of the noisy row is let through to begin with.
+        # Noise is white and motion smooth, so that nothing of the noisy row is let through to begin
+        # with.
         self.seen = nn.Parameter(torch.zeros(DIFFUSION_STEPS))
 
     def forward(self, x: Tensor, given: Tensor, step: Tensor, place: Tensor) -> Tensor:

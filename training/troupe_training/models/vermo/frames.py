@@ -96,7 +96,8 @@ class Body(nn.Module):
     @full_precision
     def positions(self, rotations: Tensor, height: Tensor) -> Tensor:
         """Joints ``[B, F, J, 3]`` over the projected root, in the frame of the rotations."""
-        # The sum over bones is written as a product of matrices, which ONNX Runtime multiplies faster than an Einsum.
+        # The sum over bones is written as a product of matrices, which ONNX Runtime multiplies
+        # faster than an Einsum.
         bones = (rotations[:, :, self.parents] * self.offsets[:, None, :]).sum(-1)
         joints = torch.matmul(self.ancestors, bones)
         level = torch.zeros_like(height)

@@ -26,12 +26,14 @@ from troupe_training.train.motionbricks.masks import random_slot_masks
 from troupe_training.train.motionbricks.root import root_pass
 from troupe_training.train.trainer import Loss
 
-# In what places (m, rad) and speeds (m/s, rad/s) are measured, by channel; of the size of what is missed.
+# In what places (m, rad) and speeds (m/s, rad/s) are measured, by channel; of the size of what is
+# missed.
 PLACE_UNITS = (0.01, 0.005, 0.01, 0.02)
 SPEED_UNITS = (0.1, 0.1, 0.1, 0.3)
 # Nearer to given frames than this the envelope leaves no choice, and nothing is observed.
 SMALLEST_ENVELOPE = 1e-3
-# One file in so many, and at least so many files, are kept from the curves, to tell how wide they must be for others.
+# One file in so many, and at least so many files, are kept from the curves, to tell how wide they
+# must be for others.
 HELD_BACK, FEWEST_HELD_BACK = 10, 4
 HELD_BATCHES = 60
 WIDTHS = torch.linspace(0.4, 2.0, 65)
@@ -109,7 +111,8 @@ def observation(
     values = torch.cat([missing[:, :, None], curves], 2)  # what is observed as one more curve
     place = values[:, CONTEXT_FRAMES:] / units[0]
     speed = (values[:, CONTEXT_FRAMES:] - values[:, CONTEXT_FRAMES - 1 : -1]) * FPS / units[1]
-    # Speeds count where both frames are open; the first after the context starts from its last, where nothing is missed.
+    # Speeds count where both frames are open; the first after the context starts from its last,
+    # where nothing is missed.
     both = open_[:, CONTEXT_FRAMES:] * torch.cat([torch.ones_like(open_[:, :1]), open_[:, CONTEXT_FRAMES:-1]], 1)
     counts = torch.stack([open_[:, CONTEXT_FRAMES:], both], 1)[..., None].expand(-1, -1, -1, CHANNELS)  # [B, 2, T', 4]
     stacked = torch.stack([place, speed], 1) * counts[:, :, :, None]  # [B, 2, T', K + 1, 4]

@@ -12,7 +12,8 @@ from troupe_training.models.motionbricks.config import FRAMES_PER_TOKEN
 from troupe_training.models.motionbricks.tokenizer import Decoded, Tokenizer
 from troupe_training.train.motionbricks.losses import Body
 
-# Share of the samples that keep the likeliest tokens along the likeliest root, so that answers at temperature 0 stay good.
+# Share of the samples that keep the likeliest tokens along the likeliest root, so that answers at
+# temperature 0 stay good.
 LIKELIEST_SHARE = 0.35
 
 

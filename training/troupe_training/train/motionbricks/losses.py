@@ -13,21 +13,24 @@ from troupe_training.data.store import Segments
 from troupe_training.models.motionbricks.tokenizer import Decoded, Decoder
 
 KEYFRAME_WEIGHT = 4.0
-# Of where the root is at given keyframes, in the mean over them. Without it a decoder that is refined for long learns the
-# paths of its clips by heart, corrects others by them, and misses targets.
+# Of where the root is at given keyframes, in the mean over them. Without it a decoder that is
+# refined for long learns the paths of its clips by heart, corrects others by them, and misses
+# targets.
 KEYFRAME_ROOT_WEIGHT = 6.0
-# Of columns that are shorter or longer than 1. A column of a hundredth has a direction all the same, and loses it in 16 bits.
+# Of columns that are shorter or longer than 1. A column of a hundredth has a direction all the
+# same, and loses it in 16 bits.
 LENGTH_WEIGHT = 0.5
 POSE_WEIGHT = 0.6
-# Standardised errors below it count by their square. The aim is the middle of what may come, not its mean, which nobody
-# does: with a bend of 1 the pack for people moved less than the clips it was trained on.
+# Standardised errors below it count by their square. The aim is the middle of what may come, not
+# its mean, which nobody does: with a bend of 1 the pack for people moved less than the clips it was
+# trained on.
 POSE_BEND = 0.1
 LOW_FOOT_M = 0.1
 # Of accelerations. Motors are to be spared more than eyes.
 SMOOTHNESS, ROBOT_SMOOTHNESS = 0.006, 0.02
 FOOT_WEIGHTS = {"slide": 0.6, "ground": 8.0, "skate": 0.5}
-# Of how fast joints move about the root over a whole segment. Errors frame by frame have their least where a swing that may
-# come early or late is left out; this one does not ask when.
+# Of how fast joints move about the root over a whole segment. Errors frame by frame have their
+# least where a swing that may come early or late is left out; this one does not ask when.
 ENERGY_WEIGHT = 0.6
 
 

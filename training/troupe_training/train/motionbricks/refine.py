@@ -19,15 +19,15 @@ from troupe_training.train.motionbricks.masks import random_keyframe_mask
 from troupe_training.train.motionbricks.root import mixed_root, predicted_root
 from troupe_training.train.trainer import Loss
 
-# Share of predicted, not true, root trajectories. A decoder that sees many true ones learns to copy the root's speed
-# instead of taking it from the feet, and then they skate.
+# Share of predicted, not true, root trajectories. A decoder that sees many true ones learns to copy
+# the root's speed instead of taking it from the feet, and then they skate.
 PREDICTED_ROOTS = 0.9
 # Share of the samples that are decoded from true tokens, so that tokens keep their meaning.
 GUIDED_SHARE = 0.25
 # Share of the updates under the conditions of live control.
 LIVE_SHARE = 0.4
-# Of tokens for each sample, of which the nearest are decoded. None: draws did not make answers more varied, and cost the
-# likeliest answer a hundredth of its L2P (docs/evaluation.md).
+# Of tokens for each sample, of which the nearest are decoded. None: draws did not make answers more
+# varied, and cost the likeliest answer a hundredth of its L2P (docs/evaluation.md).
 DRAWS = 0
 
 

@@ -12,7 +12,8 @@ from troupe_training.train.motionbricks.masks import random_keyframe_mask
 from troupe_training.train.statistics import standardised
 from troupe_training.train.trainer import Loss
 
-# Noise on the decoder's root input, the size of r_g3's error, so that the decoder learns to clean it (r_g4).
+# Noise on the decoder's root input, the size of r_g3's error, so that the decoder learns to clean
+# it (r_g4).
 ROOT_NOISE_M = 0.006
 ROOT_NOISE_RAD = 0.015
 SPOILT_SHARE = 0.2  # of the tokens, at most, and not before `SPOILT_FROM` of the budget is spent

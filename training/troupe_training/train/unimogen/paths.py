@@ -7,7 +7,8 @@ from torch import Generator, Tensor
 
 from troupe_training.models.unimogen.state import Path2D
 
-# What of the windows' paths are the root's own, and what are smoothed; the rest run through points some frames apart.
+# What of the windows' paths are the root's own, and what are smoothed; the rest run through points
+# some frames apart.
 EXACT, SMOOTHED = 0.3, 0.4
 MAX_SIGMA = 8.0  # frames
 MIN_KNOTS, MAX_KNOTS = 8, 24  # frames between points

@@ -31,7 +31,8 @@ TASKS = ("text_to_motion", "motion_to_text")
 CAPTIONS = "captions.json"
 SHARED = (f"{TOKENIZER.name}.pt", f"{JUDGE.name}.pt", CAPTIONS, PIECES, WORDS)  # what all language models share
 WHERE_THERE = (f"{REFINE.name}.pt", f"{FLOW.name}.pt")
-# Parts of the study's budget. Pretraining and instruction make one; whatever begins with random weights gets as much.
+# Parts of the study's budget. Pretraining and instruction make one; whatever begins with random
+# weights gets as much.
 PRETRAINING, SPECIALISING, TOKENIZING = 0.2, 0.2, 1.2
 WARM_UP = 0.1  # of a stage's updates at most
 SPECIALIST_RATE = 0.3  # of the other stages' rate

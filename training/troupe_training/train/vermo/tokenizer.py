@@ -33,7 +33,8 @@ from troupe_training.train.trainer import Job, Loss
 
 CROPS = tuple(range(8 * RATE, MAX_TOKENS * RATE + 1, 8 * RATE))  # frames
 HORIZONS = (4, 16, 64)  # frames over which steps are added up
-# Smallest deviations by which features are divided: metres and parts of unit vectors, then of the local root.
+# Smallest deviations by which features are divided: metres and parts of unit vectors, then of the
+# local root.
 POSE_FLOOR, ROOT_FLOOR = 0.03, (0.1, 0.1, 0.1, 0.03)
 WEIGHTS = {"rotation": 1.0, "position": 8.0, "root": 0.5, "speed": 0.4, "horizon": 4.0, "heading": 1.0, "world": 3.0}
 COMMITMENT = 0.25  # weight of the distance from latents to a codebook's codes

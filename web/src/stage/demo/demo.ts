@@ -1,5 +1,6 @@
-// The stage alone, for those who work on it: `npm run dev`, then /stage.html. Recordings: scripts/stage-clips.sh.
-// ?scene=bodies|crowd|overlays, ?count=200, ?theme=dark, ?skin=1, ?frame=N stops time, ?camera=x,y,z,azimuth,polar,distance
+// The stage alone, for those who work on it: `npm run dev`, then /stage.html. Recordings:
+// scripts/stage-clips.sh. ?scene=bodies|crowd|overlays, ?count=200, ?theme=dark, ?skin=1, ?frame=N
+// stops time, ?camera=x,y,z,azimuth,polar,distance
 import { createStage, type Pose, type Stage } from '../index';
 import HUMAN from '../../bodies/human.glb?url';
 import { readBvh, type Clip } from './clip';

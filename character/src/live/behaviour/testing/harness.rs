@@ -366,7 +366,8 @@ impl Harness {
         places
     }
 
-    /// The largest acceleration of a joint from frame `from` on, m/s², and the largest way in a frame, metres.
+    /// The largest acceleration of a joint from frame `from` on, m/s², and the largest way in a
+    /// frame, metres.
     pub(crate) fn roughness(&self, from: usize) -> (f32, f32) {
         let all: Vec<Vec<Vec3>> = (from..self.frames.len())
             .map(|index| self.joints(index))
@@ -414,8 +415,9 @@ impl Harness {
     }
 }
 
-/// What the networks might give: straight from the context to near the target, the pose going over to the target's. Feet stand
-/// where the root hardly moves; else one after the other, but for plans that are to meet keyframes.
+/// What the networks might give: straight from the context to near the target, the pose going over
+/// to the target's. Feet stand where the root hardly moves; else one after the other, but for plans
+/// that are to meet keyframes.
 pub(crate) fn straight(request: &PlanRequest, rig: &Rig) -> LivePlan {
     let shape = &request.shape;
     let target = shape.targets.targets.last().unwrap();
