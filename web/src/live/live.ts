@@ -15,7 +15,7 @@ import { Meter, Rate } from './meter';
 import type { Place } from './path';
 import { pathFrom, ribbon } from './path';
 import { RATE_HZ } from './playback';
-import { notice, report, useLive } from './store';
+import { clearLive, notice, report, useLive } from './store';
 import { SkillControl } from './skill-control';
 import { places, radiusFor, Wanderer } from './steering';
 import { after, SILENT, whyMute } from './words';
@@ -64,6 +64,7 @@ export class Live {
     readonly stage: Stage,
     readonly api: Api,
   ) {
+    clearLive();
     this.bodies = new Bodies(api);
     this.skills = new SkillControl(this);
     this.crowd = new Crowd(api, this.bodies, {
@@ -103,7 +104,7 @@ export class Live {
       crowd: {
         ...crowd,
         count: Math.min(MOST_CHARACTERS, Math.max(1, link.n ?? crowd.count)),
-        who: link.who ?? crowd.who,
+        who: link.who || crowd.who,
       },
     }));
     await this.crowd.connect();
