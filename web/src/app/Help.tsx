@@ -17,7 +17,8 @@ const KEYS: Keys = [
   [['N'], 'numbers'],
   [['Space'], 'pause and go on'],
   [['.'], 'one frame'],
-  [['C'], 'camera as at the start'],
+  [['C'], 'bring your character back into the picture'],
+  [['Home'], 'camera as at the start'],
   [['V'], 'people as bodies or as capsules'],
   [['T'], 'light or dark'],
   [['Esc'], 'leave what is open; to the stage'],
@@ -61,8 +62,9 @@ function LivePointer() {
   return (
     <>
       Click the ground to go there, click a character to select it. Drag to turn the camera, drag with the second button
-      to move it, turn the wheel to come nearer. With a gamepad: left stick goes, right stick faces, A runs. Drop a
-      skinned glb on the page to give the selected body its skin.
+      to move it, turn the wheel to come nearer. The camera comes along when your character walks out of the picture.
+      With a gamepad the left stick goes, the right stick faces, and A runs. Drop a skinned glb on the page to give the
+      selected body its skin.
     </>
   );
 }

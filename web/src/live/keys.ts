@@ -50,6 +50,9 @@ function act(live: Live, event: KeyboardEvent, isOnStage: boolean): boolean {
       live.faceFreely();
       return true;
     case 'c':
+      live.findOwn();
+      return true;
+    case 'Home':
       live.resetView();
       return true;
     case '.':

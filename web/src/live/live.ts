@@ -10,6 +10,7 @@ import { castOf, MOST_CHARACTERS } from './cast';
 import type { Character } from './character';
 import { Controls, velocityOf } from './control';
 import { Crowd } from './crowd';
+import { Finder, panelsWidth } from './finder';
 import type { Link } from './hash';
 import { Meter, Rate } from './meter';
 import type { Place } from './path';
@@ -56,6 +57,7 @@ export class Live {
   /** Number of the command that said a sentence last. */
   private said = 0;
   private readonly skills: SkillControl;
+  private readonly finder: Finder;
   private readonly radius = { m: radiusFor(24) };
   /** Crowds are changed one after the other. */
   private changes: Promise<void> = Promise.resolve();
@@ -67,6 +69,7 @@ export class Live {
     clearLive();
     this.bodies = new Bodies(api);
     this.skills = new SkillControl(this);
+    this.finder = new Finder(stage, panelsWidth);
     this.crowd = new Crowd(api, this.bodies, {
       onConnection: (state, why) => {
         useLive.setState({ connection: state, trouble: why });
@@ -236,7 +239,14 @@ export class Live {
   /** The camera as at the start. */
   resetView(): void {
     this.follow(false);
+    this.finder.rest();
     this.stage.setCamera(this.home);
+  }
+
+  /** Turns the camera to the own character. */
+  findOwn(): void {
+    this.follow(false);
+    if (this.own) this.finder.find(this.own.id);
   }
 
   follow(on: boolean): void {
@@ -352,10 +362,12 @@ export class Live {
       }
       this.stage.pose(one.id, one);
     }
+    this.finder.frame(this.own?.id, useLive.getState().follow);
     this.meters.frames += 1;
   }
 
   dispose(): void {
+    this.finder.dispose();
     this.stopDrawing?.();
     this.controls.dispose();
     this.stage.follow(null);

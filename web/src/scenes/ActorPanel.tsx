@@ -136,7 +136,7 @@ function Acts({ scenes }: { scenes: Scenes }) {
           size="compact-xs"
           variant="default"
           onClick={() => {
-            actors.leave();
+            scenes.takeActorOut();
           }}
         >
           Take it out

@@ -9,6 +9,7 @@ import { readLink, writeLink } from '../live/hash';
 import { ConnectionBanner, connectionAfter, Notices } from '../live/Signs';
 import { runLoop } from '../live/stage-events';
 import { ActorPanel } from './ActorPanel';
+import { EmptyServer } from './EmptyServer';
 import { installSceneHooks } from './hooks';
 import { SCENE_KEYS, useSceneKeys } from './keys';
 import { LogPanel } from './LogPanel';
@@ -23,7 +24,6 @@ import { useScenes } from './store';
 const LINK_MS = 700;
 /** Time between tries to start, ms. */
 const RETRY_MS = 1000;
-const CAMERA = [0, 0.6, 0.5, Math.PI - 0.55, 1.05, 14];
 
 const useRunning = create<{ scenes: Scenes | undefined }>(() => ({ scenes: undefined }));
 
@@ -33,7 +33,7 @@ function useScenesOn({ stage, api }: ModeProps): Scenes | undefined {
     const scenes = new Scenes(stage, api);
     const link = readLink(location.hash);
     const isOurs = link.mode === 'scenes';
-    stage.setCamera((isOurs ? link.cam : undefined) ?? CAMERA);
+    if (isOurs && link.cam) stage.setCamera(link.cam);
     const stop = runLoop(stage, {
       frame: (now_ms, dt) => {
         scenes.frame(now_ms, dt);
@@ -51,7 +51,12 @@ function useScenesOn({ stage, api }: ModeProps): Scenes | undefined {
     });
     const uninstall = installSceneHooks(scenes);
     const abort = new AbortController();
-    void begin(scenes, isOurs ? link : {}, abort.signal);
+    const { signal } = abort;
+    // A page that is loaded again finds its seats free. One that the browser keeps goes on as it was.
+    window.addEventListener('pagehide', ({ persisted }) => { persisted ? undefined : scenes.actors.leaveAll(); }, {
+      signal,
+    });
+    void begin(scenes, isOurs ? link : {}, signal);
     const timer = setInterval(() => {
       writeAddress(scenes);
     }, LINK_MS);
@@ -85,13 +90,14 @@ async function begin(scenes: Scenes, link: Link, signal: AbortSignal): Promise<v
 }
 
 function writeAddress({ stage }: Scenes): void {
-  const { scene, object, follow, connection } = useScenes.getState();
+  const { scene, object, follow, connection, isLeftEmpty } = useScenes.getState();
   if (connection === 'connecting') return;
   const hash = writeLink({
     mode: 'scenes',
     cam: stage.cameraState(),
     follow,
     ...(scene === null ? {} : { scene }),
+    ...(isLeftEmpty ? { n: 0 } : {}),
     ...(object === null ? {} : { sel: object }),
   });
   if (hash !== location.hash) history.replaceState(null, '', hash);
@@ -130,6 +136,7 @@ export function ScenesMode(props: ModeProps) {
     <>
       <Head />
       <Banner />
+      <EmptyServer scenes={scenes} />
       <aside className="side" aria-label="Panels">
         <ScenePanel scenes={scenes} />
         <ObjectsPanel scenes={scenes} />

@@ -31,6 +31,8 @@ export class Actors {
   readonly held = new Map<string, HeldTrack>();
   private readonly controls = new Controls();
   private opened = 0;
+  /** What characters do as soon as they are on the stage, by id. */
+  private readonly first = new Map<string, Intent>();
   private told = '';
   private toldAt = 0;
   private hadWish = false;
@@ -63,13 +65,19 @@ export class Actors {
     return this.crowd.all.get(useScenes.getState().actor ?? '');
   }
 
-  /** Puts a character into a scene, where `at` says. */
-  async put(scene: string, pack: string, at: { x: number; z: number }): Promise<Character | undefined> {
+  /** Puts a character into a scene. Once it is on the stage it does `first`. */
+  async put(
+    scene: string,
+    pack: string,
+    at: { x: number; z: number; heading?: number },
+    first?: Intent,
+  ): Promise<Character | undefined> {
     const kind = await this.bodies.of(pack, '');
     const role = { pack, body: kind.body, style: kind.defaultStyle, scene };
     const seed = SEED + this.opened;
     const tint = this.opened++;
-    const [made] = await this.crowd.open([{ role, ...at, heading: 0, seed, priority: 1, tint }]);
+    const [made] = await this.crowd.open([{ role, heading: 0, ...at, seed, priority: 1, tint }]);
+    if (made && first) this.first.set(made.id, first);
     if (made) this.choose(made.id);
     return made;
   }
@@ -137,6 +145,9 @@ export class Actors {
         this.stage.add(one.id, one.kind.skeleton, { tint: one.tint });
         one.isShown = true;
         if (one === this.own) this.choose(one.id);
+        const first = this.first.get(one.id);
+        this.first.delete(one.id);
+        if (first) this.crowd.command([one.command(first)]);
       }
       this.stage.pose(one.id, one);
     }

@@ -40,7 +40,20 @@ describe('drawnOf', () => {
 
   it('reads a hull about a pivot', () => {
     const drawn = drawnOf('{"shape": {"convex": {"points_m": [[0, 0, 1]]}}, "anchor": {"pivot_m": [0, 1, 0]}}');
-    expect(drawn).toEqual({ shape: { kind: 'convex', points: [[0, 0, 1]] }, pivot: [0, 1, 0], approaches: [] });
+    expect(drawn).toEqual({
+      shape: { kind: 'convex', points: [[0, 0, 1]] },
+      pivot: [0, 1, 0],
+      approaches: [],
+      isSeat: false,
+    });
+  });
+
+  it('knows a seat: its hips are low, and held until the interaction is ended', () => {
+    const isSeat = (set: string) => drawnOf(`{"shape": {"convex": {"points_m": []}}, "sets": [${set}]}`).isSeat;
+    expect(isSeat('{"hold_until_ended": true, "keyframes": [{"height_m": 0.94}, {"height_m": 0.55}]}')).toBe(true);
+    expect(isSeat('{"hold_until_ended": true, "keyframes": [{"height_m": 0.94}]}')).toBe(false);
+    expect(isSeat('{"hold_until_ended": true, "keyframes": [{}]}')).toBe(false);
+    expect(isSeat('{"keyframes": [{"height_m": 0.55}]}')).toBe(false);
   });
 
   it('refuses a shape that it does not know', () => {

@@ -20,7 +20,11 @@ interface ObjectDocument {
   shape: ShapeDocument;
   anchor?: { pivot_m?: Numbers3 };
   approaches?: { name: string; directions_deg: [number, number]; distance_m?: number }[];
+  sets?: { hold_until_ended?: boolean; keyframes?: { height_m?: number }[] }[];
 }
+
+/** Hips below this height sit, metres: docs/objects.md, the default of a set's `motion`. */
+const SITS_BELOW_M = 0.7;
 
 /** Tells what a file is. What is in it is checked by the server. Throws where it has no name, or is no such document. */
 export function readDocument(file: string, text: string): TextDocument {
@@ -57,8 +61,18 @@ function named(file: string, name: string | undefined): string {
 
 /** What the page draws of a definition that the server gave as JSON. */
 export function drawnOf(text: string): Drawn {
-  const { shape, anchor, approaches = [] } = JSON.parse(text) as ObjectDocument;
-  return { shape: shapeOf(shape), pivot: anchor?.pivot_m ?? [0, 0, 0], approaches: approaches.map(approachOf) };
+  const { shape, anchor, approaches = [], sets = [] } = JSON.parse(text) as ObjectDocument;
+  return {
+    shape: shapeOf(shape),
+    pivot: anchor?.pivot_m ?? [0, 0, 0],
+    approaches: approaches.map(approachOf),
+    isSeat: sets.some((set) => set.hold_until_ended && (hipsOf(set) ?? Infinity) < SITS_BELOW_M),
+  };
+}
+
+/** Height of the hips in a set's last keyframe, metres; `undefined` if it is free. */
+function hipsOf({ keyframes = [] }: NonNullable<ObjectDocument['sets']>[number]): number | undefined {
+  return keyframes.at(-1)?.height_m;
 }
 
 function shapeOf({ box, convex }: ShapeDocument): Shape {

@@ -21,7 +21,8 @@ export const SCENE_KEYS: Keys = [
   [['G'], 'put down what is in the hand'],
   [['B'], 'break off'],
   [['F'], 'follow the character'],
-  [['C'], 'camera as at the start'],
+  [['C'], 'bring the character back into the picture'],
+  [['Home'], 'camera as at the start'],
   [['V'], 'people as bodies or as capsules'],
   [['T'], 'light or dark'],
   [['Esc'], 'leave the tool, then the object; to the stage'],
@@ -84,7 +85,10 @@ function act(scenes: Scenes, event: KeyboardEvent): boolean {
       scenes.actors.follow(!useScenes.getState().follow);
       return true;
     case 'c':
-      scenes.stage.resetCamera();
+      scenes.findActor();
+      return true;
+    case 'Home':
+      scenes.resetView();
       return true;
     case 'Delete':
       scenes.remove().catch(report);

@@ -3,6 +3,7 @@ import type { Stage } from '../stage/types';
 import type { Api } from '../wire/api';
 import { ApiError } from '../wire/api';
 import { Bodies } from '../live/bodies';
+import { Finder, panelsWidth } from '../live/finder';
 import type { Link } from '../live/hash';
 import { Meter } from '../live/meter';
 import { notice, report } from '../live/store';
@@ -11,12 +12,15 @@ import { SceneCalls } from './calls';
 import type { TextDocument } from './document';
 import { readDocument } from './document';
 import { SceneDrawing } from './drawing';
+import { firstSightOf } from './first-sight';
 import { Handle } from './handle';
 import { clearScenes, freeId, useScenes } from './store';
 import type { SceneTool } from './store';
 import type { Drawn, Placement, Scene } from './types';
 import { upright } from './types';
 
+/** State of the camera for a scene without a free seat. */
+const CAMERA = [0, 0.6, 0.5, Math.PI - 0.55, 1.05, 14];
 /** Time between looks at the scene: others change it too, ms. */
 const LOOK_MS = 1000;
 /** An object that was let go stays in the hand until a look that began this much later, ms. */
@@ -30,10 +34,15 @@ export class Scenes {
   readonly frame_ms = new Meter();
   frames = 0;
   private readonly handle: Handle;
+  private readonly finder: Finder;
   private readonly drawn = new Map<string, Drawn>();
   /** Revisions of the definitions that are drawn. */
   private readonly revisions = new Map<string, number>();
   private revision = -1;
+  /** State of the camera when the scene was opened. */
+  private home: number[] = CAMERA;
+  /** Whether the link that was opened says where the camera is. */
+  private hasOwnView = false;
   /** When the look began whose answer is shown, ms. */
   private lookedAt = 0;
   private looking: Promise<void> | undefined;
@@ -45,9 +54,11 @@ export class Scenes {
     api: Api,
   ) {
     clearScenes();
+    stage.setCamera(CAMERA);
     this.calls = new SceneCalls(api);
     this.bodies = new Bodies(api);
     this.drawing = new SceneDrawing(stage);
+    this.finder = new Finder(stage, panelsWidth);
     this.handle = new Handle(
       stage,
       () => undefined,
@@ -67,7 +78,8 @@ export class Scenes {
   /** Reads what there is, and opens the scene that the link names, or the first. */
   async start(link: Link): Promise<void> {
     await this.bodies.load();
-    useScenes.setState({ packs: this.bodies.packs, follow: link.follow ?? false });
+    useScenes.setState({ packs: this.bodies.packs, follow: link.follow ?? false, isLeftEmpty: link.n === 0 });
+    this.hasOwnView = link.cam !== undefined;
     await this.actors.crowd.connect();
     await this.refresh();
     const { scenes } = useScenes.getState();
@@ -86,6 +98,7 @@ export class Scenes {
   async refresh(): Promise<void> {
     const [scenes, definitions] = await Promise.all([this.calls.scenes(), this.calls.definitions()]);
     useScenes.setState(({ placing }) => ({
+      isRead: true,
       scenes,
       definitions,
       placing: definitions.some(({ name }) => name === placing) ? placing : (definitions[0]?.name ?? null),
@@ -102,7 +115,8 @@ export class Scenes {
 
   /** Shows a scene. Characters stay in the scene that they were put into, so they leave. */
   async open(name: string): Promise<void> {
-    if (useScenes.getState().scene !== name) {
+    const isNew = useScenes.getState().scene !== name;
+    if (isNew) {
       this.actors.leaveAll();
       this.actors.held.clear();
       this.drawing.clear();
@@ -111,6 +125,20 @@ export class Scenes {
     }
     this.revision = -1;
     this.show(await this.calls.scene(name), performance.now());
+    if (isNew) await this.showFirstSight().catch(report);
+  }
+
+  /** Puts a character in that walks to a free seat and sits down: a scene is not empty at first sight. */
+  private async showFirstSight(): Promise<void> {
+    const { scene, objects, definitions, isLeftEmpty } = useScenes.getState();
+    const sight = firstSightOf(objects, this.drawn, definitions);
+    this.home = sight?.camera ?? CAMERA;
+    if (!this.hasOwnView) this.stage.setCamera(this.home);
+    this.hasOwnView = false;
+    if (scene === null || !sight || isLeftEmpty || this.disposed || !this.bodies.pack(sight.pack)) return;
+    const { seat, pack, start, heading } = sight;
+    await this.actors.put(scene, pack, { ...start, heading }, { interact: { instance: seat } });
+    notice(`Your character walks to ${seat} and sits down. Take over with W A S D; X makes it rise.`);
   }
 
   async makeScene(name: string): Promise<void> {
@@ -219,7 +247,32 @@ export class Scenes {
     const { scene } = useScenes.getState();
     if (scene === null) return;
     const { x, z } = this.middle().position;
+    useScenes.setState({ isLeftEmpty: false });
     await this.actors.put(scene, pack, { x, z });
+  }
+
+  /** Takes the chosen character out. */
+  takeActorOut(): void {
+    this.actors.leave();
+    useScenes.setState(({ actors }) => ({ isLeftEmpty: actors === 0 }));
+  }
+
+  /** Turns the camera to the chosen character; without one, to where it looked at the start. */
+  findActor(): void {
+    const { own } = this.actors;
+    if (!own) {
+      this.resetView();
+      return;
+    }
+    this.actors.follow(false);
+    this.finder.find(own.id);
+  }
+
+  /** The camera as when the scene was opened. */
+  resetView(): void {
+    this.actors.follow(false);
+    this.finder.rest();
+    this.stage.setCamera(this.home);
   }
 
   /** Has the chosen character use the chosen object. Empty names leave the choice to the server. */
@@ -238,6 +291,7 @@ export class Scenes {
   frame(now_ms: number, dt: number): void {
     this.frames += 1;
     this.actors.frame(now_ms, dt);
+    this.finder.frame(this.actors.own?.id, useScenes.getState().follow);
     const { now } = this.actors.crowd.clock;
     for (const [id, track] of this.actors.held) {
       if (track.newest > now || !this.wasLetGo(id, track.newest, now)) this.drawing.showHeld(id, track, now);
@@ -257,6 +311,7 @@ export class Scenes {
     this.disposed = true;
     clearInterval(this.timer);
     this.handle.dispose();
+    this.finder.dispose();
     this.actors.dispose();
     this.drawing.dispose();
     this.stage.setGround(0);

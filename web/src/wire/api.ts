@@ -145,7 +145,9 @@ export class Api {
       const headers: Record<string, string> = {};
       if (key) headers['authorization'] = `Bearer ${key}`;
       if (body) headers['content-type'] = 'application/json';
-      const answer = await fetch(path, { method, headers, body: body ? JSON.stringify(body) : null }).catch(() => {
+      const options = { method, headers, body: body ? JSON.stringify(body) : null };
+      // What is closed while the page goes away is sent to the end.
+      const answer = await fetch(path, { ...options, keepalive: method === 'DELETE' }).catch(() => {
         throw new ApiError('the server cannot be reached', 0);
       });
       if (answer.ok) return answer;
