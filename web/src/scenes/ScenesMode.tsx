@@ -53,9 +53,10 @@ function useScenesOn({ stage, api }: ModeProps): Scenes | undefined {
     const abort = new AbortController();
     const { signal } = abort;
     // A page that is loaded again finds its seats free. One that the browser keeps goes on as it was.
-    window.addEventListener('pagehide', ({ persisted }) => { persisted ? undefined : scenes.actors.leaveAll(); }, {
-      signal,
-    });
+    const close = ({ persisted }: PageTransitionEvent) => {
+      if (!persisted) scenes.actors.leaveAll();
+    };
+    window.addEventListener('pagehide', close, { signal });
     void begin(scenes, isOurs ? link : {}, signal);
     const timer = setInterval(() => {
       writeAddress(scenes);
