@@ -1,4 +1,4 @@
-# make run   gets ONNX Runtime, builds, starts the server with the packs in models/
+# make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
 # make docs  builds the site of docs/, which a server that is built after that serves at /docs
 # make test  lints and tests everything, Rust and Python
 .PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
@@ -10,8 +10,13 @@ REAL_CLIPS := target/data/bandai-namco
 PACK := human
 
 # The site of the documentation comes first, because the server embeds it. Without it the server says how to build it.
+# The server gets copies of the example scenes and objects, unless the environment names other folders.
+EXAMPLES := target/run
+run: export TROUPE_SCENES ?= $(EXAMPLES)/scenes
+run: export TROUPE_OBJECTS ?= $(EXAMPLES)/objects
 run: runtime
 	@scripts/docs.sh build || echo "*** /docs WILL BE WITHOUT THE DOCUMENTATION: see above" >&2
+	@scripts/example-folders.sh $(EXAMPLES)
 	cargo run --release --package troupe-server
 
 # The site of docs/: ARGS=check for the references too, ARGS=references to write those

@@ -80,6 +80,7 @@ function AddObject({ scenes }: { scenes: Scenes }) {
       <Group gap="xs" grow>
         <Button
           size="compact-xs"
+          px={4}
           variant={tool === 'place' ? 'filled' : 'default'}
           aria-pressed={tool === 'place'}
           onClick={() => {
@@ -90,6 +91,7 @@ function AddObject({ scenes }: { scenes: Scenes }) {
         </Button>
         <Button
           size="compact-xs"
+          px={4}
           variant="default"
           onClick={() => {
             scenes.add().catch(report);
