@@ -18,8 +18,8 @@ test('fills a gap and exports it as BVH', async ({ page, open, watched }) => {
     page.waitForEvent('download'),
     page.getByRole('menuitem', { name: 'BVH' }).click(),
   ]);
-  const { joints, rows, told, seconds } = readBvh(readFileSync(await download.path(), 'utf8'));
-  expect(told).toBe(frames);
+  const { joints, rows, count, seconds } = readBvh(readFileSync(await download.path(), 'utf8'));
+  expect(count).toBe(frames);
   expect(rows).toHaveLength(frames);
   expect(seconds).toBeCloseTo(1 / 30, 4);
   // Three numbers a joint, and the place of the first.
@@ -31,9 +31,9 @@ test('fills a gap and exports it as BVH', async ({ page, open, watched }) => {
   expect(watched.errors).toEqual([]);
 });
 
-function readBvh(text: string): { joints: number; rows: number[][]; told: number; seconds: number } {
+function readBvh(text: string): { joints: number; rows: number[][]; count: number; seconds: number } {
   const [head = '', motion = ''] = text.split(/^MOTION\s*$/m);
-  const told = /^Frames:\s*(\d+)/m.exec(motion);
+  const count = /^Frames:\s*(\d+)/m.exec(motion);
   const seconds = /^Frame Time:\s*([\d.]+)/m.exec(motion);
   const lines = motion
     .slice(motion.indexOf(seconds?.[0] ?? '') + (seconds?.[0].length ?? 0))
@@ -42,7 +42,7 @@ function readBvh(text: string): { joints: number; rows: number[][]; told: number
   return {
     joints: head.match(/^\s*(?:ROOT|JOINT)\s/gm)?.length ?? 0,
     rows: lines.map((line) => line.trim().split(/\s+/).map(Number)),
-    told: Number(told?.[1]),
+    count: Number(count?.[1]),
     seconds: Number(seconds?.[1]),
   };
 }

@@ -112,7 +112,7 @@ test('holds a skill until it walks, all by keys', async ({ page, skilled }) => {
   await page.keyboard.press('Tab');
   await expect(button(page, 'duck')).toBeFocused();
   await page.keyboard.press('Enter');
-  await expect(status(page)).toContainText('Holds “duck” until it is told to walk', { timeout: 30_000 });
+  await expect(status(page)).toContainText('Holds “duck” until it walks', { timeout: 30_000 });
   await expect(button(page, 'duck')).toHaveAttribute('aria-pressed', 'true');
   for (const scheme of ['light', 'dark'] as const) {
     await page.emulateMedia({ colorScheme: scheme });

@@ -4,7 +4,7 @@ import { test as base, expect } from '@playwright/test';
 import { TroupeServer } from './server';
 
 export interface Watched {
-  /** Errors on the console, and exceptions that nobody caught. */
+  /** Errors on the console, and uncaught exceptions. */
   errors: string[];
   /** Addresses that were asked and are not of this machine. */
   foreign: string[];
@@ -63,7 +63,7 @@ export const test = base.extend<Each, Shared>({
 
 export { expect };
 
-/** Waits until so many live characters are on the stage. */
+/** Waits until `count` live characters are on the stage. */
 export async function waitForCrowd(page: Page, count: number, timeout = 45_000): Promise<void> {
   await expect.poll(() => page.evaluate(() => window.troupe?.shown() ?? 0), { timeout }).toBeGreaterThanOrEqual(count);
 }

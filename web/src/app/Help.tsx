@@ -6,10 +6,10 @@ import { Fragment } from 'react';
 export type Keys = readonly (readonly [readonly string[], string])[];
 
 const KEYS: Keys = [
-  [['W', 'A', 'S', 'D'], 'go; arrow keys do the same'],
+  [['W', 'A', 'S', 'D'], 'walk; arrow keys do the same'],
   [['Shift'], 'run'],
   [['Q', 'E'], 'face left, face right'],
-  [['X'], 'face where it goes again'],
+  [['X'], 'face the way it walks again'],
   [['P'], 'draw a path with the pointer'],
   [['F'], 'follow the selected character'],
   [['Tab'], 'next character, while the stage has the focus'],
@@ -21,14 +21,14 @@ const KEYS: Keys = [
   [['Home'], 'camera as at the start'],
   [['V'], 'people as bodies or as capsules'],
   [['T'], 'light or dark'],
-  [['Esc'], 'leave what is open; to the stage'],
+  [['Esc'], 'stop drawing; move between the stage and the tools'],
   [['?'], 'this help'],
 ];
 
 interface Props {
   opened: boolean;
   onClose: () => void;
-  /** Those of the live mode where left out. */
+  /** Default: those of the live mode. */
   keys?: Keys;
   /** What the pointer does. */
   children?: ReactNode;

@@ -145,7 +145,7 @@ export function heightRange(style: Style | undefined): [number, number] | undefi
   return high - low > HEIGHT_RANGE_M ? [low, high] : undefined;
 }
 
-/** Speed of the fastest gait of a style, or twice its usual speed where it has no gaits, m/s. */
+/** Speed of the fastest gait of a style, or twice its usual speed if it has no gaits, m/s. */
 export function runningSpeed(style: Style | undefined): number {
   const usual = style?.default_speed ?? 1.3;
   const fastest = Math.max(0, ...(style?.gaits ?? []).map((gait) => gait.forward));

@@ -91,7 +91,7 @@ describe('the camera', () => {
     expect(shows(20, 0, 'other')).toBe('other');
   });
 
-  test('stays where it was turned to by hand, until the character goes on', () => {
+  test('stays as it was turned by hand, until the character goes on', () => {
     shows(0, 0);
     stage.grab(true);
     stage.camera = [50, 0, 0, 0.5, 1, 12];

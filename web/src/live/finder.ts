@@ -73,7 +73,7 @@ export class Finder {
     this.rest();
   }
 
-  /** Leaves the camera where it is, until the character goes on out of the picture. */
+  /** Leaves the camera alone, until the character goes on out of the picture. */
   rest(): void {
     if (this.isComing) this.stage.follow(null);
     this.isComing = false;

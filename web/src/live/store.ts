@@ -59,7 +59,7 @@ export interface LiveState {
   inside: boolean;
   numbers: boolean;
   path: { state: 'none' | 'walking' | 'arrived'; text: string };
-  /** Why the own character takes no words; empty while that is not known, `undefined` where it takes them. */
+  /** Why the own character takes no sentences; empty while that is not known, `undefined` if it takes them. */
   mute: string | undefined;
   saying: Saying;
   doing: Doing;

@@ -32,7 +32,7 @@ function ObjectList({ scenes }: { scenes: Scenes }) {
   if (objects.length === 0) {
     return (
       <Text size="xs" c="dimmed">
-        Nothing is here yet.
+        No objects yet.
       </Text>
     );
   }
@@ -60,7 +60,7 @@ function AddObject({ scenes }: { scenes: Scenes }) {
   if (definitions.length === 0) {
     return (
       <Text size="xs" c="dimmed">
-        Drop the TOML or JSON file of an object here to put such objects down.
+        Drop the TOML or JSON file of an object on the page to place such objects.
       </Text>
     );
   }

@@ -162,8 +162,8 @@ export function ScenesMode(props: ModeProps) {
         }}
       >
         Click an object or a character to choose it. With the handle an object moves and turns. Drag to turn the camera,
-        drag with the second button to move it, turn the wheel to come nearer. Drop TOML or JSON files of objects and
-        scenes on the page to upload them.
+        drag with the second button to move it, turn the wheel to come nearer. The camera comes along when the chosen
+        character walks out of the picture. Drop TOML or JSON files of objects and scenes on the page to upload them.
       </Help>
     </>
   );

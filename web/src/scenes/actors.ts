@@ -1,4 +1,4 @@
-// The characters that live in the scene: opened, steered by keys, and told what to use.
+// The characters that live in the scene: opened, steered by keys, and sent to objects.
 import type { Stage } from '../stage/types';
 import type { Api } from '../wire/api';
 import type { TickMessage } from '../wire/messages';
@@ -33,8 +33,9 @@ export class Actors {
   private opened = 0;
   /** What characters do as soon as they are on the stage, by id. */
   private readonly first = new Map<string, Intent>();
-  private told = '';
-  private toldAt = 0;
+  /** The last command of the keys, as JSON; empty when the next one must be sent in any case. */
+  private sent = '';
+  private sentAt_ms = 0;
   private hadWish = false;
 
   constructor(
@@ -46,7 +47,7 @@ export class Actors {
     this.crowd = new Crowd(api, bodies, {
       onConnection: (connection, trouble) => {
         useScenes.setState({ connection, trouble });
-        this.told = '';
+        this.sent = '';
         if (connection === 'live') this.hooks.onLive();
       },
       onEvents: this.onEvents,
@@ -55,7 +56,7 @@ export class Actors {
       },
       onTick: this.onTick,
       onRestored: () => {
-        this.told = '';
+        this.sent = '';
       },
     });
   }
@@ -85,7 +86,7 @@ export class Actors {
   choose(id: string | null): void {
     const one = this.crowd.all.get(id ?? '');
     this.stage.select(one ? one.id : null);
-    this.told = '';
+    this.sent = '';
     const { style } = one?.role ?? { style: '' };
     useScenes.setState({
       actor: one?.id ?? null,
@@ -128,10 +129,10 @@ export class Actors {
   tell(intent: Intent): void {
     const { own } = this;
     if (!own) {
-      notice('Put a character into the scene first.');
+      notice('Add a character to the scene first.');
       return;
     }
-    this.told = '';
+    this.sent = '';
     this.crowd.command([own.command(intent)]);
   }
 
@@ -172,16 +173,16 @@ export class Actors {
     const wants = wish.right !== 0 || wish.ahead !== 0;
     // An interaction goes on until a key asks for something else.
     if (!wants && !this.hadWish) return;
-    if (wants && now_ms - this.toldAt < COMMAND_MS) return;
-    this.toldAt = now_ms;
+    if (wants && now_ms - this.sentAt_ms < COMMAND_MS) return;
+    this.sentAt_ms = now_ms;
     this.hadWish = wants;
     const { style, speed } = useScenes.getState();
     const running = runningSpeed(own.kind.styles.find((one) => one.name === style));
     const velocity = velocityOf(wish, this.stage.cameraYaw(), speed, running);
     const locomote: Locomote = { style, ...(velocity ? { velocity } : {}) };
-    const told = JSON.stringify(locomote);
-    if (told === this.told) return;
-    this.told = told;
+    const json = JSON.stringify(locomote);
+    if (json === this.sent) return;
+    this.sent = json;
     this.crowd.command([own.command({ locomote })]);
   }
 

@@ -7,13 +7,13 @@ const read = (path: string) => readFileSync(new URL(path, examples), 'utf8');
 
 describe('readDocument', () => {
   it.each(['cup', 'greeter', 'seat', 'shrine', 'sign'])('knows %s.toml for a definition', (name) => {
-    const told = readDocument(`${name}.toml`, read(`objects/${name}.toml`));
-    expect(told).toMatchObject({ kind: 'object', name, format: 'toml' });
+    const document = readDocument(`${name}.toml`, read(`objects/${name}.toml`));
+    expect(document).toMatchObject({ kind: 'object', name, format: 'toml' });
   });
 
   it.each(['courtyard', 'plaza'])('knows %s.toml for a scene', (name) => {
-    const told = readDocument(`${name}.toml`, read(`scenes/${name}.toml`));
-    expect(told).toMatchObject({ kind: 'scene', name, format: 'toml' });
+    const document = readDocument(`${name}.toml`, read(`scenes/${name}.toml`));
+    expect(document).toMatchObject({ kind: 'scene', name, format: 'toml' });
   });
 
   it('knows both kinds in JSON', () => {
@@ -23,7 +23,7 @@ describe('readDocument', () => {
 
   it('says what is missing', () => {
     expect(() => readDocument('a.toml', '[shape.box]\nname = "inner"')).toThrow(/a\.toml: name: is missing/);
-    expect(() => readDocument('a.json', '{')).toThrow(/is no JSON/);
+    expect(() => readDocument('a.json', '{')).toThrow(/is not JSON/);
     expect(() => readDocument('a.bvh', '')).toThrow(/TOML or JSON/);
   });
 });

@@ -26,7 +26,7 @@ interface ObjectDocument {
 /** Hips below this height sit, metres: docs/objects.md, the default of a set's `motion`. */
 const SITS_BELOW_M = 0.7;
 
-/** Tells what a file is. What is in it is checked by the server. Throws where it has no name, or is no such document. */
+/** Finds out what a file is. The server checks its content. Throws if it has no name, or is no such document. */
 export function readDocument(file: string, text: string): TextDocument {
   const ending = file.toLowerCase().split('.').at(-1);
   if (ending === 'toml') return { ...tellToml(file, text), format: 'toml', text };
@@ -46,9 +46,11 @@ function tellJson(file: string, text: string): Pick<TextDocument, 'kind' | 'name
   try {
     read = JSON.parse(text);
   } catch (error) {
-    throw new Error(`${file}: is no JSON: ${error instanceof Error ? error.message : String(error)}`, { cause: error });
+    throw new Error(`${file}: is not JSON: ${error instanceof Error ? error.message : String(error)}`, {
+      cause: error,
+    });
   }
-  if (typeof read !== 'object' || read === null) throw new Error(`${file}: holds no object`);
+  if (typeof read !== 'object' || read === null) throw new Error(`${file}: is not a JSON object`);
   const isObject = 'shape' in read || 'variants' in read || 'sets' in read;
   const name = 'name' in read && typeof read.name === 'string' ? read.name : undefined;
   return { kind: isObject ? 'object' : 'scene', name: named(file, name) };

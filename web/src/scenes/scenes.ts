@@ -138,12 +138,12 @@ export class Scenes {
     if (scene === null || !sight || isLeftEmpty || this.disposed || !this.bodies.pack(sight.pack)) return;
     const { seat, pack, start, heading } = sight;
     await this.actors.put(scene, pack, { ...start, heading }, { interact: { instance: seat } });
-    notice(`Your character walks to ${seat} and sits down. Take over with W A S D; X makes it rise.`);
+    notice(`Your character sits down on ${seat}. W A S D takes over, X makes it rise.`);
   }
 
   async makeScene(name: string): Promise<void> {
     if (useScenes.getState().scenes.some((scene) => scene.name === name)) {
-      throw new Error(`name: there is a scene named ${name} already`);
+      throw new Error(`name: a scene named ${name} exists already`);
     }
     await this.calls.putEmptyScene(name);
     await this.refresh();
@@ -299,7 +299,7 @@ export class Scenes {
     }
   }
 
-  /** Reads the scene again, where no look is under way. */
+  /** Reads the scene again, unless a look is under way. */
   readonly look = (): void => {
     this.looked().catch((error: unknown) => {
       if (error instanceof ApiError && error.status === 404) this.vanish();
@@ -319,7 +319,7 @@ export class Scenes {
   }
 
   private async looked(): Promise<void> {
-    // One that is under way may have begun before what the caller did.
+    // A look that is under way may have begun before what the caller did.
     if (this.looking) await this.looking.catch(() => undefined);
     this.looking = this.lookNow().finally(() => {
       this.looking = undefined;
@@ -331,7 +331,7 @@ export class Scenes {
     const { scene: name } = useScenes.getState();
     if (name === null) return;
     const began = performance.now();
-    // Whose an object is may change without a new revision; colliders may not.
+    // The holder of an object may change without a new revision; colliders may not.
     const small = await this.calls.scene(name, true);
     const whole = small.revision === this.revision ? small : await this.calls.scene(name);
     if (this.isDisposed() || useScenes.getState().scene !== name) return;
@@ -420,5 +420,5 @@ function rounded({ position, rotation }: Placement): Placement {
 }
 
 function saysOf({ kind, name }: TextDocument): string {
-  return kind === 'scene' ? `The scene ${name} is there` : `Objects of ${name} can be put down`;
+  return kind === 'scene' ? `The scene ${name} is uploaded` : `Objects of ${name} can be placed`;
 }

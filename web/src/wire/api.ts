@@ -28,7 +28,7 @@ export class ApiError extends Error {
 
   constructor(
     message: string,
-    /** HTTP status; 0 where there was no answer. */
+    /** HTTP status; 0 without an answer. */
     readonly status: number,
     /** A word for the kind of error. */
     readonly reason = '',
@@ -49,7 +49,7 @@ export class ApiError extends Error {
   }
 }
 
-/** Asks the person for a key; `undefined` where there is none to give. */
+/** Asks the person for a key; `undefined` if there is none to give. */
 export type AskForKey = (wrong: boolean) => Promise<string | undefined>;
 
 interface ErrorBody {
@@ -122,7 +122,7 @@ export class Api {
 
   metrics = async (): Promise<string> => (await this.call('GET', '/metrics')).text();
 
-  /** A ticket for one stream; `undefined` where the server asks for no keys. */
+  /** A ticket for one stream; `undefined` if the server asks for no keys. */
   ticket = async (): Promise<string | undefined> => {
     if (!this.hasKey) return undefined;
     try {
