@@ -19,7 +19,7 @@ function object(id: string, definition: string, state = 'free'): SceneObject {
 test('a character comes to the first free seat, from before it', () => {
   const objects = [object('cup-1', 'cup'), object('stool-1', 'seat', 'reserved'), object('stool-2', 'seat')];
   const sight = firstSightOf(objects, DRAWN, DEFINITIONS)!;
-  expect(sight).toMatchObject({ seat: 'stool-2', pack: 'human' });
+  expect(sight).toMatchObject({ seat: 'stool-2', isFree: true, pack: 'human' });
   // The seat faces +X.
   expect(sight.start.x).toBeGreaterThan(1 + 3);
   const [dx, dz] = [1 - sight.start.x, 2 - sight.start.z];
@@ -30,8 +30,12 @@ test('a character comes to the first free seat, from before it', () => {
   expect(sight.camera).toHaveLength(6);
 });
 
-test('a scene without a free seat has no first sight', () => {
+test('a character stands before a seat that another one has', () => {
+  const sight = firstSightOf([object('stool', 'seat', 'reserved')], DRAWN, DEFINITIONS);
+  expect(sight).toMatchObject({ seat: 'stool', isFree: false });
+});
+
+test('a scene without a seat has no first sight', () => {
   expect(firstSightOf([object('cup-1', 'cup')], DRAWN, DEFINITIONS)).toBeUndefined();
-  expect(firstSightOf([object('stool', 'seat', 'held')], DRAWN, DEFINITIONS)).toBeUndefined();
   expect(firstSightOf([object('stool', 'seat')], DRAWN, [])).toBeUndefined();
 });

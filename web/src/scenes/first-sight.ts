@@ -1,4 +1,4 @@
-// What a scene shows at first sight: a character that walks to a free seat and sits down.
+// What a scene shows at first sight: a character that walks to a seat and sits down.
 import type { Drawn, ObjectDefinition, SceneObject } from './types';
 import { headingOf, placementOf } from './types';
 
@@ -11,6 +11,8 @@ const [POLAR_RAD, DISTANCE_M, TARGET_HEIGHT_M] = [1.2, 7.5, 0.6];
 export interface FirstSight {
   /** Id of the seat. */
   seat: string;
+  /** Whether the seat is free; if not, the character only stands before it. */
+  isFree: boolean;
   /** Name of the pack whose characters can sit on it. */
   pack: string;
   /** Where the character begins, metres, and which way it faces there, radians about +Y from +Z. */
@@ -20,13 +22,14 @@ export interface FirstSight {
   camera: number[];
 }
 
-/** The first free seat of a scene and how to show it; `undefined` for a scene without one. */
+/** The first free seat of a scene, else its first one, and how to show it; `undefined` for a scene without seats. */
 export function firstSightOf(
   objects: readonly SceneObject[],
   drawn: ReadonlyMap<string, Drawn>,
   definitions: readonly ObjectDefinition[],
 ): FirstSight | undefined {
-  const seat = objects.find(({ definition, state }) => state === 'free' && drawn.get(definition)?.isSeat);
+  const seats = objects.filter(({ definition }) => drawn.get(definition)?.isSeat);
+  const seat = seats.find(({ state }) => state === 'free') ?? seats[0];
   const pack = definitions.find(({ name }) => name === seat?.definition)?.pack;
   if (!seat || !pack) return undefined;
   const { position, rotation } = placementOf(seat);
@@ -40,6 +43,7 @@ export function firstSightOf(
   const target = [position.x - dx / 2, position.y + TARGET_HEIGHT_M, position.z - dz / 2];
   return {
     seat: seat.id,
+    isFree: seat.state === 'free',
     pack,
     start,
     heading: Math.atan2(dx, dz),

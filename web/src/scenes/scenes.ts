@@ -19,7 +19,7 @@ import type { SceneTool } from './store';
 import type { Drawn, Placement, Scene } from './types';
 import { upright } from './types';
 
-/** State of the camera for a scene without a free seat. */
+/** State of the camera for a scene without a seat. */
 const CAMERA = [0, 0.6, 0.5, Math.PI - 0.55, 1.05, 14];
 /** Time between looks at the scene: others change it too, ms. */
 const LOOK_MS = 1000;
@@ -128,7 +128,7 @@ export class Scenes {
     if (isNew) await this.showFirstSight().catch(report);
   }
 
-  /** Puts a character in that walks to a free seat and sits down: a scene is not empty at first sight. */
+  /** Puts a character in that sits down, so that a scene is not empty at first sight. */
   private async showFirstSight(): Promise<void> {
     const { scene, objects, definitions, isLeftEmpty } = useScenes.getState();
     const sight = firstSightOf(objects, this.drawn, definitions);
@@ -136,9 +136,10 @@ export class Scenes {
     if (!this.hasOwnView) this.stage.setCamera(this.home);
     this.hasOwnView = false;
     if (scene === null || !sight || isLeftEmpty || this.disposed || !this.bodies.pack(sight.pack)) return;
-    const { seat, pack, start, heading } = sight;
-    await this.actors.put(scene, pack, { ...start, heading }, { interact: { instance: seat } });
-    notice(`Your character sits down on ${seat}. W A S D takes over, X makes it rise.`);
+    const { seat, isFree, pack, start, heading } = sight;
+    await this.actors.put(scene, pack, { ...start, heading }, isFree ? { interact: { instance: seat } } : undefined);
+    if (isFree) notice(`Your character sits down on ${seat}. W A S D takes over, X makes it rise.`);
+    else notice(`Another character has ${seat}. Yours stands before it and walks with W A S D.`);
   }
 
   async makeScene(name: string): Promise<void> {
