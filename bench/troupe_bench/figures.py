@@ -1,7 +1,7 @@
 """Figures of one machine: what docs/benchmarks.md shows of its results, small enough to keep in the repository.
 
-Raw results stay on the machine that measured them, in target/bench/results. ``digest`` reduces them to the rows of the page's tables
-and ``keep`` writes those to bench/figures/MACHINE.json. A part that was not measured again keeps its older figures.
+Raw results stay on the machine that measured them, in target/bench/results. ``digest`` reduces them to the rows of the page's
+tables, and ``keep`` writes those to bench/figures/MACHINE.json. A part that was not measured again keeps its older figures.
 """
 
 import json
