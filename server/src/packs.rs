@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::batch::{Batcher, PackMetrics};
+use troupe_batch::{Batcher, PackMetrics};
 use troupe_character::document::DocumentError;
 use troupe_character::skill::Skills;
 use troupe_character::style::{StyleError, StyleTable};

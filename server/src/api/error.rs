@@ -16,7 +16,6 @@ use std::time::Duration;
 
 use super::head::MAX_HEAD_BYTES;
 use super::tokens::TokenError;
-use crate::batch::SubmitError;
 use crate::clients::{Exhausted, Role};
 use crate::mmcp::Fault;
 use crate::service::ServiceError;
@@ -26,6 +25,7 @@ use row::{
     FORBIDDEN, FULL, HEADERS, INTERNAL, INVALID, NO_METHOD, NO_ROUTE, NOT_NOW, Row, TOO_LARGE, TOO_LATE,
     Tabled, UNAUTHENTICATED, UNAVAILABLE, UNIMPLEMENTED, WRONG_TYPE,
 };
+use troupe_batch::SubmitError;
 use troupe_character::FieldError;
 use troupe_engine::EngineError;
 

@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use super::Config;
 use crate::api::{ApiLimits, Guard};
-use crate::batch::scheduler::Limits;
 use crate::clients::{Share, Shares};
 use crate::inbetween::RequestLimits;
 use crate::session::{SessionLimits, TenantOptions};
-use crate::telemetry::TraceOptions;
+use crate::traces::TraceOptions;
 use crate::world::Folders;
+use troupe_batch::scheduler::Limits;
 use troupe_engine::machine::{Machine, available_cores};
 use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
 use troupe_engine::{CheckCache, EngineError, Selector, Workers};

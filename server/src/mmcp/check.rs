@@ -18,7 +18,7 @@ use super::take::{Clock, Look, Note, Part, Prompt, Take};
 use super::{reference, skeleton};
 use crate::inbetween::check_words;
 use crate::wire::MAX_PROMPT_CHARS;
-use crate::wire::cut;
+use troupe_base::echo::cut;
 
 /// The types of segments that the protocol knows.
 const SEGMENTS: [&str; 5] = [

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use super::TlsError;
 use crate::api::{KeysError, TokensError};
 use crate::records::RecordsError;
-use crate::telemetry::TracesError;
+use crate::traces::TracesError;
 use crate::world::LoadError;
 use troupe_character::document::DocumentError;
 use troupe_character::style::StyleError;

@@ -11,11 +11,12 @@ use super::drive::{Audience, Roster, StreamPermit};
 use super::executor::Executor;
 use super::{CommandResult, LivePacks, Registry, SessionError, StepPlan, Stepped, TimeSource};
 use super::{commands, describe, metrics, options, peek, step};
-use crate::clients::{Tenant, Turns};
-use crate::offload::offload;
-use crate::telemetry::{Gauge, RequestContext, Telemetry};
 use crate::wire::units;
 use crate::world::{CharacterPlace, Store};
+use troupe_base::offload::offload;
+use troupe_base::telemetry::{Gauge, RequestContext, Telemetry};
+use troupe_base::tenant::Tenant;
+use troupe_base::turns::Turns;
 use troupe_character::Path;
 use troupe_character::live::Refusal;
 

@@ -11,7 +11,7 @@ use troupe_proto::v1;
 use super::drive::Audience;
 use super::words::performer::Performer;
 use super::{EventQueue, LivePack, SessionError, TimeSource};
-use crate::batch::{OwnerId, SubmitError};
+use troupe_batch::{OwnerId, SubmitError};
 use troupe_character::live::{Character, PlanRequest, Stats, WordsRequest};
 use troupe_character::scene::Resident;
 use troupe_character::style::Style;

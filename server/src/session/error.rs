@@ -1,10 +1,10 @@
 //! What can be wrong with a call that is about sessions and styles.
 
 use super::options::MAX_ID_CHARS;
-use crate::batch::SubmitError;
-use crate::offload::WorkerStopped;
 use crate::packs::{CannotDo, UnknownBody, UnknownPack};
 use crate::world::{NoMemory, WorldError};
+use troupe_base::offload::WorkerStopped;
+use troupe_batch::SubmitError;
 use troupe_character::FieldError;
 use troupe_character::live::Refusal;
 

@@ -9,7 +9,7 @@ use super::super::encode::Form;
 use super::super::registry::tests::Setup;
 use super::super::{Registry, TimeSource};
 use super::*;
-use crate::telemetry::Telemetry;
+use troupe_base::telemetry::Telemetry;
 use troupe_character::live::{FailReason, SUB_FRAMES};
 use troupe_character::scene::{Scene, SceneTable, Transform};
 

@@ -8,8 +8,8 @@ use tokio::runtime::{Builder, Handle, Runtime};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::Instrument as _;
 
-use crate::clients::Turns;
-use crate::offload::WorkerStopped;
+use troupe_base::offload::WorkerStopped;
+use troupe_base::turns::Turns;
 
 /// Longest that one task works before the others get a turn.
 const TURN: Duration = Duration::from_millis(1);

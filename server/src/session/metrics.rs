@@ -1,6 +1,6 @@
 //! Metrics of live characters.
 
-use crate::telemetry::{Counter, Gauge, Histogram, Labels, Metric, Telemetry};
+use troupe_base::telemetry::{Counter, Gauge, Histogram, Labels, Metric, Telemetry};
 use troupe_character::live::{EventKind, FailReason, PerformanceEnd, PlanCause, Stats};
 
 const ACTIVE: Metric = Metric::new("troupe_sessions_active", "Open sessions");

@@ -8,7 +8,7 @@ use super::metrics::SessionMetrics;
 use super::words::Places;
 use super::{SessionError, WordsPacks};
 use crate::packs::{LoadedPack, PackTable};
-use crate::telemetry::{Seldom, Telemetry};
+use troupe_base::telemetry::{Seldom, Telemetry};
 use troupe_character::live::load::PlanLoad;
 use troupe_character::style::{StyleError, StyleTable};
 use troupe_motion::model::{Body, Rig};

@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 use super::LivePack;
 use super::cell::{SessionCell, Wants};
 use super::words::performer;
-use crate::batch::{Order, Served, SubmitError};
-use crate::clients::Turns;
+use troupe_base::turns::Turns;
+use troupe_batch::{Order, Served, SubmitError};
 use troupe_character::live::{
     Arrival, CONTEXT_FRAMES, LivePlan, LiveShape, PathItem, Pins, PlanFailed, PlanItem, PlanRequest,
     finish_live,

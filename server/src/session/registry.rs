@@ -9,7 +9,7 @@ use super::SessionError;
 use super::cell::{End, SessionCell};
 use super::metrics::Eviction;
 use super::options::MAX_ID_CHARS;
-use crate::clients::Tenant;
+use troupe_base::tenant::Tenant;
 
 /// About the most memory that an open session takes, bytes. 38 KiB were measured for one that walks
 /// in the default pack. One in a scene keeps events and keyframes besides. A path of 1,024 points

@@ -1,4 +1,3 @@
-use std::path::Path;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
 
@@ -9,10 +8,10 @@ use troupe_motion::{GlobalRoot, Vec3};
 use super::super::cell::{Held, Owner, Parts};
 use super::super::{LivePack, TimeSource};
 use super::*;
-use crate::batch::{Batcher, GeneratorFactory};
-use crate::config::Config;
 use crate::packs::LoadedPack;
-use crate::telemetry::Telemetry;
+use troupe_base::telemetry::Telemetry;
+use troupe_batch::scheduler::Limits;
+use troupe_batch::{Batcher, GeneratorFactory, PackMetrics};
 use troupe_character::live::{Character, CharacterOptions, Start, World};
 use troupe_character::primitives::LocomotionCommand;
 use troupe_character::scene::testing::{boxed, place};
@@ -48,17 +47,14 @@ pub(in super::super) struct Setup {
 impl Setup {
     pub(in super::super) async fn new(limit: usize) -> Self {
         let (pack, telemetry) = (pack_of(walker_rig()), Telemetry::new().unwrap());
-        let config = Config::local(Path::new("unused")).unwrap();
-        let metrics = telemetry.pack(pack.name(), "1");
+        let limits = Limits {
+            max_batch: 8,
+            ..Limits::default()
+        };
+        let metrics = PackMetrics::new(&telemetry, pack.name(), "1");
         let dims = pack.rig.dims;
         let factory: GeneratorFactory = Arc::new(move |_| Ok(Box::new(Toy::new(dims, 1))));
-        let batcher = Batcher::start(
-            "test",
-            config.batch_limits(8),
-            Duration::ZERO,
-            metrics.clone(),
-            factory,
-        );
+        let batcher = Batcher::start("test", limits, Duration::ZERO, metrics.clone(), factory);
         let loaded = LoadedPack {
             styles: vec![Arc::new(StyleTable::load(&pack.rig, &pack.folder, None).unwrap())],
             skills: Arc::default(),

@@ -6,8 +6,8 @@ use troupe_proto::v1;
 
 use super::cell::{Owner, SessionCell};
 use super::{SessionError, SessionProblem, Sessions, describe};
-use crate::clients::Turns;
 use crate::wire::{check_frame, to_native, units};
+use troupe_base::turns::Turns;
 use troupe_character::live::{LastSeen, MAX_REJOIN_FRAMES, MAX_REJOIN_M, RejoinError};
 use troupe_character::{FieldError, Path};
 

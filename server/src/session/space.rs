@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError, RwLock, RwLockReadGuard};
 
 use super::{LivePacks, Sessions};
-use crate::clients::Tenant;
 use crate::world::{Folders, Store};
+use troupe_base::tenant::Tenant;
 
 /// Between a tenant and what it names, in the names of records. Neither has it in its name.
 const BETWEEN: char = '/';

@@ -1,7 +1,7 @@
 //! What can be wrong with a call that is about scenes and definitions.
 
 use super::StoreError;
-use crate::wire::{MAX_MESSAGE, MAX_PATH, cut};
+use troupe_base::echo::{MAX_MESSAGE, MAX_PATH, cut};
 use troupe_character::document::DocumentError;
 use troupe_character::object::DefinitionsError;
 use troupe_character::scene::{SceneError, TableError};

@@ -103,7 +103,7 @@ fn names(names: &[String]) -> String {
 mod tests {
     use super::*;
     use crate::api::ApiError;
-    use crate::wire::MAX_PATH;
+    use troupe_base::echo::MAX_PATH;
     use troupe_character::document::Source;
 
     #[test]

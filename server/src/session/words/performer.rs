@@ -12,10 +12,10 @@ use tokio::sync::OwnedSemaphorePermit;
 use tokio_util::task::AbortOnDropHandle;
 
 use super::{MAX_PERFORMERS, task};
-use crate::batch::{Batcher, Class, Order, Parts, Piece, SubmitError};
-use crate::clients::Turns;
 use crate::session::cell::SessionCell;
 use crate::session::planner::Patience;
+use troupe_base::turns::Turns;
+use troupe_batch::{Batcher, Class, Order, Parts, Piece, SubmitError};
 use troupe_character::live::{PartReader, WordsPart, WordsRequest};
 use troupe_engine::EngineError;
 use troupe_motion::model::{Output, Task};

@@ -22,7 +22,7 @@ const STEP_PLANS_PER_CORE: usize = 64;
 
 /// A line that tasks wait in.
 #[derive(Debug)]
-pub(super) struct Line {
+pub struct Line {
     turns: Arc<Semaphore>,
     /// Places for plans of steps.
     plans: Arc<Semaphore>,
@@ -34,7 +34,7 @@ pub(super) struct Line {
 
 impl Line {
     /// A line whose tasks have a few turns in a round.
-    pub(super) fn new() -> Arc<Self> {
+    pub fn new() -> Arc<Self> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         Self::with(cores * TURNS_PER_CORE, cores * STEP_PLANS_PER_CORE)
     }
@@ -84,7 +84,8 @@ tokio::task_local! {
 }
 
 impl Turns {
-    pub(super) fn new<const N: usize>(lines: [&Arc<Line>; N]) -> Self {
+    /// The turns of a client whose tasks wait in all of `lines`: its own, and those it shares.
+    pub fn new<const N: usize>(lines: [&Arc<Line>; N]) -> Self {
         Self(lines.into_iter().cloned().collect())
     }
 

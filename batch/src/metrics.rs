@@ -6,7 +6,7 @@ use super::batcher::Served;
 use super::order::Class;
 use super::scheduler::BatchReason;
 use super::trace::trace_served;
-use crate::telemetry::{Counter, Gauge, Histogram, Labels, Metric, Telemetry};
+use troupe_base::telemetry::{Counter, Gauge, Histogram, Labels, Metric, Telemetry};
 use troupe_engine::Decision;
 use troupe_engine::generator::StepReport;
 use troupe_engine::pack::Stage;
@@ -256,14 +256,6 @@ impl PackMetrics {
 }
 
 #[cfg(test)]
-impl Telemetry {
-    /// [`PackMetrics::new`].
-    pub(crate) fn pack(&self, model: &str, version: &str) -> PackMetrics {
-        PackMetrics::new(self, model, version)
-    }
-}
-
-#[cfg(test)]
 mod tests {
     use super::*;
     use troupe_engine::accuracy::Accuracy;
@@ -273,7 +265,7 @@ mod tests {
     #[test]
     fn metrics_carry_names_labels_and_buckets() {
         let telemetry = Telemetry::new().unwrap();
-        let pack = telemetry.pack("human", "1.0");
+        let pack = PackMetrics::new(&telemetry, "human", "1.0");
         pack.dispatched(BatchReason::Idle, 6);
         pack.ran(&StepReport {
             jobs: 6,

@@ -10,7 +10,7 @@ use troupe_engine::EngineError;
 use troupe_engine::generator::{Generator, JobId, Progress, StepReport};
 
 use super::batcher::{GeneratorFactory, Shared};
-use super::core::{Orders, Replies, Step};
+use super::state::{Orders, Replies, Step};
 
 /// Makes the worker's generator, and steps it until there is nobody left to ask for anything.
 pub(super) fn run(

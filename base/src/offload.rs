@@ -10,7 +10,7 @@ pub struct WorkerStopped;
 ///
 /// # Errors
 /// [`WorkerStopped`].
-pub(crate) async fn offload<T: Send + 'static>(
+pub async fn offload<T: Send + 'static>(
     things: usize,
     inline: usize,
     work: impl FnOnce() -> T + Send + 'static,

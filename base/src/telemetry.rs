@@ -1,8 +1,7 @@
 //! The registry of metrics, behind names of our own: nothing else in the server speaks to a metrics
 //! library. Every server has its own registry, so several can live in one process.
 //!
-//! Each layer names its metrics ([`Metric`]) and owns their handles: `batch::metrics`,
-//! `session::metrics`, `api::metrics`.
+//! Each crate names its metrics ([`Metric`]) and owns their handles.
 
 mod request;
 mod traces;
@@ -12,10 +11,12 @@ use std::time::{Duration, Instant};
 
 use metrics::{Key, Label, Level, Metadata, Recorder as _};
 use metrics_exporter_prometheus::{BuildError, Matcher, PrometheusBuilder, PrometheusRecorder};
+use opentelemetry_sdk::trace::SpanExporter;
 
 pub use metrics::{Counter, Gauge, Histogram};
+pub use opentelemetry::KeyValue;
 pub use request::{RequestContext, RequestId};
-pub use traces::{Trace, TraceOptions, Traces, TracesError};
+pub use traces::{EXPORT_TIMEOUT, Trace, Traces};
 
 /// Upper bounds of a histogram's buckets, by the unit that its name ends in.
 const BUCKETS: [(&str, &[f64]); 4] = [
@@ -134,13 +135,10 @@ impl Telemetry {
         })
     }
 
-    /// The same, with traces. To be called on a tokio runtime.
-    ///
-    /// # Errors
-    /// [`TracesError`] for an endpoint that is none.
-    pub fn traced(mut self, options: &TraceOptions) -> Result<Self, TracesError> {
-        self.traces = Some(Traces::new(options, &self)?);
-        Ok(self)
+    /// The same, with traces: see [`Traces::new`]. To be called on a tokio runtime.
+    pub fn traced(mut self, exporter: impl SpanExporter + 'static, sample_ratio: f64) -> Self {
+        self.traces = Some(Traces::new(exporter, sample_ratio, &self));
+        self
     }
 
     /// What makes traces, where they are on.

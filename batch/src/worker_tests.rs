@@ -4,7 +4,7 @@ use std::sync::mpsc as blocking;
 
 use super::tests::*;
 use super::*;
-use crate::telemetry::Telemetry;
+use troupe_base::telemetry::Telemetry;
 use troupe_engine::{
     DecoderOutput, MotionBricks, Pipeline, PoseOutput, RootInput, RootOutput, Stages, TokenInput,
 };
@@ -217,7 +217,14 @@ async fn workers_end_with_the_last_batcher_and_where_one_of_them_does_not_start(
         });
         let telemetry = Telemetry::new().unwrap();
         let spin = Duration::from_millis(spin_ms);
-        let started = Batcher::start("test", limits(2), spin, telemetry.pack("test", "1"), factory).await;
+        let started = Batcher::start(
+            "test",
+            limits(2),
+            spin,
+            PackMetrics::new(&telemetry, "test", "1"),
+            factory,
+        )
+        .await;
         assert_eq!(started.is_err(), is_broken);
         let answer = started
             .ok()

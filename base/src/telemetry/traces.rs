@@ -13,7 +13,6 @@ use opentelemetry::trace::{
     SpanBuilder, SpanKind, Status, TraceContextExt as _, Tracer as _, TracerProvider as _,
 };
 use opentelemetry::{Context, KeyValue};
-use opentelemetry_otlp::{ExporterBuildError, WithExportConfig as _};
 use opentelemetry_sdk::Resource;
 use opentelemetry_sdk::error::OTelSdkResult;
 use opentelemetry_sdk::propagation::TraceContextPropagator;
@@ -34,25 +33,11 @@ const MAX_WAITING: usize = 4096;
 /// Most spans that are sent at once, how often, and for how long at most.
 const EXPORTED_AT_ONCE: usize = 512;
 const EXPORT_INTERVAL: Duration = Duration::from_secs(1);
-const EXPORT_TIMEOUT: Duration = Duration::from_secs(5);
+/// How long the collector may take for a batch of spans.
+pub const EXPORT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// What the server is called in traces.
 const SERVICE: &str = "troupe-server";
-
-/// Where traces go, and of which requests there are any.
-#[derive(Debug, Clone)]
-pub struct TraceOptions {
-    /// The collector: `http://HOST:PORT`, OTLP over gRPC.
-    pub endpoint: String,
-    /// Which share of requests and plans is traced, where the caller does not say whether its
-    /// request is.
-    pub sample_ratio: f64,
-}
-
-/// Why there are no traces.
-#[derive(Debug, thiserror::Error)]
-#[error("otlp_endpoint cannot be used: {0}")]
-pub struct TracesError(#[from] ExporterBuildError);
 
 /// Makes traces. Clones share it.
 #[derive(Debug, Clone)]
@@ -62,24 +47,10 @@ pub struct Traces {
 }
 
 impl Traces {
-    /// Traces for a collector. To be called on a tokio runtime; the collector may come later.
-    ///
-    /// # Errors
-    /// [`TracesError`] for an endpoint that is none.
-    pub fn new(options: &TraceOptions, telemetry: &Telemetry) -> Result<Self, TracesError> {
-        let exporter = opentelemetry_otlp::SpanExporter::builder()
-            .with_tonic()
-            .with_endpoint(&options.endpoint)
-            .with_timeout(EXPORT_TIMEOUT)
-            .build()?;
-        Ok(Self::with_exporter(exporter, options.sample_ratio, telemetry))
-    }
-
-    fn with_exporter(
-        exporter: impl SpanExporter + 'static,
-        sample_ratio: f64,
-        telemetry: &Telemetry,
-    ) -> Self {
+    /// Traces whose spans go to `exporter`, of that share of requests and plans: 0 to 1. A caller's
+    /// request that is part of a trace already does as that trace does. To be called on a tokio
+    /// runtime.
+    pub fn new(exporter: impl SpanExporter + 'static, sample_ratio: f64, telemetry: &Telemetry) -> Self {
         let counter = |outcome| telemetry.counter(&SPANS, &Labels::default().with("outcome", outcome));
         let waiting = Arc::new(AtomicUsize::new(0));
         let counted = Counted {
@@ -314,7 +285,7 @@ mod tests {
     #[test]
     fn a_collector_that_hangs_makes_nobody_wait_and_drops_are_counted() {
         let (telemetry, collector) = (Telemetry::new().unwrap(), Closed::default());
-        let traces = Traces::with_exporter(collector.clone(), 1.0, &telemetry);
+        let traces = Traces::new(collector.clone(), 1.0, &telemetry);
         let begun = Instant::now();
         for _ in 0..MAX_WAITING + 7 {
             drop(traces.root("plan", Instant::now()).unwrap());
@@ -334,7 +305,7 @@ mod tests {
     #[test]
     fn what_is_not_sampled_is_no_trace() {
         let telemetry = Telemetry::new().unwrap();
-        let traces = Traces::with_exporter(Closed::default(), 0.0, &telemetry);
+        let traces = Traces::new(Closed::default(), 0.0, &telemetry);
         assert!(traces.root("plan", Instant::now()).is_none());
         let parent = |flags: &str| {
             let value = format!("00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-{flags}");

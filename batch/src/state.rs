@@ -96,7 +96,7 @@ struct Job {
 
 /// The shared state.
 #[derive(Debug)]
-pub(super) struct Core {
+pub(super) struct State {
     scheduler: Scheduler,
     jobs: HashMap<RequestId, Job>,
     next_id: u64,
@@ -111,7 +111,7 @@ pub(super) struct Core {
     metrics: PackMetrics,
 }
 
-impl Core {
+impl State {
     pub(super) fn new(limits: Limits, metrics: PackMetrics) -> Self {
         Self {
             orders: (0..limits.workers).map(|_| Orders::default()).collect(),

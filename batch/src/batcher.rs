@@ -11,11 +11,11 @@ use troupe_engine::generator::{Generator, JobId};
 use troupe_engine::{EngineError, TrialRun};
 use troupe_motion::model::{Motion, Output, Task};
 
-use super::core::{Core, Orders, Replies, Reply, Step};
 use super::metrics::PackMetrics;
 use super::order::Order;
 use super::parker::Parkers;
 use super::scheduler::{Limits, RequestId};
+use super::state::{Orders, Replies, Reply, State, Step};
 use super::worker;
 
 /// Parts that may wait for a reader; one that has more is too slow.
@@ -27,7 +27,6 @@ pub type GeneratorFactory = Arc<dyn Fn(usize) -> Result<Box<dyn Generator>, Engi
 
 /// Why a request was not served.
 #[derive(Debug, Clone, thiserror::Error)]
-#[non_exhaustive]
 pub enum SubmitError {
     /// The queue has no room for the request, or is so slow that it would wait for too long.
     #[error("the queue is full: {pending_characters} characters are waiting; retry later")]
@@ -127,7 +126,7 @@ struct Owner(Arc<Shared>);
 
 impl Drop for Owner {
     fn drop(&mut self) {
-        self.0.core().closed = true;
+        self.0.state().closed = true;
         self.0.parkers.unpark_all();
     }
 }
@@ -152,7 +151,7 @@ impl Batcher {
         };
         metrics.workers(limits.workers);
         let shared = Arc::new(Shared {
-            core: Mutex::new(Core::new(limits, metrics.clone())),
+            state: Mutex::new(State::new(limits, metrics.clone())),
             parkers: Parkers::new(limits.workers, spin),
             alive: AtomicUsize::new(limits.workers),
             metrics,
@@ -192,7 +191,7 @@ impl Batcher {
     /// Why a call of so many characters is refused if it comes now, where it is: to be asked before
     /// any work is put into it.
     pub fn refuse(&self, characters: usize) -> Option<SubmitError> {
-        let refusal = self.shared().core().scheduler().refuse(characters)?;
+        let refusal = self.shared().state().scheduler().refuse(characters)?;
         self.shared().metrics.rejected(refusal.into());
         Some(refusal.into())
     }
@@ -259,9 +258,9 @@ impl PendingRequest {
 impl Drop for PendingRequest {
     fn drop(&mut self) {
         if let Some(shared) = &self.shared {
-            let mut core = shared.core();
-            core.forget(Instant::now(), self.request);
-            shared.show(&core);
+            let mut state = shared.state();
+            state.forget(Instant::now(), self.request);
+            shared.show(&state);
         }
     }
 }
@@ -314,16 +313,16 @@ impl Parts {
 /// What callers and workers share.
 #[derive(Debug)]
 pub(super) struct Shared {
-    core: Mutex<Core>,
+    state: Mutex<State>,
     parkers: Parkers,
     pub(super) metrics: PackMetrics,
     alive: AtomicUsize,
 }
 
 impl Shared {
-    fn core(&self) -> MutexGuard<'_, Core> {
+    fn state(&self) -> MutexGuard<'_, State> {
         // Whoever panicked under the lock has lost its own request at most.
-        self.core.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Puts a request in, and wakes a worker where one is idle.
@@ -335,9 +334,9 @@ impl Shared {
     ) -> Result<PendingRequest, SubmitError> {
         let now = Instant::now();
         let mut replies = Replies::default();
-        let mut core = self.core();
-        let admitted = core.admit(now, tasks, order, reply, &mut replies);
-        self.release(core, &mut replies);
+        let mut state = self.state();
+        let admitted = state.admit(now, tasks, order, reply, &mut replies);
+        self.release(state, &mut replies);
         admitted.map(|request| PendingRequest {
             shared: Some(Arc::clone(self)),
             request,
@@ -346,10 +345,10 @@ impl Shared {
 
     /// Shows what waits, lets go of the lock, wakes who is to be woken and sends what is to be
     /// sent.
-    fn release(&self, mut core: MutexGuard<'_, Core>, replies: &mut Replies) {
-        self.show(&core);
-        let wake = core.take_wake();
-        drop(core);
+    fn release(&self, mut state: MutexGuard<'_, State>, replies: &mut Replies) {
+        self.show(&state);
+        let wake = state.take_wake();
+        drop(state);
         for worker in wake {
             self.parkers.unpark(worker);
         }
@@ -359,7 +358,7 @@ impl Shared {
     /// A worker that is about to start tried how fast it is: that tells how long calls will wait
     /// until others are measured.
     pub(super) fn tried(&self, TrialRun { rows, took }: TrialRun) {
-        self.core().tried(Instant::now(), rows, took);
+        self.state().tried(Instant::now(), rows, took);
     }
 
     /// Hands out what a worker's last step made, and gives it its next orders. Waits for them where
@@ -374,13 +373,13 @@ impl Shared {
     ) -> Option<Orders> {
         let spin_until = self.parkers.spin_until(Instant::now());
         loop {
-            let mut core = self.core();
-            let orders = core.ready(worker, (room, is_idle), step.take(), dropped, replies);
+            let mut state = self.state();
+            let orders = state.ready(worker, (room, is_idle), step.take(), dropped, replies);
             dropped = &[];
-            let is_over = is_idle && orders.is_empty() && core.is_over();
-            let spins = core.scheduler().wakes_next(worker) && Instant::now() < spin_until;
+            let is_over = is_idle && orders.is_empty() && state.is_over();
+            let spins = state.scheduler().wakes_next(worker) && Instant::now() < spin_until;
             if !is_idle || !orders.is_empty() || is_over || !replies.is_empty() {
-                self.release(core, replies);
+                self.release(state, replies);
                 match (is_idle && orders.is_empty(), is_over) {
                     (false, _) => return Some(orders),
                     (true, true) => {
@@ -392,10 +391,10 @@ impl Shared {
                     (true, false) => continue,
                 }
             }
-            self.show(&core);
+            self.show(&state);
             match spins {
-                true => self.parkers.spin(worker, core, spin_until),
-                false => drop(self.parkers.park(worker, core)),
+                true => self.parkers.spin(worker, state, spin_until),
+                false => drop(self.parkers.park(worker, state)),
             }
         }
     }
@@ -403,20 +402,20 @@ impl Shared {
     /// A worker's thread ends in a panic, with `held` unserved.
     pub(super) fn worker_lost(&self, worker: usize, held: &[JobId]) {
         let mut replies = Replies::default();
-        let mut core = self.core();
-        core.lose(Instant::now(), worker, held, &mut replies);
-        let left = core.scheduler().workers();
+        let mut state = self.state();
+        state.lose(Instant::now(), worker, held, &mut replies);
+        let left = state.scheduler().workers();
         self.alive.store(left, Ordering::Relaxed);
         self.metrics.workers(left);
-        self.release(core, &mut replies);
+        self.release(state, &mut replies);
         // It may have been the last with work, after the last batcher: those that are parked look
         // whether they may end.
         self.parkers.unpark_all();
         tracing::error!(worker, left, "a worker is lost");
     }
 
-    fn show(&self, core: &Core) {
-        let scheduler = core.scheduler();
+    fn show(&self, state: &State) {
+        let scheduler = state.scheduler();
         self.metrics
             .pending(scheduler.pending_requests(), scheduler.pending_characters());
     }

@@ -11,7 +11,7 @@ use troupe_motion::model::{DescribeTask, KeyTensors, PromptTask};
 
 use super::tests::{DIMS, all_idle, limits, soon, tasks, until};
 use super::*;
-use crate::telemetry::Telemetry;
+use troupe_base::telemetry::Telemetry;
 
 /// A toy that waits for a permit before each step, and notes which requests take part in it. It
 /// waits no more once nobody can give a permit.
@@ -90,7 +90,7 @@ async fn setup(slots: usize, fails_at: usize) -> Setup {
         Ok(Box::new(generator))
     });
     let telemetry = Telemetry::new().unwrap();
-    let metrics = telemetry.pack("test", "1");
+    let metrics = PackMetrics::new(&telemetry, "test", "1");
     let batcher = Batcher::start("test", limits(1), Duration::ZERO, metrics, factory)
         .await
         .unwrap();
@@ -196,7 +196,7 @@ async fn a_job_takes_its_steps_and_says_where_its_time_went() {
     let keyframes = tasks(3..4).remove(0);
     let answer = setup.enqueue(keyframes.clone());
     until("the worker", || {
-        setup.batcher.shared().core().scheduler().is_busy(0)
+        setup.batcher.shared().state().scheduler().is_busy(0)
     })
     .await;
     tokio::time::sleep(Duration::from_millis(10)).await;
@@ -220,7 +220,7 @@ async fn jobs_join_between_steps_and_give_what_they_give_alone() {
     let mut tasks = vec![prompt(4, 0), tasks(1..2).remove(0), prompt(2, 2), prompt(1, 3)];
     let mut answers = vec![setup.enqueue(tasks[0].clone())];
     until("the worker", || {
-        setup.batcher.shared().core().scheduler().is_busy(0)
+        setup.batcher.shared().state().scheduler().is_busy(0)
     })
     .await;
     for task in &tasks[1..] {
@@ -373,7 +373,7 @@ async fn a_job_that_fails_leaves_the_others_alone() {
     });
     let good = setup.enqueue(prompt(2, 0));
     until("the worker", || {
-        setup.batcher.shared().core().scheduler().is_busy(0)
+        setup.batcher.shared().state().scheduler().is_busy(0)
     })
     .await;
     let mut bad = setup.batcher.stream(fail, soon()).unwrap();
@@ -412,7 +412,7 @@ async fn no_wake_up_is_lost() {
         let factory: GeneratorFactory = Arc::new(|_| Ok(Box::new(Toy::new(DIMS, 4))));
         let telemetry = Telemetry::new().unwrap();
         let spin = Duration::from_micros(spin_us);
-        let metrics = telemetry.pack("test", "1");
+        let metrics = PackMetrics::new(&telemetry, "test", "1");
         let batcher = Batcher::start("test", limits(workers), spin, metrics, factory)
             .await
             .unwrap();

@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::time::{Duration, Instant};
 
 use super::{Part, RequestId};
-use crate::batch::order::{Class, Order, OwnerId};
+use crate::order::{Class, Order, OwnerId};
 
 /// A request that still has characters that wait.
 #[derive(Debug)]

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::batch::order::Class;
+use crate::order::Class;
 
 /// Shortest time after which it is worth to try again.
 const MIN_RETRY: Duration = Duration::from_millis(10);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::batch::order::OwnerId;
+use crate::order::OwnerId;
 
 const MS: Duration = Duration::from_millis(1);
 

@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use opentelemetry::KeyValue;
+use troupe_base::telemetry::KeyValue;
 
 use super::batcher::{Served, ServedStep};
-use crate::telemetry::Trace;
+use troupe_base::telemetry::Trace;
 
 /// Adds what became of a request that came to the batcher at `arrived`.
 pub fn trace_served(trace: &Trace, arrived: Instant, served: &Served) {

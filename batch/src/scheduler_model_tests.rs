@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use self::model::{Fate, Model, State};
 use super::*;
-use crate::batch::order::OwnerId;
+use crate::order::OwnerId;
 
 #[path = "scheduler_model.rs"]
 mod model;

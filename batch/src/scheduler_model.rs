@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::super::{Action, Batch, BatchReason, Finished, Limits, Part, RequestId};
-use crate::batch::order::{Class, Order, OwnerId};
+use crate::order::{Class, Order, OwnerId};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Fate {

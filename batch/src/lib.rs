@@ -15,11 +15,11 @@
 //! server.
 
 mod batcher;
-mod core;
 mod metrics;
 mod order;
 mod parker;
 pub mod scheduler;
+mod state;
 mod trace;
 mod worker;
 

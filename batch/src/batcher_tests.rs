@@ -2,8 +2,8 @@ use std::ops::Range;
 use std::sync::mpsc as blocking;
 
 use super::*;
-use crate::batch::order::OwnerId;
-use crate::telemetry::Telemetry;
+use crate::order::OwnerId;
+use troupe_base::telemetry::Telemetry;
 use troupe_engine::pack::Stage;
 use troupe_engine::{
     DecoderOutput, MotionBricks, Pipeline, PoseOutput, RootInput, RootOutput, Stages, TokenInput,
@@ -137,7 +137,7 @@ pub(super) async fn setup<const WORKERS: usize>(limits: Limits, troubles: [Troub
     // Without a spin: a worker that is at the end of one takes what another is woken for, and tests
     // say who gets what.
     let spin = Duration::ZERO;
-    let metrics = telemetry.pack("test", "1");
+    let metrics = PackMetrics::new(&telemetry, "test", "1");
     let batcher = Batcher::start("test", limits, spin, metrics, factory)
         .await
         .unwrap();
@@ -164,9 +164,9 @@ pub(super) async fn until(what: &str, mut is_so: impl FnMut() -> bool) {
 /// Waits until all workers have reported and none has work.
 pub(super) async fn all_idle(batcher: &Batcher) {
     until("idle workers", || {
-        let core = batcher.shared().core();
+        let state = batcher.shared().state();
         let mut workers = 0..batcher.workers();
-        !workers.any(|worker| core.scheduler().is_busy(worker))
+        !workers.any(|worker| state.scheduler().is_busy(worker))
     })
     .await;
 }
@@ -197,7 +197,7 @@ impl Setup {
 
     /// Requests that wait.
     pub(super) fn pending(&self) -> usize {
-        self.batcher.shared().core().scheduler().pending_requests()
+        self.batcher.shared().state().scheduler().pending_requests()
     }
 
     /// Waits until workers have taken so many batches; they may not have finished the last.
@@ -414,7 +414,7 @@ async fn a_dead_engine_is_reported_not_waited_for() {
 async fn an_engine_that_does_not_start_says_why() {
     let telemetry = Telemetry::new().unwrap();
     let factory: GeneratorFactory = Arc::new(|_| Err(EngineError::Library("not here".into())));
-    let metrics = telemetry.pack("test", "1");
+    let metrics = PackMetrics::new(&telemetry, "test", "1");
     let started = Batcher::start("test", Limits::default(), Duration::ZERO, metrics, factory).await;
     let error = started.unwrap_err().to_string();
     assert!(
