@@ -1,5 +1,6 @@
 use std::ops::Range;
-use std::sync::mpsc as blocking;
+use std::sync::{Mutex, mpsc as blocking};
+use std::time::Instant;
 
 use super::*;
 use crate::order::OwnerId;
@@ -8,7 +9,7 @@ use troupe_engine::pack::Stage;
 use troupe_engine::{
     DecoderOutput, MotionBricks, Pipeline, PoseOutput, RootInput, RootOutput, Stages, TokenInput,
 };
-use troupe_motion::model::{Dims, KeyTensors, KeyframeTask, PromptTask};
+use troupe_motion::model::{Dims, KeyTensors, KeyframeTask, Motion, PromptTask};
 
 pub(super) const DIMS: Dims = Dims {
     joints: 1,

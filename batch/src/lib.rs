@@ -15,15 +15,21 @@
 //! server.
 
 mod batcher;
+mod error;
 mod metrics;
 mod order;
 mod parker;
 pub mod scheduler;
+mod served;
+mod shared;
 mod state;
 mod trace;
 mod worker;
 
-pub use batcher::{Answer, Batcher, GeneratorFactory, Parts, Piece, Served, ServedStep, SubmitError};
+pub use batcher::{Answer, Batcher, Parts};
+pub use error::SubmitError;
 pub use metrics::{PackMetrics, Rejection};
 pub use order::{Class, Order, OwnerId};
+pub use served::{Piece, Served, ServedStep};
 pub use trace::{trace_queue, trace_served, trace_step};
+pub use worker::GeneratorFactory;

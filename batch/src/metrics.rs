@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use super::batcher::Served;
 use super::order::Class;
 use super::scheduler::BatchReason;
+use super::served::Served;
 use super::trace::trace_served;
 use troupe_base::telemetry::{Counter, Gauge, Histogram, Labels, Metric, Telemetry};
 use troupe_engine::Decision;

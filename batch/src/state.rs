@@ -10,12 +10,13 @@ use troupe_engine::EngineError;
 use troupe_engine::generator::{JobId, Progress, StepReport};
 use troupe_motion::model::{Output, Task};
 
-use super::batcher::{Piece, Served, ServedStep, SubmitError};
+use super::error::SubmitError;
 use super::metrics::{PackMetrics, Rejection};
 use super::order::Order;
 use super::scheduler::{
     Action, Batch, BatchReason, Event, Finished, Limits, Part, Ready, Refusal, RequestId, Scheduler,
 };
+use super::served::{Piece, Served, ServedStep};
 
 /// Where an answer that is sent whole goes.
 type WholeReply = oneshot::Sender<Result<Served, SubmitError>>;
@@ -439,15 +440,6 @@ fn append(slot: &mut Option<Output>, output: Output) {
     match slot {
         Some(whole) => whole.append(output),
         None => *slot = Some(output),
-    }
-}
-
-impl From<Refusal> for SubmitError {
-    fn from(refusal: Refusal) -> Self {
-        Self::QueueFull {
-            pending_characters: refusal.pending_characters,
-            retry_after: refusal.retry_after(),
-        }
     }
 }
 

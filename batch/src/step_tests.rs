@@ -1,13 +1,14 @@
 //! A family that needs several steps for a job: joining, streaming, leaving between steps, and how
 //! workers are woken.
 
-use std::sync::mpsc as blocking;
+use std::sync::{Mutex, mpsc as blocking};
+use std::time::Instant;
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use troupe_engine::generator::{Progress, StepReport};
+use troupe_engine::generator::{Generator, JobId, Progress, StepReport};
 use troupe_engine::toy::{PART_FRAMES, STEPS, Toy};
-use troupe_motion::model::{DescribeTask, KeyTensors, PromptTask};
+use troupe_motion::model::{DescribeTask, KeyTensors, Motion, Output, PromptTask};
 
 use super::tests::{DIMS, all_idle, limits, soon, tasks, until};
 use super::*;

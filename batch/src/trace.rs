@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use troupe_base::telemetry::KeyValue;
 
-use super::batcher::{Served, ServedStep};
+use super::served::{Served, ServedStep};
 use troupe_base::telemetry::Trace;
 
 /// Adds what became of a request that came to the batcher at `arrived`.

@@ -9,8 +9,12 @@ use tokio::sync::oneshot;
 use troupe_engine::EngineError;
 use troupe_engine::generator::{Generator, JobId, Progress, StepReport};
 
-use super::batcher::{GeneratorFactory, Shared};
+use super::shared::Shared;
 use super::state::{Orders, Replies, Step};
+
+/// Makes the generator of a worker, of which it gets the number from 0 on. Called once for each
+/// worker, on the thread that will own it; all at the same time.
+pub type GeneratorFactory = Arc<dyn Fn(usize) -> Result<Box<dyn Generator>, EngineError> + Send + Sync>;
 
 /// Makes the worker's generator, and steps it until there is nobody left to ask for anything.
 pub(super) fn run(

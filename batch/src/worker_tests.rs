@@ -1,6 +1,7 @@
 //! Several workers, and what the order of a request does.
 
 use std::sync::mpsc as blocking;
+use std::time::Instant;
 
 use super::tests::*;
 use super::*;

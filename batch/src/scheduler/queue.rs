@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashMap};
 use std::time::{Duration, Instant};
 
-use super::{Part, RequestId};
+use super::event::{Part, RequestId};
 use crate::order::{Class, Order, OwnerId};
 
 /// A request that still has characters that wait.
