@@ -7,10 +7,6 @@
 //! | module | holds |
 //! |---|---|
 //! | [`traces`] | where traces go |
-//! | [`packs`] | the packs that are loaded, each with its engine and styles |
-//! | [`wire`] | values of messages: checks, units, axes, keyframes |
-//! | [`world`] | scenes, objects and their definitions |
-//! | [`session`] | live characters: commands, steps, streams |
 //! | [`inbetween`] | single requests: from keyframes to tasks, from motion to frames |
 //! | [`service`] | every call, apart from how it travels |
 //! | [`mmcp`] | the protocol of motion tools: requests in its form, answers as glTF |
@@ -52,11 +48,6 @@ pub mod doctor;
 pub mod health;
 pub mod inbetween;
 pub mod mmcp;
-pub mod packs;
-pub mod records;
 pub mod server;
 pub mod service;
-pub mod session;
 pub mod traces;
-pub mod wire;
-pub mod world;

@@ -8,13 +8,13 @@ use super::Config;
 use crate::api::{ApiLimits, Guard};
 use crate::clients::{Share, Shares};
 use crate::inbetween::RequestLimits;
-use crate::session::{SessionLimits, TenantOptions};
 use crate::traces::TraceOptions;
-use crate::world::Folders;
 use troupe_batch::scheduler::Limits;
 use troupe_engine::machine::{Machine, available_cores};
 use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
 use troupe_engine::{CheckCache, EngineError, Selector, Workers};
+use troupe_live::session::{SessionLimits, TenantOptions};
+use troupe_live::world::Folders;
 
 /// Shortest time for which InBetween calls stay behind live plans.
 const MIN_AGEING: Duration = Duration::from_secs(2);

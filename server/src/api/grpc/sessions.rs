@@ -13,8 +13,8 @@ use crate::api::ours::ours;
 use crate::api::{ApiError, answers, opening, traffic};
 use crate::clients::Client;
 use crate::service::Service;
-use crate::session::drive::{Outlet, outbox};
 use troupe_base::turns::Turns;
+use troupe_live::session::drive::{Outlet, outbox};
 
 /// The Sessions service.
 pub(super) struct SessionsApi {

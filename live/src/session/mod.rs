@@ -23,7 +23,7 @@ mod registry;
 mod resume;
 mod space;
 mod step;
-pub(crate) mod styles;
+pub mod styles;
 mod time;
 mod words;
 

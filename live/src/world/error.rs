@@ -9,7 +9,6 @@ use troupe_character::{FieldError, Path};
 
 /// Why a call about scenes or definitions was not served.
 #[derive(Debug, Clone, thiserror::Error)]
-#[non_exhaustive]
 pub enum WorldError {
     /// A value that is not accepted.
     #[error(transparent)]

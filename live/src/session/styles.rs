@@ -13,7 +13,7 @@ use troupe_character::style::{MAX_ADDED_STYLES, PutError, Style};
 ///
 /// # Errors
 /// [`SessionError::UnknownBody`].
-pub(crate) fn list(pack: &LoadedPack, body: &str) -> Result<v1::ListStylesResponse, SessionError> {
+pub fn list(pack: &LoadedPack, body: &str) -> Result<v1::ListStylesResponse, SessionError> {
     let place = pack.place_of("body", body)?;
     let styles = &pack.styles[place];
     Ok(v1::ListStylesResponse {
@@ -40,7 +40,7 @@ pub(crate) fn list(pack: &LoadedPack, body: &str) -> Result<v1::ListStylesRespon
 ///
 /// # Errors
 /// [`SessionError::UnknownBody`] or [`SessionError::UnknownStyle`].
-pub(crate) fn get(pack: &LoadedPack, body: &str, name: &str) -> Result<v1::Style, SessionError> {
+pub fn get(pack: &LoadedPack, body: &str, name: &str) -> Result<v1::Style, SessionError> {
     let styles = pack.styles_of("body", body)?;
     match styles.get(name) {
         Some(style) => Ok(style.to_proto()),
@@ -52,7 +52,7 @@ pub(crate) fn get(pack: &LoadedPack, body: &str, name: &str) -> Result<v1::Style
 ///
 /// # Errors
 /// [`SessionError`] for the first value that is not accepted, or where the style cannot be kept.
-pub(crate) fn put(
+pub fn put(
     pack: &LoadedPack,
     body: &str,
     style: Option<&v1::Style>,

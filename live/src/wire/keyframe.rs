@@ -17,7 +17,7 @@ const MIN_GROUND_LEFT: f32 = 0.1;
 
 /// Whether a keyframe must be complete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Role {
+pub enum Role {
     /// Root position and pose are required.
     Context,
     /// Any subset, but something.
@@ -26,7 +26,7 @@ pub(crate) enum Role {
 
 /// Checks the values of one keyframe. Distances from the context are checked once that is known:
 /// [`check_reach`].
-pub(crate) fn check(
+pub fn check(
     path: &Path<'_>,
     key: &v1::Keyframe,
     role: Role,
@@ -151,7 +151,7 @@ fn check_heights(path: &Path<'_>, key: &v1::Keyframe, ground_y_m: f32) -> Result
 }
 
 /// Checks a height of the root joint.
-pub(crate) fn check_height(path: &Path<'_>, value: f32, ground_y_m: f32) -> Result<(), FieldError> {
+pub fn check_height(path: &Path<'_>, value: f32, ground_y_m: f32) -> Result<(), FieldError> {
     if (finite(path, value)? - ground_y_m).abs() > MAX_HEIGHT_M {
         let (low, high) = (ground_y_m - MAX_HEIGHT_M, ground_y_m + MAX_HEIGHT_M);
         return Err(path.error(format!("is {value:?} m"), format!("{low} to {high}")));
@@ -172,7 +172,7 @@ fn check_same_height(path: &Path<'_>, value: f32, height: f32) -> Result<(), Fie
 }
 
 /// The heading of a pelvis; none where it lies on its side.
-pub(crate) fn facing(pelvis: Quat, skeleton: &Skeleton) -> Option<f32> {
+pub fn facing(pelvis: Quat, skeleton: &Skeleton) -> Option<f32> {
     let left = pelvis * skeleton.left_axis;
     (left.x.hypot(left.z) > MIN_GROUND_LEFT).then(|| heading_of(pelvis, skeleton.left_axis))
 }
@@ -293,7 +293,7 @@ fn check_velocity(
 }
 
 /// A number that is finite.
-pub(crate) fn finite(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
+pub fn finite(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
     if value.is_finite() {
         Ok(value)
     } else {
@@ -302,7 +302,7 @@ pub(crate) fn finite(path: &Path<'_>, value: f32) -> Result<f32, FieldError> {
 }
 
 /// Checks that a keyframe is within reach of `anchor`, the last context frame's root position.
-pub(crate) fn check_reach(path: &Path<'_>, key: &Checked, anchor: Vec3) -> Result<(), FieldError> {
+pub fn check_reach(path: &Path<'_>, key: &Checked, anchor: Vec3) -> Result<(), FieldError> {
     if let Some(root) = key.root {
         let distance = root.position.distance(anchor);
         // An overflow to infinity, or NaN, is outside too.

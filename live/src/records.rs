@@ -3,8 +3,8 @@
 //! The file is a database that is whole at any moment, whenever the process is killed or the power
 //! goes. What is in a record is the business of those who write it.
 
-#[cfg(test)]
-pub(crate) mod disk;
+#[cfg(any(test, feature = "testing"))]
+pub mod disk;
 
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -6,8 +6,8 @@
 
 mod context;
 mod hinges;
-pub(crate) mod keyframe;
-pub(crate) mod units;
+pub mod keyframe;
+pub mod units;
 
 pub use context::{ContextFrame, check_context, check_frame, to_native};
 

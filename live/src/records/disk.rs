@@ -1,6 +1,6 @@
 //! A disk in memory whose operations fail and whose power goes, for tests.
 
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
@@ -10,18 +10,18 @@ use super::{Records, RecordsError};
 
 /// A disk that can be pulled: what was not synced may be there after that, or not, write by write.
 #[derive(Debug, Default)]
-pub(crate) struct Disk {
+pub struct Disk {
     synced: Vec<u8>,
     now: Vec<u8>,
     /// Since the last sync; in order.
     unsynced: Vec<(u64, Vec<u8>)>,
     /// Operations until it fails; none: never.
-    pub(crate) fails_in: Option<u32>,
+    pub fails_in: Option<u32>,
 }
 
 /// A disk that outlives its records.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Shared(pub(crate) Arc<Mutex<Disk>>);
+pub struct Shared(pub Arc<Mutex<Disk>>);
 
 impl Disk {
     fn operate(&mut self) -> std::io::Result<()> {
@@ -44,7 +44,7 @@ impl Disk {
     }
 
     /// The power goes.
-    pub(crate) fn pull(&mut self, rng: &mut ChaCha8Rng) {
+    pub fn pull(&mut self, rng: &mut ChaCha8Rng) {
         let mut left = std::mem::take(&mut self.synced);
         left.resize(left.len().max(self.now.len()), 0);
         for (at, data) in self.unsynced.drain(..) {
@@ -60,7 +60,7 @@ impl Disk {
 
 impl Shared {
     fn with<T>(&self, work: impl FnOnce(&mut Disk) -> std::io::Result<T>) -> Result<T, std::io::Error> {
-        work(&mut self.0.lock().unwrap())
+        work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
@@ -106,7 +106,7 @@ impl StorageBackend for Shared {
 }
 
 /// The records on a disk.
-pub(crate) fn on(disk: &Shared) -> Result<Records, RecordsError> {
+pub fn on(disk: &Shared) -> Result<Records, RecordsError> {
     let disk = disk.clone();
     let open = move || Builder::new().create_with_backend(disk.clone());
     Records::opened(Box::new(open), "the disk".to_owned())

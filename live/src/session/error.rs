@@ -10,7 +10,6 @@ use troupe_character::live::Refusal;
 
 /// Why a call about sessions or styles was not served.
 #[derive(Debug, Clone, thiserror::Error)]
-#[non_exhaustive]
 pub enum SessionError {
     /// A value that is not accepted.
     #[error(transparent)]
