@@ -11,7 +11,7 @@ use super::prepare::check_keyframes;
 use super::prompt::{check_near, same_count, segment};
 use super::sampling::check_sampling;
 use super::words::check_description;
-use crate::wire::keyframe::Role;
+use troupe_live::wire::keyframe::Role;
 
 /// Checks a request and brings it into the form of a task for `pack`. Gives what the motion is put
 /// into with it.

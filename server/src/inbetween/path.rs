@@ -17,8 +17,8 @@ use troupe_proto::v1;
 
 use super::body::inline_body;
 use super::prepare::check_keyframes;
-use crate::wire::keyframe::Role;
-use crate::wire::{MAX_DISTANCE_M, units};
+use troupe_live::wire::keyframe::Role;
+use troupe_live::wire::{MAX_DISTANCE_M, units};
 
 /// Most points of a path.
 pub const MAX_PATH_POINTS: usize = 10_000;

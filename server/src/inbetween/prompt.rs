@@ -10,8 +10,8 @@ use troupe_proto::v1;
 use super::prepare::check_keyframes;
 use super::sampling::check_sampling;
 use super::words::{check_prompt, most_past};
-use crate::wire::keyframe::{Role, check_reach};
-use crate::wire::units;
+use troupe_live::wire::keyframe::{Role, check_reach};
+use troupe_live::wire::units;
 
 /// Most frames that a prompt asks for, and that a motion to describe has.
 pub const MAX_GENERATED_FRAMES: usize = 1024;

@@ -6,7 +6,7 @@ use troupe_engine::pack::{Language, Pack, TaskRefusal};
 use troupe_motion::model::{PromptTask, Task};
 use troupe_proto::v1;
 
-use crate::wire::MAX_PROMPT_CHARS;
+use troupe_live::wire::MAX_PROMPT_CHARS;
 
 /// Most characters of a word that a note names.
 const MAX_WORD_CHARS: usize = 32;

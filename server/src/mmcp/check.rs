@@ -17,8 +17,8 @@ use super::schema::{
 use super::take::{Clock, Look, Note, Part, Prompt, Take};
 use super::{reference, skeleton};
 use crate::inbetween::check_words;
-use crate::wire::MAX_PROMPT_CHARS;
-use crate::wire::cut;
+use troupe_base::echo::cut;
+use troupe_live::wire::MAX_PROMPT_CHARS;
 
 /// The types of segments that the protocol knows.
 const SEGMENTS: [&str; 5] = [

@@ -16,8 +16,8 @@ use super::limits::{
 use super::schema::{Joint, Skeleton, coordinates, units};
 use super::skeleton::Axes;
 use crate::inbetween::fitting;
-use crate::packs::{LoadedPack, PackTable};
-use crate::wire::MAX_PROMPT_CHARS;
+use troupe_live::packs::{LoadedPack, PackTable};
+use troupe_live::wire::MAX_PROMPT_CHARS;
 
 /// The version that is spoken.
 pub const VERSION: &str = "1.4";
