@@ -457,8 +457,11 @@ fn temperature(value: &Value) -> Result<f32, Fault> {
 
 /// Steps of a sampler.
 fn steps(options: &Options, model: &Model, look: &mut Look, notes: &mut Vec<Note>) {
-    let table = model.loaded.pack.manifest.unimogen.as_ref();
-    let most = table.map_or(1, |table| table.diffusion_steps as i64);
+    let most = model
+        .loaded
+        .pack
+        .sampler()
+        .map_or(1, |steps| i64::from(steps.max));
     look.steps = options.diffusion_steps.map(|steps| {
         if steps > most {
             let message = format!("the model has {most} diffusion steps: {steps} were asked for");
