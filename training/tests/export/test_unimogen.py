@@ -22,7 +22,7 @@ from troupe_training.data.neutral import robot_neutral
 from troupe_training.data.rotations import matrix_to_quat, matrix_to_six_d, quat_to_matrix
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.export.manifest import About
-from troupe_training.export.unimogen.pack import denoiser_of, export_pack
+from troupe_training.export.unimogen.pack import denoiser_of, example, export_pack
 from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.models.unimogen.diffusion import cosine_signal, row_noise, sampler_steps
 from troupe_training.models.unimogen.network import UniMoGen
@@ -30,7 +30,7 @@ from troupe_training.models.unimogen.sampler import Character, Denoiser, sample
 from troupe_training.models.unimogen.state import BodyKinematics, Path2D, Range, decode, encode
 from troupe_training.robots.build import build_robot
 from troupe_training.robots.urdf import read_urdf
-from troupe_training.train.unimogen.stage import Trained
+from troupe_training.train.unimogen.stage import Trained, load
 from unimogen_support import biped, small_rotations
 
 FOLDER = Path(__file__).parents[3] / "engine" / "tests" / "unimogen"
@@ -247,3 +247,19 @@ def test_a_run_is_exported_with_what_it_notes(corpus_cache: Path, tmp_path: Path
     assert manifest["training"]["unimogen_steps"] == 3 and manifest["licence"] == "CC BY 4.0"
     assert asdict(PRESETS["tiny"])["channels"] == 8
     assert manifest["training"]["onnx_check"]["denoiser"] < 1e-3
+
+
+def test_a_pack_is_adopted_grown_and_trained_on(bodies: dict[str, Body], pack: Path, corpus_cache: Path, tmp_path: Path):
+    argv = ["unimogen", "adopt", "--pack", str(pack), "--run", str(tmp_path / "run")]
+    assert main(argv) == 0
+    adopted = load(tmp_path / "run")
+    inputs = example(adopted.model, list(bodies.values()), (1, 0), 36, seed=3)
+    arrays = {name: value.numpy() for name, value in inputs.items()}
+    expected = denoiser_of(pack / "denoiser.onnx")(arrays)
+    np.testing.assert_allclose(adopted.model(*inputs.values()).numpy(), expected, atol=1e-5)
+    assert adopted.words == WORDS and adopted.bodies == ["turned", "toy"]
+    torch.testing.assert_close(adopted.limits.low, LIMITS.low)
+    with pytest.raises(SystemExit, match="exists"):
+        main(argv)
+    assert main([*argv[:-1], str(tmp_path / "wide"), "--unimogen-preset", "medium"]) == 0
+    assert load(tmp_path / "wide").model.config == PRESETS["medium"]

@@ -28,6 +28,7 @@ from troupe_training.evaluate.unimogen.style import blend_table, shows, trained_
 from troupe_training.evaluate.unimogen.walk import film as draw_film
 from troupe_training.evaluate.unimogen.walk import swinging
 from troupe_training.export.manifest import About
+from troupe_training.export.unimogen.adopt import adopt as adopt_pack
 from troupe_training.export.unimogen.pack import export_run, network_of
 from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.models.unimogen.sampler import Character
@@ -47,7 +48,10 @@ OPTIONS["--bodies"] = {"type": Path, "help": "TOML list of bodies and their moti
 OPTIONS["--data"] = {"type": Path, "default": Path(), "help": "folder that the list's paths of motion are relative to"}
 OPTIONS["--source"] = {"type": Path, "help": "one folder of BVH, CSV (with --urdf) or glb files instead of a list"}
 OPTIONS["--trained-bodies"] = {"nargs": "+", "help": "train on these bodies of the cache alone"}
-OPTIONS["--unimogen-preset"] = {"choices": PRESETS, "default": "default", "help": "network sizes"}
+OPTIONS["--unimogen-preset"] = {
+    "choices": PRESETS,
+    "help": "network sizes; those of the checkpoint if left out, of a new run `default`",
+}
 OPTIONS["--without"] = {
     "nargs": "+",
     "choices": ABLATIONS,
@@ -193,7 +197,7 @@ def train(args: argparse.Namespace) -> int:
         args.cache,
         args.run,
         Budget(minutes=minutes, steps=args.steps, learning_rate=args.rate),
-        PRESETS[args.unimogen_preset],
+        PRESETS[args.unimogen_preset] if args.unimogen_preset else None,
         args.rows_per_step,
         args.seed,
         args.device,
@@ -206,6 +210,16 @@ def train(args: argparse.Namespace) -> int:
         return 0
     print(f"{STAGE}: stopped; the same command goes on from the checkpoint")
     return STOPPED
+
+
+@command("--pack", "--run", "--unimogen-preset", group=GROUP, pack=Path("models/unimogen"), run=RUN)
+def adopt(args: argparse.Namespace) -> int:
+    """A pack's network -> a checkpoint to train on from, with the sizes of a larger preset if one is given."""
+    config = PRESETS[args.unimogen_preset] if args.unimogen_preset else None
+    model = adopt_pack(args.pack, args.run, config)
+    parameters = sum(p.numel() for p in model.parameters())
+    print(f"{args.run / STAGE}.pt from {args.pack}, {parameters / 1e6:.2f} million parameters")
+    return 0
 
 
 @command("--run", "--cache", *ABOUT, group=GROUP, cache=CACHE, run=RUN, out=Path("models/unimogen"), name="unimogen")

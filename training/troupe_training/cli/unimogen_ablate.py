@@ -47,7 +47,7 @@ def ablate(args: argparse.Namespace) -> int:
     minutes = args.minutes if args.minutes or args.steps else 60.0
     budget = Budget(minutes=minutes, steps=args.steps, learning_rate=args.rate)
     terms: dict[str, Any] = {
-        "preset": args.unimogen_preset,
+        "preset": args.unimogen_preset or "default",
         "rows_per_step": args.rows_per_step,
         "bodies": corpus.names,
         **asdict(budget),
@@ -58,7 +58,7 @@ def ablate(args: argparse.Namespace) -> int:
         if not runs:
             raise SystemExit(f"{args.run}: no run is done")
     else:
-        preset = PRESETS[args.unimogen_preset]
+        preset = PRESETS[args.unimogen_preset or "default"]
         training = Training(args.cache, args.run, budget, preset, args.rows_per_step, args.seeds[0], args.device)
         if not train_all(args.run, runs, training):
             print("stopped; the same command goes on from the checkpoint")

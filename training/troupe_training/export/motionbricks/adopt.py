@@ -8,14 +8,12 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import onnx
 import torch
-from onnx import numpy_helper
 from torch import Tensor, nn
 
 from troupe_training.data.store import ClipStore
 from troupe_training.export.manifest import read_manifest
+from troupe_training.export.weights import weights_of
 from troupe_training.models.layers import FrameConv
 from troupe_training.models.motionbricks.carried import usual_heights
 from troupe_training.models.motionbricks.config import PRESETS, ModelConfig
@@ -26,44 +24,6 @@ from troupe_training.train.motionbricks.choice import CHOICE
 from troupe_training.train.motionbricks.pose import POSE
 from troupe_training.train.motionbricks.root import ROOT
 from troupe_training.train.motionbricks.tokenizer import TOKENIZER
-
-FLOATS = (onnx.TensorProto.FLOAT, onnx.TensorProto.FLOAT16)
-
-
-def weights_of(path: Path) -> dict[str, Tensor]:
-    """The graph's numbers by the names that PyTorch has for them.
-
-    Biases and constants keep their names in a graph; the matrix of a linear layer is what is multiplied before its bias is
-    added.
-    """
-    graph = onnx.load(path).graph
-    numbers = {
-        i.name.removesuffix(".half"): numpy_helper.to_array(i).astype(np.float32)
-        for i in graph.initializer
-        if i.data_type in FLOATS
-    }
-    producers = {output: node for node in graph.node for output in node.output}
-
-    def number(name: str) -> str:
-        """What a name stands for, through the Cast of 16-bit weights."""
-        node = producers.get(name)
-        return (node.input[0] if node and node.op_type == "Cast" else name).removesuffix(".half")
-
-    found = dict(numbers)
-    for node in graph.node:
-        names = [number(name) for name in node.input]
-        if node.op_type == "Add" and any(name.endswith(".bias") for name in names):
-            bias = next(name for name in names if name.endswith(".bias"))
-            other = node.input[1 - names.index(bias)]
-            product = producers.get(other)
-            if product is not None and product.op_type == "MatMul":
-                found.setdefault(bias.removesuffix("bias") + "weight", numbers[number(product.input[1])].T)
-        elif node.op_type == "Gemm" and len(names) == 3:
-            turned = next((a.i for a in node.attribute if a.name == "transB"), 0)
-            matrix = numbers[names[1]] if turned else numbers[names[1]].T
-            found.setdefault(names[2].removesuffix("bias") + "weight", matrix)
-    return {name: torch.from_numpy(np.array(value)) for name, value in found.items()}
-
 
 def find_folded(numbers: dict[str, Tensor], name: str, folded: tuple[int, ...], shape: torch.Size) -> None:
     """Adds a constant that the exporter has reshaped and named itself, if there is just one of that shape."""

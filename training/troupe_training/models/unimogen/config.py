@@ -24,6 +24,7 @@ class UniMoGenConfig:
 
 PRESETS = {
     "default": UniMoGenConfig(),
+    "medium": UniMoGenConfig(channels=48, condition=192, attention=96, heads=6),
     "wide": UniMoGenConfig(channels=64, condition=256, attention=128, heads=8, deep_blocks=2),
     "tiny": UniMoGenConfig(channels=8, condition=16, attention=8, heads=2),
 }

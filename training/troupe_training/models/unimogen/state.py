@@ -18,6 +18,7 @@ from torch import Tensor
 
 from troupe_training.data.bodies import Body
 from troupe_training.data.conventions import FPS
+from troupe_training.data.precision import full_precision
 from troupe_training.data.rotations import matrix_to_six_d, six_d_to_matrix, wrap_angle, yaw_matrix
 
 BEND_GAIN = 2.0
@@ -63,6 +64,7 @@ class Range:
         return (value + 1) / 2 * (self.high - self.low) + self.low
 
 
+@full_precision
 def root_offsets(body: Body, root: Tensor, path: Path2D) -> Tensor:
     """Offsets ``[B, T, 3]`` of root positions ``[B, T, 3]`` from the path, in sizes: left, up, ahead."""
     gap = root - torch.stack(
@@ -71,6 +73,7 @@ def root_offsets(body: Body, root: Tensor, path: Path2D) -> Tensor:
     return (yaw_matrix(-path.heading) @ gap[..., None])[..., 0] / body.size_m
 
 
+@full_precision
 def encode(body: Body, root: Tensor, bends: Tensor, path: Path2D, limits: Range) -> Tensor:
     """Rows ``[B, J + 1, T, 6]`` of motion: root positions ``[B, T, 3]`` (m), columns of bends ``[B, T, J, 6]``."""
     place = limits.normalise(root_offsets(body, root, path))
@@ -81,6 +84,7 @@ def encode(body: Body, root: Tensor, bends: Tensor, path: Path2D, limits: Range)
     return torch.cat([place[:, None], joints.transpose(1, 2)], 1)
 
 
+@full_precision
 def decode(body: Body, rows: Tensor, path: Path2D, limits: Range) -> tuple[Tensor, Tensor]:
     """Root positions ``[B, T, 3]`` (m) and bends ``[B, T, J, 3, 3]`` of rows ``[B, J + 1, T, 6]``."""
     offset = limits.restore(rows[:, 0, :, :3]) * body.size_m
