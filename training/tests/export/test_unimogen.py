@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 import tomllib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from troupe_training.data.neutral import robot_neutral
 from troupe_training.data.rotations import matrix_to_quat, matrix_to_six_d, quat_to_matrix
 from troupe_training.data.skeleton import Skeleton
 from troupe_training.export.manifest import About
+from troupe_training.export.unimogen.adopt import adopt
 from troupe_training.export.unimogen.pack import denoiser_of, example, export_pack
 from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.models.unimogen.diffusion import cosine_signal, row_noise, sampler_steps
@@ -249,7 +250,7 @@ def test_a_run_is_exported_with_what_it_notes(corpus_cache: Path, tmp_path: Path
     assert manifest["training"]["onnx_check"]["denoiser"] < 1e-3
 
 
-def test_a_pack_is_adopted_grown_and_trained_on(bodies: dict[str, Body], pack: Path, corpus_cache: Path, tmp_path: Path):
+def test_a_pack_is_adopted_and_grown(bodies: dict[str, Body], pack: Path, corpus_cache: Path, tmp_path: Path):
     argv = ["unimogen", "adopt", "--pack", str(pack), "--run", str(tmp_path / "run")]
     assert main(argv) == 0
     adopted = load(tmp_path / "run")
@@ -261,5 +262,6 @@ def test_a_pack_is_adopted_grown_and_trained_on(bodies: dict[str, Body], pack: P
     torch.testing.assert_close(adopted.limits.low, LIMITS.low)
     with pytest.raises(SystemExit, match="exists"):
         main(argv)
-    assert main([*argv[:-1], str(tmp_path / "wide"), "--unimogen-preset", "medium"]) == 0
-    assert load(tmp_path / "wide").model.config == PRESETS["medium"]
+    wider = replace(PRESETS["tiny"], channels=12)
+    adopt(pack, tmp_path / "wide", wider)
+    assert load(tmp_path / "wide").model.config == wider

@@ -9,8 +9,8 @@ from troupe_training.data.bodies_store import Corpus
 from troupe_training.data.rotations import six_d_to_matrix
 from troupe_training.models.unimogen.state import BodyKinematics
 from troupe_training.train.unimogen.diffusion import dropped_words, given_frames, offset_range
-from troupe_training.train.unimogen.losses import Weights, all_losses
 from troupe_training.train.unimogen.filters import knots, smoothing
+from troupe_training.train.unimogen.losses import Weights, all_losses
 from troupe_training.train.unimogen.paths import wanted_paths
 
 

@@ -124,7 +124,8 @@ def test_unrolled_rows_are_those_of_the_sampler(corpus_cache: Path):
         free = given[:, None, :, None].expand_as(x) == 0
         free[:, 0, :, 3:] = False  # channels that the root's place does not have
         assert float(noise[free].std()) == pytest.approx(1.0, abs=0.05)
-        torch.testing.assert_close(x[given[:, None, :, None].expand_as(x) > 0], task.truth[given[:, None, :, None].expand_as(x) > 0])
+        known = given[:, None, :, None].expand_as(x) > 0
+        torch.testing.assert_close(x[known], task.truth[known])
 
 
 def test_the_way_of_standing_feet_counts_only_if_they_stand_throughout():

@@ -18,13 +18,14 @@ from troupe_training.data.cells import read_cells
 from troupe_training.data.clips import MotionSource
 from troupe_training.data.conventions import FPS
 from troupe_training.data.corpus import Wanted, make_corpus
-from troupe_training.evaluate.unimogen.card import write_card
+from troupe_training.evaluate.unimogen.card import paths_table, write_card
 from troupe_training.evaluate.unimogen.encoders import encoder_of
 from troupe_training.evaluate.unimogen.measure import Figures, measure, table, why_no_fid
 from troupe_training.evaluate.unimogen.methods import Method, Setting, copied, frozen, interpolated, of_network
 from troupe_training.evaluate.unimogen.networks import Network, load_network
 from troupe_training.evaluate.unimogen.style import blend as blend_styles
 from troupe_training.evaluate.unimogen.style import blend_table, shows, trained_classifier
+from troupe_training.evaluate.unimogen.user_paths import measure_paths
 from troupe_training.evaluate.unimogen.walk import film as draw_film
 from troupe_training.evaluate.unimogen.walk import swinging
 from troupe_training.export.manifest import About
@@ -326,6 +327,44 @@ def evaluate(args: argparse.Namespace) -> int:
     if args.json:
         told = network.source | {"command": args.command_line, "setting": asdict(setting)}
         args.json.write_text(json.dumps(told | {"figures": report, "notes": notes}, indent=1) + "\n")
+    return 0
+
+
+@command(
+    NETWORK,
+    *("--cache", "--shown", "--frames", "--max-windows", *SAMPLING, "--beside", "--packs", "--json"),
+    group=GROUP,
+    cache=CACHE,
+    run=RUN,
+    pack=None,
+    shown=["human", "g1", "h1", "h1_2", "horse", "fox"],
+    seed=1,
+    max_windows=64,
+)
+def paths(args: argparse.Namespace) -> int:
+    """Feet on paths as users give them (lines, arcs, S curves at even speed), beside captures of the same speed and turn."""
+    torch.set_num_threads(args.threads)
+    network, setting = _network(args), setting_of(args)
+    networks = {"unimogen": network}
+    networks |= {name: load_network(Path(folder), args.threads) for name, folder in map(_named, args.beside)}
+    splits = {split: Corpus(args.cache, split, words=network.words) for split in ("test", "train", "cell")}
+    report = dict[str, dict[str, Figures]]()
+    for name in args.shown:
+        stores = [corpus.stores[name] for corpus in splits.values() if name in corpus.stores]
+        if not stores:
+            raise SystemExit(f"{args.cache} has no clips of {name}")
+        store = stores[0]  # the test clips, or of a body without test clips what it was trained on
+        methods = dict[str, Method]()
+        for n, one in networks.items():
+            one.check_body(store.body)
+            methods[n] = of_network(store.body, one, store.words, setting)
+        encoder, _ = encoder_of(args.packs, store.body, args.threads)
+        found = measure_paths(store, stores, methods, setting, encoder)
+        report |= {f"{name}, {case}": figures for case, figures in found.items()}
+        print(paths_table({what: report[what] for what in report if what.startswith(f"{name}, ")}), flush=True)
+    if args.json:
+        told = network.source | {"command": args.command_line, "setting": asdict(setting)}
+        args.json.write_text(json.dumps(told | {"figures": report}, indent=1) + "\n")
     return 0
 
 

@@ -219,7 +219,9 @@ class Corpus:
         if unknown or not self.names:
             raise SystemExit(f"{cache} has no body {sorted(unknown)}, only {found}")
         self.words = words if words is not None else words_in(cache, self.names)
-        stores = {name: BodyStore(cache / name, split, self.words, balance, mirror, speed_balance) for name in self.names}
+        stores = {
+            name: BodyStore(cache / name, split, self.words, balance, mirror, speed_balance) for name in self.names
+        }
         self.stores = {name: store for name, store in stores.items() if store.clips}
         self.names = list(self.stores)
 

@@ -221,11 +221,18 @@ def headings(six_d: np.ndarray, left_axis: np.ndarray) -> np.ndarray:
     return np.arctan2(-left[:, 2], left[:, 0])
 
 
-def detect_contacts(positions: np.ndarray, skeleton: Skeleton) -> np.ndarray:
-    """``[F, C]`` of 0/1: a contact joint that is low and slow stands on the ground."""
+def detect_contacts(positions: np.ndarray, skeleton: Skeleton, share_of_root: float = 0.0) -> np.ndarray:
+    """``[F, C]`` of 0/1: a contact joint that is low and slow stands on the ground.
+
+    A joint is slow below the skeleton's limit, or below ``share_of_root`` times the speed of the root if that is more.
+    """
     feet = positions[:, skeleton.contact_joints]
     speed = np.linalg.norm(np.diff(feet, axis=0, prepend=feet[:1]), axis=-1) * FPS
     if len(speed) > 1:
         speed[0] = speed[1]
     low = feet[..., 1] < np.array(skeleton.contact_max_height_m)
-    return (low & (speed < skeleton.contact_max_speed_mps)).astype(np.float32)
+    root = (
+        np.linalg.norm(np.gradient(positions[:, 0, [0, 2]], axis=0), axis=-1) * FPS if len(speed) > 1 else np.zeros(1)
+    )
+    limit = np.maximum(skeleton.contact_max_speed_mps, share_of_root * root)[:, None]
+    return (low & (speed < limit)).astype(np.float32)

@@ -36,7 +36,10 @@ from troupe_training.data.prepare import drop_odd_skeletons, files_of, load_file
 from troupe_training.data.rotations import columns_to_matrix
 from troupe_training.data.skeleton import Skeleton
 
-VERSION = 1  # of what is cached
+VERSION = 2  # of what is cached
+# Stance feet of gaits that are keyed by hand slide: they count as standing below this share of the
+# root's speed.
+KEYED_STANCE = 0.4
 MAX_ROUND_TRIP_M = 1e-3
 LEFT_AXIS = [1.0, 0.0, 0.0]  # of rigs that head along +Z at rest
 LAFAN_NAME = re.compile(r"(?P<content>[A-Za-z]+)\d*_subject\d+")
@@ -217,7 +220,8 @@ def _write(folder: Path, one: Wanted, made: Made, options: dict[str, Any]) -> No
         arrays["bends"].append(packed)
         arrays["roots"].append(clip.positions[:, 0].astype(np.float32))
         arrays["headings"].append(headings(_neutral_six_d(body, clip), np.array(LEFT_AXIS)).astype(np.float32))
-        arrays["contacts"].append(detect_contacts(clip.positions, body.skeleton))
+        share = KEYED_STANCE if one.reader is None else 0.0
+        arrays["contacts"].append(detect_contacts(clip.positions, body.skeleton, share))
         index.append(_entry(one, clip, start))
         start += len(clip.positions)
     if not index:

@@ -20,6 +20,8 @@ MEASURES = (
     Measure("fid", "FID ↓", 1, 4),
     Measure("l2p_m", "L2P (m) ↓", 1, 3),
     Measure("foot_skate_m_per_frame", "foot skate (mm/frame) ↓", 1e3),
+    Measure("standing_foot_m_per_frame", "standing foot (mm/frame) ↓", 1e3),
+    Measure("toe_highest_m", "highest toe (cm) ≈", 100, 1),
     Measure("foot_sliding_m", "toes slide, as the paper has it (m) ↓", 1, 3),
     Measure("foot_penetration_share", "frames with a toe in the ground (%) ↓", 100, 1),
     Measure("left_penetration_share", "with the left toe (%) ↓", 100, 1),
@@ -57,6 +59,29 @@ def figures_table(methods: dict[str, Figures]) -> str:
         if any(measure.name in figures for figures in methods.values()):
             cells = (measure.text(f[measure.name]) if measure.name in f else "–" for f in methods.values())
             lines.append(f"| {measure.heading} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+PATH_MEASURES = (
+    Measure("standing_foot_m_per_frame", "standing foot (mm/frame) ↓", 1e3, 1),
+    Measure("foot_skate_m_per_frame", "foot skate (mm/frame) ↓", 1e3, 1),
+    Measure("foot_penetration_share", "a toe in the ground (%) ↓", 100, 0),
+    Measure("toe_highest_m", "highest toe (cm) ≈", 100, 0),
+    Measure("path_position_m", "off the path (cm) ↓", 100, 1),
+    Measure("seam_mps2", "seam (m/s²) ≈", 1, 1),
+    Measure("fid", "FID ↓", 1, 3),
+)
+
+
+def paths_table(report: dict[str, dict[str, Figures]]) -> str:
+    """Figures of users' paths: a row for each body, path and method. Captures are those of the same speed and turn."""
+    lines = [f"| path | method | windows | {' | '.join(m.heading for m in PATH_MEASURES)} |"]
+    lines.append("|---|---|---:|" + "---:|" * len(PATH_MEASURES))
+    for what, methods in report.items():
+        for name, figures in methods.items():
+            cells = [m.text(figures[m.name]) if m.name in figures else "–" for m in PATH_MEASURES]
+            method = METHOD_NAMES.get(name, name)
+            lines.append(f"| {what} | {method} | {figures['windows']:.0f} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 

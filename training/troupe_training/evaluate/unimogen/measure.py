@@ -46,6 +46,8 @@ def _foot_figures(body: Body, positions: Tensor) -> dict[str, Tensor]:
         "foot_penetration_share": sunk[..., ends].any(-1).float().mean(1),
         "foot_sliding_m": (step * (above < TOE_MARGIN_M))[..., ends].sum(1).mean(1),
         "foot_skate_m_per_frame": (step * near_ground(above)).mean((1, 2)),
+        "standing_foot_m_per_frame": step[..., ends].amin(-1).mean(1),
+        "toe_highest_m": above[..., ends].amax((1, 2)),
     }
     for side, sign in (("left", 1), ("right", -1)):
         of_side = [place for place in ends if body.sides[contacts[place]] == sign]
@@ -194,6 +196,8 @@ NAMES = (
     "right_penetration_share",
     "foot_sliding_m",
     "foot_skate_m_per_frame",
+    "standing_foot_m_per_frame",
+    "toe_highest_m",
     "l2p_m",
     "jitter_mps2",
     "seam_mps2",

@@ -25,6 +25,7 @@ from troupe_training.train.motionbricks.pose import POSE
 from troupe_training.train.motionbricks.root import ROOT
 from troupe_training.train.motionbricks.tokenizer import TOKENIZER
 
+
 def find_folded(numbers: dict[str, Tensor], name: str, folded: tuple[int, ...], shape: torch.Size) -> None:
     """Adds a constant that the exporter has reshaped and named itself, if there is just one of that shape."""
     found = [value for value in numbers.values() if value.shape == folded]

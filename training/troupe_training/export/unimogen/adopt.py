@@ -31,7 +31,7 @@ def adopt(pack: Path, run: Path, config: UniMoGenConfig | None) -> UniMoGen:
     model = network_in(pack / FILE, len(family["words"]))
     torch.manual_seed(0)  # new weights of a grown network
     model = grown(model, config) if config else model
-    step, seconds = training["unimogen_steps"], 60.0 * training["unimogen_minutes"]
+    step, seconds = training.get("unimogen_steps", 0), 60.0 * training.get("unimogen_minutes", 0.0)
     loss = training.get("unimogen_final_loss")
     run.mkdir(parents=True, exist_ok=True)
     write_checkpoint(
@@ -85,4 +85,3 @@ def unnamed(model: UniMoGen, numbers: dict[str, Tensor]) -> dict[str, Tensor]:
     found["carried.shares"] = torch.stack([v for v in numbers.values() if v.shape == shares])
     found["carried.seen"] = next(v for v in numbers.values() if v.shape == (DIFFUSION_STEPS,))
     return found
-

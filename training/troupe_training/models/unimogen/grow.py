@@ -18,7 +18,6 @@ from torch import Tensor, nn
 from troupe_training.models.unimogen.config import UniMoGenConfig
 from troupe_training.models.unimogen.network import Block, Deep, JointAttention, TimeAttention, UniMoGen
 
-
 M = TypeVar("M", bound=nn.Module)
 
 

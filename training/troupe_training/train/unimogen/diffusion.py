@@ -146,11 +146,11 @@ class Task:
         """The network's inputs except noisy rows and diffusion step."""
         batch = len(self.given)
         features = self.path.features(self.body.size_m)
-        told = {"given": self.given, "path": features, "style": self.style, "slot_of": self.rows.slot_of}
-        return told | self.rows.repeated(batch)
+        own = {"given": self.given, "path": features, "style": self.style, "slot_of": self.rows.slot_of}
+        return own | self.rows.repeated(batch)
 
     def answer(self, model: UniMoGen, x: Tensor, step: Tensor) -> Tensor:
-        """The network's clean rows for the noisy rows ``x`` at the diffusion steps ``step`` ``[B]``; given frames are the truth."""
+        """The network's clean rows for noisy rows ``x`` at diffusion steps ``[B]``; given frames are the truth."""
         made = model(x=x.flatten(0, 1), step=step.float(), **self.inputs)
         made = made.reshape(x.shape)
         return torch.where(self.given[:, None, :, None] > 0, self.truth, made)

@@ -9,7 +9,6 @@ from troupe_training.data.conventions import FPS
 from troupe_training.data.precision import full_precision
 from troupe_training.models.unimogen.state import BodyKinematics
 
-
 # A foot that creeps is slow in every frame; over several frames its way counts as much as a slip.
 WAY_FRAMES = 6
 
