@@ -83,7 +83,7 @@ once.""",
         "Which settings of FastAPI were tried for words?",
         "words",
         """With 32 requests at once, frames in parts. The fastest by tokens/s was measured above. `cache_unit`: the language model reads as many columns of the cache as are
-filled, rounded up to a multiple of this (16 where it is not named; 128 is all).""",
+filled, rounded up to a multiple of this (16 if it is not named; 128 is all).""",
         tables.words_tuned,
     ),
     (
@@ -165,11 +165,11 @@ def notes(found: list[dict[str, Any]], part: str) -> list[str]:
         figures, main = machine["parts"].get(part), main_part(machine)
         if not figures:
             continue
-        told = list(figures.get("notes", []))
+        remarks = list(figures.get("notes", []))
         differs = [name for name in ("code", "pack") if figures.get(name) and figures[name] != main.get(name)]
         if differs:
-            told.append(f"measured with {' and '.join(figures[name] for name in differs)} on {figures['measured']}")
-        lines += [f"- {machine['title']}: {note}." for note in told]
+            remarks.append(f"measured with {' and '.join(figures[name] for name in differs)} on {figures['measured']}")
+        lines += [f"- {machine['title']}: {note}." for note in remarks]
     return lines
 
 
@@ -179,15 +179,15 @@ def page(found: list[dict[str, Any]], quick: bool = False) -> str:
     blocks += [f"{machine['title']}: {machine['remark']}" for machine in found if machine.get("remark")]
     if quick:
         blocks.append("**A quick look: one short run each. Not the real figures.**")
-    told = set()
+    described = set()
     for title, part, text, table in (*SECTIONS, TUNED):
         if part == "tune":
             blocks += [INSTRUCTIONS, "\n".join(instruction_table())]
         lines = table(found)
         body = [text, "\n".join(lines)] if lines else [f"Not measured yet: `make bench PARTS={part}`."]
-        if lines and part not in told:
+        if lines and part not in described:
             body.append("\n".join(notes(found, part)))
-            told.add(part)
+            described.add(part)
         blocks += [f"## {title}", *body]
     return "\n\n".join(block.strip("\n") for block in blocks if block) + "\n"
 

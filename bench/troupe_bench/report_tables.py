@@ -76,7 +76,7 @@ def median_of(values: list[float] | None, decimals: int = 0, unit: str = "") -> 
 
 
 def rows_of(machine: Machine, part: str, name: str = "rows") -> list[Row]:
-    """The rows of a machine's part; none where it was not measured."""
+    """The rows of a machine's part; none if it was not measured."""
     return machine["parts"].get(part, {}).get(name, [])
 
 

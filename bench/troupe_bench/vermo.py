@@ -122,7 +122,7 @@ class VerMo:
     def prompt(self, text: str, tokens: int) -> list[int]:
         """The message up to its reply of so many tokens.
 
-        Raises ValueError where the pack does not take it.
+        Raises ValueError if the pack does not take it.
         """
         pieces = self.pieces.encode(text, add_special_tokens=False).ids
         if not 1 <= len(pieces) <= self.max_pieces:

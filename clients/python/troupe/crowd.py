@@ -156,7 +156,7 @@ class CrowdCore(Generic[C]):
         return taken.step()
 
     def _ask_each(self, chunk: list[int], common: SessionError, taken: _Taken[C]) -> Steps[None]:
-        """Where not one of a request could be served, the server answers with the first one's problem alone."""
+        """If not one of a request could be served, the server answers with the first one's problem alone."""
         questions = [Call(io.GET_SESSION, session_pb2.GetSessionRequest(id=self[number].id)) for number in chunk]
         answers = yield from io.ask_all(questions)
         for number, answer in zip(chunk, answers, strict=True):

@@ -38,7 +38,7 @@ class DriveOptions:
     reconnect: float | None = 10.0
     """Seconds for which a stream that breaks is opened again, with its sessions where this client saw them last.
 
-    A server that keeps its sessions may be started anew meanwhile. None: a stream that breaks ends with an error."""
+    A server that keeps its sessions may be restarted meanwhile. None: a stream that breaks ends with an error."""
 
     def to_message(self) -> session_pb2.DriveRequest:
         """The message that opens a stream."""
@@ -72,7 +72,7 @@ class Tick:
 
     @property
     def frames(self) -> Frames:
-        """Frames of the characters, where all have one skeleton and convention.
+        """Frames of the characters, if all have one skeleton and convention.
 
         Raises:
             ValueError: They have several: see `blocks`.
@@ -100,7 +100,7 @@ class DriveCore:
         self._slots: dict[int, str] = {}
         self._blocks: tuple[Frames, ...] = ()
         self._skipped = 0
-        # How it ended, to be told once all that came before has been given; and why it broke, until
+        # How it ended, reported after the last frame; and why it broke, until
         # it is opened again.
         self._ended = False
         self._error: TroupeError | None = None
@@ -119,7 +119,7 @@ class DriveCore:
         yield Send(session_pb2.DriveRequest(detach=session_pb2.DriveDetach(session_ids=ids)))
 
     def _flush(self) -> Steps[None]:
-        """Sends what changed. Where the connection is busy it stays for the next time, so that the newest goes."""
+        """Sends what changed. If the connection is busy it stays for the next time, so that the newest goes."""
         commands = [command for name, of in self.sessions.items() for command in of._intent.commands(name)]
         if not commands:
             return
@@ -131,7 +131,7 @@ class DriveCore:
                 self.sessions[command.session_id]._intent.unsent(command)
 
     def _next(self, timeout: float | None) -> Steps[Tick | None]:
-        """Sends what changed, and waits for the next tick. None: the stream ended as asked, or nobody is left on it."""
+        """Sends what changed, and waits for the next tick. None: the stream ended as asked, or has no character left."""
         until = None if timeout is None else time.monotonic() + timeout
         while True:
             if self._broken is not None:
@@ -165,7 +165,7 @@ class DriveCore:
             came = more
 
     def _sort(self, came: Received) -> session_pb2.DriveFrames | None:
-        """Sorts one message of the server, and gives the frames where it has some."""
+        """Sorts one message of the server, and gives the frames if it has some."""
         if isinstance(came, TroupeError):
             self._ends(came)
             return None

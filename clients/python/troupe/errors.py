@@ -16,7 +16,7 @@ from google.rpc import error_details_pb2, status_pb2
 from troupe.v1 import session_pb2
 
 DETAILS = "grpc-status-details-bin"
-# Problems of one session, as the server names them: also where they are a call's error.
+# Problems of one session, as the server names them: also if they are a call's error.
 GONE = frozenset({"SESSION_EXPIRED", "UNKNOWN_SESSION", "SESSION_CLOSED"})
 OF_A_SESSION = GONE | {"SESSION_EXISTS", "SESSION_BUSY"}
 
@@ -137,7 +137,7 @@ class AnswerError(TroupeError):
 
 
 class SessionError(TroupeError):
-    """One session cannot be served, or refuses its command. `code` is the gRPC status where that is a call's error."""
+    """One session cannot be served, or refuses its command. `code` is the gRPC status if that is a call's error."""
 
     def __init__(self, message: str, *, session: str = "", code: str = "NOT_FOUND", **more: Any) -> None:
         super().__init__(message, **more)

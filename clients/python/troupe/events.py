@@ -61,7 +61,7 @@ class Attached(StreamEvent):
 class Resumed(StreamEvent):
     """The stream broke, and the session is taken up again behind the last frame that came.
 
-    What it should do is told again. Acts are not, and may be lost.
+    The client sends its locomotion again. Acts may be lost.
     """
 
     frame: int

@@ -72,7 +72,7 @@ class Receive:
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """To look whether a message has come. The outcome is as of `Receive`, and `NOTHING` where none has."""
+    """To look whether a message has come. The outcome is as of `Receive`, and `NOTHING` if none has."""
 
 
 @dataclass(frozen=True, slots=True)

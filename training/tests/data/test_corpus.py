@@ -26,9 +26,9 @@ def test_names_tell_what_a_clip_shows(clip: str, words: list[str]):
 
 def test_every_clip_is_in_and_comes_back_within_a_millimetre(corpus_cache: Path):
     for name, clips in (("walker", 30), ("toy", 16)):
-        told = json.loads((corpus_cache / name / "clips.json").read_text())
-        assert len(told["clips"]) == clips
-        assert told["round_trip_m"] < 1e-3
+        index = json.loads((corpus_cache / name / "clips.json").read_text())
+        assert len(index["clips"]) == clips
+        assert index["round_trip_m"] < 1e-3
     assert list(json.loads((corpus_cache / "walker" / "clips.json").read_text())["dropped"]) == ["broken.bvh"]
     assert "broken.bvh" in (corpus_cache / "report.md").read_text()
 

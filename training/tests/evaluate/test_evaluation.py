@@ -103,7 +103,7 @@ def test_a_motions_features_are_those_of_its_segment(store: ClipStore):
 
 
 def test_the_evaluator_sees_shaking(store: ClipStore):
-    """A shaken motion has other velocities, so that its features differ even where poses hardly do."""
+    """A shaken motion has other velocities, so that its features differ even if poses hardly do."""
     model = Evaluator(store.skeleton.joint_count)
     set_scales(model, store)
     inputs = inputs_of(walks(store, 30))

@@ -149,5 +149,5 @@ def test_a_pack_can_be_adopted_and_refined(pack: Path):
     assert not torch.equal(before[name], after[name])
     assert torch.equal(before["quantizer.book"], after["quantizer.book"])
     assert main(["export", "--out", str(again), "--name", "again", *common]) == 0
-    told = [read_manifest(f)["training"] for f in (pack / "human", again)]
-    assert told[0]["root_steps"] == told[1]["root_steps"] and told[1]["refine_steps"] == 3
+    trained = [read_manifest(f)["training"] for f in (pack / "human", again)]
+    assert trained[0]["root_steps"] == trained[1]["root_steps"] and trained[1]["refine_steps"] == 3

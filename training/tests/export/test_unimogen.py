@@ -1,7 +1,7 @@
 """The pack, and the reference that the server's sampler is tested against.
 
 ``engine/tests/unimogen`` holds a tiny pack with random weights and ``reference.json``: requests in metres and world rotations,
-noise, schedule, and the motion that they give. `TROUPE_WRITE_FIGURES=1` writes both anew.
+noise, schedule, and the motion that they give. `TROUPE_WRITE_FIGURES=1` writes both again.
 """
 
 import json
@@ -71,8 +71,8 @@ def pack(bodies: dict[str, Body], tmp_path_factory: pytest.TempPathFactory) -> P
     if os.environ.get("TROUPE_WRITE_FIGURES"):
         shutil.rmtree(FOLDER, ignore_errors=True)
         shutil.copytree(out, FOLDER)
-        told = reference(FOLDER, bodies)
-        (FOLDER / "reference.json").write_text(json.dumps(told) + "\n")
+        stored = reference(FOLDER, bodies)
+        (FOLDER / "reference.json").write_text(json.dumps(stored) + "\n")
     return out
 
 
@@ -85,7 +85,7 @@ def request(body: Body, seed: int, guidance: float, past: bool) -> dict:
     rng = np.random.default_rng(seed)
     time = np.arange(FRAMES) / 30.0
     points = np.stack([0.3 * np.sin(time) + 0.2 * seed, 1.2 * time - 0.4], -1)
-    told = {
+    stored = {
         "body": body.name,
         "seed": seed * 1_000_000_007,
         "guidance": guidance,
@@ -96,14 +96,14 @@ def request(body: Body, seed: int, guidance: float, past: bool) -> dict:
     if past:
         rotations = torch.from_numpy(small_rotations(rng, 0.2, 4, body.joint_count) @ body.rotations)
         root = np.concatenate([points[:4, :1], np.full((4, 1), body.height_m - 0.02), points[:4, 1:]], -1)
-        told |= {"past_root_m": numbers(root), "past_rotations_wxyz": numbers(matrix_to_quat(rotations).numpy())}
-    return told
+        stored |= {"past_root_m": numbers(root), "past_rotations_wxyz": numbers(matrix_to_quat(rotations).numpy())}
+    return stored
 
 
-def answer(told: list[dict], denoiser: Denoiser, bodies: dict[str, Body], steps: int) -> list[dict]:
+def answer(stored: list[dict], denoiser: Denoiser, bodies: dict[str, Body], steps: int) -> list[dict]:
     """What the reference sampler makes of requests in one batch: first rows that go in, and the motion that comes out."""
     characters, paths = [], []
-    for one in told:
+    for one in stored:
         body = bodies[one["body"]]
         path = Path2D(torch.tensor([one["path_m"]]), torch.tensor([one["heading_rad"]]))
         given = known = None
@@ -139,7 +139,7 @@ def answer(told: list[dict], denoiser: Denoiser, bodies: dict[str, Body], steps:
 
 def reference(folder: Path, bodies: dict[str, Body]) -> dict:
     """All of ``reference.json``."""
-    told = [
+    stored = [
         request(bodies["turned"], 1, 1.0, True),
         request(bodies["toy"], 2, 2.5, False),
         request(bodies["toy"], 3, 1.0, True),
@@ -159,8 +159,8 @@ def reference(folder: Path, bodies: dict[str, Body]) -> dict:
             for seed, row in ((0, 0), (1, 5), (3_000_000_021, 2), (2**64 - 1, 7))
         ],
         "bodies": {name: one | {"reads": reads[name]} for name, one in descriptions.items()},
-        "requests": told,
-        "answers": answer(told, denoiser_of(folder / "denoiser.onnx"), bodies, 4),
+        "requests": stored,
+        "answers": answer(stored, denoiser_of(folder / "denoiser.onnx"), bodies, 4),
     }
 
 
@@ -179,16 +179,16 @@ def assert_near(found, expected, where: str = "") -> None:
 
 
 def test_the_reference_is_what_the_sampler_computes(bodies: dict[str, Body], pack: Path):
-    told = json.loads((FOLDER / "reference.json").read_text())
-    assert_near(json.loads(json.dumps(reference(FOLDER, bodies))), told)
+    stored = json.loads((FOLDER / "reference.json").read_text())
+    assert_near(json.loads(json.dumps(reference(FOLDER, bodies))), stored)
 
 
 def test_the_manifest_tells_bodies_words_and_capabilities(pack: Path):
     manifest = tomllib.loads((pack / "pack.toml").read_text())
     assert (manifest["format"], manifest["family"]) == (2, "unimogen")
     assert manifest["capabilities"] == {"live": True, "path": True}
-    told = manifest["unimogen"]
-    assert told["bodies"] == ["turned", "toy"] and told["words"] == WORDS and len(told["signal"]) == 50
+    stored = manifest["unimogen"]
+    assert stored["bodies"] == ["turned", "toy"] and stored["words"] == WORDS and len(stored["signal"]) == 50
     toy = tomllib.loads((pack / "bodies" / "toy.toml").read_text())
     assert toy["words"] == ["run"] and len(toy["neutral"]["rotations"]) == len(toy["skeleton"]["joints"])
     assert toy["robot"]["hinges"][0]["joint"] == "left_hip"

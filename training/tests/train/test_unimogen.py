@@ -29,9 +29,9 @@ def run(corpus_cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_loss_falls_and_a_run_goes_on(run: Path, corpus_cache: Path, capsys: pytest.CaptureFixture[str]):
     assert main(command(corpus_cache, run, 150)) == 0
     assert "going on from step 30" in capsys.readouterr().out
-    told = json.loads((run / "unimogen.json").read_text())
-    first, last = told["history"][0], told["history"][-1]
-    assert told["step"] == 150 and last["total"] < 0.5 * first["total"]
+    curve = json.loads((run / "unimogen.json").read_text())
+    first, last = curve["history"][0], curve["history"][-1]
+    assert curve["step"] == 150 and last["total"] < 0.5 * first["total"]
 
 
 def test_one_motion_is_sampled_and_measured(run: Path, corpus_cache: Path, tmp_path: Path):

@@ -77,7 +77,7 @@ class Setting:
 
 
 def train_variant(setting: Setting, stage: str, run: Path, config: ModelConfig, seed: int) -> bool:
-    """Trains one stage of one variant, or goes on with it; false where it was stopped."""
+    """Trains one stage of one variant, or goes on with it; false if it was stopped."""
     torch.set_num_threads(setting.threads)
     minutes = None if setting.steps else setting.minutes
     budget = Budget(minutes=minutes, steps=setting.steps, learning_rate=LEARNING_RATE)

@@ -138,7 +138,7 @@ class Study:
         return Bootstrap(self.bench.windows(check_gap(self.gap))[1].numpy())
 
     def positions(self, requests: Requests, sampler: Sampler, seed: int) -> Tensor:
-        """Joint positions ``[B, N, J, 3]`` of one answer each, pinned, and put onto hinges where there are any."""
+        """Joint positions ``[B, N, J, 3]`` of one answer each, pinned, and put onto hinges if there are any."""
         bench = self.bench
         answer = bench.answer(lambda *_: sampler(requests, seed), requests.segments, requests.frames, Sampling())
         return bench.shown(answer)[0].world(bench.kinematics)

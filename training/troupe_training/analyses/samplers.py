@@ -69,7 +69,7 @@ def tokens_at(sampling: Sampling) -> Sampler:
 
 
 def served(sampling: Sampling) -> Sampler:
-    """Everything drawn that the pack lets be drawn: tokens, and roots where it has a choice of them."""
+    """Everything drawn that the pack lets be drawn: tokens, and roots if it has a choice of them."""
 
     def draw(requests: Requests, seed: int) -> Motion:
         keys = Keys.of(requests.segments, requests.frames)

@@ -44,7 +44,7 @@ from troupe_training.train.unimogen.stage import train as train_network
 GROUP = "unimogen"
 ABOUT = ("--out", "--name", "--version", "--licence", "--credit")
 CACHE, RUN = Path("runs/unimogen-cache"), Path("runs/unimogen")
-MINUTES = 480.0  # of training, where neither minutes nor steps are given
+MINUTES = 480.0  # of training, if neither minutes nor steps are given
 OPTIONS["--bodies"] = {"type": Path, "help": "TOML list of bodies and their motion, as training/bodies.toml is one"}
 OPTIONS["--data"] = {"type": Path, "default": Path(), "help": "folder that the list's paths of motion are relative to"}
 OPTIONS["--source"] = {"type": Path, "help": "one folder of BVH, CSV (with --urdf) or glb files instead of a list"}
@@ -132,26 +132,26 @@ def prepare(args: argparse.Namespace) -> int:
 def _listed(path: Path, data: Path) -> list[Wanted]:
     """The bodies of a list."""
     bodies: list[dict[str, Any]] = tomllib.loads(path.read_text(encoding="utf-8"))["bodies"]
-    return [_wanted(told, data, path.parent) for told in bodies]
+    return [_wanted(report_head, data, path.parent) for report_head in bodies]
 
 
-def _wanted(told: dict[str, Any], data: Path, beside: Path) -> Wanted:
+def _wanted(report_head: dict[str, Any], data: Path, beside: Path) -> Wanted:
     reader: MotionSource | None
-    if told.get("glb"):
+    if report_head.get("glb"):
         reader = None
-    elif "urdf" in told:
-        reader = RobotSource(data / told["urdf"])
+    elif "urdf" in report_head:
+        reader = RobotSource(data / report_head["urdf"])
     else:
-        reader = BvhSource(told.get("contact_joints"), told.get("scale"))
+        reader = BvhSource(report_head.get("contact_joints"), report_head.get("scale"))
     return Wanted(
-        told["name"],
-        data / told["source"],
+        report_head["name"],
+        data / report_head["source"],
         reader,
-        told.get("test_name"),
-        told.get("tested", True),
-        read_cells(beside / told["cells"]) if "cells" in told else frozenset(),
-        told.get("licence", "unknown"),
-        told.get("credits", []),
+        report_head.get("test_name"),
+        report_head.get("tested", True),
+        read_cells(beside / report_head["cells"]) if "cells" in report_head else frozenset(),
+        report_head.get("licence", "unknown"),
+        report_head.get("credits", []),
     )
 
 
@@ -325,8 +325,8 @@ def evaluate(args: argparse.Namespace) -> int:
     if args.markdown:
         args.markdown.write_text(f"    {args.command_line}\n\n{text}")
     if args.json:
-        told = network.source | {"command": args.command_line, "setting": asdict(setting)}
-        args.json.write_text(json.dumps(told | {"figures": report, "notes": notes}, indent=1) + "\n")
+        report_head = network.source | {"command": args.command_line, "setting": asdict(setting)}
+        args.json.write_text(json.dumps(report_head | {"figures": report, "notes": notes}, indent=1) + "\n")
     return 0
 
 
@@ -363,8 +363,8 @@ def paths(args: argparse.Namespace) -> int:
         report |= {f"{name}, {case}": figures for case, figures in found.items()}
         print(paths_table({what: report[what] for what in report if what.startswith(f"{name}, ")}), flush=True)
     if args.json:
-        told = network.source | {"command": args.command_line, "setting": asdict(setting)}
-        args.json.write_text(json.dumps(told | {"figures": report}, indent=1) + "\n")
+        report_head = network.source | {"command": args.command_line, "setting": asdict(setting)}
+        args.json.write_text(json.dumps(report_head | {"figures": report}, indent=1) + "\n")
     return 0
 
 
@@ -403,8 +403,8 @@ def blend(args: argparse.Namespace) -> int:
         report[part] = blend_styles(judge, store, styles, network, setting_of(args), encoder)
         print(f"{part}\n\n{blend_table(styles, report[part])}")
     if args.json:
-        told = network.source | {"command": args.command_line, "styles": styles, "shares": report}
-        args.json.write_text(json.dumps(told) + "\n")
+        report_head = network.source | {"command": args.command_line, "styles": styles, "shares": report}
+        args.json.write_text(json.dumps(report_head) + "\n")
     return 0
 
 
@@ -449,7 +449,7 @@ def card(args: argparse.Namespace) -> int:
 
 
 def _network(args: argparse.Namespace) -> Network:
-    """What is measured: a pack where one is named, else a run."""
+    """What is measured: a pack if one is named, else a run."""
     if args.pack and not (args.pack / "pack.toml").exists():
         raise SystemExit(f"{args.pack} is no pack: it has no pack.toml")
     return load_network(args.pack or args.run, args.threads)

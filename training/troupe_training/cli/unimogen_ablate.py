@@ -12,7 +12,7 @@ from troupe_training.cli.options import OPTIONS, STOPPED, command
 from troupe_training.cli.unimogen import CACHE, GROUP, SAMPLING, setting_of
 from troupe_training.data.bodies_store import Corpus
 from troupe_training.evaluate.unimogen.networks import load_network
-from troupe_training.evaluate.unimogen.study import measure_study, study_table, told_of
+from troupe_training.evaluate.unimogen.study import about_runs, measure_study, study_table
 from troupe_training.models.unimogen.config import PRESETS
 from troupe_training.train.study import keep_terms, picked
 from troupe_training.train.trainer import Budget
@@ -64,15 +64,19 @@ def ablate(args: argparse.Namespace) -> int:
             print("stopped; the same command goes on from the checkpoint")
             return STOPPED
     networks = {run.name: load_network(args.run / run.name, args.threads) for run in runs}
-    told: dict[str, Any] = {"command": args.command_line, "budget": asdict(budget), "setting": asdict(setting_of(args))}
-    told |= {"runs": told_of(runs, networks), "figures": {}, "notes": {}}
+    written: dict[str, Any] = {
+        "command": args.command_line,
+        "budget": asdict(budget),
+        "setting": asdict(setting_of(args)),
+    }
+    written |= {"runs": about_runs(runs, networks), "figures": {}, "notes": {}}
     text = f"    {args.command_line}\n"
     for part in args.parts:
         tested = Corpus(args.cache, part, words=corpus.words)
         report, notes = measure_study(tested, runs, networks, setting_of(args), args.packs, args.threads)
-        told["figures"][part], told["notes"][part] = report, notes
+        written["figures"][part], written["notes"][part] = report, notes
         text += f"\n## {part}\n\n" + study_table(report, notes, {n: one.source["step"] for n, one in networks.items()})
     print(text)
     (args.run / "figures.md").write_text(text)
-    (args.run / "figures.json").write_text(json.dumps(told, indent=1) + "\n")
+    (args.run / "figures.json").write_text(json.dumps(written, indent=1) + "\n")
     return 0

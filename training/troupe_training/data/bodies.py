@@ -61,7 +61,7 @@ class Body:
 
     @property
     def axes(self) -> np.ndarray:
-        """Hinge axes in the neutral pose ``[J, 3]``, world axes; zero where a joint turns freely or not at all."""
+        """Hinge axes in the neutral pose ``[J, 3]``, world axes; zero if a joint turns freely or not at all."""
         axes = np.zeros((self.joint_count, 3))
         if self.skeleton.robot is not None:
             for hinge in self.skeleton.robot["hinges"]:
@@ -111,7 +111,7 @@ class Body:
         return rows, count
 
     def description(self) -> np.ndarray:
-        """What the networks are told of each row, ``[J + 1, len(DESCRIPTION)]``; lengths are shares of the size."""
+        """The networks' description of each row, ``[J + 1, len(DESCRIPTION)]``; lengths are shares of the size."""
         skeleton, bones, places, axes = self.skeleton, self.bones / self.size_m, self.places() / self.size_m, self.axes
         hinged = np.linalg.norm(axes, axis=-1) > 0.5
         rows = np.zeros((self.joint_count + 1, len(DESCRIPTION)), dtype=np.float32)
@@ -135,8 +135,8 @@ class Body:
     @staticmethod
     def load(path: Path) -> "Body":
         """Reads what `save` wrote."""
-        told = json.loads(path.read_text())
-        return Body(**told | {"skeleton": Skeleton(**told["skeleton"])})
+        saved = json.loads(path.read_text())
+        return Body(**saved | {"skeleton": Skeleton(**saved["skeleton"])})
 
 
 def body_of(name: str, skeleton: Skeleton, neutral: np.ndarray) -> Body:
@@ -207,7 +207,7 @@ def unpack_bends(packed: np.ndarray) -> np.ndarray:
 
 
 def is_symmetric(body: Body) -> bool:
-    """True where every left joint mirrors a right one, and middle ones lie in the middle."""
+    """True if every left joint mirrors a right one, and middle ones lie in the middle."""
     places, pairs = body.places(), mirror_pairs(body)
     mirrored = places[pairs] * np.array([-1.0, 1.0, 1.0])
     return bool(np.abs(mirrored - places).max() < SYMMETRY_TOLERANCE_M)

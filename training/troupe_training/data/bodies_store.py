@@ -62,10 +62,10 @@ class BodyStore:
         speed_balance: float = SPEED_BALANCE,
     ):
         self.body = Body.load(folder / "body.json")
-        told = json.loads((folder / "clips.json").read_text())
-        clips: list[CorpusClip] = told["clips"]
+        listing = json.loads((folder / "clips.json").read_text())
+        clips: list[CorpusClip] = listing["clips"]
         self.clips = [c for c in clips if c["split"] == split]
-        self.cells = frozenset(told["options"]["cells"])
+        self.cells = frozenset(listing["options"]["cells"])
         self.bends, self.roots, self.headings, self.contacts = (
             np.load(folder / f"{name}.npy", mmap_mode="r") for name in ("bends", "roots", "headings", "contacts")
         )
@@ -84,7 +84,7 @@ class BodyStore:
         self._tables: dict[int, tuple[Tensor, Tensor, Tensor]] = {}
 
     def _may_mirror(self, clip: CorpusClip, places: dict[str, int]) -> bool:
-        """False where the mirror image shows a held-out cell, or what no clip shows."""
+        """False if the mirror image shows a held-out cell, or what no clip shows."""
         cell = cell_of(clip["name"])
         other = [mirrored_cell(f"{word}_")[:-1] for word in clip["words"]]
         return all(word in places for word in other) and (cell is None or mirrored_cell(cell) not in self.cells)
@@ -130,7 +130,7 @@ class BodyStore:
         return first, torch.cat(owners), shares / shares[-1]
 
     def has(self, frames: int) -> bool:
-        """True where some clip has as many frames."""
+        """True if some clip has as many frames."""
         return any(c["frames"] >= frames for c in self.clips)
 
     def draw(self, batch: int, frames: int, generator: Generator) -> Windows:

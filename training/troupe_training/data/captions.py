@@ -18,7 +18,7 @@ class Wording:
 
     verbs: tuple[str, ...]
     nouns: tuple[str, ...]
-    travels: bool = False  # so a pace can be told
+    travels: bool = False  # so a caption can name its pace
 
 
 CONTENTS = {

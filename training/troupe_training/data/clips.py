@@ -62,7 +62,7 @@ class MotionSource(Protocol):
         """What the result depends on besides the files, to tell caches apart."""
 
     def load(self, path: Path) -> FileMotion:
-        """Reads one file. Raises `ValueError` with the reason where it cannot be used."""
+        """Reads one file. Raises `ValueError` with the reason if it cannot be used."""
 
     def skeleton(self, names: list[str], parents: list[int], offsets: np.ndarray, clips: list[Clip]) -> Skeleton:
         """The skeleton of all files from their joints, usual offsets ``[J, 3]`` (m) and clips."""
@@ -107,7 +107,7 @@ def resample(positions: np.ndarray, rotations: np.ndarray, rate: float) -> tuple
 
 
 def cut(file: str, motion: FileMotion) -> tuple[list[Clip], list[str]]:
-    """The clips of a file, and what was cut out of it and why. Raises `ClipError` where nothing is left.
+    """The clips of a file, and what was cut out of it and why. Raises `ClipError` if nothing is left.
 
     A file is split where a joint moves faster than is believed or the root shifts, and frames where a joint is deep
     below the ground are left out. Pieces too short to train on are dropped, and said.

@@ -68,7 +68,7 @@ class Wanted:
     name: str
     source: Path
     reader: MotionSource | None = None  # None: glTF binaries
-    test_name: str | None = None  # finds the names of the test split; 5 % by a hash where left out
+    test_name: str | None = None  # finds the names of the test split; 5 % by a hash if left out
     tested: bool = True  # false: everything is trained on
     cells: frozenset[str] = frozenset()  # held out, see `data/cells.py`
     licence: str = "unknown"
@@ -263,15 +263,17 @@ def report(cache: Path, names: list[str]) -> str:
     ]
     left_out = []
     for name in names:
-        told, body = json.loads((cache / name / "clips.json").read_text()), Body.load(cache / name / "body.json")
-        clips: list[CorpusClip] = told["clips"]
+        listing, body = json.loads((cache / name / "clips.json").read_text()), Body.load(cache / name / "body.json")
+        clips: list[CorpusClip] = listing["clips"]
         split = [sum(c["split"] == which for c in clips) for which in ("train", "test", "cell")]
         minutes = sum(c["frames"] for c in clips) / FPS / 60
         hinges = int((np.linalg.norm(body.axes, axis=-1) > 0.5).sum())
         rows.append(
             f"| {name} | {body.joint_count} | {hinges} | {len(clips)} | {split[0]} | {split[1]} | {split[2]} | {minutes:.1f} | "
-            f"{1e3 * told['round_trip_m']:.2f} | {len(told['dropped'])} |"
+            f"{1e3 * listing['round_trip_m']:.2f} | {len(listing['dropped'])} |"
         )
-        left_out += [f"- {name}, left out: {file}: {reason}" for file, reason in told["dropped"].items()]
-        left_out += [f"- {name}, note: {file}: {text}" for file, texts in told["notes"].items() for text in texts[:4]]
+        left_out += [f"- {name}, left out: {file}: {reason}" for file, reason in listing["dropped"].items()]
+        left_out += [
+            f"- {name}, note: {file}: {text}" for file, texts in listing["notes"].items() for text in texts[:4]
+        ]
     return "\n".join([*rows, "", *left_out]) + "\n"

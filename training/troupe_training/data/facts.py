@@ -42,7 +42,7 @@ def named(name: str, mirrored: bool = False) -> tuple[str, str | None]:
 
 
 def hands(skeleton: Skeleton) -> tuple[int, int] | None:
-    """The joints of the left and right hand by their names; None where there are none of these names."""
+    """The joints of the left and right hand by their names; None if there are none of these names."""
     names = [name.lower() for name in skeleton.names]
     left = [names.index(name) for name in LEFT_HAND if name in names]
     right = [names.index(name) for name in RIGHT_HAND if name in names]

@@ -26,7 +26,7 @@ SMOOTH_FRAMES = 1.5
 
 @dataclass
 class Moved:
-    """A clip with root motion; ``reason`` where it is left out instead."""
+    """A clip with root motion; ``reason`` if it is left out instead."""
 
     motion: FileMotion | None
     note: str | None = None
@@ -44,7 +44,7 @@ def feet_of(rest: FileMotion, sides: list[int]) -> list[int]:
 
 
 def is_cycle(motion: FileMotion) -> bool:
-    """True where the last pose leads back to the first."""
+    """True if the last pose leads back to the first."""
     if len(motion.positions) <= 8:
         return False
     back = _turned(motion.rotations[-1:], motion.rotations[:1]).max()

@@ -66,7 +66,7 @@ def pack_networks(pack: Path, threads: int) -> StageNetworks:
 
 
 def run_networks(run: Path, store: ClipStore) -> StageNetworks:
-    """The checkpoints of a run folder, as they would be exported; the decoder of `refine` where there is one."""
+    """The checkpoints of a run folder, as they would be exported; the decoder of `refine` if there is one."""
     networks = load_networks(run, store)
     stages = networks.stages()
 
@@ -162,7 +162,7 @@ def choose_tokens(networks: StageNetworks, plan: Plan, sampling: Sampling) -> Te
 
 
 def root_noise(networks: StageNetworks, batch: int, sampling: Sampling) -> dict[str, Tensor]:
-    """The input that chooses roots ``[B, K]``, zero at temperature 0; none where roots have no choice."""
+    """The input that chooses roots ``[B, K]``, zero at temperature 0; none if roots have no choice."""
     if not networks.root_choices:
         return {}
     # A stream of its own: the tokens' draws do not depend on whether roots have a choice.

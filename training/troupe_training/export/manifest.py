@@ -77,7 +77,7 @@ def write_manifest(
 def write_limits(manifest: Path, limits: Limits) -> None:
     """Puts the table ``[limits]`` into a manifest, or into the file of a body, in the place of one that is there.
 
-    All other lines stay as they are, the hash of the networks among them. Raises `ValueError` where the joints are others.
+    All other lines stay as they are, the hash of the networks among them. Raises `ValueError` if the joints are others.
     """
     text = manifest.read_text(encoding="utf-8")
     joints = [joint["name"] for joint in tomllib.loads(text)["skeleton"]["joints"]]

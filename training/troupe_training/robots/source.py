@@ -41,7 +41,7 @@ class RobotSource:
         return self._options | {"contact_joints": self.robot.contacts}
 
     def load(self, path: Path) -> FileMotion:
-        """Reads one file. Raises `RobotError` with the column's name where it does not fit the robot."""
+        """Reads one file. Raises `RobotError` with the column's name if it does not fit the robot."""
         robot = self.robot
         root_positions, root_rotations, angles = read_motion(path, robot)
         notes = self._limit_notes(angles)

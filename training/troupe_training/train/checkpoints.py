@@ -60,7 +60,7 @@ class Stage(Generic[C, M]):
         return run / f"{self.name}.pt"
 
     def read(self, run: Path, device: str = "cpu") -> Checkpoint:
-        """Its checkpoint; ends the command where there is none."""
+        """Its checkpoint; ends the command if there is none."""
         path = self.path(run)
         if not path.exists():
             raise SystemExit(f"{path} is missing: train the stage '{self.name}' first")

@@ -137,7 +137,7 @@ class Trainer(Generic[M]):
         partial.replace(curve)
 
     def fit(self, loss_fn: Loss[M]) -> bool:
-        """Trains until the budget is spent; false where it was stopped before that."""
+        """Trains until the budget is spent; false if it was stopped before that."""
         previous = [signal.signal(s, self._on_signal) for s in (signal.SIGINT, signal.SIGTERM)]
         # the position in the random stream follows from the step, so a resumed run does not repeat
         # its batches

@@ -35,9 +35,9 @@ METHOD_NAMES = {"captured": "ground truth", "unimogen": "this pack"}
 ABOUT_FIGURES = """\
 Of the network's own motion, before anything is pinned. A window has {frames} frames, the first four are given; one starts every
 {stride} frames. Its path is that of the captured root, its words are those of its clip. {steps} sampler steps, guidance
-{guidance:g}. ↓ lower is better, ≈ nearer to ground truth is better. *Interpolated* alone is told the window's last pose.
+{guidance:g}. ↓ lower is better, ≈ nearer to ground truth is better. Only *interpolated* knows the window's last pose.
 
-- **Toes** slide where they are less than 1 cm above the height at which they stand: metres in a window, mean of both. They are in
+- **Toes** slide while they are less than 1 cm above the height at which they stand: metres in a window, mean of both. They are in
   the ground 1 cm below that height. The paper counts from the ground itself, which is easier.
 - **FID** is between latents of the evaluator in the pack of that body. Ground truth's is between every other window and the rest:
   with few windows FID is too high, and that says how much.
@@ -89,15 +89,15 @@ def bodies_table(pack: Path, names: list[str]) -> str:
     """The pack's bodies: size and what their clips show."""
     lines = ["| body | joints | of which hinges | root's height (m) | words |", "|---|---:|---:|---:|---|"]
     for name in names:
-        told = tomllib.loads((pack / "bodies" / f"{name}.toml").read_text())
-        hinges = len(told.get("robot", {}).get("hinges", []))
-        joints, words = len(told["skeleton"]["joints"]), ", ".join(told["words"])
-        lines.append(f"| {name} | {joints} | {hinges or '–'} | {told['height_m']:.2f} | {words} |")
+        family_table = tomllib.loads((pack / "bodies" / f"{name}.toml").read_text())
+        hinges = len(family_table.get("robot", {}).get("hinges", []))
+        joints, words = len(family_table["skeleton"]["joints"]), ", ".join(family_table["words"])
+        lines.append(f"| {name} | {joints} | {hinges or '–'} | {family_table['height_m']:.2f} | {words} |")
     return "\n".join(lines)
 
 
 def _check_source(measured: dict[str, Any], manifest: dict[str, Any]) -> None:
-    """Ends the command where figures are of another network than the pack's."""
+    """Ends the command if figures are of another network than the pack's."""
     step = manifest["training"]["unimogen_steps"]
     if measured["step"] != step:
         raise SystemExit(f"the figures are of update {measured['step']}, the pack is of update {step}")
@@ -129,7 +129,7 @@ def write_card(
     manifest = read_manifest(pack)
     if manifest["family"] != FAMILY.name:
         raise SystemExit(f"{pack} is a pack of the family {manifest['family']}")
-    training, told = manifest["training"], manifest["unimogen"]
+    training, family_table = manifest["training"], manifest["unimogen"]
     reports, swept, blended = (
         [json.loads(path.read_text()) for path in paths] for paths in (evaluations, sweeps, blends)
     )
@@ -146,14 +146,14 @@ def write_card(
         f"# {manifest['name']} {manifest['version']}",
         (
             f"{manifest['parameters'] / 1e6:.2f} million parameters, {size:.1f} MB in 16-bit weights, "
-            f"{len(told['bodies'])} bodies, {len(told['words'])} words, {manifest['fps']:.0f} Hz, "
+            f"{len(family_table['bodies'])} bodies, {len(family_table['words'])} words, {manifest['fps']:.0f} Hz, "
             f"windows of {shortest} to {longest} frames."
         ),
         f"Licence of the weights: {manifest['licence']}. Credits: {'; '.join(manifest['credits'])}.",
         "![One path on several bodies](film.png)" if (pack / "film.png").exists() else "",
         notes.read_text().strip() if notes else "",
         "## Bodies",
-        bodies_table(pack, told["bodies"]),
+        bodies_table(pack, family_table["bodies"]),
         "## Training",
         f"{training['clips']} clips, {training['frames']} frames ({hours:.2f} hours).",
         training_rows(training),

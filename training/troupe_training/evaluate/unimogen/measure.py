@@ -132,7 +132,7 @@ class Tally:
             self.latents.append(latents_of(self.body, self.encoder, answer))
 
     def encoded(self) -> np.ndarray:
-        """All latents, where they are enough for a Fréchet distance; else none."""
+        """All latents, if they are enough for a Fréchet distance; else none."""
         all_of_them = np.concatenate(self.latents) if self.latents else np.empty((0, 0))
         return all_of_them if len(all_of_them) >= MIN_FOR_FID else all_of_them[:0]
 
@@ -179,7 +179,7 @@ def measure(
 
 
 def why_no_fid(report: dict[str, Figures], without_encoder: str) -> str:
-    """Why the methods of one table have no FID, in words; nothing where they have. ``without_encoder``: of `encoder_of`."""
+    """Why the methods of one table have no FID, in words; nothing if they have. ``without_encoder``: of `encoder_of`."""
     windows = report["captured"]["windows"]
     if without_encoder:
         return f"FID is not measured: {without_encoder}."
@@ -216,5 +216,5 @@ def table(report: dict[str, dict[str, Figures]], notes: dict[str, str]) -> str:
             missing = {"fid": "not measured"} if notes.get(what) else {}
             cells = (f"{values[name]:.4g}" if name in values else missing.get(name, "–") for name in NAMES)
             lines.append(f"| {what} | {method} | {' | '.join(cells)} |")
-    told = [f"- {what}: {note}" for what, note in notes.items() if note]
-    return "\n".join([*lines, *([""] if told else []), *told]) + "\n"
+    reasons = [f"- {what}: {note}" for what, note in notes.items() if note]
+    return "\n".join([*lines, *([""] if reasons else []), *reasons]) + "\n"

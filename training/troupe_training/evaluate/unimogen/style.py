@@ -71,7 +71,7 @@ def windows_of(store: BodyStore, style: str, setting: Setting, most: int | None)
 
 
 def shows(store: BodyStore, styles: tuple[str, str], frames: int) -> bool:
-    """True where clips that are long enough show either style."""
+    """True if clips that are long enough show either style."""
     long = torch.tensor([clip["frames"] >= frames for clip in store.clips])
     return all(bool((store.clip_words[long, store.words.index(style)] > 0).any()) for style in styles)
 

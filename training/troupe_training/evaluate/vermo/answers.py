@@ -74,7 +74,7 @@ class Model:
 def decoded(
     tokenizer: Tokenizer, flow: FlowDecoder | None, codes: list[list[int]], flow_steps: int = 0, seed: int = 1
 ) -> list[Clip]:
-    """Motions of codes, by the flow decoder where it has steps."""
+    """Motions of codes, by the flow decoder if it has steps."""
     clips = []
     for row, one in enumerate(codes):
         tokens = torch.tensor([one])

@@ -1,7 +1,7 @@
 """``adopt``: the networks of a pack as a run's checkpoints, to train on where those are gone, or on other motion.
 
-A pack has no encoder and none of the decoder's outputs that only training reads: both begin anew. What is trained on is
-the decoder, on what the other two networks predict (`refine`); see `train.motionbricks.refine`.
+A pack has no encoder and none of the decoder's outputs that only training reads: both begin with random weights. `refine` then
+trains the decoder on what the other two networks predict, see `train.motionbricks.refine`.
 """
 
 from dataclasses import asdict, replace
@@ -112,13 +112,12 @@ def adopt_decoder(tokenizer: Tokenizer, numbers: dict[str, Tensor]) -> list[str]
 
 
 def save_adopted(
-    run: Path, stage: str, model: nn.Module, config: ModelConfig, preset: str, told: dict[str, Any]
+    run: Path, stage: str, model: nn.Module, config: ModelConfig, preset: str, trained: dict[str, Any]
 ) -> None:
     """A checkpoint with the updates and minutes that the pack's manifest tells of the stage."""
-    steps, loss = told.get(f"{stage}_steps", 0), told.get(f"{stage}_final_loss")
-    # A pack's decoder has been refined, of which the next manifest is to tell even where it is not
-    # refined again.
-    refined = {key: value for key, value in told.items() if stage == TOKENIZER.name and key.startswith("refine_")}
+    steps, loss = trained.get(f"{stage}_steps", 0), trained.get(f"{stage}_final_loss")
+    # The next manifest reports the refinement of a pack's decoder, also without another one.
+    refined = {key: value for key, value in trained.items() if stage == TOKENIZER.name and key.startswith("refine_")}
     write_checkpoint(
         run / f"{stage}.pt",
         {
@@ -127,7 +126,7 @@ def save_adopted(
             "model": model.state_dict(),
             "average": model.state_dict(),
             "step": steps,
-            "seconds": 60.0 * told.get(f"{stage}_minutes", 0.0),
+            "seconds": 60.0 * trained.get(f"{stage}_minutes", 0.0),
             "history": [] if loss is None else [{"step": steps, "total": loss}],
         },
     )

@@ -33,7 +33,7 @@ class Served:
 
 
 def export_pack(out: Path, about: About, skeleton: Skeleton, networks: Networks, served: Served) -> Networks:
-    """Writes the pack folder and gives the networks as they are shipped; fails where a file differs too much from PyTorch."""
+    """Writes the pack folder and gives the networks as they are shipped; fails if a file differs too much from PyTorch."""
     fresh = out.with_name(out.name + ".new")
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir(parents=True)

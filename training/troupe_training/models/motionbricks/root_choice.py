@@ -42,7 +42,7 @@ def envelope(has_global_root: Tensor, num_tokens: Tensor) -> Tensor:
 def splines(frames: int) -> Tensor:
     """Values ``[64, 16]`` at each frame of cubic B-splines that are centred on the tokens, with pieces of so many ``frames``.
 
-    Where pieces are longer than tokens they overlap more, and what they make is smoother.
+    If pieces are longer than tokens they overlap more, and what they make is smoother.
     """
     centre = torch.arange(MAX_TOKENS) * FRAMES_PER_TOKEN + (FRAMES_PER_TOKEN - 1) / 2
     apart = ((torch.arange(MAX_FRAMES)[:, None] - centre[None]) / frames).abs()

@@ -129,7 +129,7 @@ class Networks:
     tokenizer: Tokenizer
     root: RootModule
     pose: PoseModule
-    choice: RootChoice | None = None  # of roots, where it is trained
+    choice: RootChoice | None = None  # of roots, if it is trained
 
     @property
     def root_choices(self) -> int:

@@ -19,7 +19,7 @@ class UniMoGenConfig:
     heads: int = 4
     deep_blocks: int = 1  # blocks with attention in the last encoder level, and as many in the first decoder level
     merged_attention: bool = False  # one attention over frames and joints instead of two (paper, table 6)
-    positions: bool = True  # attention is told of the order of frames and of ancestors (paper, table 7)
+    positions: bool = True  # attention knows the order of frames and of ancestors (paper, table 7)
 
 
 PRESETS = {

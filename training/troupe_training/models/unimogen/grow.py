@@ -6,7 +6,7 @@
 - New heads, new channels of the condition and of the path's tokens are read with weights of 0 at first.
 - New blocks at quarter rate begin as the identity, as all blocks do.
 
-Where two streams are joined (three norms of the decoder) their means differ a little, and the answer with them.
+Three norms of the decoder read two joined streams, whose means differ a little. So the answer differs a little too.
 """
 
 import math

@@ -26,7 +26,7 @@ class Character:
     path: np.ndarray  # [T, 3]: `Path2D.features`
     style: np.ndarray  # [K], weights; all zero for none
     seed: int = 0
-    given: np.ndarray | None = None  # [T] of 0/1: frames that are known, none where left out
+    given: np.ndarray | None = None  # [T] of 0/1: frames that are known, none if left out
     known: np.ndarray | None = None  # [J + 1, T, 6]: their rows, anything elsewhere
     guidance: float = 1.0  # 1: the style as trained; more exaggerates it
     rows: int = field(init=False)

@@ -1,12 +1,12 @@
 """From motion to what the network denoises, and back.
 
-Every frame is told in the frame of its path: the path's point ``p`` on the ground and heading ``psi``. With lengths as shares of
+Every frame is seen from its path: the path's point ``p`` on the ground and heading ``psi``. With lengths as shares of
 the body's size and ``Y(psi)`` the rotation about +Y:
 
 - row 0: ``Y(-psi) (root - p)`` for x and z, and ``(root height - neutral height)``, min-max normalised to -1..1;
 - row 1 (the root joint): the columns of ``Y(-psi) D[root]``, others: the columns of the bend ``L``; less those of the identity,
   times `BEND_GAIN`.
-- what the network is told of the path is its velocity in its own frame, and its turn rate.
+- the network sees the path's velocity in its own frame, and its turn rate.
 
 So a motion that starts elsewhere or heads elsewhere is the same to the network, exactly.
 """
@@ -22,7 +22,7 @@ from troupe_training.data.precision import full_precision
 from troupe_training.data.rotations import matrix_to_six_d, six_d_to_matrix, wrap_angle, yaw_matrix
 
 BEND_GAIN = 2.0
-MAX_TURN = 15.0  # radians a second, of what the network is told
+MAX_TURN = 15.0  # radians a second, of the path's features
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
@@ -34,7 +34,7 @@ class Path2D:
     heading: Tensor
 
     def features(self, size_m: float) -> Tensor:
-        """What the network is told ``[B, T, 3]``: velocity to the left and ahead in sizes a second, turn rate in radians.
+        """The network's view of the path ``[B, T, 3]``: velocity to the left and ahead in sizes a second, turn rate in radians.
 
         Frame 0 has that of frame 1.
         """
@@ -44,8 +44,8 @@ class Path2D:
         ahead = s * step[..., 0] + c * step[..., 1]
         turn = wrap_angle(self.heading[:, 1:] - self.heading[:, :-1]) * FPS
         # Headings of one who lies on the side are ill-defined and flip.
-        told = torch.stack([left, ahead, turn.clamp(-MAX_TURN, MAX_TURN)], -1)
-        return torch.cat([told[:, :1], told], 1)
+        features = torch.stack([left, ahead, turn.clamp(-MAX_TURN, MAX_TURN)], -1)
+        return torch.cat([features[:, :1], features], 1)
 
 
 @dataclass

@@ -24,7 +24,7 @@ TASKS = (
 )
 SPECIALS = (*MARKERS, *(f"<{task.upper()}>" for task in TASKS))
 PAD, BOS, EOS, INSTRUCTION, CONDITION, REPLY, GAP, AGENT_SEP = range(len(MARKERS))
-# What conditions and replies of a task are, where they are not motion.
+# What conditions and replies of a task are, if they are not motion.
 CONDITION_KINDS = {"music_to_dance": "audio", "speech_to_gesture": "audio"}
 REPLY_KINDS = {"motion_to_text": "text", "dance_to_music": "audio", "gesture_to_speech": "audio"}
 

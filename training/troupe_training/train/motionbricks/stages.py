@@ -31,7 +31,7 @@ def is_adopted(run: Path) -> bool:
 
 
 def load_networks(run: Path, store: ClipStore) -> Networks:
-    """The networks of a run, its decoder refined where it has been."""
+    """The networks of a run, its decoder refined if it has been."""
     tokenizer = REFINE if REFINE.path(run).exists() else TOKENIZER
     choice = CHOICE.load(run, store) if CHOICE.path(run).exists() else None
     return Networks(tokenizer.load(run, store), ROOT.load(run, store), POSE.load(run, store), choice)

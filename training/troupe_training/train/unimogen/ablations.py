@@ -13,7 +13,7 @@ from troupe_training.train.unimogen.losses import Weights
 ABLATIONS = {
     "min-max": "root offsets go in as shares of the body's size, not scaled to -1..1 (table 4)",
     "separate-attention": "one attention over frames and joints of the same weights instead of two (table 6)",
-    "positions": "attention is not told of the order of frames and of ancestors (table 7)",
+    "positions": "attention does not know the order of frames and of ancestors (table 7)",
     "balance": "bodies, kinds of motion and speeds are drawn by their length (table 8)",
     "auxiliary-losses": "the loss is that of the clean rows alone (table 9)",
 }

@@ -91,13 +91,13 @@ def train(training: Training) -> bool:
     return trainer.fit(diffusion_loss(corpus, limits, training.rows_per_step, recipe))
 
 
-def _range(told: list[list[float]]) -> Range:
-    low, high = (torch.tensor(values) for values in told)
+def _range(ends: list[list[float]]) -> Range:
+    low, high = (torch.tensor(values) for values in ends)
     return Range(low, high)
 
 
 def load(run: Path) -> Trained:
-    """The averaged weights of a run, ready for use; ends the command where there are none."""
+    """The averaged weights of a run, ready for use; ends the command if there are none."""
     path = run / f"{STAGE}.pt"
     if not path.exists():
         raise SystemExit(f"{path} is missing: `troupe-train unimogen train` makes it")

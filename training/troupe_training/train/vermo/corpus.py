@@ -69,7 +69,7 @@ class Motions:
     """Clips with their contents and styles, and the codes of any crop, which are kept once computed."""
 
     store: ClipStore
-    tokenizer: Tokenizer | None  # none where only captions are wanted
+    tokenizer: Tokenizer | None  # none if only captions are wanted
     clips: list[ClipEntry]
     names: list[tuple[str, str | None]] = field(init=False)
     _codes: dict[tuple[int, int], list[int]] = field(default_factory=dict)
