@@ -228,7 +228,11 @@ def test_the_card_tells_bodies_training_and_figures(run: Path, corpus_cache: Pat
     blend = tmp_path / "b.json"
     blend.write_text(json.dumps({"step": 26, "styles": ["calm", "brisk"], "shares": {"test": {"0": 0.25, "1": 1.0}}}))
     card = ["unimogen", "card", "--pack", str(pack), "--evaluations", str(measured_at), "--notes", str(notes)]
-    card += ["--sweeps", str(measured_at), "--blend", str(blend)]
+    walked = tmp_path / "w.json"
+    row = {"windows": 3.0, "standing_foot_m_per_frame": 0.004}
+    found = {"toy, line 1.2 m/s": {"captured": row, "unimogen": row}}
+    walked.write_text(json.dumps({"step": 26, "command": "c", "setting": {"frames": 68}, "figures": found}))
+    card += ["--sweeps", str(measured_at), "--blend", str(blend), "--user-paths", str(walked)]
     assert main(card) == 0 and main(card) == 0
     text = (pack / "README.md").read_text()
     for part in (
@@ -240,6 +244,8 @@ def test_the_card_tells_bodies_training_and_figures(run: Path, corpus_cache: Pat
         "(curves.png)",
         "no evaluator knows the skeleton of toy",
         f"    troupe-train unimogen evaluate --run {run}",
+        "goes on for 2.1 seconds",
+        "| toy, line 1.2 m/s | this pack | 3 | 4.0 |",
         "## Steps and guidance",
         "| 0 | 25.0 |",
     ):

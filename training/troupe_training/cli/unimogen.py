@@ -96,6 +96,7 @@ OPTIONS["--copied-from"] = {
 }
 OPTIONS["--styles"] = {"nargs": 2, "metavar": "STYLE", "help": "two styles to blend"}
 OPTIONS["--blend"] = {"type": Path, "nargs": "+", "default": [], "help": "what `unimogen blend --json FILE` wrote"}
+OPTIONS["--user-paths"] = {"type": Path, "nargs": "+", "default": [], "help": "what `unimogen paths --json FILE` wrote"}
 OPTIONS["--shown"] = {
     "nargs": "+",
     "default": ["human", "g1", "h1_2", "horse"],
@@ -437,14 +438,14 @@ def film(args: argparse.Namespace) -> int:
 
 
 @command(
-    *("--pack", "--evaluations", "--sweeps", "--notes", "--blend"),
+    *("--pack", "--evaluations", "--sweeps", "--user-paths", "--notes", "--blend"),
     required=("--evaluations",),
     group=GROUP,
     pack=Path("models/unimogen"),
 )
 def card(args: argparse.Namespace) -> int:
     """Writes a pack's README from its manifest, its bodies, and the JSON of `unimogen evaluate`."""
-    write_card(args.pack, args.evaluations, args.notes, args.blend, args.sweeps)
+    write_card(args.pack, args.evaluations, args.notes, args.blend, args.sweeps, args.user_paths)
     return 0
 
 

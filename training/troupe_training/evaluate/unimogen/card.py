@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from troupe_training.data.conventions import FPS
+from troupe_training.data.conventions import CONTEXT_FRAMES, FPS
 from troupe_training.evaluate.card import figure_row, training_rows, write_figures, write_readme
 from troupe_training.evaluate.tables import Measure
 from troupe_training.evaluate.unimogen.measure import Figures
@@ -43,6 +43,17 @@ Of the network's own motion, before anything is pinned. A window has {frames} fr
   with few windows FID is too high, and that says how much.
 - **Diversity** is the variance of joint positions, summed over x, y and z: over the frames of a motion relative to the root, and
   over motions relative to the root's point on the ground."""
+
+
+ABOUT_PATHS = """\
+Lines, arcs (30° a second) and S curves (30° a second to one side, then to the other) at an even speed. Each begins in the last pose of a
+captured straight walk and goes on for {seconds:.1f} seconds. Of the network's own motion, before anything is pinned or held. Ground
+truth is captures of about the same speed and turn, wherever there are any.
+
+- **Standing foot**: how far the slowest toe goes in a frame. In a walk one foot always stands, in a run none does at times.
+- **Highest toe**: above the height at which it stands. A foot that drags is lower than the captured one, a foot that stamps higher.
+- **Seam**: joint acceleration where the past ends.
+- **FID** to these captures, from at least 64 windows of both. It is too high with few windows."""
 
 
 ABOUT_BLENDS = (
@@ -120,20 +131,22 @@ def write_card(
     notes: Path | None,
     blends: Sequence[Path] = (),
     sweeps: Sequence[Path] = (),
+    user_paths: Sequence[Path] = (),
 ) -> None:
     """Writes ``README.md`` into the pack folder and the main figures into ``pack.toml``.
 
     ``evaluations`` are what ``unimogen evaluate --json`` wrote with one setting, ``sweeps`` those of other settings, ``blends``
-    what ``unimogen blend --json`` wrote. ``notes`` is Markdown about the data and limits, put in as it stands.
+    what ``unimogen blend --json`` wrote, ``user_paths`` what ``unimogen paths --json`` wrote. ``notes`` is Markdown about the data
+    and limits, put in as it stands.
     """
     manifest = read_manifest(pack)
     if manifest["family"] != FAMILY.name:
         raise SystemExit(f"{pack} is a pack of the family {manifest['family']}")
     training, family_table = manifest["training"], manifest["unimogen"]
-    reports, swept, blended = (
-        [json.loads(path.read_text()) for path in paths] for paths in (evaluations, sweeps, blends)
+    reports, swept, blended, walked = (
+        [json.loads(path.read_text()) for path in paths] for paths in (evaluations, sweeps, blends, user_paths)
     )
-    for measured in (*reports, *swept, *blended):
+    for measured in (*reports, *swept, *blended, *walked):
         _check_source(measured, manifest)
     # How many windows there are stands at each table.
     several = [report["setting"] | {"most": None} for report in reports]
@@ -163,6 +176,11 @@ def write_card(
     ]
     for report in reports:
         parts += _figure_parts(report)
+    if walked:
+        seconds = (walked[0]["setting"]["frames"] - CONTEXT_FRAMES) / FPS
+        parts += ["## Paths as users give them", ABOUT_PATHS.format(seconds=seconds)]
+    for one in walked:
+        parts += [f"    {one['command']}", paths_table(one["figures"])]
     if swept:
         parts.append("## Steps and guidance")
     for one in swept:
