@@ -46,12 +46,13 @@ Of the network's own motion, before anything is pinned. A window has {frames} fr
 
 
 ABOUT_PATHS = """\
-Lines, arcs (30° a second) and S curves (30° a second to one side, then to the other) at an even speed. Each begins in the last pose of a
-captured straight walk and goes on for {seconds:.1f} seconds. Of the network's own motion, before anything is pinned or held. Ground
-truth is captures of about the same speed and turn, wherever there are any.
+Lines, arcs (30° a second) and S curves (30° a second to one side, then to the other) at an even speed. Each begins in the
+last pose of a captured straight walk and goes on for {seconds:.1f} seconds. The network's own motion is measured, before
+anything is pinned or held. Ground truth is captures of about the same speed and turn, if there are any.
 
 - **Standing foot**: how far the slowest toe goes in a frame. In a walk one foot always stands, in a run none does at times.
-- **Highest toe**: above the height at which it stands. A foot that drags is lower than the captured one, a foot that stamps higher.
+- **Highest toe**: above the height at which it stands. A foot that drags is lower than a captured one, a foot that stamps
+  is higher.
 - **Seam**: joint acceleration where the past ends.
 - **FID** to these captures, from at least 64 windows of both. It is too high with few windows."""
 
@@ -136,8 +137,8 @@ def write_card(
     """Writes ``README.md`` into the pack folder and the main figures into ``pack.toml``.
 
     ``evaluations`` are what ``unimogen evaluate --json`` wrote with one setting, ``sweeps`` those of other settings, ``blends``
-    what ``unimogen blend --json`` wrote, ``user_paths`` what ``unimogen paths --json`` wrote. ``notes`` is Markdown about the data
-    and limits, put in as it stands.
+    what ``unimogen blend --json`` wrote, ``user_paths`` what ``unimogen paths --json`` wrote. ``notes`` is Markdown about the
+    data and limits, put in as it stands.
     """
     manifest = read_manifest(pack)
     if manifest["family"] != FAMILY.name:
