@@ -20,7 +20,7 @@ def settings(tmp_path: Path) -> Settings:
 
 
 def run(frames_per_s: float, p50: float, p99: float) -> dict:
-    """What the load tester says of a run, as far as the tables read it."""
+    """The load tester's report of a run, as far as the tables read it."""
     return {
         "throughput": {"frames_per_s": frames_per_s},
         "latency_ms": {"p50": p50, "p99": p99},

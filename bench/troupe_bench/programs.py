@@ -1,4 +1,4 @@
-"""What is measured: it is built, started on a free port, waited for, and stopped with all its children."""
+"""The measured programs: built, started on a free port, waited for, and stopped with all their children."""
 
 import contextlib
 import json
@@ -149,7 +149,7 @@ def _python_served(kind: str, engine: str, options: list[str], settings: Json) -
 
 @contextlib.contextmanager
 def _served(name: str, command: list[str], env: dict[str, str], port: int, path: str) -> Iterator[Running]:
-    """Starts a server in a process group of its own, and ends the group whatever happens."""
+    """Starts a server in a process group of its own, and always ends the group."""
     log = HOME / "logs" / f"{name}.log"
     log.parent.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()

@@ -132,7 +132,7 @@ Counted under valgrind, so the same on every run and on a busy machine. The tabl
 
 
 def machine_table(found: list[dict[str, Any]]) -> list[str]:
-    """What was measured on what, with which code and pack."""
+    """The machines and their parts, with the code and pack of each."""
     rows = []
     for machine in found:
         facts, main = machine["machine"], main_part(machine)
@@ -159,7 +159,7 @@ def main_part(machine: dict[str, Any]) -> dict[str, Any]:
 
 
 def notes(found: list[dict[str, Any]], part: str) -> list[str]:
-    """What a reader has to know about a part of single machines."""
+    """Notes for the reader about a part of single machines."""
     lines = []
     for machine in found:
         figures, main = machine["parts"].get(part), main_part(machine)

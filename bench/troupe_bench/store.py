@@ -89,7 +89,7 @@ class Store:
 
 
 def dig(value: Any, *path: str) -> Any:
-    """What lies at ``path`` in nested tables, or None."""
+    """The value at ``path`` in nested tables, or None."""
     for step in path:
         if not isinstance(value, dict):
             return None

@@ -114,7 +114,7 @@ class VerMo:
         )
 
     def warm_up(self) -> None:
-        """Runs the shapes that come, for the first run of a shape is slow."""
+        """Runs the shapes that come, because the first run of a shape is slow."""
         for frames in (self.per_token * self.least, self.per_token * self.most):
             for _ in self.parts(Asked("a person walks", frames, 1, self.sampling)):
                 pass

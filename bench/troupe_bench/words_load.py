@@ -114,7 +114,7 @@ class Troupe(Target):
 
 @dataclass
 class Seen:
-    """What clients saw; times by one clock."""
+    """The clients' view of a run; times by one clock."""
 
     parts: list[tuple[float, int]] = field(default_factory=list)  # when frames came, and how many
     answers: list[tuple[float, float, float]] = field(default_factory=list)  # begin, first frames, end

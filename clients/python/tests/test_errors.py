@@ -12,7 +12,7 @@ from troupe.v1 import event_pb2, motion_pb2, scene_pb2, session_pb2
 
 
 class Status:
-    """What gRPC raises."""
+    """An error as gRPC raises it."""
 
     def __init__(self, code: grpc.StatusCode, words: str, *details: object, request_id: str = "") -> None:
         self._code, self._words = code, words

@@ -17,7 +17,7 @@ def walk() -> troupe.Clip:
 
 
 def took(client: troupe.Client, options: troupe.FrameOptions, pack: str = "", **more: object) -> troupe.Frames:
-    """Sixty frames of a walk of a fresh character: the same whatever the options."""
+    """Sixty frames of a walk of a fresh character, the same for all options."""
     with client.session(troupe.SessionOptions(seed=3, **more), pack=pack) as session:  # type: ignore[arg-type]
         session.frame_options = options
         ahead = session.convention.position_from_native(np.array([0, 0, 1.2], np.float32))
@@ -323,7 +323,7 @@ def test_a_drive_gives_ticks(client: troupe.Client) -> None:
         assert {one.session for one in attached if isinstance(one, troupe.Attached)} == set(drive.sessions)
         last = ticks[-1].frames
         assert last.root.shape == (1, 3, 3) and sorted(last.ids) == sorted(of.id for of in sessions)
-        # What a busy server could not send is counted.
+        # The client counts the frames that a busy server could not send.
         assert ticks[-1].number - ticks[0].number + 1 <= len(ticks) + ticks[-1].dropped
         assert all(later.number > tick.number for tick, later in pairwise(ticks))
         together = troupe.join_frames([tick.frames for tick in ticks if len(tick.frames.ids) == 3])

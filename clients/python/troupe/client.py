@@ -310,5 +310,5 @@ class Client:
         self._connection.run(calls.delete_object(name))
 
     def detect(self, request: scene_pb2.DetectRequest) -> scene_pb2.DetectResponse:
-        """What a character, or any box, reaches in its scene."""
+        """The objects that a character, or any box, reaches in its scene."""
         return self._connection.run(calls.detect(request))

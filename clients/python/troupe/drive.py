@@ -60,15 +60,15 @@ class Tick:
     blocks: tuple[Frames, ...]
     """Frames of the characters, one block for each skeleton and convention."""
     events: tuple[Event, ...]
-    """What happened to characters in their scenes since the last tick, in order for each."""
+    """Events of characters in their scenes since the last tick, in order for each."""
     news: tuple[StreamEvent, ...]
-    """What the stream said of its sessions since the last tick."""
+    """News of the stream's sessions since the last tick."""
     dropped: int
     """Ticks so far that were not given: the server or this client skipped them, because this client was slow."""
     underruns: int
     """Characters of this tick that had to slow down because a plan was late."""
     held: tuple[event_pb2.HeldObject, ...] = field(repr=False)
-    """What is in the characters' hands."""
+    """Objects in the characters' hands."""
 
     @property
     def frames(self) -> Frames:
@@ -94,7 +94,7 @@ class DriveCore:
         self.sessions: dict[str, Character] = {}
         """The characters on the stream, by their names. They are commanded in place."""
         self.news: list[StreamEvent] = []
-        """What the stream has said since the last tick."""
+        """News of the stream since the last tick."""
         self._address = address
         self._events: list[Event] = []
         self._slots: dict[int, str] = {}
@@ -284,7 +284,7 @@ class DriveCore:
         yield from self._attach(list(self.sessions.values()))
 
     def _last_seen(self) -> list[session_pb2.SessionResume]:
-        """What this client saw last of each session; nothing of one that had no frames yet."""
+        """The last frame of each session that this client saw. A session without frames is missing."""
         seen = {name: session_pb2.SessionResume(session_id=name) for name in self.sessions}
         for block in self._blocks:
             for place, name in enumerate(block.ids):

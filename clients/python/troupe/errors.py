@@ -1,4 +1,4 @@
-"""What can go wrong. Every error of this library is a `TroupeError`.
+"""Errors. Every error of this library is a `TroupeError`.
 
 The server names the field that is wrong and what it may be; errors that the client finds before it asks say the same.
 """
@@ -51,7 +51,7 @@ class TroupeError(Exception):
         self.request_id = request_id
         """The request's id, which the server's log lines show."""
         self.place = place
-        """Line and column, from 1, of what is wrong in a document."""
+        """Line and column, from 1, of the error in a document."""
 
 
 class InvalidArgumentError(TroupeError, ValueError):
@@ -179,7 +179,7 @@ _BY_CODE: dict[str, type[TroupeError]] = {
 
 
 class Status(Protocol):
-    """What gRPC raises, from a channel of either kind."""
+    """gRPC's error, from a channel of either kind."""
 
     def code(self) -> grpc.StatusCode:
         """The status."""
@@ -190,7 +190,7 @@ class Status(Protocol):
         ...
 
     def trailing_metadata(self) -> Iterable[tuple[str, str | bytes]] | None:
-        """What came with it."""
+        """Metadata that came with it."""
         ...
 
 
@@ -228,7 +228,7 @@ def of_status(status: Status, address: str, timeout_s: float | None) -> TroupeEr
 
 
 def _details(packed: bytes) -> dict[str, Any]:
-    """What `google.rpc` details say of an error, by the names of a `TroupeError`'s arguments."""
+    """The `google.rpc` details of an error, by the names of a `TroupeError`'s arguments."""
     more: dict[str, Any] = {}
     try:
         details = status_pb2.Status.FromString(packed).details

@@ -92,7 +92,7 @@ class Generated:
     clip: Clip
     """Its frames: those of the first character if there are several."""
     notes: tuple[str, ...]
-    """What the model was asked for that it may not do well."""
+    """Parts of the request that the model may not do well."""
     others: tuple[Clip, ...] = ()
     """Those of the other characters, in the order of the prompt."""
     feasibility: motion_pb2.Feasibility | None = None

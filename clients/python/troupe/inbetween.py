@@ -17,7 +17,7 @@ from troupe.v1 import motion_pb2
 
 @dataclass(frozen=True)
 class RootKey:
-    """What the root is to be in a frame of a segment: any part of place, height and heading.
+    """The wanted root in a frame of a segment: any part of place, height and heading.
 
     The rest is as the networks make it.
     """
@@ -133,7 +133,7 @@ class InBetweenAnswer:
     clamped_hinges: Ints = field(repr=False)
     """(frames) a robot's hinges that were asked for more than their limits; empty if the pack has no robot."""
     intermediates: motion_pb2.Intermediates | None = field(repr=False)
-    """What each stage produced, if that was asked for."""
+    """Each stage's output, if that was asked for."""
     feasibility: motion_pb2.Feasibility | None = field(repr=False)
     """Whether the motion stays within what the pack's data does. None: the pack has no limits."""
     timing: motion_pb2.Timing = field(repr=False)

@@ -1,4 +1,4 @@
-"""What a character should do, and which of it the server knows already."""
+"""The commands for a character, and which of them the server knows already."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def end_interaction() -> Act:
 
 
 def cancel() -> Act:
-    """Break off whatever it does, at once, let go of what is in the hand, and stand."""
+    """Break off at once, let go of the object in the hand, and stand."""
     return Act(session_pb2.Command(cancel=session_pb2.Cancel()))
 
 
@@ -119,7 +119,7 @@ def path_points(
 
 
 class Intent:
-    """What one character should do, what the server knows of it, and the sequence numbers of the commands."""
+    """The commands for one character, the part that the server knows, and their sequence numbers."""
 
     __slots__ = ("_acts", "_priority", "_sent", "_sent_priority", "_touched", "_wanted", "sequence")
 
@@ -136,7 +136,7 @@ class Intent:
 
     @property
     def wanted(self) -> Locomotion:
-        """What is wanted."""
+        """The wanted locomotion."""
         return self._wanted
 
     @wanted.setter
@@ -228,7 +228,7 @@ def locomotions(
     styles: str | Sequence[str | None] | None,
     before: Sequence[Locomotion],
 ) -> list[Locomotion]:
-    """What many characters should do, from arrays: velocities (n, 3), facing (n) with NaN for none, a style for all or each."""
+    """Locomotion of many characters, from arrays: velocities (n, 3), facing (n) with NaN for none, a style for all or each."""
     count = len(before)
     speeds = floats("velocities", velocities, (count, 3)).tolist()
     faced: list[float | None] = [None] * count

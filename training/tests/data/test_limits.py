@@ -1,4 +1,4 @@
-"""What a cache's motion does at most, and the table of it in a manifest."""
+"""The limits of a cache's motion, and their table in a manifest."""
 
 from pathlib import Path
 

@@ -200,7 +200,7 @@ def test_diversity_is_the_mean_over_pairs():
 
 
 def test_intervals_come_from_clips_not_from_windows():
-    """Windows that say all the same of their clip tell no more than one of them."""
+    """Windows of a clip with equal figures count as one of them."""
     rng = np.random.default_rng(3)
     per_clip = rng.standard_normal(40)
     clips = np.repeat(np.arange(40), 25)

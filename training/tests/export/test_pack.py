@@ -49,7 +49,7 @@ def test_pack_is_complete(pack: Path):
 
 
 def test_openvino_takes_graphs_whole(pack: Path):
-    """What it does not take cuts a network into parts, each with calls and copies of its own."""
+    """Each operator that it does not take cuts a network into parts, with calls and copies for each."""
     for folder in (pack / "human", SHIPPED / "human", SHIPPED / "g1"):
         for stage in ("root", "pose", "decoder"):
             graph = onnx.load(folder / f"{stage}.onnx").graph
@@ -136,7 +136,7 @@ def test_a_pack_can_be_adopted_and_refined(pack: Path):
         counts = module(**inputs["root"])[0] if stage == "root" else lengths
         path = pack / "human" / f"{stage}.onnx"
         assert largest_difference(path, module, inputs[stage], counts) < 1e-3
-    # Poses are standardised as the pack does it, whatever the cache at hand says.
+    # Poses are standardised as in the pack, not as in the cache.
     tokenizer = TOKENIZER.build(PRESETS["test"], store)
     mean = tokenizer.decoder.pose_scale.mean.clone()
     tokenizer.decoder.pose_scale.mean.zero_()

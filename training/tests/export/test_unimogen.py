@@ -101,7 +101,7 @@ def request(body: Body, seed: int, guidance: float, past: bool) -> dict:
 
 
 def answer(stored: list[dict], denoiser: Denoiser, bodies: dict[str, Body], steps: int) -> list[dict]:
-    """What the reference sampler makes of requests in one batch: first rows that go in, and the motion that comes out."""
+    """The reference sampler's answers to requests in one batch: rows that go in, and the motion that comes out."""
     characters, paths = [], []
     for one in stored:
         body = bodies[one["body"]]

@@ -40,7 +40,7 @@ class Requests:
         return self.near.find(self.segments, self.frames, SIMILAR)[0]
 
     def missed_roots(self, nth: int) -> tuple[Tensor, Tensor]:
-        """What the root stage misses of the nth similar training window: places ``[B, T, 3]`` and headings ``[B, T]``."""
+        """The root stage's error on the nth similar training window: places ``[B, T, 3]`` and headings ``[B, T]``."""
         other = self.near.store.segments(self.similar[:, nth], self.frames)
         made = make_plan(self.networks, Keys.of(other, self.frames), self.frames, Sampling())
         root, true = made.global_root[:, : self.frames], other.global_root

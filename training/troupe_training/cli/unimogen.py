@@ -100,7 +100,7 @@ OPTIONS["--user-paths"] = {"type": Path, "nargs": "+", "default": [], "help": "w
 OPTIONS["--shown"] = {
     "nargs": "+",
     "default": ["human", "g1", "h1_2", "horse"],
-    "help": "bodies of the cache, trained on or not",
+    "help": "bodies of the cache, whether trained on or not",
 }
 OPTIONS["--windows"] = {"type": int, "default": 3, "help": "windows that follow one another"}
 OPTIONS["--packs"] = {
@@ -157,7 +157,7 @@ def _wanted(report_head: dict[str, Any], data: Path, beside: Path) -> Wanted:
 
 
 def _own(args: argparse.Namespace) -> Wanted:
-    """A folder of the user's own motion, by what files it holds."""
+    """A folder of the user's own motion, by the kind of its files."""
     suffixes = {p.suffix.lower() for p in args.source.rglob("*")}
     reader: MotionSource | None = None
     if args.urdf is not None:
@@ -450,7 +450,7 @@ def card(args: argparse.Namespace) -> int:
 
 
 def _network(args: argparse.Namespace) -> Network:
-    """What is measured: a pack if one is named, else a run."""
+    """The network to measure: of a pack if one is named, else of a run."""
     if args.pack and not (args.pack / "pack.toml").exists():
         raise SystemExit(f"{args.pack} is no pack: it has no pack.toml")
     return load_network(args.pack or args.run, args.threads)

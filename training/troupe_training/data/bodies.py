@@ -38,7 +38,7 @@ class Body:
     skeleton: Skeleton
     neutral: list[list[list[float]]]  # [J, 3, 3], world rotations of the neutral pose
     height_m: float  # of the root joint in the neutral pose, above the ground
-    size_m: float  # by which lengths are divided: the root's height, or half the extent of what has no legs
+    size_m: float  # divides lengths: the root's height, or half the extent of a body without legs
     sides: list[int] = field(default_factory=list)  # [J]: 1 left, -1 right, 0 middle
 
     @property
@@ -199,7 +199,7 @@ def pack_bends(local: np.ndarray) -> np.ndarray:
 
 
 def unpack_bends(packed: np.ndarray) -> np.ndarray:
-    """What `pack_bends` wrote, made orthonormal again: ``[F, J, 3, 3]``."""
+    """The bends that `pack_bends` wrote, made orthonormal again: ``[F, J, 3, 3]``."""
     six = packed.astype(np.float64) * STEP
     x = six[..., :3] / np.linalg.norm(six[..., :3], axis=-1, keepdims=True)
     y = six[..., 3:] - (x * six[..., 3:]).sum(-1, keepdims=True) * x

@@ -23,7 +23,7 @@ class BvhSource:
         self.scale = scale
 
     def options(self) -> dict[str, Any]:
-        """What the result depends on besides the files, to tell caches apart."""
+        """Options that the result depends on besides the files. Caches with others are made again."""
         return {"contact_joints": self.contact_names, "scale": self.scale}
 
     def load(self, path: Path) -> FileMotion:

@@ -1,4 +1,4 @@
-"""What becomes of a file's motion, whatever its format: cuts where it cannot be believed, headings, contacts, splits."""
+"""Clips out of a file's motion, in any format: cuts at implausible jumps, headings, contacts, splits."""
 
 import hashlib
 import re
@@ -59,7 +59,7 @@ class MotionSource(Protocol):
     suffix: str  # of its files, in small letters
 
     def options(self) -> dict[str, Any]:
-        """What the result depends on besides the files, to tell caches apart."""
+        """Options that the result depends on besides the files. Caches with others are made again."""
 
     def load(self, path: Path) -> FileMotion:
         """Reads one file. Raises `ValueError` with the reason if it cannot be used."""

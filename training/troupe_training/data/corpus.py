@@ -36,7 +36,7 @@ from troupe_training.data.prepare import drop_odd_skeletons, files_of, load_file
 from troupe_training.data.rotations import columns_to_matrix
 from troupe_training.data.skeleton import Skeleton
 
-VERSION = 2  # of what is cached
+VERSION = 2  # of the cache
 # Stance feet of gaits that are keyed by hand slide: they count as standing below this share of the
 # root's speed.
 KEYED_STANCE = 0.4
@@ -75,7 +75,7 @@ class Wanted:
     credits: list[str] = field(default_factory=list)
 
     def options(self) -> dict[str, Any]:
-        """What a cached body depends on."""
+        """Options that a cached body depends on."""
         reader = self.reader.options() if self.reader else {}
         about = {"licence": self.licence, "credits": self.credits, "version": VERSION}
         chosen = {"test_name": self.test_name, "tested": self.tested, "cells": sorted(self.cells)}
@@ -84,7 +84,7 @@ class Wanted:
 
 @dataclass
 class Made:
-    """A body's motion before it is written: clips and whatever there is to say."""
+    """A body's motion before it is written: clips, dropped files and notes."""
 
     body: Body
     clips: list[Clip]
@@ -99,7 +99,7 @@ def kebab(name: str) -> str:
 
 
 def words_of(clip: str) -> list[str]:
-    """What a clip shows, by its file's name: content and style, or the name without the take's number."""
+    """The words of a clip, by its file's name: content and style, or the name without the take's number."""
     if found := CLIP_NAME.match(clip):
         cell = cell_of(clip)
         assert cell is not None
@@ -256,7 +256,7 @@ def _entry(one: Wanted, clip: Clip, start: int) -> CorpusClip:
 
 
 def report(cache: Path, names: list[str]) -> str:
-    """What is in the cache as Markdown: a row a body, then all that was left out, and why."""
+    """The content of the cache as Markdown: a row a body, then all that was left out, and why."""
     rows = [
         "| body | joints | rows with hinge | clips | train | test | cells | minutes | round trip, mm | left out |",
         "|---" * 10 + "|",

@@ -1,4 +1,4 @@
-"""What a clip shows, as words can say it: content and style from its name, speed, duration, turn and hand as measured."""
+"""Facts of a clip for captions: content and style from its name, speed, duration, turn and hand as measured."""
 
 import re
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ HAND_RATIO = 1.8
 
 @dataclass(frozen=True)
 class Facts:
-    """What is known of a clip or a crop of it."""
+    """Facts of a clip, or of a crop of it."""
 
     content: str  # as clips are named: "walk-turn-left"
     style: str | None

@@ -38,7 +38,7 @@ def read_glb(path: Path) -> Rig:
     """Reads all animations of a file. Raises `GltfError` with the reason if there are none."""
     try:
         gltf = GLTF2().load(str(path))
-    except Exception as error:  # the library raises whatever its parser meets
+    except Exception as error:  # the library raises errors of any kind
         raise GltfError(f"not a glTF file: {error}") from error
     if gltf is None or not gltf.skins or not gltf.animations:
         raise GltfError("no skin or no animation in it")
@@ -149,7 +149,7 @@ class _Reader:
         return FileMotion([self._name(i) for i in joints], parents, offsets, positions, rotations)
 
     def _sample(self, animation: Animation) -> tuple[dict[int, Pose], int]:
-        """What an animation does to each node at 30 fps, and the number of frames."""
+        """The animation of each node at 30 fps, and the number of frames."""
         read = [
             (c.target, s, self._numbers(s.input)[:, 0])
             for c in animation.channels

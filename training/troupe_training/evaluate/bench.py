@@ -55,7 +55,7 @@ Method = Callable[[Segments, int, Sampling], Motion]
 
 @dataclass
 class Options:
-    """What is measured, and how."""
+    """The setting of a measurement."""
 
     gaps: list[int] = field(default_factory=lambda: [15, 30, 45])
     stride: int = 20

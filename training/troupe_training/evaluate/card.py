@@ -13,7 +13,7 @@ from troupe_training.export.manifest import read_manifest
 # Reports of `troupe eval` have no "nearest": a server holds no training clips. `add_nearest` takes
 # it from `evaluate`.
 METHODS = {"ground_truth": "ground truth", "interpolation": "linear/slerp", "nearest": NEAREST, "pack": "this pack"}
-# What a part's table has, in the order of `MEASURES`.
+# Measures in a part's table, in the order of `MEASURES`.
 PART_MEASURES = ("mmd", "joint_jitter_mps2", "foot_skate_m_per_frame", "l2p_m", "npss")
 PACK = "pack"
 PARTS_HEAD = """### By what the clips show

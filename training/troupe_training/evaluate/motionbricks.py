@@ -90,7 +90,7 @@ def open_networks(folder: Path, store: ClipStore, threads: int) -> StageNetworks
 
 @dataclass
 class Keys:
-    """What a request gives: four context frames and one target in the segment frame. K = 5 frames."""
+    """A request: four context frames and one target in the segment frame. K = 5 frames."""
 
     pose: Tensor  # [B, 5, J*9]
     global_root: Tensor  # [B, 5, 5]
@@ -105,7 +105,7 @@ class Keys:
 
 @dataclass
 class Plan:
-    """What the root and pose stages chose; all that the decoder needs."""
+    """The choices of the root and pose stages: all that the decoder needs."""
 
     frames: int
     tokens: Tensor  # [B, n, K]

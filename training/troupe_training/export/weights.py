@@ -26,7 +26,7 @@ def weights_of(path: Path) -> dict[str, Tensor]:
     producers = {output: node for node in graph.node for output in node.output}
 
     def number(name: str) -> str:
-        """What a name stands for, through the Cast of 16-bit weights."""
+        """The initializer behind a name, through the Cast of 16-bit weights."""
         node = producers.get(name)
         return (node.input[0] if node and node.op_type == "Cast" else name).removesuffix(".half")
 

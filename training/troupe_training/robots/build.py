@@ -19,7 +19,7 @@ UNLIMITED_RAD_PER_S = 1000.0  # for hinges whose URDF gives no speed
 
 
 def build_robot(urdf: Urdf, end_effectors: Sequence[str] = (), contacts: list[str] | None = None) -> Robot:
-    """The robot of a URDF: fixed links become part of what carries them.
+    """The robot of a URDF: fixed links become part of the link that carries them.
 
     ``end_effectors`` are ``NAME=JOINT:x,y,z`` (metres in the URDF frame of that joint's link); they add to or replace
     those found from the sole and the hands. ``contacts`` are the joints that touch the ground; the last joint of each leg

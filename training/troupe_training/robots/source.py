@@ -37,7 +37,7 @@ class RobotSource:
         self._options = {"urdf": str(urdf.resolve()), "end_effectors": list(end_effectors), "fps": fps}
 
     def options(self) -> dict[str, Any]:
-        """What the result depends on besides the files, to tell caches apart."""
+        """Options that the result depends on besides the files. Caches with others are made again."""
         return self._options | {"contact_joints": self.robot.contacts}
 
     def load(self, path: Path) -> FileMotion:

@@ -16,7 +16,7 @@ M = TypeVar("M", bound=nn.Module)
 
 
 class Checkpoint(TypedDict):
-    """What a checkpoint holds. Those that came out of a pack have no optimiser to go on with."""
+    """The content of a checkpoint. An adopted one has no optimiser to go on with."""
 
     stage: str
     meta: dict[str, Any]  # "model": the network's sizes; besides, how it was trained

@@ -1,4 +1,4 @@
-"""What studies of all families share: several trainings in one folder, with terms that they cannot change once begun."""
+"""Shared by studies of all families: several trainings in one folder, with terms that stay once a study has begun."""
 
 import json
 from collections.abc import Collection, Sequence

@@ -209,7 +209,7 @@ class Trainer(Generic[M]):
 
 @dataclass
 class Job:
-    """What the training of any network is given."""
+    """Inputs of the training of any network."""
 
     cache: Path  # of the data
     run: Path  # folder of checkpoints and curves

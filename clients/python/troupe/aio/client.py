@@ -290,5 +290,5 @@ class Client:
         await self._connection.run(calls.delete_object(name))
 
     async def detect(self, request: scene_pb2.DetectRequest) -> scene_pb2.DetectResponse:
-        """What a character, or any box, reaches in its scene."""
+        """The objects that a character, or any box, reaches in its scene."""
         return await self._connection.run(calls.detect(request))

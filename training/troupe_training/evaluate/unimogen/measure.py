@@ -1,4 +1,4 @@
-"""What a UniMoGen pack can do without a server: path, feet, distance to captures, on test clips and held-out cells.
+"""Figures of a UniMoGen network without a server: path, feet, distance to captures, on test clips and held-out cells.
 
 Every window has four frames of past, a path that is the captured root's own, and its clip's words; the network answers the rest.
 All is measured on the network's own root and bends, before anything is pinned.
@@ -116,7 +116,7 @@ def chosen(store: BodyStore, setting: Setting, donors: Sequence[BodyStore] = ())
 
 
 class Tally:
-    """What one method answered, window by window."""
+    """The answers of one method, window by window."""
 
     def __init__(self, store: BodyStore, encoder: Encoder | None):
         self.body, self.encoder = store.body, encoder

@@ -56,7 +56,7 @@ Method = Callable[[Asked], Answer]
 
 
 def captured(body: Body) -> Method:
-    """What was captured."""
+    """The captured motion."""
     kinematics = BodyKinematics(body)
     return lambda asked: Answer(asked.windows.root, kinematics.turned(six_d_to_matrix(asked.windows.bends)))
 

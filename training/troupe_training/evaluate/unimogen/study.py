@@ -95,7 +95,7 @@ def study_table(report: Report, notes: dict[str, str], updates: dict[str, int]) 
 
 
 def about_runs(runs: Sequence[Planned], networks: Mapping[str, Network]) -> dict[str, Any]:
-    """What a report says of each run."""
+    """A report's entry of each run."""
     return {
         run.name: {"seed": run.seed, "bodies": run.bodies, "without": run.without} | networks[run.name].source
         for run in runs

@@ -92,7 +92,7 @@ def decoded(
 
 
 def captured(motions: Motions, crop: Crop) -> Clip:
-    """What was captured."""
+    """The captured motion."""
     one = motions.store.segments(torch.tensor([crop.start]), crop.tokens * RATE)
     return Clip(one.pose[0], one.global_root[0])
 

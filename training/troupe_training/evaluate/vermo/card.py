@@ -13,7 +13,7 @@ from troupe_training.evaluate.vermo.reconstruction import reconstruction_table
 from troupe_training.evaluate.vermo.text import description_table, text_table
 from troupe_training.export.manifest import read_manifest
 
-# What a part is called, what its figures mean, and how they become a table.
+# A part's title, the meaning of its figures, and its table.
 PARTS: dict[str, tuple[str, str, Callable[[dict[str, Any]], str]]] = {
     "reconstruction": (
         "Reconstruction",

@@ -51,7 +51,7 @@ MULTIMODAL = (20, 5)  # captions, and motions for each
 
 @dataclass
 class Setting:
-    """What is measured, and how."""
+    """The setting of a measurement."""
 
     run: Path
     cache: Path

@@ -79,7 +79,7 @@ class Trained:
 
     @property
     def tasks(self) -> tuple[str, ...]:
-        """What it is measured on."""
+        """The split to measure on."""
         return (self.part.task,) if self.part.task else TASKS
 
 
@@ -166,7 +166,7 @@ class Study:
         return said | said_side(texts, contents)
 
     def references(self, split: Tested) -> dict[str, Figures]:
-        """What was captured, and the training clips of the nearest captions."""
+        """The captured motion, and the training clips of the nearest captions."""
         asked = asked_of(split.motions, split.crops, self.setting.seed)
         ids = [self.pieces.ids(one.text) for one in asked]
         seen = [self.pieces.ids(rows[0]) for rows in captions_of(self.train, 1, self.setting.seed + 1)]

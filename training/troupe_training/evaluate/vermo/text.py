@@ -41,7 +41,7 @@ def asked_of(motions: Motions, crops: list[Crop], seed: int) -> list[Asked]:
 
 @torch.no_grad()
 def judged(judge: Judge, clips: list[Clip]) -> Tensor:
-    """What the judge reads of motions, ``[N, width]``."""
+    """The judge's features of motions, ``[N, width]``."""
     rows = []
     for clip in clips:
         tokens = len(clip.pose) // RATE

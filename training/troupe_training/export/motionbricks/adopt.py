@@ -42,7 +42,7 @@ def find_mean(numbers: dict[str, Tensor], name: str, shape: torch.Size, shipped:
 
 
 def adopt_stage(module: nn.Module, numbers: dict[str, Tensor]) -> list[str]:
-    """Fills ``module`` with a graph's numbers; the names of what the graph does not have."""
+    """Fills ``module`` with a graph's numbers; the names that the graph lacks."""
     convolutions = {
         f"{name}.weight": m.kernel_size[0] for name, m in module.named_modules() if isinstance(m, FrameConv)
     }

@@ -121,7 +121,7 @@ def export_pack(
 
 
 def _family_lines(words: list[str], bodies: list[str], main: str, limits: Range) -> list[str]:
-    """What the family's runner goes by, besides the graph."""
+    """Lines for the family's runner, besides the graph."""
     rounded = {
         name: [round(float(v), 6) for v in values] for name, values in (("low", limits.low), ("high", limits.high))
     }

@@ -1,4 +1,4 @@
-"""What the decoder carries over from the given keyframes: poses turned with the root and interpolated, and how far to trust them.
+"""The decoder's carried keyframes: given poses turned with the root and interpolated, and how far to trust them.
 
 A decoder that has to press every pose through its narrow layers misses even those it is given, by centimetres, and with them
 whatever of a character's bearing does not change on the way. So it starts from the keyframes as the Δ-interpolator does

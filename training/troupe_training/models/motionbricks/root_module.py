@@ -20,7 +20,7 @@ RESIDUAL_SCALE = 0.25
 
 @dataclass
 class RootPass:
-    """What step 2 gives: the likeliest root, and what a choice of others goes by."""
+    """The result of step 2: the likeliest root, and the features that a choice of others reads."""
 
     root: Tensor  # r_g3: [B, 64, 5]
     hidden: Tensor  # slots, constraints and timing: [B, 18, dim]

@@ -98,7 +98,7 @@ def reconstruction_losses(
         decoder.pose_scale(pose), decoder.pose_scale(truth.pose), reduction="none", beta=POSE_BEND
     )
 
-    # What the server shows: rotations through forward kinematics, carried by the refined root.
+    # The served motion: rotations through forward kinematics, carried by the refined root.
     height = torch.zeros_like(out.global_root[..., :3])
     height[..., 1] = out.global_root[..., 1]
     shown = body.positions(out.rotations) + height[:, :, None]

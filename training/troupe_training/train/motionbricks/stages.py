@@ -20,7 +20,7 @@ from troupe_training.train.motionbricks.tokenizer import REFINE, TOKENIZER, toke
 from troupe_training.train.trainer import Job
 
 M = TypeVar("M", bound=nn.Module)
-# What `pack` trains, and all that a run may have.
+# The stages that `pack` trains, and all that a run may have.
 PACK_STAGES = tuple(stage.name for stage in (TOKENIZER, ROOT, POSE, REFINE))
 STAGES = tuple(stage.name for stage in (TOKENIZER, ROOT, POSE, CHOICE, REFINE))
 

@@ -1,4 +1,4 @@
-"""What of the paper's method a training can leave out, for its tables 4 and 6 to 9."""
+"""Parts of the paper's method that a training can leave out, for its tables 4 and 6 to 9."""
 
 from collections.abc import Collection
 from dataclasses import replace

@@ -20,7 +20,7 @@ STAGE = "unimogen"
 
 @dataclass
 class Training:
-    """What a training is given. ``bodies``: those that are trained on, all of the cache where None."""
+    """Inputs of a training. ``bodies`` are the bodies to train on, None for all of the cache."""
 
     cache: Path
     run: Path

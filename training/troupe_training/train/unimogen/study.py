@@ -24,7 +24,7 @@ class Planned:
     unseen: str = ""  # a body that is measured although it was left out
 
     def shown_on(self, body: str) -> bool:
-        """True if its answers for a body belong into the tables: those it was trained on, and the unseen one."""
+        """True for bodies that belong into its tables: those it was trained on, and the unseen one."""
         return body in self.bodies or body == self.unseen
 
 

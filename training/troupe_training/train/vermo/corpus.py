@@ -46,7 +46,7 @@ def validation_files(clips: list[ClipEntry]) -> set[str]:
 
 
 def split_validation(clips: list[ClipEntry]) -> tuple[list[ClipEntry], list[ClipEntry]]:
-    """What is trained on, and what is kept for validation."""
+    """Clips for training, and clips for validation."""
     files = validation_files(clips)
     return [c for c in clips if _file(c) not in files], [c for c in clips if _file(c) in files]
 
@@ -91,7 +91,7 @@ class Motions:
         return self._codes[key]
 
     def facts(self, crop: Crop) -> Facts:
-        """What a crop shows."""
+        """The facts of a crop."""
         frames = slice(crop.start, crop.start + crop.tokens * RATE)
         content, style = self.names[crop.clip]
         positions, headings = self.store.positions[frames].numpy(), self.store.headings[frames].numpy()

@@ -70,7 +70,7 @@ class Planned:
 
 @dataclass(frozen=True)
 class Terms:
-    """What the runs share."""
+    """Terms that all runs share."""
 
     cache: Path
     source: Path  # the run with the tokenizer, the pieces and the judge
@@ -85,7 +85,7 @@ class Terms:
     device: str = "cpu"
 
     def job(self, run: Path, seed: int, part: Part) -> Job:
-        """What a stage's training is given."""
+        """Inputs of a stage's training."""
         steps = round(self.steps * part.share) if self.steps else None
         minutes = self.minutes * part.share if self.minutes else None
         rate = self.tokenizer_rate if part.quantizer else self.rate
