@@ -113,7 +113,7 @@ def ratios(store: Store, rows: list[Row]) -> list[Row]:
             for what, values in _against(store, engine, target, engine):
                 note(engine, what, values)
     if set(engines_of(store)) >= set(ENGINES):
-        # What `pip install litserve onnxruntime` gives, against what the server chooses by itself.
+        # The engine of `pip install litserve onnxruntime` beside the server's own choice.
         for what, values in _against(store, "openvino-bf16", "litserve", "cpu"):
             note("openvino-bf16", f"{what}_f32", values)
     return found

@@ -133,7 +133,7 @@ Counted under valgrind, so they are the same on every run and on a busy machine.
 
 
 def machine_table(found: list[dict[str, Any]]) -> list[str]:
-    """What was measured on what, with which code and pack."""
+    """The machines and their parts, with the code and pack of each."""
     rows = []
     for machine in found:
         facts, main = machine["machine"], main_part(machine)

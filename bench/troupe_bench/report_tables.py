@@ -51,7 +51,7 @@ FRAMES_PER_TOKEN = 4
 Machine = dict[str, Any]
 Row = dict[str, Any]
 Key = tuple[Any, ...]
-"""What names a row of the serving part."""
+"""The names of a row of the serving part."""
 
 
 def table(heads: list[str], rows: list[list[str]], words: int = 1) -> list[str]:
