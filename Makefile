@@ -1,5 +1,5 @@
 # make run   gets ONNX Runtime, builds, starts the server with the packs in models/
-# make docs  builds the site of docs/, which a server that is built after that serves at /docs
+# make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
 .PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
 	film-objects film-skills skills film-crowd film-live film-words film-impossible image crowd load bench bench-serving bench-micro bench-instructions
@@ -9,9 +9,11 @@ REAL_CLIPS := target/data/bandai-namco
 # The pack that `make styles` and `make eval` are about.
 PACK := human
 
-# The site of the documentation comes first, because the server embeds it. Without it the server says how to build it.
+# The site of the documentation is built while the server starts, which shows it at /docs as soon as it is there.
 run: runtime
-	@scripts/docs.sh build || echo "*** /docs WILL BE WITHOUT THE DOCUMENTATION: see above" >&2
+	cargo build --release --package troupe-server
+	@mkdir -p target && (scripts/docs.sh build >target/docs.log 2>&1 || \
+		echo "*** /docs IS WITHOUT THE DOCUMENTATION: see target/docs.log" >&2) &
 	cargo run --release --package troupe-server
 
 # The site of docs/: ARGS=check for the references too, ARGS=references to write those

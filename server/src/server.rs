@@ -247,6 +247,7 @@ async fn serve_on(
         &config.api_limits(),
         config.guard(address),
         access.credentials.clone(),
+        &config.docs,
     )
     .map_err(|error| internal(&error))?;
 

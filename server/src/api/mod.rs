@@ -31,6 +31,7 @@ mod traffic;
 mod verify;
 mod ws;
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -82,11 +83,12 @@ pub fn router(
     limits: &ApiLimits,
     guard: Guard,
     credentials: Option<Arc<Credentials>>,
+    site: &Path,
 ) -> Result<Router, tonic_reflection::server::Error> {
     let grpc = grpc::router(service, health, limits)?;
     let traffic = traffic::Traffic::new(clients.clone(), limits.write_timeout, service.telemetry());
     let router = grpc
-        .merge(http::router(service, limits))
+        .merge(http::router(service, limits, site))
         .fallback(http::unknown_route)
         .layer(middleware::from_fn_with_state(traffic, traffic::count));
     let router = match credentials {
