@@ -14,7 +14,7 @@ use crate::api::{ApiError, answers, opening, traffic};
 use crate::clients::Client;
 use crate::service::Service;
 use troupe_base::turns::Turns;
-use troupe_live::session::drive::{Outlet, outbox};
+use troupe_live::session::stream::{Outlet, outbox};
 
 /// The Sessions service.
 pub(super) struct SessionsApi {

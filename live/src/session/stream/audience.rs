@@ -74,7 +74,7 @@ impl Audience {
     }
 
     /// Passes on a message of the stream, where it is about its sessions.
-    pub(super) fn pass_on(&self, message: &Message) {
+    pub(in crate::session) fn pass_on(&self, message: &Message) {
         let mut state = self.state();
         let message = match message {
             Message::Attached(attached) if !attached.sessions.is_empty() => {
@@ -106,7 +106,7 @@ impl Audience {
     }
 
     /// Passes on a tick. Those who have not taken the one before get this one in its place.
-    pub(super) fn send(&self, tick: &Tick) {
+    pub(in crate::session) fn send(&self, tick: &Tick) {
         let mut state = self.state();
         state.seats.retain(|seat| !seat.too_slow.is_closed());
         for seat in &state.seats {
@@ -115,7 +115,7 @@ impl Audience {
     }
 
     /// The stream is over: nobody watches it any more.
-    pub(super) fn end(&self) {
+    pub(in crate::session) fn end(&self) {
         let mut state = self.state();
         state.ended = true;
         state.seats.clear();

@@ -212,12 +212,12 @@ impl Outbox {
     }
 
     /// The message of what is said.
-    pub(super) fn message(&self, said: Said) -> Message {
+    pub(in crate::session) fn message(&self, said: Said) -> Message {
         (self.write)(said)
     }
 
     /// Sends a message as it is.
-    pub(super) fn post(&self, message: Message) {
+    pub(in crate::session) fn post(&self, message: Message) {
         self.shared.post(message);
     }
 

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use troupe_proto::v1;
 
-use crate::session::cell::End;
-use crate::session::{CommandResult, SessionProblem};
+use crate::session::owner::End;
+use crate::session::results::{CommandResult, SessionProblem};
 use troupe_character::FieldError;
 
 /// What a stream says, apart from frames.

@@ -8,12 +8,9 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use tokio::sync::OwnedSemaphorePermit;
-use tokio_util::task::AbortOnDropHandle;
-
-use super::{MAX_PERFORMERS, task};
-use crate::session::cell::SessionCell;
-use crate::session::planner::Patience;
+use super::cell::SessionCell;
+use super::wants::Patience;
+use super::words::{MAX_PERFORMERS, Performer, task};
 use troupe_base::turns::Turns;
 use troupe_batch::{Batcher, Class, Order, Parts, Piece, SubmitError};
 use troupe_character::live::{PartReader, WordsPart, WordsRequest};
@@ -24,21 +21,6 @@ use troupe_motion::model::{Output, Task};
 const MIN_RETRY: Duration = Duration::from_millis(5);
 /// Words that have not begun by then are of no use to a stream.
 const MAX_WAIT: Duration = Duration::from_secs(10);
-
-/// A stream of words, and a place for its frames. Dropping it gives up both.
-#[derive(Debug)]
-pub struct Performer {
-    number: u64,
-    _place: OwnedSemaphorePermit,
-    _task: AbortOnDropHandle<()>,
-}
-
-impl Performer {
-    /// Number of the command whose words it brings.
-    pub fn number(&self) -> u64 {
-        self.number
-    }
-}
 
 /// Has words made, and tells the character and whoever waits for it. Returns at once.
 pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
@@ -76,11 +58,7 @@ pub fn ask(cell: &Arc<SessionCell>, request: WordsRequest, patience: Patience) {
             Err(error) => awaited.failed(&error.to_string()),
         }
     };
-    let performer = Performer {
-        number,
-        _place: place,
-        _task: AbortOnDropHandle::new(tokio::spawn(turns.take(work))),
-    };
+    let performer = Performer::new(number, place, tokio::spawn(turns.take(work)));
     cell.live().performer = Some(performer);
 }
 

@@ -1,12 +1,12 @@
 //! Sentences that characters act out: the packs that make motion of them, and what a command may
 //! ask of those.
 
-pub mod performer;
-
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::task::JoinHandle;
+use tokio_util::task::AbortOnDropHandle;
 use troupe_proto::v1;
 
 use super::SessionError;
@@ -62,6 +62,30 @@ impl Places {
     /// One of them, where there is one.
     pub fn take(&self) -> Option<OwnedSemaphorePermit> {
         self.0.clone().try_acquire_owned().ok()
+    }
+}
+
+/// A stream of words, and a place for its frames. Dropping it gives up both.
+#[derive(Debug)]
+pub struct Performer {
+    number: u64,
+    _place: OwnedSemaphorePermit,
+    _task: AbortOnDropHandle<()>,
+}
+
+impl Performer {
+    /// The words of the command `number`, which `task` brings.
+    pub(super) fn new(number: u64, place: OwnedSemaphorePermit, task: JoinHandle<()>) -> Self {
+        Self {
+            number,
+            _place: place,
+            _task: AbortOnDropHandle::new(task),
+        }
+    }
+
+    /// Number of the command whose words it brings.
+    pub fn number(&self) -> u64 {
+        self.number
     }
 }
 
@@ -182,7 +206,7 @@ fn words_pack(loaded: &Arc<LoadedPack>, own: &Arc<Rig>) -> Result<WordsPack, Why
 }
 
 /// The task of a command, which goes on from `past`.
-fn task(command: &PerformCommand, past: Vec<KeyTensors>, seed: u64) -> Task {
+pub(super) fn task(command: &PerformCommand, past: Vec<KeyTensors>, seed: u64) -> Task {
     Task::Prompt(PromptTask {
         text: command.text.to_string(),
         context: past,
