@@ -22,9 +22,9 @@ use super::answers;
 use super::error::ApiError;
 use super::http::json::{self, BodyLimits};
 use super::ours::Ours;
-use crate::clients::Client;
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_base::turns::Turns;
+use troupe_edge::clients::Client;
 use troupe_live::session::StreamPermit;
 use troupe_live::session::stream::{Outgoing, Outlet, outbox};
 

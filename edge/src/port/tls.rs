@@ -11,8 +11,6 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use tokio_rustls::rustls::server::WebPkiClientVerifier;
 use tokio_rustls::rustls::{self, RootCertStore, ServerConfig};
 
-use crate::config::Config;
-
 /// The protocols that the port speaks, the preferred first.
 const ALPN: [&[u8]; 2] = [b"h2", b"http/1.1"];
 
@@ -44,24 +42,18 @@ pub enum TlsError {
 
 /// The files of a server that speaks TLS.
 #[derive(Debug, Clone)]
-pub(super) struct TlsFiles {
-    certificate: PathBuf,
-    key: PathBuf,
-    client_ca: Option<PathBuf>,
+pub struct TlsFiles {
+    /// Certificates of the server, its own first.
+    pub certificate: PathBuf,
+    /// The key of the first.
+    pub key: PathBuf,
+    /// Authorities of clients; without them, clients need no certificate.
+    pub client_ca: Option<PathBuf>,
 }
 
 impl TlsFiles {
-    /// Those that `config` names; none where the server speaks no TLS.
-    pub(super) fn of(config: &Config) -> Option<Self> {
-        Some(Self {
-            certificate: config.tls_certificate.clone()?,
-            key: config.tls_key.clone()?,
-            client_ca: config.tls_client_ca.clone(),
-        })
-    }
-
     /// All of them.
-    pub(super) fn paths(&self) -> Vec<PathBuf> {
+    pub fn paths(&self) -> Vec<PathBuf> {
         let both = [&self.certificate, &self.key].into_iter();
         both.chain(&self.client_ca).cloned().collect()
     }
@@ -136,7 +128,7 @@ fn client_ca(path: &Path, error: &dyn std::fmt::Display) -> TlsError {
 }
 
 /// The TLS of a server, which new connections get as it is at that moment.
-pub(super) struct Tls {
+pub struct Tls {
     files: TlsFiles,
     current: ArcSwap<ServerConfig>,
 }
@@ -146,7 +138,7 @@ impl Tls {
     ///
     /// # Errors
     /// [`TlsError`], which names the option and the file.
-    pub(super) fn load(files: TlsFiles) -> Result<Self, TlsError> {
+    pub fn load(files: TlsFiles) -> Result<Self, TlsError> {
         let current = ArcSwap::new(files.read()?);
         Ok(Self { files, current })
     }
@@ -155,13 +147,13 @@ impl Tls {
     ///
     /// # Errors
     /// [`TlsError`]; it is as before then.
-    pub(super) fn reload(&self) -> Result<(), TlsError> {
+    pub fn reload(&self) -> Result<(), TlsError> {
         self.current.store(self.files.read()?);
         Ok(())
     }
 
     /// Begins TLS on a connection.
-    pub(super) fn acceptor(&self) -> TlsAcceptor {
+    pub fn acceptor(&self) -> TlsAcceptor {
         TlsAcceptor::from(self.current.load_full())
     }
 }

@@ -10,9 +10,9 @@ use jsonwebtoken::errors::ErrorKind;
 use jsonwebtoken::jwk::{AlgorithmParameters, EllipticCurve, Jwk, JwkSet, KeyAlgorithm, PublicKeyUse};
 use jsonwebtoken::{Algorithm, DecodingKey, Validation, decode, decode_header, get_current_timestamp};
 
+use super::clients::{Identity, Role};
 use super::keys::{HASH_BYTES, hash};
 use super::verify;
-use crate::clients::{Identity, Role};
 use troupe_base::tenant::{TENANT_NAMES, names_a_tenant};
 
 /// How far the clocks of a server and of a provider may be apart, seconds.

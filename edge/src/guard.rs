@@ -17,8 +17,8 @@ use http::uri::Authority;
 use http::{HeaderName, HeaderValue, Method, header};
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
-use super::error::ApiError;
 use super::observe::REQUEST_ID;
+use super::{EdgeError, Front};
 
 /// How long a browser may remember what a preflight allowed.
 const PREFLIGHT_AGE: Duration = Duration::from_secs(600);
@@ -165,8 +165,8 @@ impl Guard {
     /// Checks a request.
     ///
     /// # Errors
-    /// [`ApiError::NotAllowed`], which names the header.
-    fn check(&self, request: &Request) -> Result<(), ApiError> {
+    /// [`EdgeError::NotAllowed`], which names the header.
+    fn check(&self, request: &Request) -> Result<(), EdgeError> {
         let host = self.host(request)?;
         for value in request.headers().get_all(header::ORIGIN) {
             let origin = value.to_str().ok().and_then(|text| text.parse::<Origin>().ok());
@@ -187,7 +187,7 @@ impl Guard {
     }
 
     /// The host that a request is for. HTTP/1.0 needs none; a browser always names one.
-    fn host(&self, request: &Request) -> Result<Option<Host>, ApiError> {
+    fn host(&self, request: &Request) -> Result<Option<Host>, EdgeError> {
         let header = request.headers().get(header::HOST);
         let (host, found) = match (request.uri().authority(), header) {
             (Some(authority), _) => (
@@ -223,9 +223,9 @@ impl Guard {
     }
 }
 
-fn refused(header: &'static str, found: &HeaderValue, allowed: &'static str) -> ApiError {
+fn refused(header: &'static str, found: &HeaderValue, allowed: &'static str) -> EdgeError {
     let found = String::from_utf8_lossy(found.as_bytes());
-    ApiError::NotAllowed {
+    EdgeError::NotAllowed {
         header,
         found: troupe_base::echo::cut(&found, MAX_ECHO),
         allowed,
@@ -233,13 +233,13 @@ fn refused(header: &'static str, found: &HeaderValue, allowed: &'static str) -> 
 }
 
 /// Puts `guard` in front of all routes, and tells browsers which origins it lists.
-pub(super) fn guarded(router: Router, guard: Guard) -> Router {
+pub fn guarded(router: Router, front: Front, guard: Guard) -> Router {
     let guard = Arc::new(guard);
     let router = match guard.origins.is_empty() {
         true => router,
         false => router.layer(cors(guard.clone())),
     };
-    router.layer(middleware::from_fn_with_state(guard, check))
+    router.layer(middleware::from_fn_with_state((guard, front), check))
 }
 
 fn cors(guard: Arc<Guard>) -> CorsLayer {
@@ -261,12 +261,12 @@ fn cors(guard: Arc<Guard>) -> CorsLayer {
         .max_age(PREFLIGHT_AGE)
 }
 
-async fn check(State(guard): State<Arc<Guard>>, request: Request, next: Next) -> Response {
+async fn check(State((guard, front)): State<(Arc<Guard>, Front)>, request: Request, next: Next) -> Response {
     match guard.check(&request) {
         Ok(()) => next.run(request).await,
         Err(error) => {
             tracing::debug!(%error, "a request is refused");
-            error.in_kind(request.headers())
+            front.turn_away(&error, request.headers())
         }
     }
 }

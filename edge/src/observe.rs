@@ -10,28 +10,28 @@ use http::{HeaderName, HeaderValue};
 use tracing::Instrument as _;
 use troupe_base::telemetry::KeyValue;
 
+use super::Front;
+use super::clients::Client;
 use super::refusals::Refusals;
-use crate::clients::Client;
 use troupe_base::telemetry::{RequestContext, RequestId, Telemetry, Traces};
 
 /// The header of a request's id, in requests and answers.
-pub(super) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
-
-/// How paths of remote procedures begin. Other requests have no traces.
-const RPCS: [&str; 3] = ["/v1/", "/troupe.v1.", "/generate"];
+pub const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// What the middleware knows.
 #[derive(Clone)]
 struct Observer {
     telemetry: Telemetry,
     refusals: Refusals,
+    front: Front,
 }
 
 /// Puts this in front of all routes.
-pub(super) fn observed(router: Router, telemetry: &Telemetry) -> Router {
+pub fn observed(router: Router, front: Front, telemetry: &Telemetry) -> Router {
     let observer = Observer {
         telemetry: telemetry.clone(),
         refusals: Refusals::new(telemetry),
+        front,
     };
     router.layer(middleware::from_fn_with_state(observer, observe))
 }
@@ -39,7 +39,9 @@ pub(super) fn observed(router: Router, telemetry: &Telemetry) -> Router {
 async fn observe(State(observer): State<Observer>, request: Request, next: Next) -> Response {
     let client = request.extensions().get::<Arc<Client>>();
     let address = client.map(|client| client.address());
-    with_id(request, observer.telemetry.traces(), async |request| {
+    let is_rpc = (observer.front.is_rpc)(request.uri().path());
+    let traces = observer.telemetry.traces().filter(|_| is_rpc);
+    with_id(request, traces, async |request| {
         let response = next.run(request).await;
         if let Some(refusal) = response.extensions().get() {
             observer.refusals.note(*refusal, address);
@@ -49,7 +51,7 @@ async fn observe(State(observer): State<Observer>, request: Request, next: Next)
     .await
 }
 
-/// Serves a request under an id, and traces it where it is one of those.
+/// Serves a request under an id, and traces it where `traces` are given.
 pub(super) async fn with_id<F>(
     mut request: Request,
     traces: Option<&Traces>,
@@ -65,8 +67,6 @@ where
     if let Ok(header) = &header {
         request.headers_mut().insert(REQUEST_ID, header.clone());
     }
-    let path = request.uri().path();
-    let traces = traces.filter(|_| RPCS.iter().any(|start| path.starts_with(start)));
     let trace = traces.and_then(|traces| traces.request(request.headers()));
     if let Some(trace) = &trace {
         trace.note(KeyValue::new("request.id", id.to_string()));

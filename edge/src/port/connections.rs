@@ -13,12 +13,10 @@ use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite};
 use tokio::sync::watch;
 
 use super::activity::{Activity, Held, Watched};
-use super::listen::{Connection, Listen};
+use super::listen::Listen;
 use super::places::{Place, Places};
 use super::tls::Tls;
-use crate::api;
 use crate::clients::Clients;
-use crate::config::Config;
 use troupe_base::telemetry::Seldom;
 
 /// How long to pause where the system has no more file handles.
@@ -44,33 +42,56 @@ const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
 /// (CVE-2023-44487).
 const MAX_GIVEN_UP_UNSEEN: usize = 1024;
 /// Headers of a request beyond which the library itself refuses it, with an empty answer: how many
-/// there may be over HTTP/1, and their bytes over HTTP/2. `api/head.rs` has the limit for requests
+/// there may be over HTTP/1, and their bytes over HTTP/2. `head.rs` has the limit for requests
 /// that get a full answer.
 const MAX_HEADERS: usize = 512;
 const MAX_HEAD_BYTES: u32 = 64 << 10;
 /// What an HTTP/2 connection begins with (RFC 9113, section 3.4).
 const HTTP2_PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
+/// What connections get an answer from.
+#[derive(Debug, Clone)]
+pub struct Routes {
+    /// All routes.
+    pub all: Router,
+    /// Those of connections beyond the limit.
+    pub reserve: Router,
+}
+
+/// How long connections may take, and how much each may ask for at a time.
+#[derive(Debug, Clone, Copy)]
+pub struct ConnectionLimits {
+    /// To begin a request, and for each head of one.
+    pub request: Duration,
+    /// Without a call.
+    pub idle: Duration,
+    /// Between two signs of life over HTTP/2, and for the answer to one.
+    pub keepalive: Duration,
+    /// To finish what has begun when the server stops.
+    pub drain: Duration,
+    /// Most calls that are open on a connection of HTTP/2.
+    pub max_calls: u32,
+}
+
 /// Accepts until told to stop, then waits for requests in flight, at most for the configured time.
 /// Answers whether all of them finished.
-pub(super) async fn accept(
-    mut listener: impl Listen,
-    router: Router,
+pub async fn accept<L: Listen>(
+    mut listener: L,
+    routes: Routes,
     clients: Arc<Clients>,
     tls: Option<Arc<Tls>>,
-    config: Config,
+    limits: ConnectionLimits,
     places: Arc<Places>,
     mut stopping: watch::Receiver<bool>,
 ) -> bool {
     let connections = Arc::new(Connections {
-        builder: builder(&config),
-        reserve: api::reserve(router.clone()),
-        router,
+        builder: builder(&limits),
+        routes,
         clients,
         tls,
         places: places.clone(),
-        first_bytes_timeout: config.request_timeout(),
-        idle_timeout: config.idle_timeout(),
+        first_bytes_timeout: limits.request,
+        idle_timeout: limits.idle,
         lost: AtomicUsize::new(0),
     });
     let (phase, watcher) = watch::channel(Phase::Open);
@@ -94,7 +115,7 @@ pub(super) async fn accept(
         match places.take(from.ip()) {
             Ok(place) => {
                 let (connections, watcher) = (connections.clone(), watcher.clone());
-                tokio::spawn(async move { connections.serve(stream, place, watcher).await });
+                tokio::spawn(async move { connections.serve::<L>(stream, place, watcher).await });
             }
             Err(reason) => {
                 if let Some(held_back) = refused.next(Instant::now()) {
@@ -106,10 +127,7 @@ pub(super) async fn accept(
     drop(listener);
     drop(watcher);
     phase.send_replace(Phase::Stopping);
-    if tokio::time::timeout(config.drain_timeout(), phase.closed())
-        .await
-        .is_err()
-    {
+    if tokio::time::timeout(limits.drain, phase.closed()).await.is_err() {
         phase.send_replace(Phase::Cut);
         phase.closed().await;
     }
@@ -145,12 +163,10 @@ enum Phase {
 /// How connections are served.
 struct Connections {
     builder: Builder<TokioExecutor>,
-    router: Router,
+    routes: Routes,
     clients: Arc<Clients>,
     tls: Option<Arc<Tls>>,
     places: Arc<Places>,
-    /// The routes of connections beyond the limit.
-    reserve: Router,
     first_bytes_timeout: Duration,
     idle_timeout: Duration,
     /// Connections that were cut while they served a request.
@@ -159,29 +175,29 @@ struct Connections {
 
 impl Connections {
     /// Serves one connection to its end.
-    async fn serve(&self, stream: impl Connection, place: Place, phase: watch::Receiver<Phase>) {
+    async fn serve<L: Listen>(&self, stream: L::Stream, place: Place, phase: watch::Receiver<Phase>) {
         if !place.is_reserved() {
             let (first, idle) = (self.first_bytes_timeout, self.idle_timeout);
-            return self.serve_within(stream, place, phase, first, idle).await;
+            return self.serve_within::<L>(stream, place, phase, first, idle).await;
         }
         // Whoever has one of these few places leaves it soon.
         let (first, idle) = (RESERVE_TIMEOUT, RESERVE_IDLE_TIMEOUT);
-        let serving = self.serve_within(stream, place, phase, first, idle);
+        let serving = self.serve_within::<L>(stream, place, phase, first, idle);
         if tokio::time::timeout(RESERVE_TIMEOUT, serving).await.is_err() {
             tracing::debug!("a connection beyond the limit took too long");
         }
     }
 
-    async fn serve_within(
+    async fn serve_within<L: Listen>(
         &self,
-        stream: impl Connection,
+        stream: L::Stream,
         place: Place,
         mut phase: watch::Receiver<Phase>,
         first_bytes_timeout: Duration,
         idle_timeout: Duration,
     ) {
         let Some(tls) = &self.tls else {
-            let (read, write) = stream.halves();
+            let (read, write) = L::halves(stream);
             let begun = begin(read, write, first_bytes_timeout, &mut phase).await;
             return self.serve_begun(begun, place, phase, idle_timeout).await;
         };
@@ -217,8 +233,8 @@ impl Connections {
         let Some(stream) = begun else { return };
         let activity = Activity::new();
         let router = match place.is_reserved() {
-            true => &self.reserve,
-            false => &self.router,
+            true => &self.routes.reserve,
+            false => &self.routes.all,
         };
         let client = self.clients.connected(place.address());
         let service = TowerToHyperService::new(Watched::new(router.clone(), activity.clone(), client));
@@ -286,7 +302,7 @@ async fn first_bytes<R: AsyncRead + Unpin>(mut read: R) -> io::Result<impl Async
     Ok(Cursor::new(first).chain(read))
 }
 
-fn builder(config: &Config) -> Builder<TokioExecutor> {
+fn builder(limits: &ConnectionLimits) -> Builder<TokioExecutor> {
     let mut builder = Builder::new(TokioExecutor::new());
     builder
         .http1()
@@ -294,16 +310,16 @@ fn builder(config: &Config) -> Builder<TokioExecutor> {
         .max_headers(MAX_HEADERS)
         // For each head of a request, the wait between two requests included. The first bytes have
         // `begin`'s limit.
-        .header_read_timeout(config.request_timeout());
+        .header_read_timeout(limits.request);
     builder
         .http2()
         .timer(TokioTimer::new())
         .initial_stream_window_size(CALL_WINDOW_BYTES)
         .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
         .max_header_list_size(MAX_HEAD_BYTES)
-        .max_concurrent_streams(config.max_calls_per_connection)
+        .max_concurrent_streams(limits.max_calls)
         .max_pending_accept_reset_streams(MAX_GIVEN_UP_UNSEEN)
-        .keep_alive_interval(config.keepalive())
-        .keep_alive_timeout(config.keepalive());
+        .keep_alive_interval(limits.keepalive)
+        .keep_alive_timeout(limits.keepalive);
     builder
 }

@@ -1,42 +1,12 @@
 //! What lets callers in. It can be replaced while the server runs.
 
-use std::sync::Arc;
-
 use arc_swap::ArcSwap;
 
-use super::error::ApiError;
+use super::EdgeError;
+use super::admitted::Admitted;
 use super::keys::Keys;
 use super::tickets::Tickets;
 use super::tokens::{TokenError, Tokens};
-use crate::clients::{Identity, Quota};
-
-/// A caller that is let in.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Admitted {
-    pub(super) identity: Identity,
-    pub(super) quota: Quota,
-    /// What it takes counts for this account: that of its key, or of its token's subject.
-    pub(super) account: Arc<str>,
-}
-
-impl Admitted {
-    pub(super) fn by_key(identity: Identity, quota: Quota) -> Self {
-        Self {
-            account: format!("key {}", identity.name).into(),
-            identity,
-            quota,
-        }
-    }
-
-    fn by_token(identity: Identity) -> Self {
-        let tenant = identity.tenant.as_deref().unwrap_or_default();
-        Self {
-            account: format!("token {tenant:?} {}", identity.name).into(),
-            identity,
-            quota: Quota::default(),
-        }
-    }
-}
 
 /// What a server accepts.
 #[derive(Debug, Default)]
@@ -73,12 +43,22 @@ impl Credentials {
         }
     }
 
+    /// A ticket that lets its bearer in once as `holder`, within [`TICKET_LIFETIME`].
+    ///
+    /// # Errors
+    /// [`EdgeError::TooManyTickets`].
+    ///
+    /// [`TICKET_LIFETIME`]: super::TICKET_LIFETIME
+    pub fn ticket(&self, holder: Admitted) -> Result<String, EdgeError> {
+        self.tickets.issue(holder)
+    }
+
     pub(super) fn tickets(&self) -> &Tickets {
         &self.tickets
     }
 
     /// Whom a key or a token lets in.
-    pub(super) fn admit(&self, bearer: &str) -> Result<Admitted, ApiError> {
+    pub(super) fn admit(&self, bearer: &str) -> Result<Admitted, EdgeError> {
         let keys = self.keys.load();
         // Both are searched, so that the time says nothing.
         let (known, own) = (keys.find(bearer), self.own.find(bearer));
@@ -88,11 +68,11 @@ impl Credentials {
         match &self.tokens {
             // A token has three parts.
             Some(tokens) if bearer.split('.').count() == 3 => {
-                let identity = tokens.load().check(bearer).map_err(ApiError::Token)?;
+                let identity = tokens.load().check(bearer).map_err(EdgeError::Token)?;
                 Ok(Admitted::by_token(identity))
             }
-            Some(_) if bearer.contains('.') => Err(ApiError::Token(TokenError::Form)),
-            _ => Err(ApiError::UnknownKey),
+            Some(_) if bearer.contains('.') => Err(EdgeError::Token(TokenError::Form)),
+            _ => Err(EdgeError::UnknownKey),
         }
     }
 }

@@ -68,7 +68,7 @@ struct Taken {
 
 /// The places of a server's connections.
 #[derive(Debug)]
-pub(super) struct Places {
+pub struct Places {
     limit: usize,
     per_address: usize,
     taken: Mutex<Taken>,
@@ -78,7 +78,7 @@ pub(super) struct Places {
 impl Places {
     /// Places for `limit` connections, and for `per_address` of one address; 0 for as many as there
     /// are.
-    pub(super) fn new(limit: usize, per_address: usize, telemetry: &Telemetry) -> Arc<Self> {
+    pub fn new(limit: usize, per_address: usize, telemetry: &Telemetry) -> Arc<Self> {
         Arc::new(Self {
             limit,
             per_address,

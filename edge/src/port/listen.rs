@@ -13,41 +13,34 @@ use tokio::net::{TcpListener, TcpStream};
 const MAX_UNSENT_BYTES: u32 = 128 << 10;
 
 /// A port.
-pub(super) trait Listen: Send + 'static {
-    /// Its connections.
-    type Connection: Connection;
-
-    /// The next connection, and where it comes from. Giving up the wait loses none.
-    fn accept(&mut self) -> impl Future<Output = io::Result<(Self::Connection, SocketAddr)>> + Send;
-}
-
-/// A connection.
-pub(super) trait Connection: AsyncRead + AsyncWrite + Send + Unpin + 'static {
-    /// What comes.
+pub trait Listen: Send + 'static {
+    /// A connection.
+    type Stream: AsyncRead + AsyncWrite + Send + Unpin + 'static;
+    /// What comes on it.
     type Read: AsyncRead + Send + Unpin + 'static;
-    /// What goes.
+    /// What goes on it.
     type Write: AsyncWrite + Send + Unpin + 'static;
 
-    /// Both directions of it.
-    fn halves(self) -> (Self::Read, Self::Write);
+    /// The next connection, and where it comes from. Giving up the wait loses none.
+    fn accept(&mut self) -> impl Future<Output = io::Result<(Self::Stream, SocketAddr)>> + Send;
+
+    /// Both directions of a connection.
+    fn halves(stream: Self::Stream) -> (Self::Read, Self::Write);
 }
 
 impl Listen for TcpListener {
-    type Connection = TcpStream;
+    type Stream = TcpStream;
+    type Read = OwnedReadHalf;
+    type Write = OwnedWriteHalf;
 
     async fn accept(&mut self) -> io::Result<(TcpStream, SocketAddr)> {
         let (stream, from) = Self::accept(self).await?;
         prepare(&stream);
         Ok((stream, from))
     }
-}
 
-impl Connection for TcpStream {
-    type Read = OwnedReadHalf;
-    type Write = OwnedWriteHalf;
-
-    fn halves(self) -> (OwnedReadHalf, OwnedWriteHalf) {
-        self.into_split()
+    fn halves(stream: TcpStream) -> (OwnedReadHalf, OwnedWriteHalf) {
+        stream.into_split()
     }
 }
 

@@ -1,31 +1,29 @@
 //! How large a request's headers may be.
 //!
 //! The HTTP library would refuse them with an empty answer. Its own limits are higher than this one
-//! (`server/connections.rs`).
+//! (`port/connections.rs`).
 
 use axum::Router;
-use axum::extract::Request;
+use axum::extract::{Request, State};
 use axum::middleware::{self, Next};
 use axum::response::Response;
 
-use super::error::ApiError;
+use super::{EdgeError, Front, MAX_HEAD_BYTES};
 
-/// Most bytes of a request's headers and path.
-pub(super) const MAX_HEAD_BYTES: usize = 16 << 10;
 /// What each header counts beside its name and value, as in HTTP/2 (RFC 9113, section 6.5.2),
 /// bytes.
 const HEADER_BYTES: usize = 32;
 
 /// Puts this in front of all routes.
-pub(super) fn limited(router: Router) -> Router {
-    router.layer(middleware::from_fn(check))
+pub fn limited(router: Router, front: Front) -> Router {
+    router.layer(middleware::from_fn_with_state(front, check))
 }
 
-async fn check(request: Request, next: Next) -> Response {
+async fn check(State(front): State<Front>, request: Request, next: Next) -> Response {
     let found_bytes = head_bytes(&request);
     match found_bytes <= MAX_HEAD_BYTES {
         true => next.run(request).await,
-        false => ApiError::HeadersTooLarge { found_bytes }.in_kind(request.headers()),
+        false => front.turn_away(&EdgeError::HeadersTooLarge { found_bytes }, request.headers()),
     }
 }
 

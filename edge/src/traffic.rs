@@ -6,16 +6,17 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
+use axum::Router;
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::middleware::Next;
+use axum::middleware::{self, Next};
 use axum::response::Response;
 use bytes::{Buf as _, Bytes};
 use http_body::{Body as _, Frame, SizeHint};
 use tokio_util::task::AbortOnDropHandle;
 
-use super::error::{ApiError, is_grpc};
-use crate::clients::{Client, Clients, Exhausted, Memory};
+use super::clients::{Client, Clients, Exhausted, Memory};
+use super::{EdgeError, Front, is_grpc};
 use troupe_base::telemetry::{Counter, Labels, Metric, Telemetry};
 
 /// Answers up to this size are small: they are not counted, and not cut into pieces, bytes.
@@ -30,13 +31,11 @@ const SENT: Metric = Metric::new(
     "Bytes of answers, without headers and live streams",
 );
 
-/// Paths of streams.
-const STREAMS: [&str; 2] = ["/v1/drive", "/troupe.v1.Sessions/Drive"];
-
 /// What the middleware knows.
 #[derive(Clone)]
-pub(super) struct Traffic {
+struct Traffic {
     clients: Arc<Clients>,
+    front: Front,
     /// How long an answer may wait for its reader.
     write_timeout: Duration,
     /// Bytes of requests and answers.
@@ -44,24 +43,32 @@ pub(super) struct Traffic {
     sent: Counter,
 }
 
-impl Traffic {
-    pub(super) fn new(clients: Arc<Clients>, write_timeout: Duration, telemetry: &Telemetry) -> Self {
-        let counter = |metric| telemetry.counter(metric, &Labels::default());
-        Self {
-            clients,
-            write_timeout,
-            received: counter(&RECEIVED),
-            sent: counter(&SENT),
-        }
-    }
+/// Counts what requests and their answers take. An answer waits for its reader for at most
+/// `write_timeout`.
+pub fn counted(
+    router: Router,
+    front: Front,
+    clients: Arc<Clients>,
+    write_timeout: Duration,
+    telemetry: &Telemetry,
+) -> Router {
+    let counter = |metric| telemetry.counter(metric, &Labels::default());
+    let traffic = Traffic {
+        clients,
+        front,
+        write_timeout,
+        received: counter(&RECEIVED),
+        sent: counter(&SENT),
+    };
+    router.layer(middleware::from_fn_with_state(traffic, count))
 }
 
 /// Memory of an answer, taken before it was made. It goes with the answer's extensions.
 #[derive(Debug, Clone)]
-pub(super) struct Reserved(Arc<Mutex<Option<Memory>>>);
+pub struct Reserved(Arc<Mutex<Option<Memory>>>);
 
 impl Reserved {
-    pub(super) fn new(memory: Memory) -> Self {
+    fn new(memory: Memory) -> Self {
         Self(Arc::new(Mutex::new(Some(memory))))
     }
 
@@ -71,12 +78,15 @@ impl Reserved {
 }
 
 /// Copies of a step's numbers that there are at once: the message, and what is sent.
-pub(super) const COPIES_AS_PROTOBUF: usize = 2;
+pub const COPIES_AS_PROTOBUF: usize = 2;
 /// As [`COPIES_AS_PROTOBUF`]: a number as text is about three times as long.
-pub(super) const COPIES_AS_JSON: usize = 4;
+pub const COPIES_AS_JSON: usize = 4;
 
 /// Takes memory for an answer of so many bytes, before it is made. None for a small one.
-pub(super) fn reserve(client: Option<&Arc<Client>>, bytes: usize) -> Result<Option<Reserved>, ApiError> {
+///
+/// # Errors
+/// [`Exhausted`] where there is not as much.
+pub fn reserve(client: Option<&Arc<Client>>, bytes: usize) -> Result<Option<Reserved>, Exhausted> {
     match client {
         Some(client) if bytes > SMALL => Ok(Some(Reserved::new(client.memory(bytes)?))),
         _ => Ok(None),
@@ -84,13 +94,12 @@ pub(super) fn reserve(client: Option<&Arc<Client>>, bytes: usize) -> Result<Opti
 }
 
 /// Counts what a request and its answer take.
-pub(super) async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next) -> Response {
+async fn count(State(traffic): State<Traffic>, mut request: Request, next: Next) -> Response {
     let client = request.extensions().get::<Arc<Client>>().cloned();
     let client = client.unwrap_or_else(|| traffic.clients.within());
     request.extensions_mut().insert(client.clone());
     let grpc = is_grpc(request.headers());
-    // The messages of a stream are short, and gone before the next is read.
-    if STREAMS.contains(&request.uri().path()) {
+    if (traffic.front.is_stream)(request.uri().path()) {
         return next.run(request).await;
     }
     let refused = Arc::new(OnceLock::new());
@@ -106,11 +115,11 @@ pub(super) async fn count(State(traffic): State<Traffic>, mut request: Request, 
     let response = next.run(request).await;
     drop(memory);
     if let Some(error) = refused.get() {
-        return ApiError::from(error.clone()).in_protocol(grpc);
+        return traffic.front.turn_away_in(&EdgeError::from(error.clone()), grpc);
     }
     match hold(&client, response, &traffic) {
         Ok(response) => response,
-        Err(error) => ApiError::from(error).in_protocol(grpc),
+        Err(error) => traffic.front.turn_away_in(&EdgeError::from(error), grpc),
     }
 }
 

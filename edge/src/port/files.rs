@@ -1,6 +1,5 @@
 //! How many connections the system's limit of open files leaves room for.
 
-use super::StartError;
 use super::places::RESERVE;
 
 /// Most connections where nothing is said.
@@ -8,12 +7,27 @@ const USUAL_CONNECTIONS: usize = 10_000;
 /// Files that the server needs for all else: libraries, packs, scenes, the log.
 const OTHER_FILES: u64 = 256;
 
+/// More connections than the system gives files for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "max_connections is {asked}, and the limit of open files (ulimit -n) is {files}; allowed: 0 to {room}, or more with a \
+     higher limit"
+)]
+pub struct TooFewFiles {
+    /// Connections that are asked for.
+    pub asked: usize,
+    /// The limit of open files.
+    pub files: u64,
+    /// Connections that fit into it.
+    pub room: usize,
+}
+
 /// Most connections: `asked`, or with 0 the usual number or as many as there is room for. Raises
 /// this process's limit of open files as far as the system lets it.
 ///
 /// # Errors
-/// [`StartError::Files`] where there is no room for those that are asked for.
-pub(super) fn max_connections(asked: usize) -> Result<usize, StartError> {
+/// [`TooFewFiles`] where there is no room for those that are asked for.
+pub fn max_connections(asked: usize) -> Result<usize, TooFewFiles> {
     match rlimit::increase_nofile_limit(u64::MAX) {
         Ok(files) => fit(asked, files),
         Err(error) => {
@@ -23,7 +37,7 @@ pub(super) fn max_connections(asked: usize) -> Result<usize, StartError> {
     }
 }
 
-fn fit(asked: usize, files: u64) -> Result<usize, StartError> {
+fn fit(asked: usize, files: u64) -> Result<usize, TooFewFiles> {
     let room = files.saturating_sub(OTHER_FILES + RESERVE as u64);
     let room = usize::try_from(room).unwrap_or(usize::MAX);
     match asked {
@@ -37,7 +51,7 @@ fn fit(asked: usize, files: u64) -> Result<usize, StartError> {
             Ok(lowered)
         }
         0 => Ok(USUAL_CONNECTIONS),
-        asked if asked > room => Err(StartError::Files { asked, files, room }),
+        asked if asked > room => Err(TooFewFiles { asked, files, room }),
         asked => Ok(asked),
     }
 }

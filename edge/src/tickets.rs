@@ -1,18 +1,17 @@
 //! Tickets: what a browser opens a stream with, because it cannot send a key there.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use axum::{Extension, Json};
 use tokio::time::Instant;
 
-use super::credentials::{Admitted, Credentials};
-use super::error::ApiError;
+use super::EdgeError;
+use super::admitted::Admitted;
 use super::keys::{self, HASH_BYTES};
 
 /// How long a ticket is good for.
-const LIFETIME: Duration = Duration::from_secs(30);
+pub const TICKET_LIFETIME: Duration = Duration::from_secs(30);
 /// Most tickets that are not used yet, in all and of one key.
 const MOST_TICKETS: usize = 4096;
 const MOST_OF_KEY: usize = 256;
@@ -30,7 +29,7 @@ pub(super) struct Tickets(Mutex<HashMap<[u8; HASH_BYTES], Ticket>>);
 
 impl Tickets {
     /// A ticket that lets its bearer in once as `holder`.
-    fn issue(&self, holder: Admitted) -> Result<String, ApiError> {
+    pub(super) fn issue(&self, holder: Admitted) -> Result<String, EdgeError> {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let now = Instant::now();
         open.retain(|_, ticket| ticket.end > now);
@@ -42,11 +41,11 @@ impl Tickets {
             (open.len(), MOST_TICKETS, "all clients together"),
         ] {
             if count >= most {
-                return Err(ApiError::TooManyTickets { whose, most });
+                return Err(EdgeError::TooManyTickets { whose, most });
             }
         }
         let ticket = keys::secret("ticket_");
-        let end = now + LIFETIME;
+        let end = now + TICKET_LIFETIME;
         open.insert(keys::hash(&ticket), Ticket { holder, end });
         Ok(ticket)
     }
@@ -57,43 +56,6 @@ impl Tickets {
         let ticket = open.remove(&keys::hash(ticket))?;
         (ticket.end > Instant::now()).then_some(ticket.holder)
     }
-}
-
-/// A ticket for a stream.
-#[derive(Debug, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
-pub(super) struct CreateTicketResponse {
-    /// Opens one stream: `/v1/drive?ticket=TICKET`.
-    ticket: String,
-    /// How long it is good for, in milliseconds.
-    expires_in_ms: u64,
-}
-
-/// Get a ticket for a stream
-///
-/// A browser cannot send a key with a WebSocket. A ticket opens one stream as its key would, within
-/// 30 seconds: `/v1/drive?ticket=TICKET`.
-#[utoipa::path(
-    post,
-    path = "/v1/tickets",
-    operation_id = "CreateTicket",
-    tag = "sessions",
-    responses(
-        (status = 200, description = "The ticket", body = CreateTicketResponse),
-        (status = 409, description = "The server asks for no keys, so that streams need no tickets"),
-        (status = 429, description = "As many tickets as there may be are not used yet"),
-    )
-)]
-pub(super) async fn create(
-    credentials: Option<Extension<Arc<Credentials>>>,
-    holder: Option<Extension<Admitted>>,
-) -> Result<Json<CreateTicketResponse>, ApiError> {
-    let (Some(Extension(credentials)), Some(Extension(holder))) = (credentials, holder) else {
-        return Err(ApiError::NoTickets);
-    };
-    Ok(Json(CreateTicketResponse {
-        ticket: credentials.tickets().issue(holder)?,
-        expires_in_ms: LIFETIME.as_millis() as u64,
-    }))
 }
 
 #[cfg(test)]
@@ -119,7 +81,7 @@ mod tests {
         assert!(tickets.redeem(&ticket).is_none());
 
         let late = tickets.issue(holder("a")).unwrap();
-        tokio::time::advance(LIFETIME).await;
+        tokio::time::advance(TICKET_LIFETIME).await;
         assert!(tickets.redeem(&late).is_none());
     }
 
@@ -140,7 +102,7 @@ mod tests {
         let error = tickets.issue(holder("b")).unwrap_err();
         assert!(error.to_string().contains("all clients"), "{error}");
         assert_eq!(all(), MOST_TICKETS);
-        tokio::time::advance(LIFETIME).await;
+        tokio::time::advance(TICKET_LIFETIME).await;
         tickets.issue(holder("b")).unwrap();
         assert_eq!(all(), 1);
     }

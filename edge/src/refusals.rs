@@ -5,9 +5,7 @@ use std::net::IpAddr;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-use http::StatusCode;
-
-use super::error::ApiError;
+use super::EdgeError;
 use troupe_base::telemetry::{Counter, Labels, Metric, Seldom, Telemetry};
 
 const REFUSALS: Metric = Metric::new(
@@ -60,19 +58,19 @@ impl Refusal {
     }
 
     /// What it is that an error turns away; nothing where it is about what was asked for.
-    pub(super) fn of(error: &ApiError) -> Option<Self> {
+    pub(super) fn of(error: &EdgeError) -> Option<Self> {
         match error {
-            ApiError::NotAllowed { header: "Origin", .. } => Some(Self::Origin),
-            ApiError::NotAllowed { .. } => Some(Self::Host),
-            ApiError::NoKey => Some(Self::KeyMissing),
-            ApiError::UnknownKey => Some(Self::KeyUnknown),
-            ApiError::RoleTooLow { .. } => Some(Self::Role),
-            ApiError::HeadersTooLarge { .. } => Some(Self::Headers),
-            other => {
-                let status = other.row().codes.http;
-                let about_who = [StatusCode::UNAUTHORIZED, StatusCode::FORBIDDEN].contains(&status);
-                about_who.then_some(Self::Other)
-            }
+            EdgeError::NotAllowed { header: "Origin", .. } => Some(Self::Origin),
+            EdgeError::NotAllowed { .. } => Some(Self::Host),
+            EdgeError::NoKey => Some(Self::KeyMissing),
+            EdgeError::UnknownKey => Some(Self::KeyUnknown),
+            EdgeError::RoleTooLow { .. } => Some(Self::Role),
+            EdgeError::HeadersTooLarge { .. } => Some(Self::Headers),
+            EdgeError::Token(_) | EdgeError::UnknownTicket => Some(Self::Other),
+            EdgeError::Exhausted(_)
+            | EdgeError::TooManyTickets { .. }
+            | EdgeError::NoTickets
+            | EdgeError::NoConnection => None,
         }
     }
 }
@@ -130,8 +128,8 @@ mod tests {
 
     #[test]
     fn what_is_wrong_with_a_request_is_no_refusal() {
-        assert_eq!(Refusal::of(&ApiError::NoKey), Some(Refusal::KeyMissing));
-        assert_eq!(Refusal::of(&ApiError::NoConnection), None);
-        assert_eq!(Refusal::of(&ApiError::UnknownRoute("/a".into())), None);
+        assert_eq!(Refusal::of(&EdgeError::NoKey), Some(Refusal::KeyMissing));
+        assert_eq!(Refusal::of(&EdgeError::NoConnection), None);
+        assert_eq!(Refusal::of(&EdgeError::NoTickets), None);
     }
 }

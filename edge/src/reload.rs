@@ -14,7 +14,7 @@ type Fingerprint = [u8; 32];
 type Read = Box<dyn Fn() -> Result<(), String> + Send + Sync>;
 
 /// Something that is read from files.
-pub(super) struct Source {
+pub struct Source {
     /// What it is, for the log.
     what: &'static str,
     files: Vec<PathBuf>,
@@ -25,7 +25,7 @@ pub(super) struct Source {
 impl Source {
     /// Something whose files have just been read, `seen` before that. `read` reads them again, or
     /// says why it cannot.
-    pub(super) fn new<E: std::error::Error>(
+    pub fn new<E: std::error::Error>(
         what: &'static str,
         files: Vec<PathBuf>,
         seen: Fingerprint,
@@ -56,7 +56,7 @@ impl Source {
 
 /// What is in `files`. By that and not by their times, because links to folders are how some tools
 /// change several at once.
-pub(super) fn fingerprint(files: &[PathBuf]) -> Fingerprint {
+pub fn fingerprint(files: &[PathBuf]) -> Fingerprint {
     let mut hash = Sha256::new();
     for file in files {
         let text = std::fs::read(file).unwrap_or_default();
@@ -67,7 +67,7 @@ pub(super) fn fingerprint(files: &[PathBuf]) -> Fingerprint {
 }
 
 /// Reads sources again when their files change, and all of them when told to.
-pub(super) async fn watch(mut sources: Vec<Source>, now: Arc<Notify>) {
+pub async fn watch(mut sources: Vec<Source>, now: Arc<Notify>) {
     if sources.is_empty() {
         return;
     }
