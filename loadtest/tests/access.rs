@@ -11,7 +11,8 @@ use rcgen::{BasicConstraints, CertificateParams, IsCa, Issuer, KeyPair};
 use tokio::net::TcpListener;
 use tokio::process::Command;
 use troupe_client::{Client, ClientCertificate, ClientError, ConnectOptions, TlsOptions};
-use troupe_server::api::{Role, keys};
+use troupe_edge::clients::Role;
+use troupe_edge::keys;
 use troupe_server::config::Config;
 use troupe_server::server::serve;
 

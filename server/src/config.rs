@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use confique::Config as _;
 
-use crate::api::{Host, Origin};
+use troupe_edge::guard::{Host, Origin};
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
 pub use cli::{Cli, Command, DoctorArgs, HealthArgs, KeyCommand};
