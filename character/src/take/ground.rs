@@ -1,18 +1,18 @@
-//! The ground of a request: points of its surface.
+//! The ground that a motion stands on: points of its surface.
 
 use troupe_motion::Vec3;
 
-/// A point farther away than this over the ground is not below a foot, metres.
+/// A foot stands on the nearest point within this distance over the ground, metres.
 const REACH_M: f32 = 1.0;
-/// Points that differ by less are level, metres.
+/// Points whose heights differ by less are level, metres.
 const LEVEL_M: f32 = 1e-3;
 
-/// Points of the surface, world, metres.
+/// Points of the surface, world, metres. Without points the ground is a floor at height 0.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Ground(pub Vec<Vec3>);
 
 impl Ground {
-    /// The height of the whole ground, where it is level.
+    /// The one height of level ground, metres; none for ground that is not level.
     pub fn level(&self) -> Option<f32> {
         let low = self.0.iter().map(|point| point.y).fold(f32::INFINITY, f32::min);
         let high = self
@@ -26,7 +26,7 @@ impl Ground {
         }
     }
 
-    /// Height of the nearest point, where there is one below a place.
+    /// Height of the nearest point to a place, metres; none for a place that has no point near.
     pub fn height(&self, x: f32, z: f32) -> Option<f32> {
         if let Some(level) = self.level_of_few() {
             return Some(level);

@@ -1,11 +1,12 @@
 //! Frames of one motion, as they grow.
 
-use troupe_character::post::{contact_bits, parent_relative, roots, to_world_rotations};
 use troupe_motion::model::{Dims, Motion, Rig};
 use troupe_motion::pin::fade;
 use troupe_motion::root::heading_of;
 use troupe_motion::rotation::{align_sign, slerp_pose, yaw};
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Skeleton, Vec3};
+
+use crate::post::{contact_bits, parent_relative, roots, to_world_rotations};
 
 /// Frames in the world.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -19,7 +20,7 @@ pub struct Track {
 }
 
 impl Track {
-    /// Frames of a generator's motion, which is of `rig` and lies at `frame`.
+    /// Frames of a generator's motion of `rig`, whose segment lies at `frame`.
     pub fn of_motion(motion: &Motion, frame: &SegmentFrame, rig: &Rig) -> Self {
         let (dims, count): (&Dims, usize) = (&rig.dims, motion.frames());
         let mut rotations = parent_relative(motion, count, dims, &rig.skeleton);
@@ -32,12 +33,12 @@ impl Track {
         }
     }
 
-    /// Frames that it has.
+    /// How many frames there are.
     pub fn len(&self) -> usize {
         self.roots.len()
     }
 
-    /// Whether it has none.
+    /// Whether there is no frame yet.
     pub fn is_empty(&self) -> bool {
         self.roots.is_empty()
     }
@@ -59,8 +60,8 @@ impl Track {
         self.contacts.push(contacts);
     }
 
-    /// Adds some frames of another, as many of `from..from + count` as there are, in the
-    /// hemispheres of those before.
+    /// Adds the frames `from..from + count` of another motion, as far as it has them. Quaternions
+    /// keep to the hemispheres of the frame before.
     pub fn extend(&mut self, other: &Self, from: usize, count: usize) {
         for frame in from..(from + count).min(other.len()) {
             let start = self.rotations.len();
@@ -72,7 +73,7 @@ impl Track {
         }
     }
 
-    /// Has the frames from `from` on begin at the pose before them: what they are off by fades over
+    /// Has the frames from `from` on begin at the pose before them. What they are off by fades over
     /// `over` frames.
     pub fn lead_over(&mut self, from: usize, over: usize) {
         let len = self.len();
@@ -88,8 +89,9 @@ impl Track {
         self.extend(&behind, 0, len - from);
     }
 
-    /// Brings the first frames nearer to where they are to go on from: what `is` there differs from
-    /// what `was` expected (root and pose of one frame each) fades over `over` frames.
+    /// Has the first frames go on from a frame other than the one that they were made for. `was` is
+    /// the root and pose that they expect before them, `is` what they find; the difference fades
+    /// over `over` frames.
     pub fn join(&mut self, was: (Vec3, &[Quat]), is: (Vec3, &[Quat]), over: usize) {
         let joints = self.joints();
         let turns: Vec<Quat> = was
@@ -131,7 +133,7 @@ impl Track {
         }
     }
 
-    /// Moves everything as `from` must move to be at `to`, heights apart.
+    /// Moves and turns all frames so that a root at `from` comes to `to`. Heights stay.
     pub fn carry(&mut self, from: GlobalRoot, to: GlobalRoot) {
         let turn = yaw(to.heading - from.heading);
         let joints = self.joints();
@@ -144,8 +146,8 @@ impl Track {
         }
     }
 
-    /// `frames` frames at the places that `at` gives, between frames too: places are interpolated,
-    /// rotations on the shorter way.
+    /// `frames` frames, each from the place that `at` gives, between frames too. Places are
+    /// interpolated in a line, rotations on the shorter way.
     #[must_use]
     pub fn resampled(&self, frames: usize, at: impl Fn(usize) -> f32) -> Self {
         let joints = self.joints();

@@ -1,32 +1,38 @@
-//! Motion of a body that follows paths, segment after segment, each window after window.
+//! Motion of a body whose network takes paths: segment after segment, each window after window.
 
-use troupe_character::FieldError;
-use troupe_character::post::{NonFinite, check_finite};
-use troupe_engine::pack::Pack;
+use std::sync::Arc;
+
 use troupe_motion::model::{Motion, Rig, Task};
-use troupe_motion::rotation::to_wxyz;
+use troupe_motion::path::{GroundPath, PathPoint};
+use troupe_motion::root::heading_of;
 use troupe_motion::{GlobalRoot, Quat, SegmentFrame, Vec3};
-use troupe_proto::v1;
 
-use super::take::{Note, Take, window_seed};
+use super::note::Note;
+use super::path_plan::{PathPlan, PathRequest};
+use super::request::{Follower, Take};
+use super::seed::window_seed;
 use super::track::Track;
 use super::way::Way;
-use crate::inbetween::PathPlan;
+use crate::keyframe::Checked;
+use crate::limits::MAX_DISTANCE_M;
+use crate::post::{NonFinite, check_finite};
+use crate::{FieldError, Path};
 
-/// Frames that a loop is begun earlier, for it to begin on its way.
+/// A loop is made from this many frames earlier, so that it begins on its way.
 const BEFORE: usize = 20;
 /// Frames over which a stretch leads over from one that is too short to go on from.
 const LEAD_FRAMES: usize = 8;
-/// Points of a path a second, where it is given to the model.
+/// Points a second of a path that the network gets.
 const POINTS_PER_S: f32 = 10.0;
 
 /// A motion on its way.
 #[derive(Debug)]
-pub struct Follow {
-    take: Take,
+pub(super) struct Follow {
+    take: Arc<Take>,
+    follower: Follower,
     sample: usize,
     way: Way,
-    /// Stretches of the motion: one a segment, and before a loop how it is begun.
+    /// Stretches of the motion: one a segment, and one in front of a loop.
     stretches: Vec<Stretch>,
     next: usize,
     plan: Option<(PathPlan, SegmentFrame)>,
@@ -39,27 +45,28 @@ pub struct Follow {
 /// Frames that one plan makes.
 #[derive(Debug, Clone, Copy)]
 struct Stretch {
-    /// Its first frame, and one behind its last, of the motion: negative before its begin.
+    /// First frame of the motion that it makes, negative before the motion's begin.
     from: i64,
+    /// The frame behind its last one.
     to: i64,
     seed: u64,
-    /// Frames that the plan makes, where its last ones are the loop's first.
+    /// Set for a stretch that ends in the first frames of a loop: the frames that the plan makes.
     closes: Option<usize>,
 }
 
 impl Follow {
     /// A sample of a take.
-    pub fn new(take: &Take, sample: usize) -> Self {
+    pub(super) fn new(take: &Arc<Take>, follower: &Follower, sample: usize) -> Self {
         let mut notes = Vec::new();
-        let by_path = take.model.rig().by_path.as_ref();
+        let by_path = take.subject.rig.by_path.as_ref();
         let usual_mps = by_path.map_or(0.0, |body| body.usual_speed_mps);
         let mut way = Way::of(take, sample, usual_mps, &mut notes);
         let mut stretches = Vec::new();
-        let dims = take.model.rig().dims;
+        let dims = take.subject.rig.dims;
         let frames = take.frames as i64;
         let lead = match take.is_loop && take.frames > dims.context_frames {
             true => {
-                way.begun_before(BEFORE);
+                way.begin_before(BEFORE);
                 let seed = window_seed(take.seed, sample, usize::from(u16::MAX));
                 stretches.push(Stretch {
                     from: -(BEFORE as i64),
@@ -67,8 +74,7 @@ impl Follow {
                     seed,
                     closes: None,
                 });
-                // Windows are of whole tokens, so the end that is closed may come a few frames
-                // later.
+                // Windows have whole tokens, so the end may come a few frames later.
                 let fresh = (take.frames - 1).next_multiple_of(dims.frames_per_token);
                 stretches.push(Stretch {
                     from: 1,
@@ -98,6 +104,7 @@ impl Follow {
         };
         Self {
             take: take.clone(),
+            follower: follower.clone(),
             sample,
             way,
             stretches,
@@ -110,14 +117,14 @@ impl Follow {
         }
     }
 
-    /// What the model is to make next; none where all is done.
+    /// The task of the next window; none behind the last.
     ///
     /// # Errors
-    /// [`FieldError`] where the path is not one that the model takes.
-    pub fn ask(&mut self) -> Result<Option<Task>, FieldError> {
+    /// [`FieldError`] for a path that the network does not take.
+    pub(super) fn next_task(&mut self) -> Result<Option<Task>, FieldError> {
         loop {
             if let Some((plan, frame)) = &mut self.plan {
-                if let Some((task, at)) = plan.next() {
+                if let Some((task, at)) = plan.next_task() {
                     *frame = at;
                     self.boundaries.push(self.track.len());
                     return Ok(Some(Task::Path(task)));
@@ -134,10 +141,7 @@ impl Follow {
             if self.track.len() > begun {
                 self.track = self.track.part(0, begun);
             }
-            let goal = self.goal(&stretch);
-            let past = self.keyframes(self.track.len());
-            let pack: &Pack = &self.take.model.loaded.pack;
-            let mut plan = PathPlan::new(&goal, &past, stretch.seed, pack)?;
+            let mut plan = PathPlan::new(self.request(&stretch)?)?;
             // Each sample would say the same.
             if self.sample == 0 {
                 let notes = std::mem::take(&mut plan.notes).into_iter();
@@ -148,22 +152,22 @@ impl Follow {
         }
     }
 
-    /// Takes what the model made of [`ask`](Self::ask).
+    /// Takes what the network made of [`next_task`](Self::next_task).
     ///
     /// # Errors
-    /// [`NonFinite`] where its numbers are not usable.
-    pub fn take(&mut self, motion: &Motion) -> Result<(), NonFinite> {
+    /// [`NonFinite`] for numbers that are not usable.
+    pub(super) fn receive(&mut self, motion: &Motion) -> Result<(), NonFinite> {
         check_finite(motion)?;
         let Some((plan, frame)) = &mut self.plan else {
             return Ok(());
         };
         let whole = Track::of_motion(motion, frame, &plan.body.rig);
         let context = plan.body.rig.dims.context_frames;
-        let (fresh, _) = plan.take(motion, frame);
+        let (fresh, _) = plan.receive(motion, frame);
         let mut made = Track::of_motion(&fresh, frame, &plan.body.rig);
         let before = self.track.len();
         if let Some(last) = before.checked_sub(1).filter(|_| before >= context) {
-            // The network's own context is near the frames that it was given.
+            // The network's own context is only near the frames that it got.
             let of = |track: &Track, frame: usize| (track.roots[frame], track.pose(frame).to_vec());
             let (was, is) = (of(&whole, context - 1), of(&self.track, last));
             made.join((was.0, &was.1), (is.0, &is.1), LEAD_FRAMES);
@@ -176,8 +180,8 @@ impl Follow {
         Ok(())
     }
 
-    /// The frames, those at which windows begin, and what is good to know.
-    pub fn done(self) -> (Track, Vec<usize>, Vec<Note>) {
+    /// The frames, those at which windows begin, and what a caller should know.
+    pub(super) fn done(self) -> (Track, Vec<usize>, Vec<Note>) {
         let frames = self.take.frames;
         let inside = self
             .boundaries
@@ -188,36 +192,48 @@ impl Follow {
     }
 
     fn rig(&self) -> &Rig {
-        self.take.model.rig()
+        &self.take.subject.rig
     }
 
-    /// The last frames before frame `end` of the track as keyframes; none where there are none.
-    fn keyframes(&self, end: usize) -> Vec<v1::Keyframe> {
+    /// The newest frames as keyframes: as many as a context has, or none.
+    fn past(&self) -> Vec<Checked> {
+        let end = self.track.len();
         let Some(from) = end.checked_sub(self.rig().dims.context_frames) else {
             return Vec::new();
         };
-        let skeleton = &self.rig().skeleton;
-        let key = |frame: usize| keyframe(self.track.root(frame, skeleton), self.track.pose(frame));
+        let key = |frame: usize| self.keyframe(self.track.roots[frame], frame);
         (from..end).map(key).collect()
     }
 
-    /// The path of a stretch. Where there is a past its time 0 is the past's last frame.
-    fn goal(&self, stretch: &Stretch) -> v1::PathGoal {
+    /// The pose of a frame of the track, with its root at `place`.
+    fn keyframe(&self, place: Vec3, frame: usize) -> Checked {
+        let pose = self
+            .track
+            .pose(frame)
+            .iter()
+            .map(|&rotation| rotation / rotation.length());
+        let pose: Vec<Quat> = pose.collect();
+        let heading = heading_of(pose[0], self.rig().skeleton.left_axis);
+        Checked::of(Some(GlobalRoot::new(place, heading)), None, None, Some(pose))
+    }
+
+    /// The path of a stretch. Its time 0 is the newest frame that is made, or its own first one.
+    fn request(&self, stretch: &Stretch) -> Result<PathRequest, FieldError> {
         let fps = self.take.clock.native_fps;
-        let has_past = self.track.len() >= self.rig().dims.context_frames;
-        let begin = stretch.from - i64::from(has_past);
+        let past = self.past();
+        let begin = stretch.from - i64::from(!past.is_empty());
         let frames = (stretch.to - 1 - begin) as f32;
         // A stretch that closes a loop is made a little longer, and pressed together again.
         let made = stretch.closes.map_or(frames, |fresh| fresh as f32);
         let count = (frames / fps * POINTS_PER_S).ceil().max(1.0) as usize;
         let times = (0..=count).map(|nth| nth as f32 / count as f32);
-        let mut points: Vec<v1::PathPoint> = times
+        let mut points: Vec<PathPoint> = times
             .map(|share| {
                 let [x, z, heading] = self.way.at(begin as f32 + share * frames);
-                v1::PathPoint {
-                    position: Some(v1::Vec3 { x, y: 0.0, z }),
+                PathPoint {
+                    place: [x, z],
                     heading: Some(heading),
-                    time: Some(share * made / fps),
+                    time_s: share * made / fps,
                 }
             })
             .collect();
@@ -230,35 +246,26 @@ impl Follow {
             let [x, z] = self.way.place(self.take.frames as f32 - 1.0);
             let travel = Vec3::new(x, 0.0, z) - first.projected();
             for frame in self.lead + 1 - self.rig().dims.context_frames..=self.lead {
-                let mut root = self.track.root(frame, &self.rig().skeleton);
-                root.position += travel;
-                targets.push(keyframe(root, self.track.pose(frame)));
+                targets.push(self.keyframe(self.track.roots[frame] + travel, frame));
             }
         }
-        let word = self.take.look.word.iter();
-        v1::PathGoal {
-            points,
-            seconds: Some((made / fps).max(1e-3)),
-            body: self
-                .take
-                .model
-                .body()
-                .map(|body| body.name.clone())
-                .unwrap_or_default(),
-            style: word
-                .map(|word| v1::StyleWord {
-                    word: word.clone(),
-                    weight: Some(1.0),
-                })
-                .collect(),
-            steps: self.take.look.steps,
-            guidance: self.take.look.guidance,
+        let Follower { body, words, steps } = &self.follower;
+        let look = &self.take.look;
+        let weight = |word: &String| f32::from(u8::from(look.word.as_ref() == Some(word)));
+        Ok(PathRequest {
+            body: body.clone(),
+            points: ground_path(points)?,
+            seconds: (made / fps).max(1e-3),
+            past,
             targets,
-            ..v1::PathGoal::default()
-        }
+            style: words.iter().map(weight).collect(),
+            steps: look.steps.unwrap_or(*steps),
+            guidance: look.guidance.unwrap_or(1.0),
+            seed: stretch.seed,
+        })
     }
 
-    /// Presses a loop that was made longer into its frames.
+    /// Presses a loop that was made longer into the frames that it must have.
     fn close(&mut self) {
         let Some(stretch) = self.next.checked_sub(1).map(|index| self.stretches[index]) else {
             return;
@@ -283,17 +290,19 @@ impl Follow {
     }
 }
 
-fn keyframe(root: GlobalRoot, pose: &[Quat]) -> v1::Keyframe {
-    let Vec3 { x, y, z } = root.position;
-    v1::Keyframe {
-        root: Some(v1::Root {
-            position: Some(v1::Vec3 { x, y, z }),
-            heading: None,
-        }),
-        pose: Some(v1::Pose {
-            rotations: pose.iter().copied().flat_map(to_wxyz).collect(),
-            root_height: None,
-        }),
-        ..v1::Keyframe::default()
+/// A path of points that are within reach, and whose times grow.
+fn ground_path(points: Vec<PathPoint>) -> Result<GroundPath, FieldError> {
+    let root = Path::root();
+    let path = root.field("path");
+    for (index, point) in points.iter().enumerate() {
+        for (axis, value) in ["x", "z"].into_iter().zip(point.place) {
+            if !(-MAX_DISTANCE_M..=MAX_DISTANCE_M).contains(&value) {
+                let point = path.element("points", index);
+                let position = point.field("position");
+                let allowed = format!("-{MAX_DISTANCE_M} to {MAX_DISTANCE_M}");
+                return Err(position.field(axis).error(format!("is {value}"), allowed));
+            }
+        }
     }
+    GroundPath::new(points).ok_or_else(|| path.field("points").error("has no order", "growing times"))
 }

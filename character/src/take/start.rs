@@ -1,18 +1,18 @@
 //! How a motion begins: with the keyframes that are given, or at rest, or on its way.
 
-use troupe_character::live::CONTEXT_FRAMES;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{Quat, Vec3};
 
-use super::take::{Prompt, Take};
+use super::request::{Prompt, Take};
 use super::track::Track;
 use super::way::{STANDING_MPS, Way};
+use crate::live::CONTEXT_FRAMES;
 
-/// Frames that a motion which begins on its way is begun earlier.
+/// A motion that begins on its way is made from this many frames earlier.
 const BEFORE: usize = 36;
 
-/// The frames that a motion begins with, and how many of them are before its first one.
-pub fn start(take: &Take, way: &mut Way) -> (Track, usize) {
+/// The frames that a motion begins with, and how many of them come before its first one.
+pub(super) fn start(take: &Take, way: &mut Way) -> (Track, usize) {
     let mut track = Track::default();
     let keys = &take.wanted.keys;
     let given = keys.iter().take(CONTEXT_FRAMES).enumerate();
@@ -31,7 +31,7 @@ pub fn start(take: &Take, way: &mut Way) -> (Track, usize) {
         let [x, z] = way.place(frame);
         Vec3::new(x, y, z)
     };
-    let (rest, height_m) = take.model.rest();
+    let (rest, height_m) = (&take.subject.rest, take.subject.rest_height_m);
     if let Some((key, pose)) = keys
         .first()
         .filter(|key| key.frame == 0)
@@ -41,7 +41,7 @@ pub fn start(take: &Take, way: &mut Way) -> (Track, usize) {
         (0..CONTEXT_FRAMES).for_each(|_| track.push(root, &pose, 0));
         return (track, CONTEXT_FRAMES - 1);
     }
-    // A segment may be shorter than a frame of the model.
+    // A segment may be shorter than a frame of the body.
     let begins = take.parts.iter().find(|part| part.end > 0);
     if begins.is_some_and(|part| part.prompt != Prompt::Free) {
         return (track, 0);
@@ -49,12 +49,12 @@ pub fn start(take: &Take, way: &mut Way) -> (Track, usize) {
     let [x, z] = way.start_mps();
     let before = if x.hypot(z) > STANDING_MPS { BEFORE } else { 0 };
     if before > 0 {
-        way.begun_before(before);
+        way.begin_before(before);
     }
     // The pose at rest faces +Z.
     let mut pose = match &take.look.style {
         Some(style) => style.idle().rotations.clone(),
-        None => rest,
+        None => rest.clone(),
     };
     let height_m = take
         .look

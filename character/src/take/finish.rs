@@ -1,10 +1,9 @@
-//! From what the model made to what was asked for: constraints are met, feet stand still, the
-//! ground is below.
+//! The last step of a take: the motion meets its constraints, its feet stand still, and it comes onto
+//! the ground.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use troupe_character::post::{PIN_REACH_FRAMES, onto_hinges};
 use troupe_motion::fk::joint_transform;
 use troupe_motion::ik::{FootLock, Posed, ReachOptions, Reached, lock_feet, reach_pose};
 use troupe_motion::interpolate::smoothstep;
@@ -15,32 +14,34 @@ use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::terrain::{Terrain, lift_motion};
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::take::{Effector, Note, Take};
+use super::note::Note;
+use super::request::{Effector, Take};
 use super::track::Track;
+use crate::post::{PIN_REACH_FRAMES, onto_hinges};
 
-/// A root that is moved farther to where it must be is told of, metres.
+/// A root that is moved farther than this gets a note, metres.
 const NOTED_M: f32 = 0.3;
-/// An effector that is missed by more is told of, metres.
+/// An effector that is missed by more gets a note, metres.
 const MISSED_M: f32 = 0.02;
-/// A robot's frame that its hinges miss by more is told of, radians.
+/// A robot's pose that its hinges miss by more gets a note, radians.
 const HINGES_RAD: f32 = 0.2;
 /// Frames over which the height of the first frame fades.
 const FADE_FRAMES: f32 = 30.0;
-/// How far a foot is moved at most: of models that walk, and of bodies that follow, metres.
+/// Farthest that a foot is moved: of bodies that walk, and of bodies that follow, metres.
 const HELD_M: (f32, f32) = (0.25, 0.05);
 
 /// A finished motion, in the frames of the answer.
 #[derive(Debug, Clone)]
 pub struct Made {
-    /// The frames.
+    /// As many frames as the answer has.
     pub track: Track,
     /// Frames at which windows begin.
     pub boundaries: Vec<usize>,
-    /// What is good to know.
+    /// What a caller should know of it.
     pub notes: Vec<Note>,
 }
 
-/// What a frame's root must be.
+/// What the root of a frame must be.
 #[derive(Debug, Clone, Copy, Default)]
 struct Fixed {
     place: Option<[f32; 2]>,
@@ -48,9 +49,9 @@ struct Fixed {
     heading: Option<f32>,
 }
 
-/// Finishes the motion of a sample, which is in the model's frames.
+/// Finishes the motion of a sample, which has the body's own frames.
 pub fn finish(take: &Take, track: Track, boundaries: Vec<usize>, notes: Vec<Note>) -> Made {
-    let rig = take.model.rig();
+    let rig = &*take.subject.rig;
     let mut work = Work {
         take,
         rig,
@@ -105,7 +106,7 @@ fn fixed(take: &Take) -> BTreeMap<usize, Fixed> {
         at.place = Some(knot.place);
         at.heading = knot.heading;
     }
-    let left = take.model.rig().skeleton.left_axis;
+    let left = take.subject.rig.skeleton.left_axis;
     for key in &take.wanted.keys {
         let at = fixed.entry(key.frame).or_default();
         if let Some(root) = key.root {
@@ -153,7 +154,7 @@ impl Work<'_> {
         self.track.root(frame, &self.rig.skeleton)
     }
 
-    /// The root that a frame must have; what is not fixed is as it was made.
+    /// The root that a frame must have. Parts that are not fixed stay as they were made.
     fn pinned(&self, frame: usize, fixed: &Fixed) -> GlobalRoot {
         let mut root = self.root(frame);
         if let Some([x, z]) = fixed.place {
@@ -164,8 +165,8 @@ impl Work<'_> {
         root
     }
 
-    /// Moves roots to where they must be: the first frame by moving everything, others by what
-    /// fades.
+    /// Moves roots to the places that are fixed: the first one with all frames, others by an offset
+    /// that fades.
     fn meet_roots(&mut self) {
         let last = self.last();
         if let Some(first) = self.fixed.get(&0).copied() {
@@ -214,7 +215,7 @@ impl Work<'_> {
         }
     }
 
-    /// The effectors of each frame, those of the root apart.
+    /// The effectors of each frame but those of the root.
     fn effectors(&self) -> BTreeMap<usize, Vec<Effector>> {
         let mut frames: BTreeMap<usize, Vec<Effector>> = BTreeMap::new();
         for effector in self
@@ -243,7 +244,7 @@ impl Work<'_> {
         reach_pose(&self.rig.skeleton, &self.rig.legs, base, points, &options)
     }
 
-    /// Brings a root that may be anywhere to where its effectors are within reach.
+    /// Brings roots that are not fixed within reach of their effectors.
     fn approach(&mut self) {
         let floor = &self.take.wanted.ground;
         let mut pins = BTreeMap::new();
@@ -285,7 +286,7 @@ impl Work<'_> {
         self.pin_roots(&pins);
     }
 
-    /// Frames whose whole pose is given.
+    /// Frames that have a whole pose.
     fn whole(&self) -> BTreeMap<usize, Vec<Quat>> {
         let keys = self.take.wanted.keys.iter();
         let keys = keys.filter(|key| key.frame < self.track.len());
@@ -313,7 +314,7 @@ impl Work<'_> {
         self.pin_poses(&poses);
     }
 
-    /// Holds feet between the frames whose poses are given.
+    /// Holds feet between the frames that have a whole pose.
     fn hold_feet(&mut self) {
         let count = self.track.len();
         let mut ends: Vec<usize> = self.whole().into_keys().collect();
@@ -329,7 +330,7 @@ impl Work<'_> {
             from = end + 1;
         }
         ranges.push(from..count);
-        let follows = self.take.model.follows();
+        let follows = self.take.subject.follower.is_some();
         let rig = self.rig;
         for range in ranges.into_iter().filter(|range| !range.is_empty()) {
             let options = FootLock {
@@ -348,7 +349,7 @@ impl Work<'_> {
         }
     }
 
-    /// Puts the motion, which was made on a floor at 0, onto the ground.
+    /// Lifts the motion, which was made on a floor at 0, onto the ground.
     fn lift(&mut self) {
         let ground = &self.take.wanted.ground;
         if let Some(level) = ground.level() {
@@ -419,7 +420,7 @@ impl Work<'_> {
         if poses.is_empty() {
             return;
         }
-        // The others stay as they are by now.
+        // All other given poses stay as they are by now.
         kept.retain(|frame, _| !poses.contains_key(frame));
         if self.take.is_loop {
             kept.insert(0, Vec::new());
@@ -442,7 +443,7 @@ impl Work<'_> {
         pose[effector.joint] = (above.inverse() * rotation).normalize();
     }
 
-    /// Has the last frame be the first one, where the motion has come to.
+    /// Gives the last frame the pose and height of the first.
     fn close(&mut self) {
         let last = self.last();
         let up = self.track.roots[0].y - self.track.roots[last].y;

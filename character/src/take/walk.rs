@@ -1,62 +1,56 @@
-//! Motion of a model that goes from keyframe to keyframe, window after window.
+//! Motion of a body that goes from keyframe to keyframe, window after window.
 //!
-//! Where a keyframe is near, a window ends with it. Elsewhere smart locomotion walks along the way
-//! in a style, as a live character does. Words are acted out from where the motion is.
+//! A window ends with a keyframe that is near. Without one smart locomotion walks along the way in
+//! a style, as a live character does. Words are acted out from the newest frames.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use troupe_character::keyframe::{Checked, KeyWriter};
-use troupe_character::live::request::{Context, build};
-use troupe_character::live::{CONTEXT_FRAMES, CharacterOptions, LiveShape, PlanItem, finish_live};
-use troupe_character::post::{NonFinite, check_finite};
-use troupe_character::primitives::path::PathPoint;
-use troupe_character::primitives::{
-    GapPose, Guide, Locomotion, LocomotionCommand, PathCommand, PlanContext, PlanTargets, TargetKey,
-};
-use troupe_character::style::Style;
 use troupe_motion::interpolate::smoothstep;
 use troupe_motion::model::{DescribeTask, Motion, PromptTask, Rig, SamplingTask, Task};
 use troupe_motion::root::wrap_angle;
 use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
 
-use super::model::Model;
-use super::reference::Frames;
+use super::note::Note;
+use super::request::{MotionFrames, Part, Prompt, Take};
+use super::seed::window_seed;
 use super::start::start;
-use super::take::{Note, Part, Prompt, Take, window_seed};
 use super::track::Track;
 use super::way::Way;
+use crate::keyframe::{Checked, KeyWriter};
+use crate::live::request::{Context, build};
+use crate::live::{CONTEXT_FRAMES, CharacterOptions, LiveShape, PlanItem, finish_live};
+use crate::post::{NonFinite, check_finite};
+use crate::primitives::path::PathPoint;
+use crate::primitives::{
+    GapPose, Guide, Locomotion, LocomotionCommand, PathCommand, PlanContext, PlanTargets, TargetKey,
+};
 
-/// Frames that are taken of a window of smart locomotion: its end is where the next begins.
+/// Frames that are taken of a window of smart locomotion. The next window begins behind them.
 const FRESH: usize = 24;
-/// A window ends with a keyframe that is at least and at most so many frames away.
+/// A window ends with a keyframe that is this many frames away, at least and at most.
 const KEY_FRAMES: [usize; 2] = [8, 48];
 /// Frames over which the root's velocity is measured.
 const VELOCITY_FRAMES: usize = 10;
 
 /// A motion on its way.
 #[derive(Debug)]
-pub struct Walk {
-    model: Model,
+pub(super) struct Walk {
+    take: Arc<Take>,
     rig: Arc<Rig>,
-    style: Option<Arc<Style>>,
-    temperature: f32,
-    transition: usize,
-    parts: Vec<Part>,
-    seed: u64,
     sample: usize,
     /// Frames of the track before the motion's first one.
     lead: usize,
-    frames: usize,
-    is_loop: bool,
+    /// Whether the end of a loop is still open.
+    is_open: bool,
     /// Whole poses, by frame of the track.
     keys: BTreeMap<usize, TargetKey>,
     way: Way,
-    /// Made when it is first asked for.
+    /// Made for the first window that needs it.
     locomotion: Option<Locomotion>,
     track: Track,
     pending: Option<Pending>,
-    /// Words that the model found for a motion, which are to be acted out.
+    /// Words that the generator found for a motion, which are to be acted out.
     heard: Option<String>,
     windows: usize,
     /// Frames of the track at which windows begin.
@@ -73,11 +67,10 @@ enum Pending {
 
 impl Walk {
     /// A sample of a take.
-    pub fn new(take: &Take, sample: usize) -> Self {
-        let rig = take.model.rig().clone();
-        let style = take.look.style.clone();
+    pub(super) fn new(take: &Arc<Take>, sample: usize) -> Self {
+        let rig = take.subject.rig.clone();
         let mut notes = Vec::new();
-        let usual_mps = style.as_ref().map_or(0.0, |style| style.default_speed_mps);
+        let usual_mps = (take.look.style.as_ref()).map_or(0.0, |style| style.default_speed_mps);
         let mut way = Way::of(take, sample, usual_mps, &mut notes);
         let (track, lead) = start(take, &mut way);
         let left = rig.skeleton.left_axis;
@@ -86,7 +79,7 @@ impl Walk {
             let root = key.root.map(|root| GlobalRoot::of_pose(root, rotations[0], left));
             let key_frame = key.frame + lead;
             let key = TargetKey {
-                height_m: root.is_none().then(|| take.model.rest().1),
+                height_m: root.is_none().then_some(take.subject.rest_height_m),
                 root,
                 velocity: None,
                 rotations: Some(rotations),
@@ -94,17 +87,12 @@ impl Walk {
             (key_frame >= track.len()).then_some((key_frame, key))
         });
         Self {
-            model: take.model.clone(),
             keys: whole.collect(),
-            style,
-            temperature: take.look.temperature,
-            transition: take.transition,
-            parts: take.parts.clone(),
-            seed: take.seed,
+            take: take.clone(),
+            rig,
             sample,
             lead,
-            frames: take.frames,
-            is_loop: take.is_loop,
+            is_open: take.is_loop,
             way,
             locomotion: None,
             track,
@@ -113,13 +101,12 @@ impl Walk {
             windows: 0,
             boundaries: Vec::new(),
             notes,
-            rig,
         }
     }
 
-    /// What the model is to make next; none where all is done.
-    pub fn ask(&mut self) -> Option<Task> {
-        let end = self.lead + self.frames;
+    /// The task of the next window; none behind the last.
+    pub(super) fn next_task(&mut self) -> Option<Task> {
+        let end = self.lead + self.take.frames;
         let begin = self.track.len();
         if begin >= end {
             return None;
@@ -127,7 +114,7 @@ impl Walk {
         self.close_loop();
         let part = self.part(begin).clone();
         let left = (self.lead + part.end).min(end) - begin;
-        let seed = window_seed(part.seed.unwrap_or(self.seed), self.sample, self.windows);
+        let seed = window_seed(part.seed.unwrap_or(self.take.seed), self.sample, self.windows);
         self.windows += 1;
         let words = match part.prompt {
             Prompt::Free => None,
@@ -144,19 +131,18 @@ impl Walk {
         }
     }
 
-    /// Takes the words that the model found for a motion, which it is to act out next.
-    pub fn hear(&mut self, text: &str) {
-        let text = self.model.fitting(text);
+    /// Takes the words that the generator found for a motion. They are acted out next.
+    pub(super) fn hear(&mut self, text: &str) {
         let message = format!("a motion of the request was read as {text:?}");
         self.notes.push(Note::info("motion_reference", message));
-        self.heard = Some(text);
+        self.heard = Some(text.to_owned());
     }
 
-    /// Takes what the model made of [`ask`](Self::ask).
+    /// Takes what the generator made of [`next_task`](Self::next_task).
     ///
     /// # Errors
-    /// [`NonFinite`] where its numbers are not usable.
-    pub fn take(&mut self, motion: &Motion) -> Result<(), NonFinite> {
+    /// [`NonFinite`] for numbers that are not usable.
+    pub(super) fn receive(&mut self, motion: &Motion) -> Result<(), NonFinite> {
         let before = self.track.len();
         match self.pending.take() {
             None => {}
@@ -173,7 +159,7 @@ impl Walk {
                 check_finite(motion)?;
                 let made = Track::of_motion(motion, &frame, &self.rig);
                 self.track.extend(&made, 0, fresh);
-                self.track.lead_over(before, self.transition);
+                self.track.lead_over(before, self.take.transition);
                 let short = fresh.saturating_sub(made.len());
                 if short > 0 && !self.track.is_empty() {
                     let message = format!(
@@ -192,34 +178,37 @@ impl Walk {
         }
     }
 
-    /// The frames, those at which windows begin, and what is good to know.
-    pub fn done(self) -> (Track, Vec<usize>, Vec<Note>) {
+    /// The frames, those at which windows begin, and what a caller should know.
+    pub(super) fn done(self) -> (Track, Vec<usize>, Vec<Note>) {
         let inside = self
             .boundaries
             .iter()
             .filter_map(|frame| frame.checked_sub(self.lead));
-        let boundaries = inside.filter(|&frame| frame > 0 && frame < self.frames).collect();
-        (self.track.part(self.lead, self.frames), boundaries, self.notes)
+        let frames = self.take.frames;
+        let boundaries = inside.filter(|&frame| frame > 0 && frame < frames).collect();
+        (self.track.part(self.lead, frames), boundaries, self.notes)
     }
 
     /// The segment of a frame of the track.
     fn part(&self, frame: usize) -> &Part {
         let frame = frame.saturating_sub(self.lead);
-        let found = self.parts.iter().find(|part| frame < part.end);
-        found.unwrap_or(&self.parts[self.parts.len() - 1])
+        let parts = &self.take.parts;
+        let found = parts.iter().find(|part| frame < part.end);
+        found.unwrap_or(&parts[parts.len() - 1])
     }
 
-    /// Once the motion has begun, its end is known: the same frames, where its way has come to.
+    /// Makes keys of the end of a loop once its first frame is there: the same frames, carried along
+    /// the way.
     fn close_loop(&mut self) {
-        if !self.is_loop || self.track.len() <= self.lead {
+        if !self.is_open || self.track.len() <= self.lead {
             return;
         }
-        self.is_loop = false;
+        self.is_open = false;
         let skeleton = &self.rig.skeleton;
         let first = self.track.root(self.lead, skeleton);
-        let to = self.way.place(self.frames as f32 - 1.0);
+        let to = self.way.place(self.take.frames as f32 - 1.0);
         let travel = Vec3::new(to[0], 0.0, to[1]) - first.projected();
-        let last = self.lead + self.frames - 1;
+        let last = self.lead + self.take.frames - 1;
         for back in 0..CONTEXT_FRAMES.min(self.lead + 1) {
             let (from, at) = (self.lead - back, last.saturating_sub(back));
             if at < self.track.len() + KEY_FRAMES[0] {
@@ -237,11 +226,11 @@ impl Walk {
         }
     }
 
-    fn describe(&self, motion: &Frames, seed: u64) -> Task {
+    fn describe(&self, motion: &MotionFrames, seed: u64) -> Task {
         Task::Describe(DescribeTask {
             frames: motion.to_vec(),
             seed,
-            sampling: SamplingTask::at(self.temperature),
+            sampling: SamplingTask::at(self.take.look.temperature),
             ..DescribeTask::default()
         })
     }
@@ -249,24 +238,24 @@ impl Walk {
     fn words(&mut self, text: String, frames: usize, seed: u64) -> Task {
         let keys = self.last_keys();
         let origin = GlobalRoot::new(Vec3::ZERO, self.way.first_heading());
-        // Where there are too few frames for a context, it begins anew where the motion is.
+        // With too few frames for a context the words begin at the newest one.
         let last = self.track.len().checked_sub(1);
         let last = last.map(|frame| self.track.root(frame, &self.rig.skeleton));
         let frame = SegmentFrame::from_root(last.unwrap_or(origin));
         self.pending = Some(Pending::Words { frame, fresh: frames });
-        // Where it goes from here on is not what was planned.
+        // The words lead off the way: the next walk starts from their end.
         self.locomotion = None;
         Task::Prompt(PromptTask {
             text,
             context: KeyWriter::new(&self.rig.skeleton, self.rig.fps).write(&frame, &keys),
             frames: Some(frames),
             seed,
-            sampling: SamplingTask::at(self.temperature),
+            sampling: SamplingTask::at(self.take.look.temperature),
             ..PromptTask::default()
         })
     }
 
-    /// The last frames as keyframes: as many as a context has, or none.
+    /// The newest frames as keyframes: as many as a context has, or none.
     fn last_keys(&self) -> Vec<Checked> {
         let Some(from) = self.track.len().checked_sub(self.rig.dims.context_frames) else {
             return Vec::new();
@@ -297,7 +286,7 @@ impl Walk {
             .collect();
     }
 
-    /// A window of keyframes of which at most `left` frames are taken.
+    /// A window of keyframes. At most `left` of its frames are taken.
     fn plan(&mut self, left: usize, seed: u64) -> Option<Task> {
         self.fill_context();
         let now = self.track.len() - 1;
@@ -324,7 +313,7 @@ impl Walk {
             look_ahead_frames: 0,
             replan_interval_frames: None,
             root_ratio: None,
-            temperature: self.temperature,
+            temperature: self.take.look.temperature,
         };
         let (item, shape) = build(&self.rig, &options, self.windows as u64, context, targets);
         self.pending = Some(Pending::Plan {
@@ -333,12 +322,13 @@ impl Walk {
         });
         match item {
             PlanItem::Keyframes(task) => Some(Task::Keyframes(task)),
-            // Only bodies that follow paths have such plans, and they do not walk.
+            // Only bodies that take paths have such plans, and they do not walk.
             PlanItem::Path(_) => None,
         }
     }
 
-    /// What smart locomotion asks for on the way, with the poses that are too near to end a window.
+    /// The keyframes of smart locomotion on the way, and the given poses that are too near to end a
+    /// window.
     fn by_style(&mut self, now: usize) -> PlanTargets {
         let rig = self.rig.clone();
         let rotations = self
@@ -372,7 +362,7 @@ impl Walk {
     }
 
     fn locomotion(&mut self, now: usize, root: GlobalRoot) -> Option<Locomotion> {
-        let style = self.style.as_ref()?;
+        let style = self.take.look.style.clone()?;
         let frame = now as f32 - self.lead as f32;
         if !self.way.is_given {
             self.way.shift_to(frame, [root.position.x, root.position.z]);
@@ -387,7 +377,7 @@ impl Walk {
             points: points.collect(),
             closing_s: None,
         };
-        let standing = LocomotionCommand::standing(style);
+        let standing = LocomotionCommand::standing(&style);
         let mut locomotion = Locomotion::new(now as u64, root.heading, self.rig.fps, standing);
         locomotion.set_path(now as u64, path);
         Some(locomotion)
@@ -443,7 +433,7 @@ impl Walk {
         inside.filter_map(pose).collect()
     }
 
-    /// The way of a window, which begins where the motion is and ends at `to`.
+    /// The way of a window, which begins at the newest frame and ends at `to`.
     fn guide(&self, now: usize, frames: usize, here: GlobalRoot, to: Option<GlobalRoot>) -> Guide {
         let first = now as f32 - self.lead as f32;
         let last = frames - CONTEXT_FRAMES;
@@ -479,7 +469,7 @@ impl Walk {
     }
 }
 
-/// What one without a style is asked for: to be where it is.
+/// The keyframes of a body without a style: it stays in its place.
 fn stand(here: GlobalRoot) -> PlanTargets {
     PlanTargets {
         targets: vec![TargetKey {

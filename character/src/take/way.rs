@@ -4,20 +4,22 @@ use rand::RngExt as _;
 use troupe_motion::path::{GroundPath, PathPoint};
 use troupe_motion::root::heading_of;
 
-use super::take::{Effector, Knot, Note, PoseKey, Take, dice};
+use super::note::Note;
+use super::request::{Effector, Knot, PoseKey, Take};
+use super::seed::dice;
 
-/// Frames between the knots of a path that is drawn.
+/// Frames between the knots of a way that is drawn.
 const STEP: usize = 10;
-/// A path goes on so many seconds behind its end, where it does not stand there.
+/// A way that does not stand at its end goes on for this long, seconds.
 const BEYOND_S: f32 = 2.0;
-/// Shares of the usual speed that are drawn from.
+/// Range of a drawn speed, shares of the usual one.
 const SPEEDS: std::ops::Range<f32> = 0.85..1.15;
-/// Turns that are drawn from, radians a second.
+/// Range of a drawn turn, radians a second.
 const TURNS: std::ops::Range<f32> = -0.35..0.35;
-/// How far before a place that a hand is to reach its root is, sizes of a person.
+/// A root stops this far before the place that a hand is to reach, metres.
 const REACH_M: f32 = 0.35;
 /// A way slower than this stands, m/s.
-pub const STANDING_MPS: f32 = 0.1;
+pub(super) const STANDING_MPS: f32 = 0.1;
 
 /// A way through knots, by frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,12 +28,12 @@ pub struct Way {
     pub knots: Vec<Knot>,
     /// Frames a second.
     pub fps: f32,
-    /// Whether it is the request's, or was drawn.
+    /// True for the way of a request, false for one that was drawn.
     pub is_given: bool,
 }
 
 impl Way {
-    /// The way of a sample: what the request gives, or one that is drawn, at about `usual_mps`.
+    /// The way of a sample: that of the request, or a drawn one at about `usual_mps`.
     pub fn of(take: &Take, sample: usize, usual_mps: f32, notes: &mut Vec<Note>) -> Self {
         let fps = take.clock.native_fps;
         let mut knots = given(take);
@@ -50,7 +52,7 @@ impl Way {
         }
         let end = knots[knots.len() - 1];
         let [x, z] = slope(&knots[knots.len() - 2..], fps);
-        // It stays where its last knot is, unless that is the end of the motion.
+        // It stays at its last knot, unless that is the end of the motion.
         let goes_on = end.frame > last - 1.0;
         let beyond = if goes_on { BEYOND_S } else { 0.0 };
         knots.push(Knot {
@@ -61,7 +63,8 @@ impl Way {
         Self { knots, fps, is_given }
     }
 
-    /// Velocity over the ground at its begin, m/s; none where it begins later than the motion.
+    /// Velocity over the ground at the first knot, m/s; 0 for a way that begins later than the
+    /// motion.
     pub fn start_mps(&self) -> [f32; 2] {
         match self.knots[0].frame < 1.0 {
             true => slope(&self.knots[..2], self.fps),
@@ -92,7 +95,7 @@ impl Way {
         [x, z]
     }
 
-    /// Moves the way so that it is at `place` at a frame.
+    /// Moves all knots so that the way passes `place` at a frame.
     pub fn shift_to(&mut self, frame: f32, place: [f32; 2]) {
         let here = self.place(frame);
         for knot in &mut self.knots {
@@ -100,8 +103,8 @@ impl Way {
         }
     }
 
-    /// The same way, which begins `frames` earlier.
-    pub fn begun_before(&mut self, frames: usize) {
+    /// Adds a knot in front: the way comes to its first one for `frames` frames.
+    pub fn begin_before(&mut self, frames: usize) {
         let first = self.knots[0];
         let [x, z] = self.start_mps();
         let time_s = frames as f32 / self.fps;
@@ -115,7 +118,7 @@ impl Way {
         );
     }
 
-    /// Where it begins to head, radians.
+    /// Heading at the begin, radians.
     pub fn first_heading(&self) -> f32 {
         if let Some(heading) = self.knots[0].heading {
             return heading;
@@ -132,13 +135,13 @@ fn slope(pair: &[Knot], fps: f32) -> [f32; 2] {
     [0, 1].map(|axis| (b.place[axis] - a.place[axis]) / time_s)
 }
 
-/// The knots of a request: of its root paths, else of its poses and effectors.
+/// The knots of a request: those of its path, else of its poses and effectors.
 fn given(take: &Take) -> Vec<Knot> {
     let wanted = &take.wanted;
     if !wanted.path.is_empty() {
         return wanted.path.clone();
     }
-    let left = take.model.rig().skeleton.left_axis;
+    let left = take.subject.rig.skeleton.left_axis;
     let of_pose = |key: &PoseKey| {
         let root = key.root?;
         Some(Knot {
@@ -154,15 +157,15 @@ fn given(take: &Take) -> Vec<Knot> {
     knots
 }
 
-/// A knot from which an effector is within reach. Feet are below the root, hands before it.
+/// Adds a knot from which an effector is within reach. Feet are below the root, hands before it.
 fn add_effector(take: &Take, effector: &Effector, knots: &mut Vec<Knot>) {
     let frame = effector.frame as f32;
-    // One who reaches for several things, or one for a while, stays.
+    // A body that reaches for several things in a row stays.
     let near = take.clock.native_fps / 2.0;
     if knots.iter().any(|knot| (knot.frame - frame).abs() < near) {
         return;
     }
-    let rig = take.model.rig();
+    let rig = &take.subject.rig;
     let is_foot = rig
         .legs
         .iter()
@@ -187,7 +190,7 @@ fn add_effector(take: &Take, effector: &Effector, knots: &mut Vec<Knot>) {
     knots.insert(after, knot);
 }
 
-/// A way at a speed and a turn of the sample's own.
+/// A way at a speed and a turn that are the sample's own.
 fn drawn(take: &Take, sample: usize, from: Knot, usual_mps: f32, notes: &mut Vec<Note>) -> Vec<Knot> {
     let mut dice = dice(take.seed, sample);
     let fps = take.clock.native_fps;
@@ -215,7 +218,7 @@ fn drawn(take: &Take, sample: usize, from: Knot, usual_mps: f32, notes: &mut Vec
         knots.push(Knot {
             frame: from.frame + frame as f32,
             place,
-            // One who stands faces as before.
+            // A body that stands goes on facing as before.
             heading: (speed <= STANDING_MPS).then_some(heading),
         });
     }
