@@ -1,4 +1,4 @@
-# make run   gets ONNX Runtime, builds, starts the server with the packs in models/
+# make run   gets ONNX Runtime, builds, starts the server with the packs in models/ and the example scenes
 # make docs  builds the site of docs/, which the server shows at /docs
 # make test  lints and tests everything, Rust and Python
 .PHONY: run docs test lint rust-test python-test python-client web-test mmcp-test mmcp-figure fuzz fuzz-all fuzz-planted runtime python-env python-lock real-clips pack body web pictures viewer-figures picture samples styles eval live-eval object-eval film \
@@ -9,10 +9,15 @@ REAL_CLIPS := target/data/bandai-namco
 # The pack that `make styles` and `make eval` are about.
 PACK := human
 
-# The site of the documentation is built while the server starts, which shows it at /docs as soon as it is there.
+# The server gets copies of the example scenes and objects, unless the environment names other folders. The site of the documentation
+# is built while the server starts, which shows it at /docs as soon as it is there.
+EXAMPLES := target/run
+run: export TROUPE_SCENES ?= $(EXAMPLES)/scenes
+run: export TROUPE_OBJECTS ?= $(EXAMPLES)/objects
 run: runtime
 	cargo build --release --package troupe-server
-	@mkdir -p target && (scripts/docs.sh build >target/docs.log 2>&1 || \
+	@scripts/example-folders.sh $(EXAMPLES)
+	@(scripts/docs.sh build >target/docs.log 2>&1 || \
 		echo "*** /docs IS WITHOUT THE DOCUMENTATION: see target/docs.log" >&2) &
 	cargo run --release --package troupe-server
 
