@@ -36,7 +36,7 @@ interface Props {
 
 export function Help({ opened, onClose, keys = KEYS, children = <LivePointer /> }: Props) {
   return (
-    <Modal opened={opened} onClose={onClose} title="Keys and pointer" centered size="md">
+    <Modal opened={opened} onClose={onClose} title="Keys and pointer" centered size="lg">
       <dl className="keys">
         {keys.map(([names, says]) => (
           <Fragment key={says}>
