@@ -1,5 +1,5 @@
-//! Checks a folder of BVH clips and reports every one that does not load or is not fit for use, by
-//! name and reason.
+//! Checks a folder of BVH clips, and reports every clip that does not load or is not fit for use,
+//! with the reason.
 //!
 //! `cargo run --release -p troupe-motion --example check_bvh -- FOLDER [--verbose]`
 //!
@@ -38,7 +38,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// All `.bvh` files below `folder`, by name. Links to folders are not followed.
+/// All `.bvh` files below `folder`, sorted by name. Links to folders are not followed.
 fn find_clips(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut clips = Vec::new();
     let mut folders = vec![folder.to_owned()];
@@ -57,7 +57,7 @@ fn find_clips(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(clips)
 }
 
-/// Prints a line for every clip that has something wrong, then the totals. True where none has.
+/// Prints a line for every clip with a problem, then the totals. Returns whether there was none.
 fn report(clips: &[PathBuf], verbose: bool) -> bool {
     let mut totals = Totals::default();
     for path in clips {
@@ -103,7 +103,7 @@ struct Totals {
     slowest: Duration,
 }
 
-/// What is wrong with one clip.
+/// The problems of one clip.
 fn check(path: &Path, totals: &mut Totals) -> Vec<String> {
     let bytes = match std::fs::read(path) {
         Ok(bytes) => bytes,

@@ -1,4 +1,4 @@
-//! Lists the best gait of every BVH file of a folder:
+//! Lists the best gait of every BVH file in a folder:
 //! `cargo run -p troupe-motion --example find_gaits -- PACK.toml FOLDER [PART-OF-NAME]`.
 
 use std::path::Path;

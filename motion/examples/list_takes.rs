@@ -1,10 +1,9 @@
-//! How the takes of a walk differ from each other, for the walkers of a crowd: `cargo run -p
-//! troupe-motion --example list_takes -- PACK.toml FOLDER [LIST-OF-CLIPS-TO-LEAVE-OUT] >
-//! models/PACK/takes.json`.
+//! Measures how takes of a walk differ, for the characters of a crowd: `cargo run -p troupe-motion
+//! --example list_takes -- PACK.toml FOLDER [LIST-OF-CLIPS-TO-LEAVE-OUT] > models/PACK/takes.json`.
 //!
-//! Of every take named `SET_walk_STYLE_NUMBER` whose set has at least three of the style: how its
-//! joints above the legs are turned on average against the mean of these takes, and how quick its
-//! steps are for its speed.
+//! It reads takes named `SET_walk_STYLE_NUMBER` whose set has at least three of the style. For each
+//! it gives the mean turn of the joints above the legs relative to the mean of these takes, and the
+//! cadence of its steps for its speed.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -17,9 +16,9 @@ use troupe_motion::gait::{ClosedCycle, CycleOptions, find_cycles};
 use troupe_motion::rotation::align_sign;
 use troupe_motion::{Clip, Quat, Skeleton};
 
-/// Steps a second grow by this power of the speed.
+/// Steps a second grow with this power of the speed.
 const RATE_POWER: f32 = 0.3;
-/// Fewest takes that have a mean.
+/// Fewest takes for a mean.
 const FEWEST: usize = 3;
 
 #[derive(Deserialize)]
@@ -71,7 +70,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             continue;
         };
         let style = of.rsplit_once('_').map_or(of, |(style, _)| style);
-        // Sets have performers of their own.
+        // Each set has its own performers.
         let of_set = (set.to_owned(), style.to_owned());
         let kept = left_out.lines().all(|line| line.trim_end_matches(".bvh") != name);
         if kept && let Some(take) = read(&path, &name, &skeleton)? {
@@ -92,7 +91,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The takes of a style against their mean.
+/// The takes of a style relative to their mean.
 fn rows_of(style: &str, takes: &[Take], joints: &[usize]) -> Vec<Row> {
     let cadence = takes.iter().map(|take| take.cadence).sum::<f32>() / takes.len() as f32;
     let of = |joint: usize| mean(takes.iter().map(|take| take.mean[joint]));
@@ -110,7 +109,7 @@ fn rows_of(style: &str, takes: &[Take], joints: &[usize]) -> Vec<Row> {
     takes.iter().map(row).collect()
 }
 
-/// A take's steadiest cycle; none where it has none.
+/// A take's steadiest cycle; none if it has no cycle.
 fn read(path: &Path, name: &str, skeleton: &Arc<Skeleton>) -> Result<Option<Take>, Box<dyn Error>> {
     let clip: Clip = parse_bytes(&std::fs::read(path)?)?.to_clip_on(skeleton, &BvhOptions::default())?;
     let Ok(cycles) = find_cycles(&clip, &CycleOptions::default()) else {
@@ -138,7 +137,7 @@ fn mean(rotations: impl Iterator<Item = Quat>) -> Quat {
     sum.normalize()
 }
 
-/// The turn from a mean to a take, in the parent's frame.
+/// The turn from a mean to a take, in the parent's frame of reference.
 fn turn(take: Quat, mean: Quat) -> [f32; 3] {
     let turn = align_sign(take * mean.conjugate(), Quat::IDENTITY);
     turn.to_scaled_axis().to_array().map(rounded)
@@ -148,7 +147,7 @@ fn rounded(value: f32) -> f32 {
     (value * 1e4).round() / 1e4
 }
 
-/// All joints but the pelvis and those that contact joints hang from.
+/// All joints but the pelvis and the ancestors of contact joints.
 fn above_the_legs(skeleton: &Skeleton) -> Vec<usize> {
     let contacts = skeleton.contacts.iter().flat_map(|contacts| &contacts.joints);
     let mut legs = vec![false; skeleton.joint_count()];

@@ -1,4 +1,4 @@
-//! The clips that characters are measured against.
+//! The clips that live characters are compared with.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use troupe_motion::Skeleton;
 use troupe_motion::bvh::{self, BvhOptions};
 use troupe_motion::clip::Clip;
 
-/// BVH files of a folder, by name.
+/// The BVH files of a folder, by file name without its ending.
 pub struct Clips {
     folder: PathBuf,
     names: Vec<String>,
@@ -17,7 +17,7 @@ pub struct Clips {
 }
 
 impl Clips {
-    /// Those of the lists, one name a line, or all where there is no list.
+    /// The names in `lists`, one a line. Without lists: every clip of the folder.
     pub fn list(folder: &Path, lists: &[PathBuf], skeleton: Arc<Skeleton>) -> anyhow::Result<Self> {
         let mut names = BTreeSet::new();
         for list in lists {
@@ -45,7 +45,7 @@ impl Clips {
         })
     }
 
-    /// Reads those whose name `takes`, as far as they are there.
+    /// Reads the clips whose name `takes`; a listed clip without a file is skipped.
     pub fn read(
         &self,
         takes: impl Fn(&str) -> bool,

@@ -1,5 +1,5 @@
-//! How much the walkers of a crowd differ by their seeds, beside the takes of the data; and what
-//! that costs.
+//! How much the walks of a crowd differ by seed, compared with the takes of the data, and what that
+//! costs.
 
 use troupe_motion::Vec3;
 use troupe_motion::clip::Clip;
@@ -10,21 +10,21 @@ use troupe_motion::rotation::yaw;
 
 use crate::Args;
 use crate::clips::Clips;
-use crate::stage::{Role, Stage, slowest_ahead};
+use crate::simulation::{Role, Simulation, slowest_ahead};
 
-/// Frames that everybody stands at first.
+/// Frames for which everybody stands at first.
 const STAND_FRAMES: usize = 20;
-/// Frames from the command until it goes steadily, and those that are looked at from there on.
+/// Frames from the command to a steady walk, and the frames measured after that.
 const STARTING_FRAMES: usize = 60;
 const STEADY_FRAMES: usize = 240;
 /// Phases of a step at which poses are compared.
 const PHASES: usize = 32;
 
-/// A walk at [`PHASES`] phases from a left strike on: joints seen from the root on the ground,
-/// facing ahead.
+/// A walk at [`PHASES`] phases, beginning as the left foot strikes: joints relative to the root on
+/// the ground, facing ahead.
 type Walk = Vec<Vec<Vec3>>;
 
-pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Result<()> {
+pub fn run(simulation: &mut Simulation, clips: Option<&Clips>, args: &Args) -> anyhow::Result<()> {
     println!(
         "{:20} {:>5} {:>9} | {:>5} {:>9} | {:>5} {:>5} | {:>6} {:>6} | {:>6} {:>6} | {:>6} {:>6}",
         "mm between walkers",
@@ -41,7 +41,7 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
         "accel",
         "seed 0"
     );
-    for style in stage.styles.clone() {
+    for style in simulation.styles.clone() {
         let takes = match clips {
             Some(clips) => of_clips(clips, &style.name)?,
             None => Vec::new(),
@@ -59,7 +59,7 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
                 frames: STAND_FRAMES + STARTING_FRAMES + STEADY_FRAMES,
             })
             .collect();
-        let played = stage.play(&roles)?;
+        let played = simulation.play(&roles)?;
         let figures: Vec<Figures> =
             (played.iter().map(|take| Figures::of(&take.clip, velocity))).collect::<anyhow::Result<_>>()?;
         let walks: Vec<Walk> = figures[1..].iter().filter_map(|f| f.walk.clone()).collect();
@@ -88,9 +88,9 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
 
 struct Figures {
     walk: Option<Walk>,
-    /// Of what was asked.
+    /// Share of the speed that was asked for.
     speed: f64,
-    /// How far the hips are off on average, degrees.
+    /// Mean angle between hips and heading, degrees.
     facing: f64,
     skate_mm: f64,
     joints_mps2: f64,
@@ -115,7 +115,7 @@ impl Figures {
     }
 }
 
-/// The takes of a style's walk in the set that has most of them.
+/// The takes of one walk of a style, from the set with the most takes.
 fn of_clips(clips: &Clips, style: &str) -> anyhow::Result<Vec<Walk>> {
     let mut all = Vec::new();
     for clip in clips.read(|name| name.contains(&format!("dataset-2_walk_{style}_"))) {
@@ -124,7 +124,7 @@ fn of_clips(clips: &Clips, style: &str) -> anyhow::Result<Vec<Walk>> {
     Ok(all)
 }
 
-/// The steadiest cycle of a walk; none where it has none.
+/// The steadiest cycle of a walk; none if the clip has no cycle.
 fn walk(clip: &Clip) -> anyhow::Result<Option<Walk>> {
     let Ok(cycles) = find_cycles(clip, &CycleOptions::default()) else {
         return Ok(None);
@@ -144,7 +144,7 @@ fn walk(clip: &Clip) -> anyhow::Result<Option<Walk>> {
     Ok((left.hypot(forward) > 0.1).then_some(poses))
 }
 
-/// The mean distance of a joint between two walks at the same phase, over all pairs, millimetres.
+/// Mean distance of a joint between two walks at the same phase, over all pairs, millimetres.
 fn apart_mm(walks: &[Walk]) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for (nth, one) in walks.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! How soon live characters start, how they turn and stop, how they go aside, and how the walkers
-//! of a crowd differ, beside the clips: real networks, no server.
+//! Compares live characters with clips: how soon they start, how they turn, stop and walk sideways,
+//! and how the walks of a crowd differ. With real networks, without a server.
 //!
 //! ```text
 //! ORT_DYLIB_PATH=.runtime/libonnxruntime.so cargo run --release -p troupe-character --example starts_and_turns -- starts
@@ -11,7 +11,7 @@
 mod clips;
 mod crowd;
 mod sides;
-mod stage;
+mod simulation;
 mod starts;
 mod turns;
 
@@ -20,9 +20,9 @@ use std::path::PathBuf;
 use clap::{Parser, ValueEnum};
 
 use self::clips::Clips;
-use self::stage::Stage;
+use self::simulation::Simulation;
 
-/// Measures starts, turns or steps aside.
+/// Measures starts, turns, steps aside, or the walks of a crowd.
 #[derive(Debug, Parser)]
 struct Args {
     /// What to measure.
@@ -30,57 +30,57 @@ struct Args {
     /// Folder of the pack.
     #[arg(long, default_value = "models/human", value_name = "FOLDER")]
     pack: PathBuf,
-    /// Folder of the clips; without them only the characters are measured.
+    /// Folder of the clips. Without it only the characters are measured.
     #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
-    /// Lists of clips to measure against; all of the folder without one.
+    /// Lists of the clips to compare with, one name a line. Without one: all clips of the folder.
     #[arg(long, value_name = "FILE,..", value_delimiter = ',')]
     lists: Vec<PathBuf>,
-    /// Styles; without it every style of the pack that walks.
+    /// Styles. Without one: every style of the pack that walks.
     #[arg(long, value_name = "STYLE,..", value_delimiter = ',')]
     styles: Vec<String>,
-    /// Frames from a command to its plan's first frame, at most.
+    /// Most frames from a command to the first frame of its plan.
     #[arg(long, default_value_t = 4, value_name = "FRAMES")]
     look_ahead: u32,
-    /// Seeds of a crowd: those from 1 on.
+    /// Size of a crowd: its seeds count from 1.
     #[arg(long, default_value_t = 8)]
     seeds: u64,
     /// Seed of all characters.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Also each run's figures.
+    /// Print the figures of each run too.
     #[arg(long)]
     each: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum What {
-    /// From a command to go until a quarter of its speed.
+    /// Time from a command to a quarter of its speed.
     Starts,
-    /// Turns, and stops of runs.
+    /// Turns, and stops from a run.
     Turns,
-    /// Goes aside and backwards, facing ahead.
+    /// Steps aside and backwards, facing ahead.
     Sides,
-    /// Walks by several seeds.
+    /// One walk by several seeds.
     Crowd,
 }
 
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
-    let mut stage = Stage::load(&args)?;
+    let mut simulation = Simulation::load(&args)?;
     let clips = match &args.data {
-        Some(folder) => Some(Clips::list(folder, &args.lists, stage.skeleton())?),
+        Some(folder) => Some(Clips::list(folder, &args.lists, simulation.skeleton())?),
         None => None,
     };
     match args.what {
-        What::Starts => starts::run(&mut stage, clips.as_ref(), args.each),
-        What::Turns => turns::run(&mut stage, clips.as_ref(), args.each),
-        What::Crowd => crowd::run(&mut stage, clips.as_ref(), &args),
-        What::Sides => sides::run(&mut stage, clips.as_ref(), &args),
+        What::Starts => starts::run(&mut simulation, clips.as_ref(), args.each),
+        What::Turns => turns::run(&mut simulation, clips.as_ref(), args.each),
+        What::Crowd => crowd::run(&mut simulation, clips.as_ref(), &args),
+        What::Sides => sides::run(&mut simulation, clips.as_ref(), &args),
     }
 }
 
-/// The value below which a share of `values` lies; NaN of none.
+/// The value below which this share of `values` lies; NaN without values.
 fn percentile(values: &[f64], share: f64) -> f64 {
     troupe_motion::metrics::percentile(values.to_vec(), share).unwrap_or(f64::NAN)
 }

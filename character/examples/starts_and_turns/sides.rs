@@ -1,5 +1,5 @@
-//! Aside and backwards while facing ahead: where hips and shoulders face, how much of the speed is
-//! there, how hard joints are pushed.
+//! Steps aside and backwards while facing ahead: where hips and shoulders face, how much of the
+//! speed the character reaches, and how hard its joints accelerate.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,34 +14,35 @@ use troupe_motion::rotation::yaw;
 use troupe_motion::{Skeleton, Vec3};
 
 use crate::clips::Clips;
-use crate::stage::{Role, Stage, slowest_ahead};
+use crate::simulation::{Role, Simulation, slowest_ahead};
 use crate::{Args, percentile};
 
-/// Frames that everybody stands at first.
+/// Frames for which everybody stands at first.
 const STAND_FRAMES: usize = 20;
-/// Frames from the command until it goes steadily.
+/// Frames from the command to a steady walk.
 const STARTING_FRAMES: usize = 45;
-/// Frames that are looked at from there on.
+/// Frames measured after that.
 const STEADY_FRAMES: usize = 180;
-/// Directions, degrees to the left of where it faces.
+/// Directions of travel, degrees to the left of the heading.
 const DIRECTIONS: [f32; 9] = [45.0, -45.0, 60.0, -60.0, 90.0, -90.0, 135.0, -135.0, 180.0];
-/// Share of a clip at either end that is not looked at: it may start or stop there.
+/// Share of a clip at either end that is not measured: the clip may start or stop there.
 const EDGE: f32 = 0.15;
-/// Bars: hips off, radians; speed off, share; acceleration against the clip, times.
+/// Limits: angle of the hips, radians; missing speed, as a share; acceleration, as a multiple of
+/// the clip's.
 const BARS: (f64, f64, f64) = (0.262, 0.15, 1.5);
 
-/// One run, or one clip.
+/// The figures of one run or one clip.
 struct Figures {
     name: String,
-    /// What was asked and what the character said it would do, m/s.
+    /// The speed that was asked for, and the speed that the character announced, m/s.
     asked_mps: f64,
     bounded_mps: f64,
-    /// Along the direction that was asked.
+    /// Speed along the direction that was asked for, m/s.
     speed_mps: f64,
-    /// How far hips and shoulders face from ahead on average, radians to the left.
+    /// Mean angle of hips and shoulders to the heading, radians to the left.
     hips: f64,
     shoulders: f64,
-    /// 99.9th percentile of the joints' accelerations, and the clip's of the same style.
+    /// 99.9th percentile of the joints' accelerations, and the same of the style's clip, m/s².
     joints_mps2: f64,
     clip_mps2: f64,
     skate_mm: f64,
@@ -49,7 +50,7 @@ struct Figures {
     feet_m: f32,
 }
 
-pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Result<()> {
+pub fn run(simulation: &mut Simulation, clips: Option<&Clips>, args: &Args) -> anyhow::Result<()> {
     if let Some(clips) = clips {
         of_clips(clips, args.each)?;
     }
@@ -76,7 +77,7 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
     );
     for degrees in DIRECTIONS {
         let mut roles = Vec::new();
-        for style in &stage.styles {
+        for style in &simulation.styles {
             let walk = style.gait("walk").or_else(|| slowest_ahead(style));
             let speed = walk.map_or(0.0, |gait| gait.speed_mps());
             roles.push(Role {
@@ -87,7 +88,7 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
                 frames: STAND_FRAMES + STARTING_FRAMES + STEADY_FRAMES,
             });
         }
-        let takes = stage.play(&roles)?;
+        let takes = simulation.play(&roles)?;
         let mut all = Vec::new();
         for (role, take) in roles.iter().zip(&takes) {
             let velocity = role.orders[0].1;
@@ -111,8 +112,7 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, args: &Args) -> anyhow::Res
     Ok(())
 }
 
-/// The 99.9th percentile of joint accelerations of the clips that show styles' walks, by style and
-/// gait.
+/// 99.9th percentile of joint accelerations in the clips of the styles' walks, by style and gait.
 fn references(clips: Option<&Clips>, args: &Args) -> anyhow::Result<BTreeMap<(String, String), f64>> {
     let mut all = BTreeMap::new();
     let Some(clips) = clips else { return Ok(all) };
@@ -143,7 +143,7 @@ fn middle(clip: &Clip) -> Range<usize> {
     edge..clip.frames() - edge
 }
 
-/// The clips that go aside or backwards, beside the way that they go.
+/// Clips that move aside or backwards, with the angle of their travel.
 fn of_clips(clips: &Clips, each: bool) -> anyhow::Result<()> {
     println!(
         "{:30} {:>4} | degrees to the left of the hips: the way: mean, most | shoulders: mean | the way from the shoulders: most",

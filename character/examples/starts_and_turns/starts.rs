@@ -1,37 +1,37 @@
-//! From a command to go until a quarter of its speed, and the same start in the clips.
+//! Time from a command to a quarter of its speed, and the same for starts in the clips.
 
 use troupe_motion::Vec3;
 use troupe_motion::clip::Clip;
 
 use crate::clips::Clips;
 use crate::percentile;
-use crate::stage::{Role, Stage, slowest_ahead};
+use crate::simulation::{Role, Simulation, slowest_ahead};
 
-/// Share of the speed at which one is seen to move, as the load tester has it.
+/// Share of the speed from which a character visibly moves; the load tester uses the same.
 const MOVES_FROM: f32 = 0.25;
-/// Share of the speed up to which one is seen to stand.
+/// Share of the speed up to which a character visibly stands.
 const RESTS_BELOW: f32 = 0.05;
-/// Share of a new frame in the smoothed velocity, as the load tester has it.
+/// Weight of a new frame in the smoothed velocity; the load tester uses the same.
 const SMOOTHING: f32 = 0.5;
-/// Frames that everybody stands at first.
+/// Frames for which everybody stands at first.
 const STAND_FRAMES: usize = 75;
-/// Commands come at as many moments after that.
+/// Commands are given at this many consecutive frames after that.
 const MOMENTS: usize = 9;
-/// Frames after the command.
+/// Frames measured after the command.
 const AFTER_FRAMES: usize = 60;
-/// A clip that becomes no faster than this does not go anywhere, m/s.
+/// A clip that never becomes faster than this does not go anywhere, m/s.
 const GOES_MPS: f32 = 0.5;
-/// Frames for which it must have rested.
+/// Frames of rest that a start needs before it.
 const REST_FRAMES: usize = 3;
-/// Frames that a start takes at most.
+/// Most frames that a start takes.
 const START_FRAMES: usize = 45;
 
-pub fn run(stage: &mut Stage, clips: Option<&Clips>, each: bool) -> anyhow::Result<()> {
+pub fn run(simulation: &mut Simulation, clips: Option<&Clips>, each: bool) -> anyhow::Result<()> {
     println!("milliseconds until a quarter of the speed     count    p10    p50    p90    p99");
     if let Some(clips) = clips {
         of_clips(clips, each)?;
     }
-    let styles = stage.styles.clone();
+    let styles = simulation.styles.clone();
     let mut roles = Vec::new();
     for style in &styles {
         let speed = slowest_ahead(style).map_or(0.0, |gait| gait.speed_mps());
@@ -43,8 +43,8 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, each: bool) -> anyhow::Resu
             frames: STAND_FRAMES + moment + AFTER_FRAMES,
         }));
     }
-    let takes = stage.play(&roles)?;
-    let per_frame = 1e3 / f64::from(stage.fps());
+    let takes = simulation.play(&roles)?;
+    let per_frame = 1e3 / f64::from(simulation.fps());
     let [mut live, mut leaves, mut ahead, mut plans] = [const { Vec::new() }; 4];
     for (role, take) in roles.iter().zip(&takes) {
         let (at, velocity) = role.orders[0];
@@ -53,7 +53,7 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, each: bool) -> anyhow::Resu
         let Some(plan) = take.plans.iter().find(|(splice, _)| *splice >= at) else {
             continue;
         };
-        // The plan's last context frame is its third.
+        // Frame 3 of a plan is its last context frame.
         let own = frames_until((&plan.1.roots, 3), velocity * MOVES_FROM, take.clip.fps);
         if each {
             println!(
@@ -82,15 +82,14 @@ fn row(name: &str, values: &[f64]) {
     );
 }
 
-/// Frames after `at` until the smoothed velocity has come to `velocity`, between frames by the
-/// line.
+/// Frames after `at` until the smoothed velocity reaches `velocity`, linear between frames.
 fn frames_until((roots, at): (&[Vec3], usize), velocity: Vec3, fps: f32) -> Option<f64> {
     let speeds = smoothed(roots, at, fps);
     let along: Vec<f32> = speeds.iter().map(|v| v.dot(velocity.normalize())).collect();
     crossing(&along, velocity.length())
 }
 
-/// The smoothed velocity over the ground at `at` and the frames behind it.
+/// The smoothed velocity over the ground at `at` and in the frames after it.
 fn smoothed(roots: &[Vec3], at: usize, fps: f32) -> Vec<Vec3> {
     let mut now = Vec3::ZERO;
     let mut all = vec![now];
@@ -102,7 +101,7 @@ fn smoothed(roots: &[Vec3], at: usize, fps: f32) -> Vec<Vec3> {
     all
 }
 
-/// The frame at which `values` first come to `wanted`, with a fraction.
+/// The frame at which `values` first reach `wanted`, with a fraction.
 fn crossing(values: &[f32], wanted: f32) -> Option<f64> {
     let after = values.iter().position(|&value| value >= wanted)?;
     let Some(before) = after.checked_sub(1) else {
@@ -112,7 +111,7 @@ fn crossing(values: &[f32], wanted: f32) -> Option<f64> {
     Some(before as f64 + f64::from(share))
 }
 
-/// The starts of the clips: of walks and runs, and of steps in clips of other kinds.
+/// The starts in the clips: of walks and runs, and of steps in clips of other kinds.
 fn of_clips(clips: &Clips, each: bool) -> anyhow::Result<()> {
     let (mut walks, mut steps) = (Vec::new(), Vec::new());
     for clip in clips.read(|_| true) {
@@ -133,8 +132,8 @@ fn of_clips(clips: &Clips, each: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Starts from rest: the frame at which a clip last rested, and milliseconds from there to a
-/// quarter of its speed: the clip's median where it walks on, else the most that it comes to.
+/// Starts from rest: the clip's last frame of rest, and milliseconds from there to a quarter of its
+/// speed. That is the clip's median speed if it walks on, otherwise its highest.
 fn starts_of(clip: &Clip, walks_on: bool) -> Vec<(usize, f64)> {
     let speeds: Vec<f32> = smoothed(&clip.root_positions, 0, clip.fps)
         .iter()
@@ -155,11 +154,11 @@ fn starts_of(clip: &Clip, walks_on: bool) -> Vec<(usize, f64)> {
             continue;
         }
         let start = &speeds[frame..end];
-        // One that comes to rest again on the way was a sway.
+        // A character that comes to rest again on the way only swayed.
         if let Some(reached) = crossing(start, MOVES_FROM * speed)
             && start[1..=reached.ceil() as usize].iter().all(|&v| v > rest)
         {
-            // From where it leaves rest, between frames by the line.
+            // From the moment that it leaves rest, linear between frames.
             let left = (rest - start[0]) / (start[1] - start[0]);
             starts.push((frame, (reached - f64::from(left)) * 1e3 / f64::from(clip.fps)));
         }

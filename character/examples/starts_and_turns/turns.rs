@@ -1,5 +1,5 @@
-//! How characters turn and stop: whether limbs pass through each other, how hard the root is
-//! pushed, how long it takes.
+//! How characters turn and stop: whether limbs pass through each other, how hard the root
+//! accelerates, and how long it takes.
 
 use std::ops::Range;
 
@@ -15,46 +15,47 @@ use troupe_motion::{Vec3, root::GlobalRoot};
 
 use crate::clips::Clips;
 use crate::percentile;
-use crate::stage::{Role, Stage, is_straight, slowest_ahead};
+use crate::simulation::{Role, Simulation, is_straight, slowest_ahead};
 
-/// Frames that everybody stands at first.
+/// Frames for which everybody stands at first.
 const STAND_FRAMES: usize = 20;
-/// Frames of going straight on before a turn, at least.
+/// Fewest frames of going straight before a turn.
 const BEFORE_FRAMES: usize = 80;
-/// Frames after a turn or stop that are looked at.
+/// Frames measured after a turn or stop.
 const AFTER_FRAMES: usize = 60;
 /// Angles, degrees.
 const TURNS: [f32; 4] = [45.0, 90.0, 120.0, 180.0];
-/// Turns begin at as many moments of a step.
+/// Turns begin at this many phases of a step.
 const MOMENTS: usize = 2;
 /// Frames between a stop and the next start.
 const PAUSE_FRAMES: usize = 30;
-/// Shins and feet nearer than this pass through each other, metres.
+/// Shins and feet nearer to each other than this pass through each other, metres.
 const SHINS_M: f32 = 0.05;
 const FEET_M: f32 = 0.04;
-/// A forearm whose axis is nearer to the trunk's than this, metres.
+/// A forearm nearer than this to the axis of the trunk passes through it, metres.
 const ARMS_M: f32 = 0.08;
-/// A turn is done when heading and way are within this, radians, and the speed within this share.
+/// A turn is done when heading and travel are within this angle of the goal, radians, and the speed
+/// within this share.
 const DONE: (f32, f32) = (0.26, 0.15);
-/// Frames over which sway is taken out of headings and velocities.
+/// Sway is averaged out of headings and velocities over this many frames.
 const SWAY_FRAMES: usize = 8;
 
-/// One run, or one clip.
+/// The figures of one run or one clip.
 struct Figures {
     name: String,
     nearest: LimbDistances,
-    /// Accelerations of the root over the ground, m/s²: the largest.
+    /// Largest acceleration of the root over the ground, m/s².
     root_mps2: f64,
-    /// Highest turning rate of the pelvis without its sway, rad/s.
+    /// Highest turning rate of the pelvis, sway averaged out, rad/s.
     turn_rps: f64,
     skate_mm: f64,
     jitter_mps2: f64,
     joints_p999_mps2: f64,
-    /// Seconds until the turn is done; NaN where it is none.
+    /// Seconds until the turn is done; NaN if there is no turn.
     done_s: f64,
 }
 
-pub fn run(stage: &mut Stage, clips: Option<&Clips>, each: bool) -> anyhow::Result<()> {
+pub fn run(simulation: &mut Simulation, clips: Option<&Clips>, each: bool) -> anyhow::Result<()> {
     println!(
         "{:26} {:>5} {:>7} {:>6} {:>6} | {:>5} {:>5} {:>5} | {:>5} {:>5} | {:>6} {:>6} {:>6} | {:>5} {:>5} {:>5}",
         "",
@@ -90,18 +91,18 @@ pub fn run(stage: &mut Stage, clips: Option<&Clips>, each: bool) -> anyhow::Resu
         }
     }
     for degrees in TURNS {
-        let all = turns(stage, degrees)?;
+        let all = turns(simulation, degrees)?;
         row(&format!("turns of {degrees:.0}°"), &all, each);
     }
-    let (stops, starts) = stops(stage)?;
+    let (stops, starts) = stops(simulation)?;
     row("stops, by gait", &stops, each);
     row("starts again, by gait", &starts, each);
     Ok(())
 }
 
-fn turns(stage: &mut Stage, degrees: f32) -> anyhow::Result<Vec<Figures>> {
+fn turns(simulation: &mut Simulation, degrees: f32) -> anyhow::Result<Vec<Figures>> {
     let mut roles = Vec::new();
-    for style in &stage.styles {
+    for style in &simulation.styles {
         let Some(gait) = slowest_ahead(style) else {
             continue;
         };
@@ -123,7 +124,7 @@ fn turns(stage: &mut Stage, degrees: f32) -> anyhow::Result<Vec<Figures>> {
             });
         }
     }
-    let takes = stage.play(&roles)?;
+    let takes = simulation.play(&roles)?;
     roles
         .iter()
         .zip(&takes)
@@ -139,11 +140,11 @@ fn turns(stage: &mut Stage, degrees: f32) -> anyhow::Result<Vec<Figures>> {
         .collect()
 }
 
-/// Goes, stops, and goes again, at the speed of every gait that goes straight ahead.
-fn stops(stage: &mut Stage) -> anyhow::Result<(Vec<Figures>, Vec<Figures>)> {
+/// Goes, stops, and goes again, at the speed of every gait that goes straight.
+fn stops(simulation: &mut Simulation) -> anyhow::Result<(Vec<Figures>, Vec<Figures>)> {
     let mut roles = Vec::new();
     let mut names = Vec::new();
-    for style in &stage.styles {
+    for style in &simulation.styles {
         for gait in style.gaits.iter().filter(|gait| is_straight(gait)) {
             let velocity = Vec3::Z * gait.forward_mps;
             let at = STAND_FRAMES + BEFORE_FRAMES;
@@ -161,7 +162,7 @@ fn stops(stage: &mut Stage) -> anyhow::Result<(Vec<Figures>, Vec<Figures>)> {
             });
         }
     }
-    let takes = stage.play(&roles)?;
+    let takes = simulation.play(&roles)?;
     let (mut stops, mut starts) = (Vec::new(), Vec::new());
     for (name, (role, take)) in names.iter().zip(roles.iter().zip(&takes)) {
         let (at, again) = (role.orders[1].0, role.orders[2]);
@@ -190,7 +191,7 @@ fn figures(name: &str, clip: &Clip, frames: Range<usize>, goal: Option<Vec3>) ->
     })
 }
 
-/// Turning rates of the pelvis over 8 frames, rad/s.
+/// Turning rates of the pelvis, averaged over 8 frames, rad/s.
 fn turning_rates(clip: &Clip, frames: Range<usize>) -> Vec<f64> {
     let half = SWAY_FRAMES / 2;
     let first = frames.start.max(half);
@@ -205,8 +206,7 @@ fn turning_rates(clip: &Clip, frames: Range<usize>) -> Vec<f64> {
     (first..last).map(rate).collect()
 }
 
-/// Seconds from the first of `frames` until the character faces and goes where it should, and goes
-/// on doing so.
+/// Seconds from the first of `frames` until the character faces and travels as it should, for good.
 fn done_s(clip: &Clip, frames: Range<usize>, goal: Vec3) -> f64 {
     let half = SWAY_FRAMES / 2;
     let wanted = goal.x.atan2(goal.z);

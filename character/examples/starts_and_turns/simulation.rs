@@ -1,4 +1,4 @@
-//! Plays characters side by side, frame by frame, so that their plans share batches.
+//! Plays several characters at once, frame by frame, so that their plans share batches.
 
 use std::sync::Arc;
 
@@ -20,21 +20,21 @@ use crate::Args;
 
 /// Most plans of one batch.
 const MAX_BATCH: usize = 32;
-/// A gait that turns faster than this (rad/s) has no straight way to go.
+/// A gait that turns faster than this does not go straight, rad/s.
 const TURNING_RPS: f32 = 0.3;
-/// A gait farther off its heading than this goes aside, radians.
+/// A gait whose travel differs by more than this from its heading goes aside, radians.
 const ASIDE: f32 = 0.2;
-/// A gait slower than this stands, m/s.
+/// A gait slower than this counts as standing, m/s.
 const STANDING_MPS: f32 = 0.1;
 
-/// One character and what it is told.
+/// One character and its commands.
 pub struct Role {
     pub style: Arc<Style>,
-    /// None for the stage's.
+    /// None: the seed of the whole run.
     pub seed: Option<u64>,
-    /// Where it faces, radians; none for where it goes.
+    /// Where the character faces, radians. None: where it goes.
     pub facing: Option<f32>,
-    /// Commands, and the frames at which they are given.
+    /// Velocities, m/s, and the frames at which they are commanded.
     pub orders: Vec<(usize, Vec3)>,
     pub frames: usize,
 }
@@ -42,14 +42,14 @@ pub struct Role {
 /// What one character did.
 pub struct Take {
     pub clip: Clip,
-    /// The plans for commands, each with the frame of its last context frame.
+    /// The plans for commands, each with its last context frame.
     pub plans: Vec<(usize, LivePlan)>,
-    /// What it said it does instead of its newest command: its speed, m/s.
+    /// The speed that the character announced for a command that it cannot follow, m/s.
     pub bounded_mps: Option<f32>,
 }
 
-/// A pack and what runs its networks.
-pub struct Stage {
+/// A pack and the networks that plan for its characters.
+pub struct Simulation {
     pack: Pack,
     pipeline: Pipeline,
     pub styles: Vec<Arc<Style>>,
@@ -57,7 +57,7 @@ pub struct Stage {
     seed: u64,
 }
 
-struct Actor<'a> {
+struct Playing<'a> {
     role: &'a Role,
     character: Character,
     roots: Vec<Vec3>,
@@ -67,7 +67,7 @@ struct Actor<'a> {
     sequence: u64,
 }
 
-impl Stage {
+impl Simulation {
     pub fn load(args: &Args) -> anyhow::Result<Self> {
         let pack = Pack::load(&args.pack)?;
         let options = SessionOptions {
@@ -102,9 +102,9 @@ impl Stage {
         self.pack.rig.fps
     }
 
-    /// Plays characters that stand at first.
+    /// Plays characters that stand at first, and returns what they did.
     pub fn play(&mut self, roles: &[Role]) -> anyhow::Result<Vec<Take>> {
-        let mut actors: Vec<Actor<'_>> = roles.iter().map(|role| self.actor(role)).collect();
+        let mut actors: Vec<Playing<'_>> = roles.iter().map(|role| self.actor(role)).collect();
         let longest = roles.iter().map(|role| role.frames).max().unwrap_or(0);
         for frame in 0..longest {
             for actor in &mut actors {
@@ -123,7 +123,7 @@ impl Stage {
         takes.collect()
     }
 
-    fn actor<'a>(&self, role: &'a Role) -> Actor<'a> {
+    fn actor<'a>(&self, role: &'a Role) -> Playing<'a> {
         let options = CharacterOptions {
             seed: role.seed.unwrap_or(self.seed),
             look_ahead_frames: self.look_ahead,
@@ -133,7 +133,7 @@ impl Stage {
         };
         let start = Start::Standing(GlobalRoot::new(Vec3::ZERO, 0.0));
         let standing = LocomotionCommand::standing(&role.style);
-        Actor {
+        Playing {
             role,
             character: Character::new(self.pack.rig.clone(), options, start, standing),
             roots: Vec::new(),
@@ -144,8 +144,8 @@ impl Stage {
         }
     }
 
-    /// Advances every character by a frame, and makes the plans that they wait for.
-    fn tick(&mut self, actors: &mut [Actor<'_>], frame: usize) -> anyhow::Result<()> {
+    /// Advances every character by a frame, and makes the plans that they asked for.
+    fn tick(&mut self, actors: &mut [Playing<'_>], frame: usize) -> anyhow::Result<()> {
         let mut behind: Vec<usize> = Vec::new();
         for (index, actor) in actors.iter_mut().enumerate() {
             if actor.character.advance(SUB_FRAMES, Clock::Waits) == Advance::NeedsPlan {
@@ -174,7 +174,7 @@ impl Stage {
     fn plan(
         &mut self,
         asked: &[(usize, PlanRequest)],
-        actors: &mut [Actor<'_>],
+        actors: &mut [Playing<'_>],
         frame: usize,
     ) -> anyhow::Result<()> {
         let items: Vec<_> = asked
@@ -208,8 +208,8 @@ impl Stage {
     }
 }
 
-impl Actor<'_> {
-    /// Takes down what it shows at a frame.
+impl Playing<'_> {
+    /// Records what the character shows at a frame.
     fn note(&mut self, frame: usize) {
         if frame < self.role.frames {
             let mut out = FrameOut::default();
