@@ -6,9 +6,7 @@ use super::*;
 use crate::order::OwnerId;
 use troupe_base::telemetry::Telemetry;
 use troupe_engine::pack::Stage;
-use troupe_engine::{
-    DecoderOutput, MotionBricks, Pipeline, PoseOutput, RootInput, RootOutput, Stages, TokenInput,
-};
+use troupe_engine::{DecoderOutput, Pipeline, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 use troupe_motion::model::{Dims, KeyTensors, KeyframeTask, Motion, PromptTask};
 
 pub(super) const DIMS: Dims = Dims {
@@ -133,7 +131,7 @@ pub(super) async fn setup<const WORKERS: usize>(limits: Limits, troubles: [Troub
     let factory: GeneratorFactory = Arc::new(move |worker| {
         let gate = gates.lock().unwrap()[worker].take().unwrap();
         let pipeline = Pipeline::new(DIMS, Box::new(gate), max_batch);
-        Ok(Box::new(MotionBricks::new(pipeline, max_batch)))
+        Ok(pipeline.into_generator(max_batch))
     });
     // Without a spin: a worker that is at the end of one takes what another is woken for, and tests
     // say who gets what.

@@ -6,9 +6,7 @@ use std::time::Instant;
 use super::tests::*;
 use super::*;
 use troupe_base::telemetry::Telemetry;
-use troupe_engine::{
-    DecoderOutput, MotionBricks, Pipeline, PoseOutput, RootInput, RootOutput, Stages, TokenInput,
-};
+use troupe_engine::{DecoderOutput, Pipeline, PoseOutput, RootInput, RootOutput, Stages, TokenInput};
 
 const TWO: [Trouble; 2] = [Trouble::None; 2];
 
@@ -214,7 +212,7 @@ async fn workers_end_with_the_last_batcher_and_where_one_of_them_does_not_start(
                 trouble: Trouble::None,
             };
             let pipeline = Pipeline::new(DIMS, Box::new(Ending(gate, ends)), 4);
-            Ok(Box::new(MotionBricks::new(pipeline, 4)))
+            Ok(pipeline.into_generator(4))
         });
         let telemetry = Telemetry::new().unwrap();
         let spin = Duration::from_millis(spin_ms);

@@ -4,7 +4,8 @@
 //! asks for one, and what the generator made is cross-faded into its motion buffer ([`live`],
 //! [`post`]). A [`scene`] has ground, colliders and objects; an [`object`] definition says what
 //! characters can do with a thing, and a [`skill`] what they can do where they stand. All are read
-//! from TOML or JSON by [`document`], whose errors name line and field.
+//! from TOML or JSON by [`document`], whose errors name line and field. A [`take`] is a motion of any
+//! length that is made at once, along a path or through keyframes.
 
 pub mod document;
 pub mod field;
@@ -18,6 +19,7 @@ pub mod saved;
 pub mod scene;
 pub mod skill;
 pub mod style;
+pub mod take;
 #[cfg(any(test, feature = "testing"))]
 #[allow(clippy::unwrap_used, reason = "for tests")]
 pub mod testing;

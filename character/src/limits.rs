@@ -1,5 +1,7 @@
 //! Limits of values that requests and documents share.
 
+/// Farthest that a place may be from another that it goes with, such as the origin, in metres.
+pub const MAX_DISTANCE_M: f32 = 1e4;
 /// Largest distance of any given height from the ground, in metres.
 pub const MAX_HEIGHT_M: f32 = 100.0;
 /// How far a keyframe's heading may be from that of its pose, in radians.

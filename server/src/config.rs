@@ -182,6 +182,15 @@ pub struct Config {
     )]
     pub spin: bool,
 
+    /// Folder of the documentation, as `make docs` builds it: `/docs/` shows it. While the folder
+    /// does not exist, `/docs/` says how to build it.
+    #[config(
+        env = "TROUPE_DOCS",
+        default = "target/site",
+        layer_attr(arg(long, value_name = "FOLDER"))
+    )]
+    pub docs: PathBuf,
+
     /// Cache folder for results of accuracy checks, which make the next start faster. The server
     /// also starts if it cannot write there. Left out: `troupe` in the user's cache folder, such as
     /// ~/.cache. An empty name: no cache.

@@ -33,7 +33,7 @@ use troupe_edge::reload::{self, Source};
 use troupe_engine::generator::Generator;
 use troupe_engine::onnx::Batching;
 use troupe_engine::pack::{Pack, PackError, PackProblem, find_packs};
-use troupe_engine::{Decision, EngineError, MotionBricks, Pipeline, Stages};
+use troupe_engine::{Decision, EngineError, Pipeline, Stages};
 use troupe_live::packs::{LoadedPack, PackTable, load_skills, load_styles};
 use troupe_live::session::{Executor, Sessions, TimeSource};
 use troupe_live::world::Store;
@@ -67,17 +67,17 @@ pub struct PackSource {
     pub workers: usize,
     /// Makes a worker's generator.
     pub generator: MakeGenerator,
-    /// The engine that runs MotionBricks' stages, and why; nothing where the caller brings its own.
+    /// The engine that runs its networks, and why; nothing where the caller brings its own.
     pub decision: Option<Decision>,
 }
 
 impl PackSource {
-    /// A MotionBricks pack whose stages `stages` makes.
+    /// A pack that fills gaps, whose three stages `stages` makes.
     pub fn of_stages(pack: Pack, workers: usize, stages: StagesFactory, decision: Option<Decision>) -> Self {
         let generator = move |pack: &Pack, max_batch| {
             let mut pipeline = Pipeline::new(pack.rig.dims, stages(pack)?, max_batch);
             pipeline.warm_up()?;
-            Ok(Box::new(MotionBricks::new(pipeline, max_batch)) as Box<dyn Generator>)
+            Ok(pipeline.into_generator(max_batch))
         };
         Self {
             pack,
@@ -237,6 +237,7 @@ async fn serve_on(
         &config.api_limits(),
         config.guard(address),
         access.credentials.clone(),
+        &config.docs,
     )
     .map_err(|error| internal(&error))?;
 

@@ -134,7 +134,7 @@ const STAND: &str = "stand";
 /// Name of the style that has no words.
 pub const PLAIN: &str = "plain";
 /// Frames between plans of a style of words. With 9, joints are accelerated 10 % more and paths are
-/// kept half as well (`wander_bodies`).
+/// kept half as well (`troupe-eval bodies`).
 const WORDS_INTERVAL_FRAMES: u32 = 15;
 
 impl Style {

@@ -112,7 +112,7 @@ fn task(pack: &LivePack, item: PlanItem) -> Task {
 }
 
 fn path_task(pack: &LivePack, body: &Arc<Body>, item: PathItem) -> PathTask {
-    let Pack { words, manifest, .. } = &*pack.loaded.pack;
+    let own: &Pack = &pack.loaded.pack;
     let weight = |word: &String| {
         let given = item.words.iter().find(|(given, _)| given == word);
         given.map_or(0.0, |(_, weight)| *weight)
@@ -122,8 +122,8 @@ fn path_task(pack: &LivePack, body: &Arc<Body>, item: PathItem) -> PathTask {
         context: item.context,
         targets: Vec::new(),
         path: item.path,
-        style: words.iter().map(weight).collect(),
-        steps: (manifest.unimogen.as_ref()).map_or(1, |table| table.sampler_steps as u32),
+        style: own.words.iter().map(weight).collect(),
+        steps: own.sampler().map_or(1, |steps| steps.default),
         guidance: 1.0,
         seed: item.seed,
     }

@@ -16,7 +16,7 @@ use troupe_character::live::{
     MAX_PAST_FRAMES, MAX_PERFORMANCE_FRAMES, MAX_UNKNOWN_WORDS, OtherSkeleton, PartReader, PerformCommand,
 };
 use troupe_character::{FieldError, Path};
-use troupe_engine::{EngineError, vermo};
+use troupe_engine::pack::TaskRefusal;
 use troupe_motion::model::{Capability, GLOBAL_ROOT, KeyTensors, PromptTask, Rig, SamplingTask, Task};
 
 /// Shortest and longest performance that may be asked for, seconds.
@@ -224,11 +224,12 @@ pub(super) fn task(command: &PerformCommand, past: Vec<KeyTensors>, seed: u64) -
 impl WordsPack {
     /// Words of a text that captions of the pack's training have not used.
     fn unknown_words(&self, text: &str) -> Vec<String> {
-        let Some(lexicon) = &self.loaded.pack.lexicon else {
+        let Some(language) = self.loaded.pack.language() else {
             return Vec::new();
         };
-        let unknown = lexicon.unknown_words(text).into_iter().take(MAX_UNKNOWN_WORDS);
+        let unknown = language.unknown_words(text).into_iter();
         unknown
+            .take(MAX_UNKNOWN_WORDS)
             .map(|word| word.chars().take(MAX_ECHO).collect())
             .collect()
     }
@@ -236,9 +237,9 @@ impl WordsPack {
     /// Checks what the pack's model may be asked for.
     fn check(&self, path: &Path<'_>, command: &PerformCommand) -> Result<(), FieldError> {
         let pack = &self.loaded.pack;
-        if pack.manifest.vermo.is_none() {
+        let Some(language) = pack.language() else {
             return Ok(());
-        }
+        };
         // Any frames will do: how many there are is what counts.
         let key = KeyTensors {
             local_root: None,
@@ -246,21 +247,20 @@ impl WordsPack {
             pose: Some(vec![0.0; pack.rig.dims.joints * POSE_NUMBERS].into()),
         };
         let past = vec![key; command.past_frames as usize];
-        match vermo::check(pack, &task(command, past, 0)) {
-            Err(EngineError::Task {
+        let checked = language.check(&task(command, past, 0));
+        checked.map_err(|refusal| {
+            let TaskRefusal {
                 field,
                 found,
                 allowed,
-            }) => {
-                let field = match field {
-                    "frames" => "seconds",
-                    "temperature" => "temperature",
-                    _ => "text",
-                };
-                Err(path.field(field).error(format!("is {found}"), allowed))
-            }
-            _ => Ok(()),
-        }
+            } = refusal;
+            let field = match field {
+                "frames" => "seconds",
+                "temperature" => "temperature",
+                _ => "text",
+            };
+            path.field(field).error(format!("is {found}"), allowed)
+        })
     }
 }
 

@@ -9,8 +9,7 @@ use troupe_motion::inspect::{Limits, inspect};
 
 use crate::{data_folder, folder_or_default};
 
-/// The most clips that one run reads, evenly spread over the folder; the example `check_bvh` reads
-/// all.
+/// The most clips that one run reads, evenly spread over the folder.
 const MAX_CLIPS: usize = 150;
 
 /// All BVH files below `folder`, by name; none where it is not a folder.

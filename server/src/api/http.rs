@@ -86,8 +86,8 @@ pub fn document() -> OpenApi {
     document
 }
 
-/// The HTTP routes.
-pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
+/// The HTTP routes. `site` is the folder of the documentation.
+pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits, site: &std::path::Path) -> Router {
     let body = BodyLimits {
         bytes: limits.message_bytes,
         shapes: Arc::new(Shapes::new(limits)),
@@ -110,7 +110,7 @@ pub(super) fn router(service: &Arc<Service>, limits: &ApiLimits) -> Router {
         .config(utoipa_swagger_ui::Config::from("/openapi.json").validator_url("none"));
     api.merge(operations)
         .merge(docs)
-        .merge(site::router())
+        .merge(site::router(site))
         .merge(viewer::router())
 }
 

@@ -21,6 +21,7 @@ pub mod testing;
 mod track;
 mod ws;
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -70,10 +71,11 @@ pub fn routes(
     limits: &ApiLimits,
     guard: Guard,
     credentials: Option<Arc<Credentials>>,
+    site: &Path,
 ) -> Result<Routes, tonic_reflection::server::Error> {
     let grpc = grpc::router(service, health, limits)?;
     let router = grpc
-        .merge(http::router(service, limits))
+        .merge(http::router(service, limits, site))
         .fallback(http::unknown_route);
     let telemetry = service.telemetry();
     let router = traffic::counted(router, FRONT, clients.clone(), limits.write_timeout, telemetry);

@@ -64,7 +64,7 @@ fn check_telling(root: &Path<'_>, request: &v1::DescribeRequest, pack: &Pack) ->
             return Err(root.field("into").error(found, allowed));
         }
     };
-    if pack.manifest.vermo.is_some() {
+    if pack.language().is_some() {
         return Ok(into);
     }
     let no_model = format!("the pack {} has no language model", pack.name());

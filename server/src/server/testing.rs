@@ -43,6 +43,7 @@ impl ServerHandle {
             &config.api_limits(),
             config.guard(self.address),
             self.access.credentials.clone(),
+            &config.docs,
         )
         .map_err(|error| StartError::Internal(error.to_string()))?;
         Ok(routes.all)

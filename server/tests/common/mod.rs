@@ -172,10 +172,9 @@ pub fn pack(name: &str) -> Pack {
         name: name.to_owned(),
         ..toy_rig()
     };
-    Pack {
-        folder: FOLDER.into(),
-        ..pack_of(rig)
-    }
+    let mut pack = pack_of(rig);
+    pack.folder = FOLDER.into();
+    pack
 }
 
 pub struct TestServer {

@@ -1,6 +1,6 @@
 """Measures of generated motion against ground truth that have a value for every window.
 
-The definitions are those of `motion/src/metrics` (Rust), which `troupe eval` uses; `docs/evaluation.md` has them in words.
+The definitions are those of `motion/src/metrics` (Rust), which `troupe-eval gaps` uses; `docs/evaluation.md` has them in words.
 Everything is measured on joint positions and world rotations from forward kinematics, over the frames of the gap
 unless the name says context or target.
 """
@@ -80,7 +80,7 @@ def _precision(motion: Motion, truth: Motion, error: Tensor, left_axis: Tensor) 
 
 
 def _spectra(motion: Motion, truth: Motion, gap: slice, headings: Tensor | None) -> tuple[Tensor, Tensor]:
-    """`npss_terms` of both motions' world quaternions, turned into the clip's world where its headings are told."""
+    """`npss_terms` of both motions' world quaternions, turned into the clip's world if its headings are given."""
     both = [m.rotations[:, gap] for m in (motion, truth)]
     if headings is not None:
         both = [yaw_matrix(headings)[:, None, None] @ rotations for rotations in both]
