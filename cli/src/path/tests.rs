@@ -85,7 +85,7 @@ fn what_is_wrong_is_named_with_its_line() {
         ("[[waypoint]]\nat = [0, 4]\nspeed = 0", "line 3: speed is 0"),
         (
             "[[waypoint]]\nat = [0, 4]\nspeed = 1\n[[command]]\ntime_s = 1\nspeed = 1",
-            "line 4: velocity, speed and direction_deg are the waypoints'",
+            "line 4: velocity, speed and direction_deg come from the waypoints",
         ),
         (
             "[[command]]\nspeed = 1",

@@ -372,9 +372,7 @@ fn a_variant_is_added_to_a_definition() {
 
 #[test]
 fn the_text_is_as_documented() {
-    let draft = made(
-        "--frames 0,20,80,45 --hold 80 --soft 20=6 --shared --not-solid --pivot false --description=Quoted",
-    );
+    let draft = made("--frames 0,20,80,45 --hold 80 --soft 20=6 --shared --pivot false --description=Quoted");
     insta::assert_snapshot!(written(&draft, &[0, 20, 80, 45]));
 }
 
