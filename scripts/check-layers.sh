@@ -13,10 +13,10 @@ fail() {
 
 # Packages that a crate must not bring along.
 keeps_out() {
-    local crate=$1 found
+    local crate=$1 tree found
     shift
-    found=$(cargo tree --locked --package "$crate" --edges normal --prefix none --format '{p}' |
-        cut -d' ' -f1 | sort -u | grep -xE "$(IFS='|' && echo "$*")" | tr '\n' ' ' || true)
+    tree=$(cargo tree --locked --package "$crate" --edges normal --prefix none --format '{p}')
+    found=$(cut -d' ' -f1 <<<"$tree" | sort -u | grep -xE "$(IFS='|' && echo "$*")" | tr '\n' ' ' || true)
     [ -z "$found" ] || fail "$crate depends on $found"
 }
 keeps_out troupe-motion tokio tonic axum ort prost troupe-proto troupe-engine troupe-character

@@ -97,7 +97,7 @@ impl Scheduler {
     }
 
     /// Requests that wait with at least one character.
-    pub fn pending_requests(&self) -> usize {
+    pub(crate) fn pending_requests(&self) -> usize {
         self.queue.len()
     }
 
@@ -108,17 +108,17 @@ impl Scheduler {
     }
 
     /// Whether a worker may have jobs.
-    pub fn is_busy(&self, worker: usize) -> bool {
+    pub(crate) fn is_busy(&self, worker: usize) -> bool {
         self.workers.get(worker) == Some(&Worker::Busy)
     }
 
     /// Whether it is the worker that the next arrival wakes.
-    pub fn wakes_next(&self, worker: usize) -> bool {
+    pub(crate) fn wakes_next(&self, worker: usize) -> bool {
         self.first_idle() == Some(worker)
     }
 
     /// A worker's time for one character, over the latest steps.
-    pub fn character_time(&self) -> Duration {
+    pub(crate) fn character_time(&self) -> Duration {
         self.meter.character_time()
     }
 

@@ -59,7 +59,7 @@ def open_session(
 class Network:
     """One stage: a session for all shapes and, with OpenVINO, one for each size of a call of the longest segments.
 
-    The latter are the server's (`server/src/engine/onnx/network.rs`), which has them for other lengths too.
+    The latter are the server's (`engine/src/onnx/network.rs`), which has them for other lengths too.
     """
 
     def __init__(self, path: Path, engine: str, threads: int, spin: bool, longest: dict[str, int]):

@@ -251,7 +251,7 @@ impl Clients {
 
     /// The client of an account, on a connection of `connected`. Where its quota is another than
     /// before, it counts anew.
-    pub fn with_key(&self, account: &str, quota: Quota, connected: &Client) -> Arc<Client> {
+    pub(crate) fn with_key(&self, account: &str, quota: Quota, connected: &Client) -> Arc<Client> {
         let mut keys = self.by_key.lock().unwrap_or_else(PoisonError::into_inner);
         let known = keys.get(account).filter(|level| level.quota == quota).cloned();
         let of_key = known.unwrap_or_else(|| {
@@ -308,7 +308,7 @@ impl Client {
     }
 
     /// Memory that grows from nothing.
-    pub fn no_memory(self: &Arc<Self>) -> Memory {
+    pub(crate) fn no_memory(self: &Arc<Self>) -> Memory {
         Memory {
             client: self.clone(),
             bytes: 0,

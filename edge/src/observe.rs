@@ -16,7 +16,7 @@ use super::refusals::Refusals;
 use troupe_base::telemetry::{RequestContext, RequestId, Telemetry, Traces};
 
 /// The header of a request's id, in requests and answers.
-pub const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// What the middleware knows.
 #[derive(Clone)]

@@ -174,7 +174,11 @@ impl LoadedPack {
     ///
     /// # Errors
     /// [`UnknownBody`].
-    pub fn styles_of(&self, field: impl ToString, body: &str) -> Result<&Arc<StyleTable>, UnknownBody> {
+    pub(crate) fn styles_of(
+        &self,
+        field: impl ToString,
+        body: &str,
+    ) -> Result<&Arc<StyleTable>, UnknownBody> {
         Ok(&self.styles[self.place_of(field, body)?])
     }
 
@@ -190,7 +194,7 @@ impl LoadedPack {
     ///
     /// # Errors
     /// [`StyleError`].
-    pub fn of_tenant(&self, folder: Option<PathBuf>) -> Result<Self, StyleError> {
+    pub(crate) fn of_tenant(&self, folder: Option<PathBuf>) -> Result<Self, StyleError> {
         let beside = |place: usize, rig: &Rig, folder| self.styles[place].beside(rig, folder);
         Ok(self.with_styles(each_styles(&self.pack, folder, beside)?))
     }
@@ -241,7 +245,7 @@ impl PackTable {
     ///
     /// # Errors
     /// [`StyleError`].
-    pub fn of_tenant(&self, folder: Option<PathBuf>) -> Result<Self, StyleError> {
+    pub(crate) fn of_tenant(&self, folder: Option<PathBuf>) -> Result<Self, StyleError> {
         let of = |loaded: &Arc<LoadedPack>| {
             let name = loaded.pack.name().to_owned();
             Ok((name, Arc::new(loaded.of_tenant(folder.clone())?)))

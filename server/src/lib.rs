@@ -1,8 +1,10 @@
 //! Troupe's motion server.
 //!
-//! # Layers
-//! A module knows those above it in this table, and none below it. `scripts/check-layers.sh` holds
-//! it to that.
+//! What runs characters is below this crate: `troupe-batch` has queues and workers, `troupe-live`
+//! sessions and scenes, `troupe-edge` connections and keys. Here are the calls, how they travel,
+//! and what puts a server together.
+//!
+//! A module knows those above it in this table, and none below it:
 //!
 //! | module | holds |
 //! |---|---|
@@ -17,14 +19,14 @@
 //! Each layer has an error of its own. They become answers in one place, [`api`].
 //!
 //! # The way of a request
-//! A request arrives over gRPC or HTTP, is checked and brought into each character's segment frame
-//! ([`inbetween`]), waits in a bounded queue and travels with whatever else waits (`troupe-batch`),
+//! A request arrives over gRPC or HTTP. It is checked and brought into each character's segment
+//! frame ([`inbetween`]), waits in a bounded queue and travels with other requests (`troupe-batch`),
 //! passes the networks of a pack (`troupe-engine`), and comes back as frames.
 //!
 //! # The way of a live character
 //! Commands change what a character wants (`troupe-character`). Whenever it needs a plan, its
-//! session has one made on the same way through the batcher, and cross-fades it into the frames
-//! that a step or a stream takes ([`session`]).
+//! session has one made by the same batcher, and cross-fades it into the frames that a step or a
+//! stream takes (`troupe-live`).
 //!
 //! # Embedding
 //! ```no_run

@@ -153,7 +153,7 @@ impl Tls {
     }
 
     /// Begins TLS on a connection.
-    pub fn acceptor(&self) -> TlsAcceptor {
+    pub(super) fn acceptor(&self) -> TlsAcceptor {
         TlsAcceptor::from(self.current.load_full())
     }
 }

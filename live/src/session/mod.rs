@@ -1,7 +1,7 @@
 //! Live characters: the pure state machine of a session, and what runs many of them.
 //!
 //! The character itself is pure (`troupe-character`): it knows no clock, no thread and no engine. A
-//! cell holds one behind a lock, the [`Registry`] holds all cells, and [`Sessions`] has the calls.
+//! cell holds one behind a lock, the registry holds all cells, and [`Sessions`] has the calls.
 //! Plans go through the pack's batcher.
 //!
 //! | files, bottom up | hold |
@@ -50,21 +50,23 @@ pub use commands::MAX_COMMANDS;
 pub use drive::StreamPermit;
 pub use encode::{BlockWriter, Form};
 pub use error::SessionError;
-pub use events::{EventQueue, MAX_WAITING_EVENTS};
 pub use executor::Executor;
+pub use keep::Keeper;
 #[cfg(feature = "testing")]
 pub use keep::read_record;
-pub use keep::{Keeper, Round};
 pub use limits::SessionLimits;
-pub use metrics::{Eviction, SessionMetrics};
 pub use options::TTL_RANGE_MS;
 pub use owner::{End, Owner};
 pub use pack::{LivePack, LivePacks};
-pub use registry::{MAX_SESSION_BYTES, Registry};
+pub use registry::MAX_SESSION_BYTES;
 pub use results::{CommandResult, SessionProblem};
 pub use resume::Resumed;
 pub use sessions::Sessions;
 pub use space::{Space, SpaceError, Spaces, TenantOptions};
 pub use step::{StepPlan, Stepped};
 pub use time::TimeSource;
-pub use words::{MAX_PERFORMERS, PERFORMER_BYTES, WordsPack, WordsPacks};
+pub use words::{MAX_PERFORMERS, PERFORMER_BYTES};
+
+use events::EventQueue;
+use registry::Registry;
+use words::WordsPacks;

@@ -120,11 +120,6 @@ impl Registry {
         self.all.read().count
     }
 
-    /// Whether no session of any tenant is open.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// Whether `more` sessions may be opened: a look ahead of the work of making them. Those whose
     /// time is up at `now` make room, and so do those that nobody has wanted for `usual_ttl`
     /// although they may live longer.

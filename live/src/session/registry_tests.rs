@@ -387,7 +387,7 @@ async fn threads_that_race_for_a_session_take_it_one_at_a_time_and_not_after_its
         std::thread::yield_now();
     }
     // Somebody may touch it in between, so its time has to run out more than once.
-    while !setup.registry.is_empty() {
+    while setup.registry.len() > 0 {
         setup.pass(TTL);
         setup.registry.sweep(setup.now());
     }

@@ -11,15 +11,16 @@ pub mod units;
 
 pub use troupe_character::limits::MAX_DISTANCE_M;
 
-pub use context::{ContextFrame, check_context, check_frame, to_native};
+pub use context::check_frame;
+pub(crate) use context::{ContextFrame, check_context, to_native};
 
 /// How far apart the heights that one keyframe gives may be, in metres.
 pub const HEIGHT_TOLERANCE_M: f32 = 1e-3;
 /// Largest given velocity of a keyframe, in m/s along an axis and in rad/s.
-pub const MAX_VELOCITY: f32 = 1e3;
+pub(crate) const MAX_VELOCITY: f32 = 1e3;
 /// How far outside of its hinge's limits an angle of a keyframe may be, radians; it is taken as the
 /// limit.
-pub const ANGLE_TOLERANCE_RAD: f32 = 0.01;
+pub(crate) const ANGLE_TOLERANCE_RAD: f32 = 0.01;
 /// Highest sampling temperature.
 pub const MAX_TEMPERATURE: f32 = 2.0;
 /// Most characters of a sentence to act out.

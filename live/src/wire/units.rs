@@ -9,7 +9,7 @@ use super::MAX_PROMPT_CHARS;
 use troupe_character::{FieldError, Path};
 
 /// Largest heading either way, radians: beyond it a 32-bit float is coarse.
-pub const MAX_HEADING: f32 = 1000.0;
+pub(crate) const MAX_HEADING: f32 = 1000.0;
 
 /// The convention that a message names.
 pub fn convention(path: &Path<'_>, value: i32) -> Result<Convention, FieldError> {
@@ -26,7 +26,7 @@ pub fn convention(path: &Path<'_>, value: i32) -> Result<Convention, FieldError>
 }
 
 /// The convention as messages name it.
-pub fn convention_name(convention: Convention) -> v1::Convention {
+pub(crate) fn convention_name(convention: Convention) -> v1::Convention {
     match convention {
         Convention::Native => v1::Convention::Native,
         Convention::Unreal => v1::Convention::Unreal,
@@ -89,7 +89,7 @@ pub fn vector(
 }
 
 /// The name of the axis that points up.
-pub fn up_axis(convention: Convention) -> &'static str {
+pub(crate) fn up_axis(convention: Convention) -> &'static str {
     match convention {
         Convention::Native | Convention::Unity => "y",
         Convention::Unreal | Convention::Ros => "z",
@@ -103,7 +103,7 @@ pub fn position(value: Vec3, convention: Convention) -> v1::Vec3 {
 }
 
 /// A native rotation in the session's convention.
-pub fn quat(rotation: Quat, convention: Convention) -> v1::Quat {
+pub(crate) fn quat(rotation: Quat, convention: Convention) -> v1::Quat {
     let [w, x, y, z] = to_wxyz(convention.rotation_from_native(rotation));
     v1::Quat { w, x, y, z }
 }

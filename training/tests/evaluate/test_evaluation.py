@@ -152,7 +152,7 @@ def test_interpolation_goes_evenly_from_the_context_to_the_target(store: ClipSto
 
 
 def test_the_schedule_is_the_servers():
-    """`masked_after` of `server/src/engine/sampling.rs`."""
+    """`masked_after` of `engine/src/sampling.rs`."""
     assert [masked_after(64, step, 4) for step in (1, 2, 3, 4)] == [59, 45, 24, 0]
     assert masked_after(36, 1, 1) == 0
 

@@ -130,7 +130,7 @@ def masked_after(total: int, step: int, steps: int) -> int:
 def choose_tokens(networks: StageNetworks, plan: Plan, sampling: Sampling) -> Tensor:
     """Fills all masked tokens ``[B, n, K]`` over one or more passes, the most confident first.
 
-    The server's rule (`server/src/engine/sampling.rs`): codes are drawn from softmax(logits / temperature), confidence is
+    The server's rule (`engine/src/sampling.rs`): codes are drawn from softmax(logits / temperature), confidence is
     the log-probability of the drawn code at temperature 1, and every pass commits something. Its random numbers are its own,
     so seeds give other draws here than there. ``any_order`` is not the server's: see `analyses/diversity.py`.
     """

@@ -86,7 +86,7 @@ def pin(motion: Motion, given: Motion, frames: list[int], parents: list[int], le
 def carry_on(
     motion: Motion, context: Motion, parents: list[int], left_axis: Tensor, reach: int = PIN_REACH_FRAMES
 ) -> Motion:
-    """Has a plan go on from its context's frames ``[B, 4, ...]``, as live sessions do (`server/src/session/live.rs`).
+    """Has a plan go on from its context's frames ``[B, 4, ...]``, as live sessions do (`character/src/live/plan.rs`).
 
     What the last context frame lacks goes to the frames behind it: the place on the ground and the heading as they are,
     height and pose fading. Targets are not met.
