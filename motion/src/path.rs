@@ -47,6 +47,11 @@ impl GroundPath {
         each.collect()
     }
 
+    /// Its points, in the order of their times.
+    pub fn points(&self) -> &[PathPoint] {
+        &self.points
+    }
+
     /// When it ends, seconds.
     pub fn end_s(&self) -> f32 {
         self.points[self.points.len() - 1].time_s

@@ -7,6 +7,7 @@ use troupe_motion::model::{Output, Task};
 use super::finish::{Made, finish};
 use super::follow::Follow;
 use super::request::{Prompt, Take};
+use super::track::Track;
 use super::walk::Walk;
 use crate::FieldError;
 use crate::post::NonFinite;
@@ -64,6 +65,28 @@ impl Making {
             (Chain::Follow(follow), Output::Motion(motion)) => follow.receive(motion),
             // No task of theirs has such an answer.
             (_, Output::Text(_) | Output::Motions(_) | Output::Audio(_)) => Err(NonFinite),
+        }
+    }
+
+    /// Frames
+    pub fn part(&mut self) -> Track {
+        match &mut self.chain {
+            Chain::Walk(walk) => walk.new_part(),
+            Chain::Follow(_) => Track::default(),
+        }
+    }
+    /// Raw
+    pub fn raw(self) -> Track {
+        match self.chain {
+            Chain::Walk(walk) => walk.done().0,
+            Chain::Follow(follow) => follow.done().0,
+        }
+    }
+    /// Notes
+    pub fn notes(&self) -> Vec<super::Note> {
+        match &self.chain {
+            Chain::Walk(walk) => vec![super::Note::info("moved", format!("{:.2}", walk.moved_m))],
+            Chain::Follow(_) => Vec::new(),
         }
     }
 

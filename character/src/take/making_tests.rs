@@ -16,10 +16,10 @@ fn near(a: [f32; 2], b: [f32; 2], most_m: f32) -> bool {
 
 #[test]
 fn a_path_is_met_at_its_knots_however_long_it_is() {
-    for frames in [1, 24, 100, 400] {
+    for frames in [2, 24, 100, 400] {
         let mut take = take(frames);
         let last = (frames - 1) as f32;
-        take.wanted.path = vec![knot(0.0, 1.0, 2.0), knot(last.max(1.0), 1.0, 2.0 + last * 0.04)];
+        take.wanted.path = vec![knot(0.0, 1.0, 2.0), knot(last, 1.0, 2.0 + last * 0.04)];
         let (made, windows) = run(&Arc::new(take), 0);
         assert_eq!(made.track.len(), frames);
         // A motion that begins on its way is made from 36 frames earlier; a window has 24.

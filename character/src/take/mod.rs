@@ -6,6 +6,7 @@
 //! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must.
 
 mod finish;
+mod fixed;
 mod follow;
 mod ground;
 mod making;
@@ -13,6 +14,7 @@ mod note;
 mod path_plan;
 mod request;
 mod seed;
+mod settle;
 mod start;
 #[cfg(test)]
 mod testing;

@@ -55,6 +55,8 @@ pub struct Take {
     pub is_loop: bool,
     /// How to move.
     pub look: Look,
+    /// Whether each window is final once it is made: [`Making::part`](super::Making::part).
+    pub in_parts: bool,
 }
 
 /// How to move.

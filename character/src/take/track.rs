@@ -121,11 +121,12 @@ impl Track {
         )
     }
 
-    /// The frames from `from` on, `count` of them.
+    /// The frames `from..from + count`, as far as there are such.
     #[must_use]
     pub fn part(&self, from: usize, count: usize) -> Self {
         let joints = self.joints();
         let end = (from + count).min(self.len());
+        let from = from.min(end);
         Self {
             roots: self.roots[from..end].to_vec(),
             rotations: self.rotations[from * joints..end * joints].to_vec(),
