@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use confique::Config as _;
 
-use crate::api::{Host, Origin};
+use troupe_edge::guard::{Host, Origin};
 use troupe_engine::{AccuracyCheck, EngineChoice};
 
 pub use cli::{Cli, Command, DoctorArgs, HealthArgs, KeyCommand};
@@ -181,6 +181,15 @@ pub struct Config {
         layer_attr(arg(long, value_name = "BOOL"))
     )]
     pub spin: bool,
+
+    /// Folder of the documentation, as `make docs` builds it: `/docs/` shows it. While the folder
+    /// does not exist, `/docs/` says how to build it.
+    #[config(
+        env = "TROUPE_DOCS",
+        default = "target/site",
+        layer_attr(arg(long, value_name = "FOLDER"))
+    )]
+    pub docs: PathBuf,
 
     /// Cache folder for results of accuracy checks, which make the next start faster. The server
     /// also starts if it cannot write there. Left out: `troupe` in the user's cache folder, such as

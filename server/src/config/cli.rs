@@ -10,8 +10,8 @@ use confique::Layer as _;
 use http::Uri;
 
 use super::Config;
-use crate::api::Role;
 use crate::health::{HealthTls, READY};
+use troupe_edge::clients::Role;
 use troupe_engine::EngineChoice;
 
 type Layer = <Config as confique::Config>::Layer;

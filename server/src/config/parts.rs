@@ -5,11 +5,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::Config;
-use crate::api::{ApiLimits, Guard};
-use crate::clients::{Share, Shares};
+use crate::api::ApiLimits;
 use crate::inbetween::RequestLimits;
 use crate::traces::TraceOptions;
 use troupe_batch::scheduler::Limits;
+use troupe_edge::clients::{Share, Shares};
+use troupe_edge::guard::Guard;
+use troupe_edge::port::{ConnectionLimits, TlsFiles};
 use troupe_engine::machine::{Machine, available_cores};
 use troupe_engine::onnx::{Batching, Growth, NetworkPool, Runtime};
 use troupe_engine::{CheckCache, EngineError, Selector, Workers};
@@ -102,6 +104,26 @@ impl Config {
             // `max_streams` is the limit of all.
             all: share(bytes, usize::MAX),
         }
+    }
+
+    /// How long connections may take, and how much each may ask for.
+    pub fn connection_limits(&self) -> ConnectionLimits {
+        ConnectionLimits {
+            request: self.request_timeout(),
+            idle: Duration::from_millis(self.idle_timeout_ms),
+            keepalive: Duration::from_millis(self.keepalive_ms),
+            drain: self.drain_timeout(),
+            max_calls: self.max_calls_per_connection,
+        }
+    }
+
+    /// The files of TLS. None where the server speaks no TLS.
+    pub fn tls_files(&self) -> Option<TlsFiles> {
+        Some(TlsFiles {
+            certificate: self.tls_certificate.clone()?,
+            key: self.tls_key.clone()?,
+            client_ca: self.tls_client_ca.clone(),
+        })
     }
 
     /// Which web pages and names a server that listens on `address` answers.
@@ -237,15 +259,5 @@ impl Config {
     /// [`Config::drain_timeout_ms`] as a duration.
     pub fn drain_timeout(&self) -> Duration {
         Duration::from_millis(self.drain_timeout_ms)
-    }
-
-    /// [`Config::idle_timeout_ms`] as a duration.
-    pub fn idle_timeout(&self) -> Duration {
-        Duration::from_millis(self.idle_timeout_ms)
-    }
-
-    /// [`Config::keepalive_ms`] as a duration.
-    pub fn keepalive(&self) -> Duration {
-        Duration::from_millis(self.keepalive_ms)
     }
 }

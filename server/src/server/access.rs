@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::StartError;
-use super::reload::{Source, fingerprint};
-use crate::api::{Credentials, Keys, TokenRules, Tokens};
 use crate::config::Config;
+use troupe_edge::credentials::Credentials;
+use troupe_edge::keys::Keys;
+use troupe_edge::reload::{Source, fingerprint};
+use troupe_edge::tokens::{TokenRules, Tokens};
 
 /// What a server asks for.
 #[derive(Default)]

@@ -2,11 +2,12 @@
 
 use std::net::SocketAddr;
 
-use super::TlsError;
-use crate::api::{KeysError, TokensError};
 use crate::traces::TracesError;
 use troupe_character::document::DocumentError;
 use troupe_character::style::StyleError;
+use troupe_edge::keys::KeysError;
+use troupe_edge::port::{TlsError, TooFewFiles};
+use troupe_edge::tokens::TokensError;
 use troupe_engine::EngineError;
 use troupe_engine::pack::PackError;
 use troupe_live::records::RecordsError;
@@ -58,18 +59,8 @@ pub enum StartError {
     )]
     Anonymous(SocketAddr),
     /// More connections than the system gives files for.
-    #[error(
-        "max_connections is {asked}, and the limit of open files (ulimit -n) is {files}; allowed: 0 to {room}, or more with a \
-         higher limit"
-    )]
-    Files {
-        /// Connections that are asked for.
-        asked: usize,
-        /// The limit of open files.
-        files: u64,
-        /// Connections that fit into it.
-        room: usize,
-    },
+    #[error(transparent)]
+    Files(#[from] TooFewFiles),
     /// The state of sessions cannot be kept, and was asked to be.
     #[error(transparent)]
     Records(#[from] RecordsError),

@@ -8,8 +8,10 @@ use tokio_tungstenite::connect_async;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 use tokio_tungstenite::tungstenite::{self, http as ws_http};
 use tonic::Code;
+use troupe_edge::clients::Role;
+use troupe_edge::keys;
 use troupe_proto::v1;
-use troupe_server::api::{ErrorBody, Role, keys};
+use troupe_server::api::ErrorBody;
 
 use crate::common::calls::options;
 use crate::common::{TestServer, request};

@@ -13,8 +13,9 @@ use troupe_server::api::ErrorBody;
 use std::path::PathBuf;
 
 use crate::common::{TestServer, framed, request};
+use troupe_edge::clients::Role;
+use troupe_edge::keys;
 use troupe_proto::v1;
-use troupe_server::api::{Role, keys};
 use troupe_server::config::Config;
 
 async fn ask(server: &TestServer, method: Method, path: &str, headers: &[(&str, &str)]) -> reqwest::Response {

@@ -14,9 +14,9 @@ use utoipa::ToSchema;
 
 use super::row::Row;
 use super::{ApiError, DOMAIN};
-use crate::api::refusals::Refusal;
 use troupe_base::echo::{MAX_MESSAGE, cut};
 use troupe_base::telemetry::RequestContext;
+use troupe_edge::is_grpc;
 
 impl ApiError {
     /// The code's name, for metrics.
@@ -108,14 +108,10 @@ impl ApiError {
 
     /// [`ApiError::in_kind`], for a caller who speaks gRPC or does not.
     pub(in crate::api) fn in_protocol(&self, grpc: bool) -> Response {
-        let mut response = match grpc {
+        match grpc {
             true => self.status().into_http::<Body>(),
             false => self.clone().into_response(),
-        };
-        if let Some(refusal) = Refusal::of(self) {
-            response.extensions_mut().insert(refusal);
         }
-        response
     }
 
     /// The error behind a gRPC status: our own, or one that the gRPC library made while it read the
@@ -138,13 +134,6 @@ impl ApiError {
             _ => Self::Malformed { message, field: None },
         }
     }
-}
-
-/// Whether a request's headers are those of a gRPC call.
-pub(in crate::api) fn is_grpc(headers: &HeaderMap) -> bool {
-    headers
-        .get(header::CONTENT_TYPE)
-        .is_some_and(|form| form.as_bytes().starts_with(b"application/grpc"))
 }
 
 /// The code of an answer, noted on it for the metrics.
