@@ -9,11 +9,11 @@ use troupe_motion::ik::{FootLock, Posed, ReachOptions, Reached, lock_feet, reach
 use troupe_motion::interpolate::smoothstep;
 use troupe_motion::model::Rig;
 use troupe_motion::pin::{PosePin, pin_poses};
+use troupe_motion::root::heading_of;
 use troupe_motion::segment::{RootPin, pin_targets};
 use troupe_motion::terrain::{Terrain, lift_motion};
 use troupe_motion::{GlobalRoot, Quat, Vec3};
 
-use super::fixed::{Fixed, fixed};
 use super::note::Note;
 use super::request::{Effector, Take};
 use super::track::Track;
@@ -39,6 +39,14 @@ pub struct Made {
     pub boundaries: Vec<usize>,
     /// What a caller should know of it.
     pub notes: Vec<Note>,
+}
+
+/// What the root of a frame must be.
+#[derive(Debug, Clone, Copy, Default)]
+struct Fixed {
+    place: Option<[f32; 2]>,
+    y: Option<f32>,
+    heading: Option<f32>,
 }
 
 /// Finishes the motion of a sample, which has the body's own frames.
@@ -90,6 +98,41 @@ pub fn finish(take: &Take, track: Track, boundaries: Vec<usize>, notes: Vec<Note
     }
 }
 
+/// The roots that constraints fix, by frame.
+fn fixed(take: &Take) -> BTreeMap<usize, Fixed> {
+    let mut fixed: BTreeMap<usize, Fixed> = BTreeMap::new();
+    for knot in &take.wanted.path {
+        let at = fixed.entry(knot.frame.round() as usize).or_default();
+        at.place = Some(knot.place);
+        at.heading = knot.heading;
+    }
+    let left = take.subject.rig.skeleton.left_axis;
+    for key in &take.wanted.keys {
+        let at = fixed.entry(key.frame).or_default();
+        if let Some(root) = key.root {
+            at.place = Some([root.x, root.z]);
+            at.y = Some(root.y);
+        }
+        if let Some(pelvis) = key.rotations[0] {
+            at.heading = Some(heading_of(pelvis, left));
+        }
+    }
+    for effector in take
+        .wanted
+        .effectors
+        .iter()
+        .filter(|effector| effector.joint == 0)
+    {
+        let at = fixed.entry(effector.frame).or_default();
+        at.place = Some([effector.point.x, effector.point.z]);
+        at.y = Some(effector.point.y);
+        at.heading = at
+            .heading
+            .or(effector.rotation.map(|pelvis| heading_of(pelvis, left)));
+    }
+    fixed
+}
+
 struct Work<'a> {
     take: &'a Take,
     rig: &'a Rig,
@@ -111,12 +154,23 @@ impl Work<'_> {
         self.track.root(frame, &self.rig.skeleton)
     }
 
+    /// The root that a frame must have. Parts that are not fixed stay as they were made.
+    fn pinned(&self, frame: usize, fixed: &Fixed) -> GlobalRoot {
+        let mut root = self.root(frame);
+        if let Some([x, z]) = fixed.place {
+            (root.position.x, root.position.z) = (x, z);
+        }
+        root.position.y = fixed.y.unwrap_or(root.position.y);
+        root.heading = fixed.heading.unwrap_or(root.heading);
+        root
+    }
+
     /// Moves roots to the places that are fixed: the first one with all frames, others by an offset
     /// that fades.
     fn meet_roots(&mut self) {
         let last = self.last();
         if let Some(first) = self.fixed.get(&0).copied() {
-            let (from, to) = (self.root(0), first.of(self.root(0)));
+            let (from, to) = (self.root(0), self.pinned(0, &first));
             self.track.carry(from, to);
             let up = to.position.y - from.position.y;
             for (frame, root) in self.track.roots.iter_mut().enumerate() {
@@ -127,7 +181,7 @@ impl Work<'_> {
             .fixed
             .range(1..)
             .filter(|(frame, _)| **frame <= last)
-            .map(|(&frame, fixed)| (frame, fixed.of(self.root(frame))))
+            .map(|(&frame, fixed)| (frame, self.pinned(frame, fixed)))
             .collect();
         if self.take.is_loop && last > 0 {
             let first = self.root(0);
@@ -223,7 +277,7 @@ impl Work<'_> {
         }
         for (&frame, fixed) in &self.fixed {
             if frame < self.track.len() {
-                pins.insert(frame, fixed.of(self.root(frame)));
+                pins.insert(frame, self.pinned(frame, fixed));
             }
         }
         if self.take.is_loop {

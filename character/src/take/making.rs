@@ -68,25 +68,12 @@ impl Making {
         }
     }
 
-    /// Frames
+    /// Of a take in parts: the frames that are final since the last call. There may be none.
     pub fn part(&mut self) -> Track {
         match &mut self.chain {
             Chain::Walk(walk) => walk.new_part(),
+            // Paths of networks that take them are followed by a `PathPlan`.
             Chain::Follow(_) => Track::default(),
-        }
-    }
-    /// Raw
-    pub fn raw(self) -> Track {
-        match self.chain {
-            Chain::Walk(walk) => walk.done().0,
-            Chain::Follow(follow) => follow.done().0,
-        }
-    }
-    /// Notes
-    pub fn notes(&self) -> Vec<super::Note> {
-        match &self.chain {
-            Chain::Walk(walk) => vec![super::Note::info("moved", format!("{:.2}", walk.moved_m))],
-            Chain::Follow(_) => Vec::new(),
         }
     }
 

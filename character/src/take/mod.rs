@@ -3,10 +3,12 @@
 //! A [`Take`] says what a motion must meet: a path over the ground, poses, places of joints. A
 //! [`Making`] asks a generator for one window at a time. A body with styles goes from keyframe to
 //! keyframe and walks between them ([`walk`]); a body whose network takes paths follows one
-//! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must.
+//! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must; a take in parts
+//! has each window meet it ([`settle`]), so that frames are final as they are made. [`along`] makes
+//! such a take of a path.
 
+mod along;
 mod finish;
-mod fixed;
 mod follow;
 mod ground;
 mod making;
@@ -23,6 +25,7 @@ mod trajectory;
 mod walk;
 mod way;
 
+pub use along::{TooFast, WalkPath, WalkRequest};
 pub use finish::Made;
 pub use ground::Ground;
 pub use making::Making;

@@ -14,6 +14,7 @@ use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
 use super::note::Note;
 use super::request::{MotionFrames, Part, Prompt, Take};
 use super::seed::window_seed;
+use super::settle::settle;
 use super::start::start;
 use super::track::Track;
 use super::way::Way;
@@ -52,10 +53,9 @@ pub(super) struct Walk {
     pending: Option<Pending>,
     /// Words that the generator found for a motion, which are to be acted out.
     heard: Option<String>,
-    fixed: BTreeMap<usize, super::fixed::Fixed>,
-    given: usize,
-    pub(super) moved_m: f32,
     windows: usize,
+    /// Frames of the track that [`new_part`](Self::new_part) gave.
+    given: usize,
     /// Frames of the track at which windows begin.
     boundaries: Vec<usize>,
     notes: Vec<Note>,
@@ -101,10 +101,8 @@ impl Walk {
             track,
             pending: None,
             heard: None,
-            fixed: super::fixed::fixed(take),
-            given: lead,
-            moved_m: 0.0,
             windows: 0,
+            given: lead,
             boundaries: Vec::new(),
             notes,
         }
@@ -160,13 +158,7 @@ impl Walk {
                     contacts: plan.contacts,
                 };
                 if self.take.in_parts {
-                    let count = made.len();
-                    for frame in 0..CONTEXT_FRAMES {
-                        made.contacts[frame] = self.track.contacts[before + frame - CONTEXT_FRAMES];
-                    }
-                    let demands = self.demands(before, count, fresh);
-                    let moved = super::settle::settle(&self.rig, &mut made, &demands, self.take.hold_feet);
-                    self.moved_m = self.moved_m.max(moved);
+                    self.settle(&mut made, fresh);
                 }
                 self.track.extend(&made, CONTEXT_FRAMES, fresh);
             }
@@ -193,31 +185,21 @@ impl Walk {
         }
     }
 
-    fn demands(&self, before: usize, count: usize, fresh: usize) -> super::settle::Demands {
-        let mut demands = super::settle::Demands::default();
-        let at = |frame: usize| (frame + self.lead + CONTEXT_FRAMES).checked_sub(before);
-        let pins = std::env::var("PIN").unwrap_or_default() != "none";
-        for (&frame, fixed) in &self.fixed {
-            let is_key = self.keys.contains_key(&(frame + self.lead));
-            if let Some(at) = at(frame).filter(|&at| at >= CONTEXT_FRAMES && at < count)
-                && (pins && at < CONTEXT_FRAMES + fresh || is_key)
-            {
-                demands.roots.insert(at, *fixed);
-            }
-        }
-        for (&frame, key) in self.keys.range(before..before + count - CONTEXT_FRAMES) {
-            if let Some(rotations) = &key.rotations {
-                demands.poses.insert(frame + CONTEXT_FRAMES - before, rotations.clone());
-            }
-        }
-        demands
+    /// Has a window meet the keys among its `fresh` frames.
+    fn settle(&self, window: &mut Track, fresh: usize) {
+        let begin = self.track.len();
+        let context = begin - CONTEXT_FRAMES;
+        window.contacts[..CONTEXT_FRAMES].copy_from_slice(&self.track.contacts[context..]);
+        let keys = self.keys.range(begin..begin + fresh);
+        let keys: Vec<(usize, &TargetKey)> = keys.map(|(frame, key)| (frame - context, key)).collect();
+        settle(&self.rig, window, &keys, self.take.hold_feet);
     }
 
-    /// The newest frames that are final.
+    /// The frames of the motion that were made since the last call.
     pub(super) fn new_part(&mut self) -> Track {
         let end = self.track.len().min(self.lead + self.take.frames);
         let from = self.given.min(end);
-        self.given = end.max(self.given);
+        self.given = self.given.max(end);
         self.track.part(from, end - from)
     }
 
@@ -400,19 +382,6 @@ impl Walk {
             .map(|locomotion| locomotion.plan(&context));
         let mut targets = planned.unwrap_or_else(|| stand(context.roots[CONTEXT_FRAMES - 1]));
         let frames = targets.frames.unwrap_or(rig.dims.max_frames());
-        if self.way.is_given && std::env::var("GUIDE").is_ok_and(|v| v == "way") {
-            let old = targets.guide.clone();
-            let mut guide = self.guide(now, frames, context.roots[CONTEXT_FRAMES - 1], None);
-            if let Some(old) = old {
-                guide.height_ratio = old.height_ratio;
-                guide.heading_ratio = old.heading_ratio;
-                for (new, old) in guide.path.iter_mut().zip(&old.path) {
-                    new.position.y = old.position.y;
-                    new.heading = old.heading;
-                }
-            }
-            targets.guide = Some(guide);
-        }
         targets.gap_poses.extend(self.gap_poses(now, frames));
         targets
     }

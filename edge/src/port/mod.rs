@@ -7,7 +7,7 @@ mod listen;
 mod places;
 mod tls;
 
-pub use connections::{Routes, ConnectionLimits, accept};
+pub use connections::{ConnectionLimits, Routes, accept};
 pub use files::{TooFewFiles, max_connections};
 pub use listen::Listen;
 pub use places::Places;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use troupe_character::post::{
     NonFinite, check_finite, onto_hinges, parent_relative, roots, to_world_rotations,
 };
+use troupe_character::take::Track;
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Motion, Output, Rig, Sound, Telling};
 use troupe_motion::rotation::{align_sign, to_wxyz};
@@ -62,6 +63,30 @@ impl PartWriter {
                 messages.push(message(character, self.frames(character, motion)?));
             }
         }
+        Ok(self.ended(messages, is_last))
+    }
+
+    /// The messages of the next frames of one character, as [`write`](Self::write).
+    pub fn write_track(&mut self, track: Track, is_last: bool) -> Vec<v1::GenerateResponse> {
+        let mut messages = Vec::new();
+        if !track.is_empty() {
+            let contacts = 0..self.rig.dims.contacts;
+            let touches = |bits: u8| {
+                contacts
+                    .clone()
+                    .map(move |bit| f32::from(bits.checked_shr(bit as u32).unwrap_or(0) & 1))
+            };
+            let contacts = track.contacts.iter().copied().flat_map(touches).collect();
+            messages.push(message(
+                0,
+                self.columns(0, track.roots, track.rotations, contacts),
+            ));
+        }
+        self.ended(messages, is_last)
+    }
+
+    /// The messages of a part. The last part of an answer has one, even without frames.
+    fn ended(&mut self, mut messages: Vec<v1::GenerateResponse>, is_last: bool) -> Vec<v1::GenerateResponse> {
         if is_last && messages.is_empty() {
             messages.push(message(0, v1::Frames::default()));
         }
@@ -70,7 +95,7 @@ impl PartWriter {
             let found = self.judge.as_mut().map(Judge::part);
             last.feasibility = found.as_ref().map(feasible::message);
         }
-        Ok(messages)
+        messages
     }
 
     /// The next part lies at `frame`.
@@ -81,9 +106,25 @@ impl PartWriter {
     fn frames(&mut self, character: usize, motion: &Motion) -> Result<v1::Frames, NonFinite> {
         check_finite(motion)?;
         let (rig, count) = (&self.rig, motion.frames());
-        let joints = rig.dims.joints;
         let mut rotations = parent_relative(motion, count, &rig.dims, &rig.skeleton);
-        to_world_rotations(&self.frame, joints, &mut rotations);
+        to_world_rotations(&self.frame, rig.dims.joints, &mut rotations);
+        let positions: Vec<Vec3> = roots(&motion.root)
+            .map(|root| self.frame.to_world_position(root.position))
+            .collect();
+        let contacts = motion.contacts.iter().map(|contact| contact.clamp(0.0, 1.0));
+        let contacts = contacts.collect();
+        Ok(self.columns(character, positions, rotations, contacts))
+    }
+
+    /// The columns of a character's next frames, which are in the world.
+    fn columns(
+        &mut self,
+        character: usize,
+        positions: Vec<Vec3>,
+        mut rotations: Vec<Quat>,
+        contacts: Vec<f32>,
+    ) -> v1::Frames {
+        let (rig, joints) = (&self.rig, self.rig.dims.joints);
         if self.last.len() <= character {
             self.last.resize(character + 1, Vec::new());
         }
@@ -98,9 +139,6 @@ impl PartWriter {
                 rotations[index] = align_sign(rotations[index], before);
             }
         }
-        let positions: Vec<Vec3> = roots(&motion.root)
-            .map(|root| self.frame.to_world_position(root.position))
-            .collect();
         let hinges = rig.skeleton.robot.as_ref();
         let hinges = hinges.map(|robot| onto_hinges(robot, &positions, &mut rotations, true));
         let hinges = hinges.unwrap_or_default();
@@ -111,20 +149,16 @@ impl PartWriter {
             }
         }
         *last = rotations[rotations.len().saturating_sub(joints)..].to_vec();
-        Ok(v1::Frames {
-            frame_count: count as u32,
+        v1::Frames {
+            frame_count: positions.len() as u32,
             root_positions: positions.iter().flat_map(Vec3::to_array).collect(),
             rotations: rotations.iter().copied().flat_map(to_wxyz).collect(),
-            contacts: motion
-                .contacts
-                .iter()
-                .map(|contact| contact.clamp(0.0, 1.0))
-                .collect(),
+            contacts,
             qpos: hinges.qpos,
             hinge_residuals: hinges.residuals,
             clamped_hinges: hinges.clamped,
             ..v1::Frames::default()
-        })
+        }
     }
 }
 

@@ -90,6 +90,7 @@ pub fn check(value: Value, models: &[Model]) -> Result<Asked, Fault> {
         transition: native(options.transition_frames.unwrap_or(TRANSITION_FRAMES) as usize),
         is_loop: options.is_loop.unwrap_or(false),
         look,
+        past: None,
         in_parts: false,
     };
     Ok(Asked {

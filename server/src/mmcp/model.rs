@@ -82,9 +82,7 @@ impl Model {
 
     /// Whether it goes from keyframe to keyframe, walking in a style between them.
     pub fn walks(&self) -> bool {
-        self.can(Capability::Inbetween)
-            && self.rig().by_path.is_none()
-            && self.styles().default_style().is_some()
+        self.loaded.walks(self.place)
     }
 
     /// Whether it follows paths.
