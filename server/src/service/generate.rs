@@ -50,7 +50,10 @@ struct PathWay {
 #[derive(Debug)]
 enum Windows {
     /// By a network that takes paths. The segment of the window that is being made lies at `frame`.
-    Follow { plan: PathPlan, frame: SegmentFrame },
+    Follow {
+        plan: Box<PathPlan>,
+        frame: SegmentFrame,
+    },
     /// From keyframe to keyframe.
     Walk(Making),
 }
@@ -187,7 +190,7 @@ impl Service {
             false => {
                 loaded.require(Capability::Path, "pack")?;
                 no_sampling(request)?;
-                let mut plan = prepare_path(goal, &request.past, request.seed, &loaded.pack)?;
+                let mut plan = Box::new(prepare_path(goal, &request.past, request.seed, &loaded.pack)?);
                 if goal.strict {
                     refuse_path(&plan)?;
                 }
