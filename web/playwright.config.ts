@@ -10,7 +10,7 @@ export default defineConfig({
   workers: 1,
   fullyParallel: false,
   timeout: 60_000,
-  globalTimeout: 15 * 60_000,
+  globalTimeout: 20 * 60_000,
   retries: process.env['CI'] === undefined ? 0 : 2,
   expect: {
     timeout: 15_000,

@@ -1,4 +1,5 @@
-// What somebody sees who opens Scenes for the first time: with the example scenes of `make run`, and without any scene.
+// What a person sees who opens Scenes for the first time: with the example scenes of `make run`,
+// and without any scene.
 import { execFileSync } from 'node:child_process';
 import { mkdtempSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';

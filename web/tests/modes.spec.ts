@@ -1,4 +1,5 @@
-// Going from one mode to another and back: no error, the same choices, and the character in the picture.
+// Going from one mode to another and back: no error, the same choices, and the character in the
+// picture.
 import { apart, expect, focusStage, isInSight, ownPlace, switchMode, test, waitForCrowd } from './viewer';
 
 test('goes through all modes and back without an error, and keeps what was chosen', async ({ page, open, watched }) => {

@@ -172,7 +172,8 @@ export class EditorScene {
     const at = filled ? frame - filled.doc.gap.start : -1;
     const isPosing = !isPlaying && targetAt(doc, frame) !== undefined && (isStale(state) || state.handle !== undefined);
     const isInside = filled !== undefined && at >= 0 && frame <= filled.doc.gap.end && !isPosing;
-    // In the context frames all variants are the clip: bodies at one place would show through each other.
+    // In the context frames all variants are the clip: bodies at one place would show through each
+    // other.
     const isAlike = isInside && at < rig.limits.contextFrames;
     if (isInside) {
       const side = sideOf(filled.doc, rig);
