@@ -20,9 +20,9 @@ use crate::path::Path;
 const SAMPLING: &str = "Style and sampling";
 /// Have a body follow a path.
 ///
-/// For packs with the capability `path`, whose one network moves many bodies. The path is a file as
-/// for `drive`. Its start and its waypoints count, with their speeds, waits and headings. Its
-/// commands and styles do not.
+/// The network of a pack with the capability `path` moves many bodies. Other packs, such as g1, walk
+/// along the path in one of their styles. The path is a file as for `drive`. Its start and its
+/// waypoints count, with their speeds, waits and headings. Its commands and styles do not.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -41,15 +41,16 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 
-    /// Model pack. Default: the first that follows paths.
+    /// Model pack. Default: the first that has the body, or follows paths.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) pack: String,
 
-    /// Body of the pack that moves. Default: the pack's default body.
+    /// Body of the pack that moves. Default: the pack's default body, or its only one.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) skeleton: String,
 
-    /// Word of the pack, alone or with a weight of 0 to 1. May be given several times, for a blend.
+    /// Word of the pack, alone or with a weight of 0 to 1. May be given several times, for a blend;
+    /// once for a pack that walks.
     #[arg(long, help_heading = SAMPLING, value_name = "WORD[=WEIGHT]")]
     pub(crate) style: Vec<Word>,
 

@@ -244,3 +244,7 @@ fn too_fast(style: &Style, way: &[[f32; 3]], fps: f32) -> Option<TooFast> {
     });
     found.max_by(|a, b| (a.path_mps - a.style_mps).total_cmp(&(b.path_mps - b.style_mps)))
 }
+
+#[cfg(test)]
+#[path = "along_tests.rs"]
+mod tests;

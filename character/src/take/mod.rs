@@ -3,9 +3,9 @@
 //! A [`Take`] says what a motion must meet: a path over the ground, poses, places of joints. A
 //! [`Making`] asks a generator for one window at a time. A body with styles goes from keyframe to
 //! keyframe and walks between them ([`walk`]); a body whose network takes paths follows one
-//! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must; a take in parts
-//! has each window meet it ([`settle`]), so that frames are final as they are made. [`along`] makes
-//! such a take of a path.
+//! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must. A take in
+//! parts has each window meet it ([`settle`]), so that frames are final as they are made; [`along`]
+//! plans such a take for a path.
 
 mod along;
 mod finish;

@@ -58,9 +58,9 @@ pub struct Take {
     pub look: Look,
     /// Frames that go before the motion's first one. Only for takes in parts.
     pub past: Option<Context>,
-    /// Whether each window is final once it is made, see [`Making::part`](super::Making::part). Such
-    /// a take meets its whole poses and follows its path; it has no effectors, parts of poses or
-    /// ground, and no loop.
+    /// Whether each window is final once it is made, see [`Making::part`](super::Making::part). It
+    /// meets whole poses alone: such a take has no effectors, parts of poses, ground or loop, and
+    /// its path is a guide.
     pub in_parts: bool,
 }
 

@@ -19,7 +19,7 @@ use super::feasible;
 pub struct PartWriter {
     rig: Arc<Rig>,
     frame: SegmentFrame,
-    /// Each character's pose before its next part; empty where it has had none.
+    /// Each character's pose before its next part; empty before its first one.
     last: Vec<Vec<Quat>>,
     /// Of frames along a path, who judges them where the body has limits.
     judge: Option<Judge>,
@@ -244,10 +244,10 @@ mod tests {
         };
         let mut seen = |counts, is_last| -> Vec<(u32, u32, bool)> {
             let messages = writer.write(part(counts), is_last).unwrap();
-            let told = |message: &v1::GenerateResponse| {
+            let outline = |message: &v1::GenerateResponse| {
                 (message.character, frames(message).frame_count, message.is_last)
             };
-            messages.iter().map(told).collect()
+            messages.iter().map(outline).collect()
         };
         assert_eq!(seen([8, 0, 0], false), [(0, 8, false)]);
         assert_eq!(seen([0, 8, 4], false), [(1, 8, false), (2, 4, false)]);
@@ -283,13 +283,13 @@ mod tests {
             (Sound::Music, v1::Sound::Music),
             (Sound::Speech, v1::Sound::Speech),
         ] {
-            let told = write_description(Output::Audio(vec![3, 1]), Telling::Audio(into), true);
+            let written = write_description(Output::Audio(vec![3, 1]), Telling::Audio(into), true);
             let audio = v1::Audio {
                 sound: sound.into(),
                 codes: vec![3, 1],
             };
-            assert_eq!(told.part, Some(v1::describe_response::Part::Audio(audio)));
-            assert!(told.is_last);
+            assert_eq!(written.part, Some(v1::describe_response::Part::Audio(audio)));
+            assert!(written.is_last);
         }
     }
 }

@@ -19,7 +19,7 @@ use troupe_live::wire::keyframe::Role;
 use troupe_live::wire::{MAX_DISTANCE_M, units};
 
 pub use strict::{path_judge, refuse_path, refuse_walk, walk_judge};
-pub use walk::{Walking, prepare_walk};
+pub use walk::{MAX_PATH_KEYFRAMES, Walking, prepare_walk};
 
 /// Most points of a path.
 pub const MAX_PATH_POINTS: usize = 10_000;

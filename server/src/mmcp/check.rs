@@ -490,7 +490,7 @@ fn guidance(options: &Options, model: &Model, notes: &mut Vec<Note>) -> Option<f
     None
 }
 
-/// The seed of a request. One that is not given is drawn, and told.
+/// The seed of a request. One that is not given is drawn, and a note says it.
 fn seed(given: Option<i64>, notes: &mut Vec<Note>) -> u64 {
     match given {
         Some(seed) => seed as u64,

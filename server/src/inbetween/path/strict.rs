@@ -7,7 +7,7 @@ use troupe_motion::feasibility::{Figure, Judge, Key, Reading};
 use troupe_motion::model::Rig;
 use troupe_proto::v1;
 
-use super::super::feasible::{NotFeasible, told, value};
+use super::super::feasible::{NotFeasible, in_words, value};
 use super::walk::Walking;
 
 /// Checks that a strict request is for a body with limits.
@@ -103,7 +103,9 @@ fn refuse_keys<'a>(
     }
     let (figure, reading) = found.worst();
     let allowed = format!("at most {}", value(figure, reading.limit));
-    Err(place(reading.frame).error(told(figure, reading), allowed).into())
+    Err(place(reading.frame)
+        .error(in_words(figure, reading), allowed)
+        .into())
 }
 
 /// Refuses a way that is faster than the body.
@@ -123,7 +125,7 @@ fn refuse_speed(way: &[[f32; 3]], fps: f32, judge: &Judge) -> Result<(), NotFeas
     let needed_s = way.len() as f32 / fps * reading.ratio();
     let message = format!(
         "{} after {:.1} s",
-        told(Figure::RootSpeed, reading),
+        in_words(Figure::RootSpeed, reading),
         frame as f32 / fps
     );
     let allowed = format!(

@@ -15,7 +15,7 @@ use super::super::sampling::check_sampling;
 use super::{MAX_LISTED, check_ends, cut, points, strict};
 
 /// Most poses to pass on a path.
-const MAX_KEYFRAMES: usize = 256;
+pub const MAX_PATH_KEYFRAMES: usize = 256;
 /// Temperature of a request that names none.
 const TEMPERATURE: f32 = 1.0;
 
@@ -138,7 +138,12 @@ fn style(
 
 /// The poses to pass, each with its time in seconds.
 fn keyframes(path: &Path<'_>, goal: &v1::PathGoal, pack: &Pack) -> Result<Vec<(f32, Checked)>, FieldError> {
-    units::length(&path.field("keyframes"), goal.keyframes.len(), 0, MAX_KEYFRAMES)?;
+    units::length(
+        &path.field("keyframes"),
+        goal.keyframes.len(),
+        0,
+        MAX_PATH_KEYFRAMES,
+    )?;
     let each = goal.keyframes.iter().enumerate().map(|(index, given)| {
         let path = path.element("keyframes", index);
         let time_s = units::within(&path.field("time"), given.time, 0.0, super::MAX_SECONDS)?;
