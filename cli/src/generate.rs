@@ -6,7 +6,7 @@ use std::str::FromStr;
 use clap::Args;
 use glam::{Vec2, Vec3};
 use serde_json::json;
-use troupe_client::{FollowPath, Pack};
+use troupe_client::{Client, FollowPath, Pack};
 use troupe_motion::clip::Clip;
 
 use crate::context::Context;
@@ -20,15 +20,16 @@ use crate::path::Path;
 const SAMPLING: &str = "Style and sampling";
 /// Have a body follow a path.
 ///
-/// For packs with the capability `path`, whose one network moves many bodies. The path is a file as
-/// for `drive`. Its start and its waypoints count, with their speeds, waits and headings. Its
-/// commands and styles do not.
+/// The network of a pack with the capability `path` moves many bodies. Other packs, such as g1, walk
+/// along the path in one of their styles. The path is a file as for `drive`. Its start and its
+/// waypoints count, with their speeds, waits and headings. Its commands and styles do not.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
   troupe generate --path examples/paths/square.toml --out walk.bvh
   troupe generate --skeleton g1 --path examples/paths/square.toml --style walk --out walk.csv
   troupe generate --skeleton human --path examples/paths/square.toml --style walk=0.6 --style old=0.4 --out old.glb
+  troupe generate --pack g1 --path examples/paths/square.toml --style march --out march.csv
   troupe generate --skeleton horse --path examples/paths/square.toml --speed 3 --style trot --out trot.glb")]
 pub(crate) struct Generate {
     /// Path to follow (TOML).
@@ -40,15 +41,16 @@ pub(crate) struct Generate {
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 
-    /// Model pack. Default: the first that follows paths.
+    /// Model pack. Default: the first that has the body, or follows paths.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) pack: String,
 
-    /// Body of the pack that moves. Default: the pack's default body.
+    /// Body of the pack that moves. Default: the pack's default body, or its only one.
     #[arg(long, default_value = "", hide_default_value = true, value_name = "NAME")]
     pub(crate) skeleton: String,
 
-    /// Word of the pack, alone or with a weight of 0 to 1. May be given several times, for a blend.
+    /// Word of the pack, alone or with a weight of 0 to 1. May be given several times, for a blend;
+    /// once for a pack that walks.
     #[arg(long, help_heading = SAMPLING, value_name = "WORD[=WEIGHT]")]
     pub(crate) style: Vec<Word>,
 
@@ -108,7 +110,7 @@ impl FromStr for Word {
 pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Failure> {
     let format = Format::of(&command.out)?;
     let path = Path::read(&command.path)?;
-    let (client, pack) = context.connect_to_able("path", &command.pack).await?;
+    let (client, pack) = connect(context, command).await?;
     let pack = pack.of_body(&command.skeleton)?;
     format.fits(&pack, &command.out)?;
     let asked = std::time::Instant::now();
@@ -130,7 +132,7 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
                 "frames": frames,
                 "pack": pack.name(),
                 "pack_version": pack.description().version,
-                "skeleton": pack.body(),
+                "skeleton": body(&pack),
                 "notes": made.notes,
                 "feasibility": made.feasibility,
                 "took_ms": took_ms,
@@ -142,7 +144,7 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
     }
     context.term.note(format_args!(
         "{frames} frames of {} by {} {} written to {out}",
-        pack.body(),
+        body(&pack),
         pack.name(),
         pack.description().version
     ));
@@ -154,14 +156,45 @@ pub(super) async fn run(context: &Context, command: &Generate) -> Result<(), Fai
     Ok(())
 }
 
+/// Connects and fetches the pack that is named, or one for the body that is named.
+async fn connect(context: &Context, command: &Generate) -> Result<(Client, Pack), Failure> {
+    if !command.pack.is_empty() || command.skeleton.is_empty() {
+        return context.connect_to_able("path", &command.pack).await;
+    }
+    let client = context.connect().await?;
+    let packs = client.packs().await?;
+    let has_body = |pack: &&Pack| {
+        let mut bodies = pack.description().bodies.iter();
+        bodies.any(|body| body.name == command.skeleton)
+    };
+    let of_its_own = || packs.iter().find(|pack| pack.name() == command.skeleton);
+    let Some(pack) = packs.iter().find(has_body).or_else(of_its_own) else {
+        return Err(Failure::Other(format!(
+            "the server has no pack with the body `{}`",
+            command.skeleton
+        )));
+    };
+    // The list leaves out the joints of bodies.
+    let pack = client.pack(pack.name()).await?;
+    Ok((client, pack))
+}
+
+/// Name of the body that moves.
+fn body(pack: &Pack) -> &str {
+    match pack.body() {
+        "" => pack.name(),
+        body => body,
+    }
+}
+
 fn draw(path: &Path, pack: &Pack, clip: &Clip, command: &Generate) -> Result<Vec<u8>, String> {
     let words: Vec<&str> = command.style.iter().map(|style| &*style.word).collect();
     let way: Vec<Vec2> = std::iter::once(path.start)
         .chain(path.waypoints.iter().map(|point| point.at))
         .collect();
     let title = match &path.title {
-        Some(title) => format!("{title}, {}", pack.body()),
-        None => pack.body().to_owned(),
+        Some(title) => format!("{title}, {}", body(pack)),
+        None => body(pack).to_owned(),
     };
     let end = clip.root_positions.last().zip(way.last());
     let off = end.map(|(root, end)| end.distance(Vec2::new(root.x, root.z)));

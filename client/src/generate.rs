@@ -1,4 +1,4 @@
-//! Motion along a path, by a body of any skeleton.
+//! Motion along a path.
 
 use std::sync::Arc;
 
@@ -27,6 +27,7 @@ pub struct FollowPath {
     goal: v1::PathGoal,
     past: Vec<v1::Keyframe>,
     seed: u64,
+    temperature: Option<f32>,
 }
 
 impl FollowPath {
@@ -55,6 +56,7 @@ impl FollowPath {
             },
             past: Vec::new(),
             seed: 0,
+            temperature: None,
         }
     }
 
@@ -132,6 +134,24 @@ impl FollowPath {
         self
     }
 
+    /// Passes a pose so many seconds after the begin. Only for packs that walk along paths.
+    #[must_use]
+    pub fn passing(mut self, time_s: f32, key: &Key) -> Self {
+        self.goal.keyframes.push(v1::PathKeyframe {
+            time: time_s,
+            keyframe: Some(key.to_message()),
+        });
+        self
+    }
+
+    /// 0 for the most likely motion, above 0 to sample, at most 2. Only for packs that walk along
+    /// paths; 1 without it.
+    #[must_use]
+    pub fn temperature(mut self, temperature: f32) -> Self {
+        self.temperature = Some(temperature);
+        self
+    }
+
     fn to_message(&self, pack: &Pack) -> v1::GenerateRequest {
         let body = match self.goal.skeleton {
             Some(_) => String::new(),
@@ -145,7 +165,10 @@ impl FollowPath {
             })),
             past: self.past.clone(),
             seed: self.seed,
-            sampling: None,
+            sampling: self.temperature.map(|temperature| v1::Sampling {
+                temperature: Some(temperature),
+                ..v1::Sampling::default()
+            }),
         }
     }
 }
@@ -296,12 +319,15 @@ fn clip(frames: &v1::Frames, pack: &Pack) -> Result<Clip, AnswerError> {
 
 impl Pack {
     /// The pack with the skeleton and the robot of one of its bodies. The empty name stands for the
-    /// default body.
+    /// default body. A pack of one skeleton has that one alone, under the pack's name.
     ///
     /// # Errors
     /// [`RequestError::UnknownBody`], with the names of all bodies.
     pub fn of_body(&self, name: &str) -> Result<Self, ClientError> {
         let bodies = &self.description().bodies;
+        if bodies.is_empty() && (name.is_empty() || name == self.name()) {
+            return Ok(self.clone());
+        }
         let found = match name {
             "" => bodies.first(),
             name => bodies.iter().find(|body| body.name == name),

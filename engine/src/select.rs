@@ -20,16 +20,15 @@ use crate::vermo::VerMo;
 /// What serves a pack, and why.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Decision {
-    /// The engine.
+    /// What runs its networks.
     pub engine: EngineKind,
-    /// Its workers.
+    /// Threads that run them.
     pub workers: Workers,
     /// How it takes batches.
     pub batching: Batching,
     /// Why this one and no other.
     pub why: String,
-    /// The accuracy check of the engine that was to be had beside the reference, where there was
-    /// one.
+    /// The accuracy check of the engine that was to be had beside the reference, if there was one.
     pub check: Option<Check>,
 }
 
@@ -51,7 +50,7 @@ pub struct Check {
 pub struct Selector {
     /// The library.
     pub runtime: Runtime,
-    /// The machine.
+    /// Cores and instructions of this computer.
     pub machine: Machine,
     /// What is asked for.
     pub choice: EngineChoice,
@@ -72,7 +71,7 @@ pub struct Selector {
 }
 
 impl Selector {
-    /// Chooses the engine for `pack`, which is checked for accuracy where it is not the reference.
+    /// Chooses the engine for `pack`. An engine other than the reference is checked for accuracy.
     ///
     /// # Errors
     /// [`EngineError::Unusable`] where an engine is named and cannot serve, and what else fails on
@@ -150,7 +149,8 @@ impl Selector {
     /// decides which.
     ///
     /// # Errors
-    /// [`EngineError`] where the engine does not know the family, or the networks do not load or run.
+    /// [`EngineError`] for a family that the engine does not know, and for networks that do not load
+    /// or run.
     pub fn generator(
         &self,
         pack: &Pack,
@@ -257,7 +257,7 @@ impl Selector {
         Some(format!("the library {path} does not offer {library}; {get}"))
     }
 
-    /// [`Selector::check`], or its result where that was kept.
+    /// [`Selector::check`], or its result if that was kept.
     fn kept_check(&self, pack: &Pack, engine: EngineKind) -> Result<Check, EngineError> {
         let (threads, library) = (self.workers.threads, self.runtime.library());
         let file = self.cache.file(pack, engine, threads, &self.machine, library);

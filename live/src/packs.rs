@@ -190,6 +190,13 @@ impl LoadedPack {
             .map_or(&self.pack.rig, |body| &body.rig)
     }
 
+    /// Whether the body at a place goes from keyframe to keyframe, and walks in a style between them.
+    pub fn walks(&self, place: usize) -> bool {
+        self.pack.manifest.capabilities.has(Capability::Inbetween)
+            && self.rig(place).by_path.is_none()
+            && self.styles[place].default_style().is_some()
+    }
+
     /// The pack with a tenant's own styles beside those that came with it, kept in `folder`.
     ///
     /// # Errors

@@ -47,6 +47,11 @@ impl GroundPath {
         each.collect()
     }
 
+    /// Whether any point has a heading.
+    pub fn has_headings(&self) -> bool {
+        self.points.iter().any(|point| point.heading.is_some())
+    }
+
     /// Time of the last point, seconds.
     pub fn end_s(&self) -> f32 {
         self.points[self.points.len() - 1].time_s
@@ -97,7 +102,7 @@ impl GroundPath {
     /// stands still, it keeps the heading before.
     pub fn frames(&self, start_s: f32, fps: f32, count: usize) -> Vec<[f32; 3]> {
         let time = |frame: usize| start_s + frame as f32 / fps;
-        let mut headings: Vec<Option<f32>> = match self.points.iter().any(|point| point.heading.is_some()) {
+        let mut headings: Vec<Option<f32>> = match self.has_headings() {
             false => (0..count).map(|frame| self.direction(time(frame))).collect(),
             true => {
                 let at: Vec<f32> = self.point_headings();

@@ -1,5 +1,5 @@
-//! The last step of a take: the motion meets its constraints, its feet stand still, and it comes onto
-//! the ground.
+//! The last step of a take: the motion meets its constraints, its feet stand still, and it comes
+//! onto the ground.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

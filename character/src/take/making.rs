@@ -7,6 +7,7 @@ use troupe_motion::model::{Output, Task};
 use super::finish::{Made, finish};
 use super::follow::Follow;
 use super::request::{Prompt, Take};
+use super::track::Track;
 use super::walk::Walk;
 use crate::FieldError;
 use crate::post::NonFinite;
@@ -64,6 +65,15 @@ impl Making {
             (Chain::Follow(follow), Output::Motion(motion)) => follow.receive(motion),
             // No task of theirs has such an answer.
             (_, Output::Text(_) | Output::Motions(_) | Output::Audio(_)) => Err(NonFinite),
+        }
+    }
+
+    /// Of a take in parts: the frames that are final since the last call. There may be none.
+    pub fn part(&mut self) -> Track {
+        match &mut self.chain {
+            Chain::Walk(walk) => walk.new_part(),
+            // Paths of networks that take them are followed by a `PathPlan`.
+            Chain::Follow(_) => Track::default(),
         }
     }
 

@@ -3,8 +3,11 @@
 //! A [`Take`] says what a motion must meet: a path over the ground, poses, places of joints. A
 //! [`Making`] asks a generator for one window at a time. A body with styles goes from keyframe to
 //! keyframe and walks between them ([`walk`]); a body whose network takes paths follows one
-//! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must.
+//! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must. A take in
+//! parts has each window meet it ([`settle`]), so that frames are final as they are made; [`along`]
+//! plans such a take for a path.
 
+mod along;
 mod finish;
 mod follow;
 mod ground;
@@ -13,6 +16,7 @@ mod note;
 mod path_plan;
 mod request;
 mod seed;
+mod settle;
 mod start;
 #[cfg(test)]
 mod testing;
@@ -21,6 +25,7 @@ mod trajectory;
 mod walk;
 mod way;
 
+pub use along::{TooFast, WalkPath, WalkRequest};
 pub use finish::Made;
 pub use ground::Ground;
 pub use making::Making;

@@ -22,7 +22,7 @@ const NOTED_TURN_RAD_PER_S: f32 = 4.0;
 const MAX_OFF_M: f32 = 5.0;
 /// A motion leads over from a given pose to the path, and from the path to one, for this long,
 /// seconds.
-const LEAD_S: f32 = 0.5;
+pub(super) const LEAD_S: f32 = 0.5;
 
 /// A checked path, and how to follow it.
 #[derive(Debug, Clone)]
@@ -213,7 +213,7 @@ fn lift([x, z, heading]: [f32; 3]) -> GlobalRoot {
 }
 
 /// World x, z and heading of a root.
-fn flat(root: GlobalRoot) -> [f32; 3] {
+pub(super) fn flat(root: GlobalRoot) -> [f32; 3] {
     [root.position.x, root.position.z, root.heading]
 }
 
@@ -255,7 +255,7 @@ fn windows(past: usize, fresh: usize, dims: &Dims, ends_in_targets: bool) -> Vec
 }
 
 /// Nothing alive is that fast.
-fn check_speed(
+pub(super) fn check_speed(
     path: &Path<'_>,
     points: &GroundPath,
     frames: &[[f32; 3]],
@@ -303,7 +303,7 @@ fn speed_notes(body: &Body, frames: &[[f32; 3]], fps: f32) -> Vec<String> {
 }
 
 /// Bends the path so that it begins at the past, and ends at the targets.
-fn lead_over(
+pub(super) fn lead_over(
     root: &Path<'_>,
     path: &Path<'_>,
     frames: &mut [[f32; 3]],
@@ -314,7 +314,7 @@ fn lead_over(
     let lead = LEAD_S * fps;
     if let Some(from) = past.last().and_then(|key| key.root).map(flat) {
         let off = offset(from, frames[0]);
-        near(&root.element("past", past.len() - 1), "begin", off)?;
+        near(&root.element("past", past.len() - 1), "the path's begin", off)?;
         for (frame, point) in frames.iter_mut().enumerate() {
             shift(point, off, 1.0 - smoothstep((frame as f32 / lead).min(1.0)));
         }
@@ -322,7 +322,7 @@ fn lead_over(
     let (count, first) = (frames.len(), frames.len().saturating_sub(targets.len()));
     if let Some(to) = targets.first().and_then(|key| key.root).map(flat) {
         let off = offset(to, frames[first]);
-        near(&path.element("targets", 0), "end", off)?;
+        near(&path.element("targets", 0), "the path's end", off)?;
         for (frame, point) in frames[..first].iter_mut().enumerate() {
             shift(
                 point,
@@ -340,22 +340,24 @@ fn lead_over(
 }
 
 /// From a point of the path to where it should be.
-fn offset(to: [f32; 3], from: [f32; 3]) -> [f32; 3] {
+pub(super) fn offset(to: [f32; 3], from: [f32; 3]) -> [f32; 3] {
     [to[0] - from[0], to[1] - from[1], wrap_angle(to[2] - from[2])]
 }
 
-fn shift(point: &mut [f32; 3], off: [f32; 3], share: f32) {
+pub(super) fn shift(point: &mut [f32; 3], off: [f32; 3], share: f32) {
     for (value, off) in point.iter_mut().zip(off) {
         *value += share * off;
     }
 }
 
-fn near(path: &Path<'_>, end: &str, off: [f32; 3]) -> Result<(), FieldError> {
+/// Checks that the keyframe at `path`, which is off by so much, is not too far from a place of the
+/// path.
+pub(super) fn near(path: &Path<'_>, place: &str, off: [f32; 3]) -> Result<(), FieldError> {
     let way = off[0].hypot(off[1]);
     match way <= MAX_OFF_M {
         true => Ok(()),
         false => {
-            let message = format!("is {way:.1} m from the path's {end}");
+            let message = format!("is {way:.1} m from {place}");
             Err(path
                 .field("root")
                 .field("position")

@@ -6,6 +6,7 @@ use troupe_motion::model::{Body, KeyTensors, Rig};
 use troupe_motion::{Quat, Vec3};
 
 use super::ground::Ground;
+use crate::live::request::Context;
 use crate::style::Style;
 
 /// The body of a take, and how its network is asked.
@@ -55,6 +56,12 @@ pub struct Take {
     pub is_loop: bool,
     /// How to move.
     pub look: Look,
+    /// Frames that go before the motion's first one. Only for takes in parts.
+    pub past: Option<Context>,
+    /// Whether each window is final once it is made, see [`Making::part`](super::Making::part). It
+    /// meets whole poses alone: such a take has no effectors, parts of poses, ground or loop, and
+    /// its path is a guide.
+    pub in_parts: bool,
 }
 
 /// How to move.

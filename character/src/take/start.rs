@@ -14,6 +14,13 @@ const BEFORE: usize = 36;
 /// The frames that a motion begins with, and how many of them come before its first one.
 pub(super) fn start(take: &Take, way: &mut Way) -> (Track, usize) {
     let mut track = Track::default();
+    if let Some(past) = &take.past {
+        let joints = take.subject.rig.skeleton.joint_count();
+        for (root, pose) in past.roots.iter().zip(past.rotations.chunks_exact(joints)) {
+            track.push(*root, pose, 0);
+        }
+        return (track, CONTEXT_FRAMES);
+    }
     let keys = &take.wanted.keys;
     let given = keys.iter().take(CONTEXT_FRAMES).enumerate();
     let given = given.map_while(|(nth, key)| {

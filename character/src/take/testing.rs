@@ -40,6 +40,8 @@ pub(super) fn take(frames: usize) -> Take {
             style: Some(style),
             ..Look::default()
         },
+        past: None,
+        in_parts: false,
     }
 }
 

@@ -121,7 +121,7 @@ impl Track {
         )
     }
 
-    /// The frames `from..from + count`, as far as the track has them.
+    /// The frames `from..from + count`, as far as there are such.
     #[must_use]
     pub fn part(&self, from: usize, count: usize) -> Self {
         let joints = self.joints();

@@ -161,6 +161,19 @@ def test_a_horse_follows_a_path(client: troupe.Client) -> None:
         client.generate(troupe.FollowPath(points, words={"gallivant": 1.0}), pack="unimogen")
 
 
+@pytest.mark.parametrize("pack", ["human", "g1"])
+def test_a_pack_of_keyframes_walks_along_a_path(client: troupe.Client, pack: str) -> None:
+    path = troupe.FollowPath([[0, 0, 0], [0, 0, 3]], times=[0, 3])
+    made = client.generate(path, pack=pack, seed=3)
+    assert len(made.clip) == 91
+    assert np.linalg.norm(made.clip.root[-1, [0, 2]] - [0, 3]) < 0.1
+    place = made.clip.root[40] + np.array([0.2, 0, 0])
+    pose = troupe.Keyframe(root=place, rotations=made.clip.rotations[40])
+    through = troupe.FollowPath([[0, 0, 0], [0, 0, 3]], times=[0, 3], keyframes={1.5: pose})
+    again = client.generate(through, pack=pack, seed=3, sampling=troupe.Sampling(temperature=0))
+    assert np.abs(again.clip.root[45] - place).max() < 1e-3
+
+
 def test_a_body_of_ones_own_follows_a_path(client: troupe.Client) -> None:
     own = client.pack("unimogen").of_body("fox").skeleton
     path = troupe.FollowPath([[0, 0, 0], [0, 0, 1]], skeleton=own, steps=2)

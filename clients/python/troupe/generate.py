@@ -34,9 +34,11 @@ class FollowPath:
     seconds: float | None = None
     """Length of the motion. None: that of the path."""
     words: Mapping[str, float] = field(default_factory=dict)
-    """Words of the pack and how much of each, at most 1 in all."""
+    """Words of the pack and how much of each, at most 1 in all. Packs that walk along paths take one style, as 1."""
     targets: Clip | Sequence[Keyframe] = ()
     """How the motion ends."""
+    keyframes: Mapping[float, Keyframe] = field(default_factory=dict)
+    """Poses to pass, by their seconds from the begin. For packs that walk along paths, such as `human` and `g1`."""
     steps: int | None = None
     """Steps of the sampler."""
     guidance: float | None = None
@@ -59,6 +61,10 @@ class FollowPath:
             guidance=self.guidance,
             targets=keyframes(self.targets, "goal.path.targets", None),
             strict=self.strict,
+            keyframes=[
+                motion_pb2.PathKeyframe(time=time, keyframe=key.to_message(f"goal.path.keyframes[{nth}].keyframe"))
+                for nth, (time, key) in enumerate(self.keyframes.items())
+            ],
         )
 
 

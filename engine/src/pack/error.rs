@@ -6,7 +6,7 @@ use troupe_motion::feasibility::LimitsError;
 use troupe_motion::model::BodyError;
 use troupe_motion::robot::RobotError;
 
-/// A pack that cannot be used, and where it is.
+/// A pack that cannot be used, and its folder.
 #[derive(Debug, thiserror::Error)]
 #[error("model pack {}: {problem}", folder.display())]
 pub struct PackError {
@@ -61,7 +61,7 @@ pub enum PackProblem {
     /// Limits of a body.
     #[error("bodies/{body}.toml: {problem}")]
     BodyLimits {
-        /// The body.
+        /// Its name, as in the folder `bodies`.
         body: String,
         /// What is wrong with them.
         problem: Box<LimitsError>,
@@ -70,7 +70,7 @@ pub enum PackProblem {
     /// line.
     #[error("bodies/{body}.toml: {cause}")]
     BodyFile {
-        /// The body.
+        /// Its name, as in the folder `bodies`.
         body: String,
         /// What is wrong with it.
         cause: Box<toml::de::Error>,
@@ -78,7 +78,7 @@ pub enum PackProblem {
     /// A body that contradicts itself.
     #[error("bodies/{body}.toml: {problem}")]
     Body {
-        /// The body.
+        /// Its name, as in the folder `bodies`.
         body: String,
         /// What is wrong with it.
         problem: Box<BodyError>,

@@ -25,7 +25,8 @@ const MAX_ROOT_CHOICES: usize = 64;
 pub struct Manifest {
     /// Version of the manifest's own format.
     pub format: u32,
-    /// Name of the model family, which says what runs the pack. Format 1 has none: it is MotionBricks.
+    /// Name of the model family, which says what runs the pack. Format 1 has none: it is
+    /// MotionBricks.
     #[serde(default = "format_1_family")]
     pub family: String,
     /// What the pack can do. Format 1 does not say: it fills gaps and drives live characters.
@@ -69,7 +70,7 @@ pub struct Manifest {
     pub content_hash: String,
     /// What the pack animates.
     pub skeleton: Skeleton,
-    /// The skeleton's hinges, where it is a robot's.
+    /// The skeleton's hinges; only a robot's has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot: Option<RobotDoc>,
     /// What the motion that it was trained on does at most.
@@ -102,7 +103,7 @@ impl Manifest {
         }
         #[derive(Deserialize)]
         #[expect(dead_code, reason = "only that they are there")]
-        struct Told {
+        struct Required {
             family: String,
             capabilities: Capabilities,
         }
@@ -123,7 +124,7 @@ impl Manifest {
             });
         }
         // Format 2 has no defaults for what it is about.
-        let Told { .. } = toml::from_str(text)?;
+        let Required { .. } = toml::from_str(text)?;
         Ok(manifest)
     }
 

@@ -163,7 +163,7 @@ impl Pack {
         &self.manifest.name
     }
 
-    /// The body of that name; of the empty name, the default one. None where there is no such body.
+    /// The body of that name; of the empty name, the default one. None for an unknown name.
     pub fn body(&self, name: &str) -> Option<&Arc<Body>> {
         let default = self
             .manifest
@@ -191,7 +191,7 @@ impl Pack {
     }
 }
 
-/// Folders below `root` that hold a manifest, sorted; `root` itself where it is a pack.
+/// Folders below `root` that hold a manifest, sorted; `root` itself if it is a pack.
 ///
 /// # Errors
 /// [`PackError`] where `root` cannot be read, or holds no pack.

@@ -21,7 +21,7 @@ pub fn pack_of(rig: Rig) -> Pack {
         name: rig.name.clone(),
         version: "1.2.3".into(),
         licence: "CC0".into(),
-        credits: vec!["Nobody".into()],
+        credits: vec!["Somebody".into()],
         fps: rig.fps,
         frames_per_token: dims.frames_per_token,
         min_tokens: dims.min_tokens,

@@ -225,9 +225,9 @@ fn format_2_says_its_family_and_what_it_can_do() {
 
     let whole = MANIFEST.replace("HASH", &"0".repeat(64));
     let second = |more: &str| whole.replace("format = 1", "format = 2") + more;
-    let told = second("[capabilities]\ntext = true\n").replacen("heads = 4\ncodes = 256\n", "", 1);
-    let told = told.replace("name = \"toy\"", "name = \"toy\"\nfamily = \"words\"");
-    let manifest = Manifest::parse(&told).unwrap();
+    let words = second("[capabilities]\ntext = true\n").replacen("heads = 4\ncodes = 256\n", "", 1);
+    let words = words.replace("name = \"toy\"", "name = \"toy\"\nfamily = \"words\"");
+    let manifest = Manifest::parse(&words).unwrap();
     assert_eq!(
         (manifest.family.as_str(), named(&manifest)),
         ("words", vec!["text"])

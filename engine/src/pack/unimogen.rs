@@ -20,7 +20,7 @@ pub const DENOISER_FILE: &str = "denoiser.onnx";
 /// Frames of the network's slowest level: a window has a multiple of it.
 pub const RATE: usize = 4;
 
-/// What the networks are told of a row, in the order of a body's description.
+/// Numbers that the network gets of a row, in the order of a body's description.
 const DESCRIBED: [&str; DESCRIPTION] = [
     "bone_x",
     "bone_y",
@@ -53,17 +53,17 @@ const MAX_WORDS: usize = 1024;
 pub struct UniMoGenDoc {
     /// Names of the bodies, which are files of the folder `bodies`.
     pub bodies: Vec<String>,
-    /// The body that is meant where none is named.
+    /// The body of a request that names none.
     pub default_body: String,
     /// The words that the network knows.
     pub words: Vec<String>,
-    /// What it is told of each row.
+    /// Names of the numbers that it gets of each row.
     pub description: Vec<String>,
     /// Rows that a row's attention reads.
     pub slots: usize,
     /// Steps of the diffusion in training.
     pub diffusion_steps: usize,
-    /// Steps of the sampler where none are named.
+    /// Steps of the sampler for a request that names none.
     pub sampler_steps: usize,
     /// Share of the signal's power that is left at each diffusion step.
     pub signal: Vec<f64>,
@@ -73,7 +73,7 @@ pub struct UniMoGenDoc {
     pub root_high: [f32; 3],
     /// What columns of bends are multiplied by.
     pub bend_gain: f32,
-    /// Largest turn rate of a path that the network is told, radians a second.
+    /// Largest turn rate of a path that the network gets, radians a second.
     pub max_turn_rad_per_s: f32,
 }
 

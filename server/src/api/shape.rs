@@ -9,7 +9,7 @@ use prost::encoding::{DecodeContext, WireType, decode_key, decode_varint, skip_f
 use troupe_proto::rpc::{List, RPCS, Step};
 
 use super::{ApiError, ApiLimits};
-use crate::inbetween::MAX_PATH_POINTS;
+use crate::inbetween::{MAX_PATH_KEYFRAMES, MAX_PATH_POINTS};
 use troupe_character::FieldError;
 use troupe_character::primitives::path::PATH_POINTS;
 use troupe_live::session::MAX_COMMANDS;
@@ -45,6 +45,7 @@ impl Limit {
             // With all its frames.
             ("OtherMotion", _) => limit("characters", 16, 16_384),
             ("Keyframe", _) => limit("keyframes", 256, 64),
+            ("PathKeyframe", _) => limit("keyframes", MAX_PATH_KEYFRAMES, 66),
             ("RootKey", _) => limit("roots", 256, 1),
             ("Command", _) => limit("commands", MAX_COMMANDS, 64),
             ("Gait", _) => limit("gaits", 256, 256),

@@ -33,7 +33,7 @@ pub struct Trial {
 /// The speed of one size.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Speed {
-    /// The workers.
+    /// Threads that ran such batches at the same time.
     pub workers: Workers,
     /// Characters of a batch.
     pub batch: usize,

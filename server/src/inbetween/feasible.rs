@@ -172,7 +172,7 @@ impl Refusal<'_> {
         let key = self.path.element(list, index);
         let message = format!(
             "{}{}",
-            told(figure, reading),
+            in_words(figure, reading),
             of_joint(reading, &self.rig.skeleton)
         );
         let allowed = self.allowed(figure, reading);
@@ -187,7 +187,7 @@ impl Refusal<'_> {
         if let Some(given) = &self.plan.root {
             return self.on_the_given_way(given, figure, reading);
         }
-        let what = told(figure, reading);
+        let what = in_words(figure, reading);
         let joint = of_joint(reading, &self.rig.skeleton);
         let message = format!("take a motion that {what} in frame {}{joint}", reading.frame);
         self.path
@@ -199,7 +199,7 @@ impl Refusal<'_> {
     fn on_the_given_way(&self, given: &GivenRoot, figure: Figure, reading: Reading) -> FieldError {
         let next = given.frames.partition_point(|&frame| frame < reading.frame);
         let index = next.min(given.frames.len().saturating_sub(1));
-        let what = told(figure, reading);
+        let what = in_words(figure, reading);
         let joint = of_joint(reading, &self.rig.skeleton);
         let message = format!("leads to a motion that {what} in frame {}{joint}", reading.frame);
         let allowed = format!("at most {}", value(figure, reading.limit));
@@ -300,7 +300,7 @@ impl Refusal<'_> {
 }
 
 /// A figure in words, as what a keyframe or a motion has.
-pub(super) fn told(figure: Figure, reading: Reading) -> String {
+pub(super) fn in_words(figure: Figure, reading: Reading) -> String {
     let found = value(figure, reading.value);
     match figure {
         Figure::RootSpeed => format!("moves the root at {found}"),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use troupe_character::post::{
     NonFinite, check_finite, onto_hinges, parent_relative, roots, to_world_rotations,
 };
+use troupe_character::take::Track;
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Motion, Output, Rig, Sound, Telling};
 use troupe_motion::rotation::{align_sign, to_wxyz};
@@ -18,7 +19,7 @@ use super::feasible;
 pub struct PartWriter {
     rig: Arc<Rig>,
     frame: SegmentFrame,
-    /// Each character's pose before its next part; empty where it has had none.
+    /// Each character's pose before its next part; empty before its first one.
     last: Vec<Vec<Quat>>,
     /// Of frames along a path, who judges them where the body has limits.
     judge: Option<Judge>,
@@ -62,6 +63,30 @@ impl PartWriter {
                 messages.push(message(character, self.frames(character, motion)?));
             }
         }
+        Ok(self.ended(messages, is_last))
+    }
+
+    /// The messages of the next frames of one character, as [`write`](Self::write).
+    pub fn write_track(&mut self, track: Track, is_last: bool) -> Vec<v1::GenerateResponse> {
+        let mut messages = Vec::new();
+        if !track.is_empty() {
+            let contacts = 0..self.rig.dims.contacts;
+            let touches = |bits: u8| {
+                contacts
+                    .clone()
+                    .map(move |bit| f32::from(bits.checked_shr(bit as u32).unwrap_or(0) & 1))
+            };
+            let contacts = track.contacts.iter().copied().flat_map(touches).collect();
+            messages.push(message(
+                0,
+                self.columns(0, track.roots, track.rotations, contacts),
+            ));
+        }
+        self.ended(messages, is_last)
+    }
+
+    /// The messages of a part. The last part of an answer has one, even without frames.
+    fn ended(&mut self, mut messages: Vec<v1::GenerateResponse>, is_last: bool) -> Vec<v1::GenerateResponse> {
         if is_last && messages.is_empty() {
             messages.push(message(0, v1::Frames::default()));
         }
@@ -70,7 +95,7 @@ impl PartWriter {
             let found = self.judge.as_mut().map(Judge::part);
             last.feasibility = found.as_ref().map(feasible::message);
         }
-        Ok(messages)
+        messages
     }
 
     /// The next part lies at `frame`.
@@ -81,9 +106,25 @@ impl PartWriter {
     fn frames(&mut self, character: usize, motion: &Motion) -> Result<v1::Frames, NonFinite> {
         check_finite(motion)?;
         let (rig, count) = (&self.rig, motion.frames());
-        let joints = rig.dims.joints;
         let mut rotations = parent_relative(motion, count, &rig.dims, &rig.skeleton);
-        to_world_rotations(&self.frame, joints, &mut rotations);
+        to_world_rotations(&self.frame, rig.dims.joints, &mut rotations);
+        let positions: Vec<Vec3> = roots(&motion.root)
+            .map(|root| self.frame.to_world_position(root.position))
+            .collect();
+        let contacts = motion.contacts.iter().map(|contact| contact.clamp(0.0, 1.0));
+        let contacts = contacts.collect();
+        Ok(self.columns(character, positions, rotations, contacts))
+    }
+
+    /// The columns of a character's next frames, which are in the world.
+    fn columns(
+        &mut self,
+        character: usize,
+        positions: Vec<Vec3>,
+        mut rotations: Vec<Quat>,
+        contacts: Vec<f32>,
+    ) -> v1::Frames {
+        let (rig, joints) = (&self.rig, self.rig.dims.joints);
         if self.last.len() <= character {
             self.last.resize(character + 1, Vec::new());
         }
@@ -98,9 +139,6 @@ impl PartWriter {
                 rotations[index] = align_sign(rotations[index], before);
             }
         }
-        let positions: Vec<Vec3> = roots(&motion.root)
-            .map(|root| self.frame.to_world_position(root.position))
-            .collect();
         let hinges = rig.skeleton.robot.as_ref();
         let hinges = hinges.map(|robot| onto_hinges(robot, &positions, &mut rotations, true));
         let hinges = hinges.unwrap_or_default();
@@ -111,20 +149,16 @@ impl PartWriter {
             }
         }
         *last = rotations[rotations.len().saturating_sub(joints)..].to_vec();
-        Ok(v1::Frames {
-            frame_count: count as u32,
+        v1::Frames {
+            frame_count: positions.len() as u32,
             root_positions: positions.iter().flat_map(Vec3::to_array).collect(),
             rotations: rotations.iter().copied().flat_map(to_wxyz).collect(),
-            contacts: motion
-                .contacts
-                .iter()
-                .map(|contact| contact.clamp(0.0, 1.0))
-                .collect(),
+            contacts,
             qpos: hinges.qpos,
             hinge_residuals: hinges.residuals,
             clamped_hinges: hinges.clamped,
             ..v1::Frames::default()
-        })
+        }
     }
 }
 
@@ -210,10 +244,10 @@ mod tests {
         };
         let mut seen = |counts, is_last| -> Vec<(u32, u32, bool)> {
             let messages = writer.write(part(counts), is_last).unwrap();
-            let told = |message: &v1::GenerateResponse| {
+            let outline = |message: &v1::GenerateResponse| {
                 (message.character, frames(message).frame_count, message.is_last)
             };
-            messages.iter().map(told).collect()
+            messages.iter().map(outline).collect()
         };
         assert_eq!(seen([8, 0, 0], false), [(0, 8, false)]);
         assert_eq!(seen([0, 8, 4], false), [(1, 8, false), (2, 4, false)]);
@@ -249,13 +283,13 @@ mod tests {
             (Sound::Music, v1::Sound::Music),
             (Sound::Speech, v1::Sound::Speech),
         ] {
-            let told = write_description(Output::Audio(vec![3, 1]), Telling::Audio(into), true);
+            let written = write_description(Output::Audio(vec![3, 1]), Telling::Audio(into), true);
             let audio = v1::Audio {
                 sound: sound.into(),
                 codes: vec![3, 1],
             };
-            assert_eq!(told.part, Some(v1::describe_response::Part::Audio(audio)));
-            assert!(told.is_last);
+            assert_eq!(written.part, Some(v1::describe_response::Part::Audio(audio)));
+            assert!(written.is_last);
         }
     }
 }

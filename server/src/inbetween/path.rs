@@ -1,13 +1,15 @@
 //! Paths to follow: from a request to the windows of a motion of any length.
 
 mod strict;
+mod walk;
 
 use std::sync::Arc;
 
+use troupe_character::keyframe::Checked;
 use troupe_character::take::{PathPlan, PathRequest};
 use troupe_character::{FieldError, Path};
 use troupe_engine::pack::Pack;
-use troupe_motion::model::Body;
+use troupe_motion::model::{Body, Rig};
 use troupe_motion::path::{GroundPath, PathPoint, distance};
 use troupe_proto::v1;
 
@@ -16,7 +18,8 @@ use super::prepare::check_keyframes;
 use troupe_live::wire::keyframe::Role;
 use troupe_live::wire::{MAX_DISTANCE_M, units};
 
-pub use strict::{path_judge, refuse_path};
+pub use strict::{path_judge, refuse_path, refuse_walk, walk_judge};
+pub use walk::{MAX_PATH_KEYFRAMES, Walking, prepare_walk};
 
 /// Most points of a path.
 pub const MAX_PATH_POINTS: usize = 10_000;
@@ -43,18 +46,13 @@ pub fn prepare_path(
 ) -> Result<PathPlan, FieldError> {
     let root = Path::root();
     let path = root.field("path");
-    let dims = pack.rig.dims;
     let body = body(&path, goal, pack)?;
     strict::check(&path, goal, &body.name, &body.rig)?;
-    let context = dims.context_frames;
-    if !past.is_empty() && past.len() != context {
-        let message = format!("has {} keyframes", past.len());
-        let allowed = format!("none, or exactly {context}");
-        return Err(root.field("past").error(message, allowed));
+    if !goal.keyframes.is_empty() {
+        let allowed = format!("none: the network of the pack {} takes none", pack.name());
+        return Err(path.field("keyframes").error("is given", allowed));
     }
-    let past = check_keyframes(&root, "past", past, Role::Context, &body.rig)?;
-    units::length(&path.field("targets"), goal.targets.len(), 0, dims.max_targets)?;
-    let targets = check_keyframes(&path, "targets", &goal.targets, Role::Context, &body.rig)?;
+    let [past, targets] = check_ends(goal, past, &body.rig)?;
     let (points, seconds) = points(&path, goal, WALK * body.size_m)?;
     let mut notes = Vec::new();
     let guidance = goal.guidance.unwrap_or(1.0);
@@ -71,6 +69,31 @@ pub fn prepare_path(
     })?;
     plan.notes.extend(notes);
     Ok(plan)
+}
+
+/// The frames that go before a path, and those that it ends in.
+fn check_ends(
+    goal: &v1::PathGoal,
+    past: &[v1::Keyframe],
+    rig: &Rig,
+) -> Result<[Vec<Checked>; 2], FieldError> {
+    let root = Path::root();
+    let path = root.field("path");
+    let context = rig.dims.context_frames;
+    if !past.is_empty() && past.len() != context {
+        let message = format!("has {} keyframes", past.len());
+        let allowed = format!("none, or exactly {context}");
+        return Err(root.field("past").error(message, allowed));
+    }
+    let past = check_keyframes(&root, "past", past, Role::Context, rig)?;
+    units::length(
+        &path.field("targets"),
+        goal.targets.len(),
+        0,
+        rig.dims.max_targets,
+    )?;
+    let targets = check_keyframes(&path, "targets", &goal.targets, Role::Context, rig)?;
+    Ok([past, targets])
 }
 
 fn body(path: &Path<'_>, goal: &v1::PathGoal, pack: &Pack) -> Result<Arc<Body>, FieldError> {

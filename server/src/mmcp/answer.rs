@@ -14,7 +14,7 @@ use super::trajectory::Wire;
 /// The name of the protocol's extension.
 const EXTENSION: &str = "MMCP_motion";
 
-/// The extension.
+/// The members of `MMCP_motion`.
 #[derive(Debug, Serialize)]
 struct Extension<'a> {
     version: &'static str,

@@ -90,6 +90,8 @@ pub fn check(value: Value, models: &[Model]) -> Result<Asked, Fault> {
         transition: native(options.transition_frames.unwrap_or(TRANSITION_FRAMES) as usize),
         is_loop: options.is_loop.unwrap_or(false),
         look,
+        past: None,
+        in_parts: false,
     };
     Ok(Asked {
         model: model.clone(),
@@ -488,7 +490,7 @@ fn guidance(options: &Options, model: &Model, notes: &mut Vec<Note>) -> Option<f
     None
 }
 
-/// The seed of a request. One that is not given is drawn, and told.
+/// The seed of a request. One that is not given is drawn, and a note says it.
 fn seed(given: Option<i64>, notes: &mut Vec<Note>) -> u64 {
     match given {
         Some(seed) => seed as u64,

@@ -19,9 +19,9 @@ const TYPES: [&str; 4] = ["root_path", "effector_target", "pose_keyframe", "grou
 
 /// What the constraints of a request are about.
 pub struct Scope<'a> {
-    /// The model.
+    /// What is to meet them.
     pub model: &'a Model,
-    /// The frames.
+    /// Frames of request and model.
     pub clock: Clock,
 }
 
@@ -32,9 +32,9 @@ pub enum Constraint {
     Path(RootPath),
     /// Places of a joint.
     Effector(EffectorTarget),
-    /// A pose.
+    /// Rotations of joints at a frame.
     Pose(PoseKeyframe),
-    /// The ground.
+    /// Points of the surface below.
     Ground(GroundHeight),
 }
 

@@ -23,7 +23,7 @@ use troupe_live::wire::MAX_PROMPT_CHARS;
 /// The version that is spoken.
 pub const VERSION: &str = "1.4";
 
-/// A model.
+/// A pack, or one of its bodies, as the protocol sees it.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// Its id: the pack's name, or `PACK/BODY`.
@@ -71,7 +71,7 @@ impl Model {
         self.loaded.pack.bodies.get(self.place)
     }
 
-    /// Its styles.
+    /// The locomotion styles of its body.
     pub fn styles(&self) -> &Arc<StyleTable> {
         &self.loaded.styles[self.place]
     }
@@ -82,9 +82,7 @@ impl Model {
 
     /// Whether it goes from keyframe to keyframe, walking in a style between them.
     pub fn walks(&self) -> bool {
-        self.can(Capability::Inbetween)
-            && self.rig().by_path.is_none()
-            && self.styles().default_style().is_some()
+        self.loaded.walks(self.place)
     }
 
     /// Whether it follows paths.
@@ -157,8 +155,7 @@ impl Model {
         names(&[("nocfg", true), ("regular", self.follows())])
     }
 
-    /// Names of its styles, as many as an option may list. The default comes first where there is
-    /// one.
+    /// Names of its styles, as many as an option may list. The default comes first, if any.
     pub fn style_names(&self) -> Vec<String> {
         if self.follows() {
             let words = self.body().map(|body| body.words.clone()).unwrap_or_default();
@@ -215,7 +212,7 @@ impl Model {
         }
     }
 
-    /// Names of the joints whose contacts are told, at most eight.
+    /// Names of the joints whose contacts an answer has, at most eight.
     pub fn contact_joints(&self) -> Vec<String> {
         let skeleton = &self.rig().skeleton;
         let joints = skeleton.contacts.iter().flat_map(|contacts| &contacts.joints);

@@ -219,7 +219,7 @@ pub struct EffectorTarget {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseKeyframe {
-    /// Its frame.
+    /// 0 or more, below the request's frames.
     pub frame: i64,
     /// By the joint's name: x, y, z, w, relative to the parent; the root's in the world.
     pub joint_rotations: BTreeMap<String, [f64; 4]>,
@@ -280,7 +280,7 @@ pub fn read<T: DeserializeOwned>(value: Value, place: &str) -> Result<T, Fault> 
 /// Takes the type off a segment or constraint.
 ///
 /// # Errors
-/// [`Fault`] where it is no object with a type.
+/// [`Fault`] for anything but an object with a type.
 pub fn take_type(value: &mut Value, place: &str) -> Result<String, Fault> {
     let Some(object) = value.as_object_mut() else {
         return Err(Fault::schema(place, "is no object", "an object with a type"));
@@ -295,7 +295,7 @@ pub fn take_type(value: &mut Value, place: &str) -> Result<String, Fault> {
     }
 }
 
-/// The major version of a protocol version; none where it has no such form.
+/// The major version of a protocol version; none for a text of another form.
 pub fn major(version: &str) -> Option<&str> {
     let (major, minor) = version.split_once('.')?;
     let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());

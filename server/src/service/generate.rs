@@ -4,19 +4,20 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use troupe_character::post::check_finite;
-use troupe_character::take::PathPlan;
+use troupe_character::post::{NonFinite, check_finite};
+use troupe_character::take::{Making, PathPlan};
 use troupe_character::{FieldError, Path};
-use troupe_motion::SegmentFrame;
 use troupe_motion::feasibility::Judge;
 use troupe_motion::model::{Capability, Output, Rig, Task};
+use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
 use troupe_proto::v1;
 use troupe_proto::v1::generate_request::Goal;
 
 use super::streamed::{Pieces, Streamed};
 use super::{Service, ServiceError};
 use crate::inbetween::{
-    PartWriter, Prepared, no_sampling, path_judge, prepare_path, prepare_prompt, refuse_frames, refuse_path,
+    PartWriter, Prepared, no_sampling, path_judge, prepare_path, prepare_prompt, prepare_walk, refuse_frames,
+    refuse_path, refuse_walk, walk_judge,
 };
 use troupe_batch::{Batcher, Piece};
 use troupe_live::packs::LoadedPack;
@@ -38,13 +39,23 @@ pub struct Generation {
 /// A motion along a path, which is made window by window: each goes on from the one before.
 #[derive(Debug)]
 struct PathWay {
-    plan: PathPlan,
-    /// Where the segment of the window lies that is being made.
-    frame: SegmentFrame,
+    windows: Windows,
     batcher: Batcher,
     timeout: Duration,
     /// Whether frames that are not feasible end the answer.
     strict: bool,
+}
+
+/// How the windows of a path are made.
+#[derive(Debug)]
+enum Windows {
+    /// By a network that takes paths. The segment of the window that is being made lies at `frame`.
+    Follow {
+        plan: Box<PathPlan>,
+        frame: SegmentFrame,
+    },
+    /// From keyframe to keyframe.
+    Walk(Making),
 }
 
 /// What a request asks for.
@@ -83,26 +94,55 @@ impl Streamed for Generation {
 impl Generation {
     /// The messages of a piece; of a path's window, which puts the next window on its way.
     fn written(&mut self, piece: Piece) -> Result<Vec<v1::GenerateResponse>, ServiceError> {
-        let (Some(way), Output::Motion(motion)) = (&mut self.path, &piece.output) else {
+        let Some(way) = &mut self.path else {
             return Ok(self.writer.write(piece.output, piece.is_last)?);
         };
-        // What is not finite must not become the past of the next.
-        check_finite(motion)?;
-        self.writer.move_to(way.frame);
-        let (fresh, is_last) = way.plan.receive(motion, &way.frame);
-        let parts = self.writer.write(Output::Motion(fresh), is_last)?;
+        let (parts, next) = match &mut way.windows {
+            Windows::Follow { plan, frame } => follow(plan, frame, &mut self.writer, &piece.output)?,
+            Windows::Walk(making) => walk(making, &mut self.writer, &piece.output)?,
+        };
         if way.strict {
             parts
                 .iter()
                 .filter_map(|part| part.feasibility.as_ref())
                 .try_for_each(refuse_frames)?;
         }
-        if let Some((task, frame)) = way.plan.next_task() {
-            way.frame = frame;
-            self.pieces.ask_on(&way.batcher, task.into(), way.timeout)?;
+        if let Some(task) = next {
+            self.pieces.ask_on(&way.batcher, task, way.timeout)?;
         }
         Ok(parts)
     }
+}
+
+/// Messages of a window, and the task of the next.
+type Written = (Vec<v1::GenerateResponse>, Option<Task>);
+
+fn follow(
+    plan: &mut PathPlan,
+    frame: &mut SegmentFrame,
+    writer: &mut PartWriter,
+    made: &Output,
+) -> Result<Written, ServiceError> {
+    let Output::Motion(motion) = made else {
+        return Err(NonFinite.into());
+    };
+    // Numbers that are not finite must not become the past of the next window.
+    check_finite(motion)?;
+    writer.move_to(*frame);
+    let (fresh, is_last) = plan.receive(motion, frame);
+    let parts = writer.write(Output::Motion(fresh), is_last)?;
+    let next = plan.next_task().map(|(task, at)| {
+        *frame = at;
+        task.into()
+    });
+    Ok((parts, next))
+}
+
+fn walk(making: &mut Making, writer: &mut PartWriter, made: &Output) -> Result<Written, ServiceError> {
+    making.receive(made)?;
+    let part = making.part();
+    let next = making.next_task()?;
+    Ok((writer.write_track(part, next.is_none()), next))
 }
 
 impl Service {
@@ -134,23 +174,40 @@ impl Service {
         goal: &v1::PathGoal,
         loaded: &LoadedPack,
     ) -> Result<Wanted, ServiceError> {
-        loaded.require(Capability::Path, "pack")?;
-        no_sampling(request)?;
-        let mut plan = prepare_path(goal, &request.past, request.seed, &loaded.pack)?;
-        if goal.strict {
-            refuse_path(&plan)?;
-        }
-        let judge = path_judge(&plan);
-        let (task, frame) = plan.next_task().ok_or(ServiceError::Starting)?;
+        let takes_paths = loaded.pack.manifest.capabilities.has(Capability::Path);
+        let (task, rig, notes, judge, windows) = match !takes_paths && loaded.walks(0) {
+            true => {
+                let walking = prepare_walk(request, goal, &loaded.pack, &loaded.styles[0])?;
+                let rig = loaded.pack.rig.clone();
+                if goal.strict {
+                    refuse_walk(&walking, &rig)?;
+                }
+                let mut making = Making::new(&walking.path.take, 0);
+                let task = making.next_task()?.ok_or(NonFinite)?;
+                let judge = walk_judge(&walking, &rig);
+                (task, rig, walking.notes(), judge, Windows::Walk(making))
+            }
+            false => {
+                loaded.require(Capability::Path, "pack")?;
+                no_sampling(request)?;
+                let mut plan = Box::new(prepare_path(goal, &request.past, request.seed, &loaded.pack)?);
+                if goal.strict {
+                    refuse_path(&plan)?;
+                }
+                let (task, frame) = plan.next_task().ok_or(NonFinite)?;
+                let (rig, notes) = (plan.body.rig.clone(), std::mem::take(&mut plan.notes));
+                let judge = path_judge(&plan);
+                (task.into(), rig, notes, judge, Windows::Follow { plan, frame })
+            }
+        };
         Ok(Wanted {
-            task: task.into(),
-            rig: plan.body.rig.clone(),
-            frame,
-            notes: std::mem::take(&mut plan.notes),
+            task,
+            rig,
+            frame: SegmentFrame::from_root(GlobalRoot::new(Vec3::ZERO, 0.0)),
+            notes,
             judge,
             path: Some(PathWay {
-                plan,
-                frame,
+                windows,
                 batcher: loaded.batcher.clone(),
                 timeout: self.common.timeout,
                 strict: goal.strict,

@@ -15,6 +15,7 @@ mod onnx;
 mod performances;
 mod program;
 mod sessions;
+mod walks;
 mod words;
 
 use std::path::{Path, PathBuf};

@@ -16,6 +16,7 @@ use troupe_motion::root::wrap_angle;
 use crate::style::Style;
 
 pub use check::AskedPoint;
+pub(crate) use run::fastest;
 
 /// Fewest and most points of a path.
 pub const PATH_POINTS: RangeInclusive<usize> = 2..=1024;

@@ -249,7 +249,7 @@ fn possible(style: &Style, moment: &PathMoment) -> f32 {
 }
 
 /// Highest speed of a style in a direction while facing another, m/s.
-pub(super) fn fastest(style: &Style, direction: Vec3, facing: f32) -> f32 {
+pub(crate) fn fastest(style: &Style, direction: Vec3, facing: f32) -> f32 {
     /// Faster than any style.
     const FAST_MPS: f32 = 100.0;
     let most = reach::nearest(style, None, direction * FAST_MPS, facing);

@@ -298,7 +298,7 @@ class Audio(_message.Message):
     def __init__(self, sound: _Optional[_Union[Sound, str]] = ..., codes: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class PathGoal(_message.Message):
-    __slots__ = ("body", "skeleton", "points", "seconds", "speed", "style", "steps", "guidance", "targets", "strict")
+    __slots__ = ("body", "skeleton", "points", "seconds", "speed", "style", "steps", "guidance", "targets", "strict", "keyframes")
     BODY_FIELD_NUMBER: _ClassVar[int]
     SKELETON_FIELD_NUMBER: _ClassVar[int]
     POINTS_FIELD_NUMBER: _ClassVar[int]
@@ -309,6 +309,7 @@ class PathGoal(_message.Message):
     GUIDANCE_FIELD_NUMBER: _ClassVar[int]
     TARGETS_FIELD_NUMBER: _ClassVar[int]
     STRICT_FIELD_NUMBER: _ClassVar[int]
+    KEYFRAMES_FIELD_NUMBER: _ClassVar[int]
     body: str
     skeleton: BodySkeleton
     points: _containers.RepeatedCompositeFieldContainer[PathPoint]
@@ -319,7 +320,16 @@ class PathGoal(_message.Message):
     guidance: float
     targets: _containers.RepeatedCompositeFieldContainer[Keyframe]
     strict: bool
-    def __init__(self, body: _Optional[str] = ..., skeleton: _Optional[_Union[BodySkeleton, _Mapping]] = ..., points: _Optional[_Iterable[_Union[PathPoint, _Mapping]]] = ..., seconds: _Optional[float] = ..., speed: _Optional[float] = ..., style: _Optional[_Iterable[_Union[StyleWord, _Mapping]]] = ..., steps: _Optional[int] = ..., guidance: _Optional[float] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., strict: _Optional[bool] = ...) -> None: ...
+    keyframes: _containers.RepeatedCompositeFieldContainer[PathKeyframe]
+    def __init__(self, body: _Optional[str] = ..., skeleton: _Optional[_Union[BodySkeleton, _Mapping]] = ..., points: _Optional[_Iterable[_Union[PathPoint, _Mapping]]] = ..., seconds: _Optional[float] = ..., speed: _Optional[float] = ..., style: _Optional[_Iterable[_Union[StyleWord, _Mapping]]] = ..., steps: _Optional[int] = ..., guidance: _Optional[float] = ..., targets: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., strict: _Optional[bool] = ..., keyframes: _Optional[_Iterable[_Union[PathKeyframe, _Mapping]]] = ...) -> None: ...
+
+class PathKeyframe(_message.Message):
+    __slots__ = ("time", "keyframe")
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    KEYFRAME_FIELD_NUMBER: _ClassVar[int]
+    time: float
+    keyframe: Keyframe
+    def __init__(self, time: _Optional[float] = ..., keyframe: _Optional[_Union[Keyframe, _Mapping]] = ...) -> None: ...
 
 class StyleWord(_message.Message):
     __slots__ = ("word", "weight")

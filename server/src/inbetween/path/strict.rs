@@ -1,12 +1,14 @@
 //! Whether a path is one that its body can follow, as far as its data shows.
 
+use troupe_character::keyframe::Checked;
 use troupe_character::take::{PathPlan, speed_mps};
 use troupe_character::{FieldError, Path};
 use troupe_motion::feasibility::{Figure, Judge, Key, Reading};
 use troupe_motion::model::Rig;
 use troupe_proto::v1;
 
-use super::super::feasible::{NotFeasible, told, value};
+use super::super::feasible::{NotFeasible, in_words, value};
+use super::walk::Walking;
 
 /// Checks that a strict request is for a body with limits.
 pub(super) fn check(path: &Path<'_>, goal: &v1::PathGoal, body: &str, rig: &Rig) -> Result<(), FieldError> {
@@ -19,10 +21,19 @@ pub(super) fn check(path: &Path<'_>, goal: &v1::PathGoal, body: &str, rig: &Rig)
     }
 }
 
-/// A judge of the frames that are made, which go on from the past. None for a body without limits.
+/// A judge of the frames along a path, which go on from the past. None for a body without limits.
 pub fn path_judge(plan: &PathPlan) -> Option<Judge> {
-    let mut judge = Judge::new(&plan.body.rig)?;
-    for (frame, key) in plan.newest().iter().enumerate() {
+    judge_after(plan.newest(), &plan.body.rig)
+}
+
+/// A judge of the frames of a walk, as [`path_judge`].
+pub fn walk_judge(walking: &Walking, rig: &Rig) -> Option<Judge> {
+    judge_after(&walking.past, rig)
+}
+
+fn judge_after(past: &[Checked], rig: &Rig) -> Option<Judge> {
+    let mut judge = Judge::new(rig)?;
+    for (frame, key) in past.iter().enumerate() {
         let pose = key.pose.as_ref().map(|pose| (pose.height, &*pose.rotations));
         judge.push(frame, key.root.map(|root| root.position), pose);
     }
@@ -38,28 +49,67 @@ pub fn refuse_path(plan: &PathPlan) -> Result<(), NotFeasible> {
     let Some(mut judge) = Judge::new(&plan.body.rig) else {
         return Ok(());
     };
-    let keys = [plan.newest(), plan.targets()];
-    let [past, targets] = keys.map(|keys| keys.iter().map(|key| key.key()).collect::<Vec<Key<'_>>>());
-    let (root, lists) = (Path::root(), [("past", past), ("targets", targets)]);
-    let path = root.field("path");
-    for (name, keys) in lists {
-        let found = judge.keys(&keys, &[], keys.len());
-        if !found.is_feasible() {
-            let (figure, reading) = found.worst();
-            let field = if name == "past" { &root } else { &path };
-            let allowed = format!("at most {}", value(figure, reading.limit));
-            return Err(field
-                .element(name, reading.frame)
-                .error(told(figure, reading), allowed)
-                .into());
-        }
-    }
-    refuse_speed(&path, plan, &judge)
+    refuse_ends(&mut judge, plan.newest(), plan.targets())?;
+    refuse_speed(plan.way(), plan.body.rig.fps, &judge)
 }
 
-/// Refuses a path that is faster than the body.
-fn refuse_speed(path: &Path<'_>, plan: &PathPlan, judge: &Judge) -> Result<(), NotFeasible> {
-    let (fps, way) = (plan.body.rig.fps, plan.way());
+/// Refuses a walk as [`refuse_path`]; also one with a keyframe beyond the limits, or with a path
+/// that the style cannot keep up with.
+///
+/// # Errors
+/// [`NotFeasible`], with the field at fault.
+pub fn refuse_walk(walking: &Walking, rig: &Rig) -> Result<(), NotFeasible> {
+    let Some(mut judge) = Judge::new(rig) else {
+        return Ok(());
+    };
+    refuse_ends(&mut judge, &walking.past, &walking.targets)?;
+    let root = Path::root();
+    let path = root.field("path");
+    for (index, key) in walking.keyframes.iter().enumerate() {
+        let place = path.element("keyframes", index);
+        refuse_keys(&mut judge, std::slice::from_ref(key), |_| place.field("keyframe"))?;
+    }
+    refuse_speed(&walking.path.way, rig.fps, &judge)?;
+    match walking.path.too_fast {
+        None => Ok(()),
+        Some(fast) => {
+            let message = format!("goes at {:.2} m/s after {:.1} s", fast.path_mps, fast.time_s);
+            let allowed = format!(
+                "at most {:.2} m/s, as the style {} goes",
+                fast.style_mps, walking.style.name
+            );
+            Err(path.field("points").error(message, allowed).into())
+        }
+    }
+}
+
+fn refuse_ends(judge: &mut Judge, past: &[Checked], targets: &[Checked]) -> Result<(), NotFeasible> {
+    let root = Path::root();
+    let path = root.field("path");
+    refuse_keys(judge, past, |frame| root.element("past", frame))?;
+    refuse_keys(judge, targets, |frame| path.element("targets", frame))
+}
+
+/// Refuses consecutive keyframes, whose fields `place` names, that are beyond the limits.
+fn refuse_keys<'a>(
+    judge: &mut Judge,
+    keys: &[Checked],
+    place: impl Fn(usize) -> Path<'a>,
+) -> Result<(), NotFeasible> {
+    let keys: Vec<Key<'_>> = keys.iter().map(|key| key.key()).collect();
+    let found = judge.keys(&keys, &[], keys.len());
+    if found.is_feasible() {
+        return Ok(());
+    }
+    let (figure, reading) = found.worst();
+    let allowed = format!("at most {}", value(figure, reading.limit));
+    Err(place(reading.frame)
+        .error(in_words(figure, reading), allowed)
+        .into())
+}
+
+/// Refuses a way that is faster than the body.
+fn refuse_speed(way: &[[f32; 3]], fps: f32, judge: &Judge) -> Result<(), NotFeasible> {
     let limit = judge.limits().of(Figure::RootSpeed);
     let steps = way.windows(2).map(|pair| speed_mps(pair, fps)).enumerate();
     let (frame, fastest) = steps.fold((0, 0.0), |most, one| if one.1 > most.1 { one } else { most });
@@ -75,12 +125,14 @@ fn refuse_speed(path: &Path<'_>, plan: &PathPlan, judge: &Judge) -> Result<(), N
     let needed_s = way.len() as f32 / fps * reading.ratio();
     let message = format!(
         "{} after {:.1} s",
-        told(Figure::RootSpeed, reading),
+        in_words(Figure::RootSpeed, reading),
         frame as f32 / fps
     );
     let allowed = format!(
         "at most {}, as in about {needed_s:.1} s in all",
         value(Figure::RootSpeed, limit)
     );
+    let root = Path::root();
+    let path = root.field("path");
     Err(path.field("points").error(message, allowed).into())
 }
