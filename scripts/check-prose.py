@@ -25,7 +25,7 @@ PHRASES = {
     r"\bnext to (none|nothing|never)\b": "almost none",
     r"\bis nothing's\b": "does not exist",
 }
-MARKERS = r"//!|///|//|#(?!\[)"
+MARKERS = r"//!|///|//|#(?!!?\[)"
 COMMENT = re.compile(rf"^\s*(?:{MARKERS})")
 REPEATS = re.compile(r"^\s*/// (?:Its|Their|The|A|An|His) ((?:[A-Za-z]+ ?){1,3})\.$")
 ITEM = re.compile(r"^\s*(?:pub(?:\([^)]*\))? )?(?:const |async |unsafe )*(?:fn |struct |enum |trait |mod |type |static )?(?:r#)?([A-Za-z_]\w*)")

@@ -1,4 +1,13 @@
+<<<<<<< HEAD:eval/src/files/takes.rs
 //! `troupe-eval takes`: how the takes of a walk differ from each other, for the walkers of a crowd.
+=======
+//! Measures how takes of a walk differ, for the characters of a crowd: `cargo run -p troupe-motion
+//! --example list_takes -- PACK.toml FOLDER [LIST-OF-CLIPS-TO-LEAVE-OUT] > models/PACK/takes.json`.
+//!
+//! It reads takes named `SET_walk_STYLE_NUMBER` whose set has at least three of the style. For each
+//! it gives the mean turn of the joints above the legs relative to the mean of these takes, and the
+//! cadence of its steps for its speed.
+>>>>>>> char:motion/examples/list_takes.rs
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -11,11 +20,17 @@ use troupe_motion::gait::{ClosedCycle, CycleOptions, find_cycles};
 use troupe_motion::rotation::align_sign;
 use troupe_motion::{Quat, Skeleton};
 
+<<<<<<< HEAD:eval/src/files/takes.rs
 use crate::clips::{BvhFolder, clip_names};
 
 /// Steps a second grow with this power of the speed.
 const RATE_POWER: f32 = 0.3;
 /// Fewest takes of a style in a set.
+=======
+/// Steps a second grow with this power of the speed.
+const RATE_POWER: f32 = 0.3;
+/// Fewest takes for a mean.
+>>>>>>> char:motion/examples/list_takes.rs
 const FEWEST: usize = 3;
 
 /// List how the takes of a walk differ from each other, for models/PACK/takes.json.
@@ -70,8 +85,15 @@ pub(crate) fn run(asked: &Takes) -> anyhow::Result<()> {
             continue;
         };
         let style = of.rsplit_once('_').map_or(of, |(style, _)| style);
+<<<<<<< HEAD:eval/src/files/takes.rs
         if let Some(take) = take(name, &clip) {
             let of_set = (set.to_owned(), style.to_owned());
+=======
+        // Each set has its own performers.
+        let of_set = (set.to_owned(), style.to_owned());
+        let kept = left_out.lines().all(|line| line.trim_end_matches(".bvh") != name);
+        if kept && let Some(take) = read(&path, &name, &skeleton)? {
+>>>>>>> char:motion/examples/list_takes.rs
             styles.entry(of_set).or_default().push(take);
         }
     }
@@ -89,7 +111,11 @@ pub(crate) fn run(asked: &Takes) -> anyhow::Result<()> {
     Ok(())
 }
 
+<<<<<<< HEAD:eval/src/files/takes.rs
 /// How the takes of a style differ from their mean.
+=======
+/// The takes of a style relative to their mean.
+>>>>>>> char:motion/examples/list_takes.rs
 fn rows_of(style: &str, takes: &[Take], joints: &[usize]) -> Vec<Row> {
     let cadence = takes.iter().map(|take| take.cadence).sum::<f32>() / takes.len() as f32;
     let of = |joint: usize| mean(takes.iter().map(|take| take.mean[joint]));
@@ -107,10 +133,20 @@ fn rows_of(style: &str, takes: &[Take], joints: &[usize]) -> Vec<Row> {
     takes.iter().map(row).collect()
 }
 
+<<<<<<< HEAD:eval/src/files/takes.rs
 /// The steadiest cycle of a take, if it has any.
 fn take(name: &str, clip: &Clip) -> Option<Take> {
     let cycles = find_cycles(clip, &CycleOptions::default()).ok()?;
     let closed = ClosedCycle::new(clip, &cycles[0]);
+=======
+/// A take's steadiest cycle; none if it has no cycle.
+fn read(path: &Path, name: &str, skeleton: &Arc<Skeleton>) -> Result<Option<Take>, Box<dyn Error>> {
+    let clip: Clip = parse_bytes(&std::fs::read(path)?)?.to_clip_on(skeleton, &BvhOptions::default())?;
+    let Ok(cycles) = find_cycles(&clip, &CycleOptions::default()) else {
+        return Ok(None);
+    };
+    let closed = ClosedCycle::new(&clip, &cycles[0]);
+>>>>>>> char:motion/examples/list_takes.rs
     let poses: Vec<Vec<Quat>> = (0..closed.frames())
         .map(|frame| closed.at(frame as f32).1)
         .collect();
@@ -132,7 +168,11 @@ fn mean(rotations: impl Iterator<Item = Quat>) -> Quat {
     sum.normalize()
 }
 
+<<<<<<< HEAD:eval/src/files/takes.rs
 /// The rotation from a mean to a take in the frame of the parent joint, as a rotation vector.
+=======
+/// The turn from a mean to a take, in the parent's frame of reference.
+>>>>>>> char:motion/examples/list_takes.rs
 fn turn(take: Quat, mean: Quat) -> [f32; 3] {
     let turn = align_sign(take * mean.conjugate(), Quat::IDENTITY);
     turn.to_scaled_axis().to_array().map(rounded)
@@ -142,7 +182,11 @@ fn rounded(value: f32) -> f32 {
     (value * 1e4).round() / 1e4
 }
 
+<<<<<<< HEAD:eval/src/files/takes.rs
 /// All joints except the pelvis and those between it and a contact joint.
+=======
+/// All joints but the pelvis and the ancestors of contact joints.
+>>>>>>> char:motion/examples/list_takes.rs
 fn above_the_legs(skeleton: &Skeleton) -> Vec<usize> {
     let contacts = skeleton.contacts.iter().flat_map(|contacts| &contacts.joints);
     let mut legs = vec![false; skeleton.joint_count()];

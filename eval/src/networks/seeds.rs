@@ -1,5 +1,10 @@
+<<<<<<< HEAD:eval/src/networks/seeds.rs
 //! `troupe-eval seeds`: how much the walkers of a crowd differ by their seeds, beside the takes of
 //! the data, and what that costs.
+=======
+//! How much the walks of a crowd differ by seed, compared with the takes of the data, and what that
+//! costs.
+>>>>>>> char:character/examples/starts_and_turns/crowd.rs
 
 use clap::Args;
 use troupe_motion::Vec3;
@@ -9,6 +14,7 @@ use troupe_motion::gait::{ClosedCycle, CycleOptions, find_cycles};
 use troupe_motion::metrics::{foot_skate_m_per_frame, joint_acceleration_percentile_mps2};
 use troupe_motion::rotation::yaw;
 
+<<<<<<< HEAD:eval/src/networks/seeds.rs
 use super::Played;
 use super::crowd::{LocalRole, slowest_ahead};
 use crate::clips::BvhFolder;
@@ -17,11 +23,21 @@ use crate::clips::BvhFolder;
 const STAND_FRAMES: usize = 20;
 /// Frames from the command until a character goes steadily, and those that are measured from there
 /// on.
+=======
+use crate::Args;
+use crate::clips::Clips;
+use crate::simulation::{Role, Simulation, slowest_ahead};
+
+/// Frames for which everybody stands at first.
+const STAND_FRAMES: usize = 20;
+/// Frames from the command to a steady walk, and the frames measured after that.
+>>>>>>> char:character/examples/starts_and_turns/crowd.rs
 const STARTING_FRAMES: usize = 60;
 const STEADY_FRAMES: usize = 240;
 /// Phases of a step at which poses are compared.
 const PHASES: usize = 32;
 
+<<<<<<< HEAD:eval/src/networks/seeds.rs
 /// A walk at [`PHASES`] phases from a left strike on: positions of joints relative to the root on
 /// the ground, turned to face ahead.
 type Walk = Vec<Vec<Vec3>>;
@@ -38,6 +54,13 @@ pub(crate) struct Seeds {
 
 pub(crate) fn run(asked: &Seeds) -> anyhow::Result<()> {
     let (mut crowd, clips) = asked.played.load()?;
+=======
+/// A walk at [`PHASES`] phases, beginning as the left foot strikes: joints relative to the root on
+/// the ground, facing ahead.
+type Walk = Vec<Vec<Vec3>>;
+
+pub fn run(simulation: &mut Simulation, clips: Option<&Clips>, args: &Args) -> anyhow::Result<()> {
+>>>>>>> char:character/examples/starts_and_turns/crowd.rs
     println!(
         "{:20} {:>5} {:>9} | {:>5} {:>9} | {:>5} {:>5} | {:>6} {:>6} | {:>6} {:>6} | {:>6} {:>6}",
         "mm between walkers",
@@ -54,8 +77,13 @@ pub(crate) fn run(asked: &Seeds) -> anyhow::Result<()> {
         "accel",
         "seed 0"
     );
+<<<<<<< HEAD:eval/src/networks/seeds.rs
     for style in crowd.styles.clone() {
         let takes = match &clips {
+=======
+    for style in simulation.styles.clone() {
+        let takes = match clips {
+>>>>>>> char:character/examples/starts_and_turns/crowd.rs
             Some(clips) => of_clips(clips, &style.name)?,
             None => Vec::new(),
         };
@@ -72,7 +100,11 @@ pub(crate) fn run(asked: &Seeds) -> anyhow::Result<()> {
                 frames: STAND_FRAMES + STARTING_FRAMES + STEADY_FRAMES,
             })
             .collect();
+<<<<<<< HEAD:eval/src/networks/seeds.rs
         let played = crowd.play(&roles)?;
+=======
+        let played = simulation.play(&roles)?;
+>>>>>>> char:character/examples/starts_and_turns/crowd.rs
         let figures: Vec<Figures> =
             (played.iter().map(|take| Figures::of(&take.clip, velocity))).collect::<anyhow::Result<_>>()?;
         let walks: Vec<Walk> = figures[1..].iter().filter_map(|f| f.walk.clone()).collect();
@@ -101,9 +133,15 @@ pub(crate) fn run(asked: &Seeds) -> anyhow::Result<()> {
 
 struct Figures {
     walk: Option<Walk>,
+<<<<<<< HEAD:eval/src/networks/seeds.rs
     /// Speed ÷ that of the command.
     speed: f64,
     /// Mean heading of the hips, degrees from the commanded one.
+=======
+    /// Share of the speed that was asked for.
+    speed: f64,
+    /// Mean angle between hips and heading, degrees.
+>>>>>>> char:character/examples/starts_and_turns/crowd.rs
     facing: f64,
     skate_mm: f64,
     joints_mps2: f64,
@@ -128,8 +166,13 @@ impl Figures {
     }
 }
 
+<<<<<<< HEAD:eval/src/networks/seeds.rs
 /// The takes of a style's walk, from the set with most takes.
 fn of_clips(clips: &BvhFolder, style: &str) -> anyhow::Result<Vec<Walk>> {
+=======
+/// The takes of one walk of a style, from the set with the most takes.
+fn of_clips(clips: &Clips, style: &str) -> anyhow::Result<Vec<Walk>> {
+>>>>>>> char:character/examples/starts_and_turns/crowd.rs
     let mut all = Vec::new();
     for clip in clips.read(|name| name.contains(&format!("dataset-2_walk_{style}_"))) {
         all.extend(walk(&clip?.1)?);
@@ -137,7 +180,11 @@ fn of_clips(clips: &BvhFolder, style: &str) -> anyhow::Result<Vec<Walk>> {
     Ok(all)
 }
 
+<<<<<<< HEAD:eval/src/networks/seeds.rs
 /// The steadiest cycle of a walk, if it has any.
+=======
+/// The steadiest cycle of a walk; none if the clip has no cycle.
+>>>>>>> char:character/examples/starts_and_turns/crowd.rs
 fn walk(clip: &Clip) -> anyhow::Result<Option<Walk>> {
     let Ok(cycles) = find_cycles(clip, &CycleOptions::default()) else {
         return Ok(None);
@@ -157,7 +204,7 @@ fn walk(clip: &Clip) -> anyhow::Result<Option<Walk>> {
     Ok((left.hypot(forward) > 0.1).then_some(poses))
 }
 
-/// The mean distance of a joint between two walks at the same phase, over all pairs, millimetres.
+/// Mean distance of a joint between two walks at the same phase, over all pairs, millimetres.
 fn apart_mm(walks: &[Walk]) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for (nth, one) in walks.iter().enumerate() {

@@ -1,5 +1,10 @@
+<<<<<<< HEAD:eval/src/networks/sides.rs
 //! `troupe-eval sides`: characters that go aside and backwards while they face ahead. Measures
 //! where hips and shoulders face, the speed, and the acceleration of joints.
+=======
+//! Steps aside and backwards while facing ahead: where hips and shoulders face, how much of the
+//! speed the character reaches, and how hard its joints accelerate.
+>>>>>>> char:character/examples/starts_and_turns/sides.rs
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -15,6 +20,7 @@ use troupe_motion::root::wrap_angle;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{Skeleton, Vec3};
 
+<<<<<<< HEAD:eval/src/networks/sides.rs
 use super::Played;
 use super::crowd::{LocalRole, slowest_ahead};
 use crate::clips::BvhFolder;
@@ -25,17 +31,36 @@ const STAND_FRAMES: usize = 20;
 /// Frames from the command until a character goes steadily.
 const STARTING_FRAMES: usize = 45;
 /// Frames that are measured from there on.
+=======
+use crate::clips::Clips;
+use crate::simulation::{Role, Simulation, slowest_ahead};
+use crate::{Args, percentile};
+
+/// Frames for which everybody stands at first.
+const STAND_FRAMES: usize = 20;
+/// Frames from the command to a steady walk.
+const STARTING_FRAMES: usize = 45;
+/// Frames measured after that.
+>>>>>>> char:character/examples/starts_and_turns/sides.rs
 const STEADY_FRAMES: usize = 180;
-/// Directions, degrees to the left of where it faces.
+/// Directions of travel, degrees to the left of the heading.
 const DIRECTIONS: [f32; 9] = [45.0, -45.0, 60.0, -60.0, 90.0, -90.0, 135.0, -135.0, 180.0];
+<<<<<<< HEAD:eval/src/networks/sides.rs
 /// Share of a clip at either end that is not measured: it may start or stop there.
 const EDGE: f32 = 0.15;
 /// Bars: hips off, radians; speed off, as a share; acceleration ÷ that of the clip.
+=======
+/// Share of a clip at either end that is not measured: the clip may start or stop there.
+const EDGE: f32 = 0.15;
+/// Limits: angle of the hips, radians; missing speed, as a share; acceleration, as a multiple of
+/// the clip's.
+>>>>>>> char:character/examples/starts_and_turns/sides.rs
 const BARS: (f64, f64, f64) = (0.262, 0.15, 1.5);
 
-/// One run, or one clip.
+/// The figures of one run or one clip.
 struct Figures {
     name: String,
+<<<<<<< HEAD:eval/src/networks/sides.rs
     /// Speed of the command, and the speed that the character reported, m/s.
     asked_mps: f64,
     bounded_mps: f64,
@@ -45,6 +70,17 @@ struct Figures {
     hips: f64,
     shoulders: f64,
     /// 99.9th percentile of the accelerations of joints, and that of a clip of the same style.
+=======
+    /// The speed that was asked for, and the speed that the character announced, m/s.
+    asked_mps: f64,
+    bounded_mps: f64,
+    /// Speed along the direction that was asked for, m/s.
+    speed_mps: f64,
+    /// Mean angle of hips and shoulders to the heading, radians to the left.
+    hips: f64,
+    shoulders: f64,
+    /// 99.9th percentile of the joints' accelerations, and the same of the style's clip, m/s².
+>>>>>>> char:character/examples/starts_and_turns/sides.rs
     joints_mps2: f64,
     clip_mps2: f64,
     skate_mm: f64,
@@ -52,10 +88,16 @@ struct Figures {
     feet_m: f32,
 }
 
+<<<<<<< HEAD:eval/src/networks/sides.rs
 pub(crate) fn run(asked: &Played) -> anyhow::Result<()> {
     let (mut crowd, clips) = asked.load()?;
     if let Some(clips) = &clips {
         of_clips(clips, asked.each)?;
+=======
+pub fn run(simulation: &mut Simulation, clips: Option<&Clips>, args: &Args) -> anyhow::Result<()> {
+    if let Some(clips) = clips {
+        of_clips(clips, args.each)?;
+>>>>>>> char:character/examples/starts_and_turns/sides.rs
     }
     let references = references(clips.as_ref(), &asked.pack)?;
     println!(
@@ -80,7 +122,11 @@ pub(crate) fn run(asked: &Played) -> anyhow::Result<()> {
     );
     for degrees in DIRECTIONS {
         let mut roles = Vec::new();
+<<<<<<< HEAD:eval/src/networks/sides.rs
         for style in &crowd.styles {
+=======
+        for style in &simulation.styles {
+>>>>>>> char:character/examples/starts_and_turns/sides.rs
             let walk = style.gait("walk").or_else(|| slowest_ahead(style));
             let speed = walk.map_or(0.0, |gait| gait.speed_mps());
             roles.push(LocalRole {
@@ -91,7 +137,11 @@ pub(crate) fn run(asked: &Played) -> anyhow::Result<()> {
                 frames: STAND_FRAMES + STARTING_FRAMES + STEADY_FRAMES,
             });
         }
+<<<<<<< HEAD:eval/src/networks/sides.rs
         let takes = crowd.play(&roles)?;
+=======
+        let takes = simulation.play(&roles)?;
+>>>>>>> char:character/examples/starts_and_turns/sides.rs
         let mut all = Vec::new();
         for (role, take) in roles.iter().zip(&takes) {
             let velocity = role.commands[0].1;
@@ -115,9 +165,14 @@ pub(crate) fn run(asked: &Played) -> anyhow::Result<()> {
     Ok(())
 }
 
+<<<<<<< HEAD:eval/src/networks/sides.rs
 /// The 99.9th percentile of joint accelerations of the clips that show styles' walks, by style and
 /// gait.
 fn references(clips: Option<&BvhFolder>, pack: &Path) -> anyhow::Result<BTreeMap<(String, String), f64>> {
+=======
+/// 99.9th percentile of joint accelerations in the clips of the styles' walks, by style and gait.
+fn references(clips: Option<&Clips>, args: &Args) -> anyhow::Result<BTreeMap<(String, String), f64>> {
+>>>>>>> char:character/examples/starts_and_turns/sides.rs
     let mut all = BTreeMap::new();
     let Some(clips) = clips else { return Ok(all) };
     for (style, entry) in StyleList::read(&pack.join("styles.toml"))?.styles {
@@ -144,8 +199,13 @@ fn middle(clip: &Clip) -> Range<usize> {
     edge..clip.frames() - edge
 }
 
+<<<<<<< HEAD:eval/src/networks/sides.rs
 /// Prints where the clips that go aside or backwards face, seen from their way.
 fn of_clips(clips: &BvhFolder, each: bool) -> anyhow::Result<()> {
+=======
+/// Clips that move aside or backwards, with the angle of their travel.
+fn of_clips(clips: &Clips, each: bool) -> anyhow::Result<()> {
+>>>>>>> char:character/examples/starts_and_turns/sides.rs
     println!(
         "{:30} {:>4} | degrees to the left of the hips: the way: mean, most | shoulders: mean | the way from the shoulders: most",
         "clips", "all"

@@ -1,9 +1,14 @@
+<<<<<<< HEAD:eval/src/networks/starts.rs
 //! `troupe-eval starts`: from a command to go until a quarter of its speed, and the starts of
 //! clips.
+=======
+//! Time from a command to a quarter of its speed, and the same for starts in the clips.
+>>>>>>> char:character/examples/starts_and_turns/starts.rs
 
 use troupe_motion::Vec3;
 use troupe_motion::clip::Clip;
 
+<<<<<<< HEAD:eval/src/networks/starts.rs
 use super::Played;
 use super::crowd::{LocalRole, slowest_ahead};
 use crate::clips::BvhFolder;
@@ -18,9 +23,25 @@ const SMOOTHING: f32 = 0.5;
 /// Frames that all characters stand at first.
 const STAND_FRAMES: usize = 75;
 /// Different moments after that at which commands come.
+=======
+use crate::clips::Clips;
+use crate::percentile;
+use crate::simulation::{Role, Simulation, slowest_ahead};
+
+/// Share of the speed from which a character visibly moves; the load tester uses the same.
+const MOVES_FROM: f32 = 0.25;
+/// Share of the speed up to which a character visibly stands.
+const RESTS_BELOW: f32 = 0.05;
+/// Weight of a new frame in the smoothed velocity; the load tester uses the same.
+const SMOOTHING: f32 = 0.5;
+/// Frames for which everybody stands at first.
+const STAND_FRAMES: usize = 75;
+/// Commands are given at this many consecutive frames after that.
+>>>>>>> char:character/examples/starts_and_turns/starts.rs
 const MOMENTS: usize = 9;
-/// Frames after the command.
+/// Frames measured after the command.
 const AFTER_FRAMES: usize = 60;
+<<<<<<< HEAD:eval/src/networks/starts.rs
 /// A clip that stays below this speed does not go anywhere, m/s.
 const GOES_MPS: f32 = 0.5;
 /// Frames of rest before a start.
@@ -30,11 +51,25 @@ const START_FRAMES: usize = 45;
 
 pub(crate) fn run(asked: &Played) -> anyhow::Result<()> {
     let (mut crowd, clips) = asked.load()?;
+=======
+/// A clip that never becomes faster than this does not go anywhere, m/s.
+const GOES_MPS: f32 = 0.5;
+/// Frames of rest that a start needs before it.
+const REST_FRAMES: usize = 3;
+/// Most frames that a start takes.
+const START_FRAMES: usize = 45;
+
+pub fn run(simulation: &mut Simulation, clips: Option<&Clips>, each: bool) -> anyhow::Result<()> {
+>>>>>>> char:character/examples/starts_and_turns/starts.rs
     println!("milliseconds until a quarter of the speed     count    p10    p50    p90    p99");
     if let Some(clips) = &clips {
         of_clips(clips, asked.each)?;
     }
+<<<<<<< HEAD:eval/src/networks/starts.rs
     let styles = crowd.styles.clone();
+=======
+    let styles = simulation.styles.clone();
+>>>>>>> char:character/examples/starts_and_turns/starts.rs
     let mut roles = Vec::new();
     for style in &styles {
         let speed = slowest_ahead(style).map_or(0.0, |gait| gait.speed_mps());
@@ -46,8 +81,13 @@ pub(crate) fn run(asked: &Played) -> anyhow::Result<()> {
             frames: STAND_FRAMES + moment + AFTER_FRAMES,
         }));
     }
+<<<<<<< HEAD:eval/src/networks/starts.rs
     let takes = crowd.play(&roles)?;
     let per_frame = 1e3 / f64::from(crowd.fps());
+=======
+    let takes = simulation.play(&roles)?;
+    let per_frame = 1e3 / f64::from(simulation.fps());
+>>>>>>> char:character/examples/starts_and_turns/starts.rs
     let [mut live, mut leaves, mut ahead, mut plans] = [const { Vec::new() }; 4];
     for (role, take) in roles.iter().zip(&takes) {
         let (at, velocity) = role.commands[0];
@@ -56,7 +96,7 @@ pub(crate) fn run(asked: &Played) -> anyhow::Result<()> {
         let Some(plan) = take.plans.iter().find(|(splice, _)| *splice >= at) else {
             continue;
         };
-        // The plan's last context frame is its third.
+        // Frame 3 of a plan is its last context frame.
         let own = frames_until((&plan.1.roots, 3), velocity * MOVES_FROM, take.clip.fps);
         if asked.each {
             println!(
@@ -85,7 +125,11 @@ fn row(name: &str, values: &[f64]) {
     );
 }
 
+<<<<<<< HEAD:eval/src/networks/starts.rs
 /// Frames after `at` until the smoothed velocity reaches `velocity`, with the fraction of a frame.
+=======
+/// Frames after `at` until the smoothed velocity reaches `velocity`, linear between frames.
+>>>>>>> char:character/examples/starts_and_turns/starts.rs
 fn frames_until((roots, at): (&[Vec3], usize), velocity: Vec3, fps: f32) -> Option<f64> {
     let speeds = smoothed(roots, at, fps);
     let along: Vec<f32> = speeds.iter().map(|v| v.dot(velocity.normalize())).collect();
@@ -104,7 +148,11 @@ fn smoothed(roots: &[Vec3], at: usize, fps: f32) -> Vec<Vec3> {
     all
 }
 
+<<<<<<< HEAD:eval/src/networks/starts.rs
 /// The frame at which `values` first reach `wanted`, with the fraction of a frame.
+=======
+/// The frame at which `values` first reach `wanted`, with a fraction.
+>>>>>>> char:character/examples/starts_and_turns/starts.rs
 fn crossing(values: &[f32], wanted: f32) -> Option<f64> {
     let after = values.iter().position(|&value| value >= wanted)?;
     let Some(before) = after.checked_sub(1) else {
@@ -114,8 +162,13 @@ fn crossing(values: &[f32], wanted: f32) -> Option<f64> {
     Some(before as f64 + f64::from(share))
 }
 
+<<<<<<< HEAD:eval/src/networks/starts.rs
 /// Prints the starts of the clips: walks and runs, and steps in clips of other kinds.
 fn of_clips(clips: &BvhFolder, each: bool) -> anyhow::Result<()> {
+=======
+/// The starts in the clips: of walks and runs, and of steps in clips of other kinds.
+fn of_clips(clips: &Clips, each: bool) -> anyhow::Result<()> {
+>>>>>>> char:character/examples/starts_and_turns/starts.rs
     let (mut walks, mut steps) = (Vec::new(), Vec::new());
     for clip in clips.read(|_| true) {
         let (name, clip) = clip?;
@@ -135,8 +188,13 @@ fn of_clips(clips: &BvhFolder, each: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
+<<<<<<< HEAD:eval/src/networks/starts.rs
 /// Starts from rest: the frame at which a clip last rested, and milliseconds from there to a
 /// quarter of its speed. That is the clip's median if it walks on, else the most that it reaches.
+=======
+/// Starts from rest: the clip's last frame of rest, and milliseconds from there to a quarter of its
+/// speed. That is the clip's median speed if it walks on, otherwise its highest.
+>>>>>>> char:character/examples/starts_and_turns/starts.rs
 fn starts_of(clip: &Clip, walks_on: bool) -> Vec<(usize, f64)> {
     let speeds: Vec<f32> = smoothed(&clip.root_positions, 0, clip.fps)
         .iter()
@@ -157,11 +215,19 @@ fn starts_of(clip: &Clip, walks_on: bool) -> Vec<(usize, f64)> {
             continue;
         }
         let start = &speeds[frame..end];
+<<<<<<< HEAD:eval/src/networks/starts.rs
         // A start that comes to rest again on the way was only a sway.
         if let Some(reached) = crossing(start, MOVES_FROM * speed)
             && start[1..=reached.ceil() as usize].iter().all(|&v| v > rest)
         {
             // It leaves rest between two frames.
+=======
+        // A character that comes to rest again on the way only swayed.
+        if let Some(reached) = crossing(start, MOVES_FROM * speed)
+            && start[1..=reached.ceil() as usize].iter().all(|&v| v > rest)
+        {
+            // From the moment that it leaves rest, linear between frames.
+>>>>>>> char:character/examples/starts_and_turns/starts.rs
             let left = (rest - start[0]) / (start[1] - start[0]);
             starts.push((frame, (reached - f64::from(left)) * 1e3 / f64::from(clip.fps)));
         }

@@ -1,5 +1,10 @@
+<<<<<<< HEAD:eval/src/networks/turns.rs
 //! `troupe-eval turns`: how characters turn and stop. Measures how often limbs pass through each
 //! other, the acceleration of the root, and how long it takes.
+=======
+//! How characters turn and stop: whether limbs pass through each other, how hard the root
+//! accelerates, and how long it takes.
+>>>>>>> char:character/examples/starts_and_turns/turns.rs
 
 use std::ops::Range;
 
@@ -14,6 +19,7 @@ use troupe_motion::root::wrap_angle;
 use troupe_motion::rotation::yaw;
 use troupe_motion::{Vec3, root::GlobalRoot};
 
+<<<<<<< HEAD:eval/src/networks/turns.rs
 use super::Played;
 use super::crowd::{LocalCrowd, LocalRole, is_straight, slowest_ahead};
 use crate::figures::{mean, percentile};
@@ -27,31 +33,52 @@ const AFTER_FRAMES: usize = 60;
 /// Angles, degrees.
 const TURNS: [f32; 4] = [45.0, 90.0, 120.0, 180.0];
 /// Different moments of a step at which turns to each side begin.
+=======
+use crate::clips::Clips;
+use crate::percentile;
+use crate::simulation::{Role, Simulation, is_straight, slowest_ahead};
+
+/// Frames for which everybody stands at first.
+const STAND_FRAMES: usize = 20;
+/// Fewest frames of going straight before a turn.
+const BEFORE_FRAMES: usize = 80;
+/// Frames measured after a turn or stop.
+const AFTER_FRAMES: usize = 60;
+/// Angles, degrees.
+const TURNS: [f32; 4] = [45.0, 90.0, 120.0, 180.0];
+/// Turns begin at this many phases of a step.
+>>>>>>> char:character/examples/starts_and_turns/turns.rs
 const MOMENTS: usize = 2;
 /// Frames between a stop and the next start.
 const PAUSE_FRAMES: usize = 30;
-/// Shins and feet nearer than this pass through each other, metres.
+/// Shins and feet nearer to each other than this pass through each other, metres.
 const SHINS_M: f32 = 0.05;
 const FEET_M: f32 = 0.04;
-/// A forearm whose axis is nearer to the trunk's than this, metres.
+/// A forearm nearer than this to the axis of the trunk passes through it, metres.
 const ARMS_M: f32 = 0.08;
+<<<<<<< HEAD:eval/src/networks/turns.rs
 /// A turn is done once heading and way are off by less than this, radians, and the speed by less
 /// than this share.
+=======
+/// A turn is done when heading and travel are within this angle of the goal, radians, and the speed
+/// within this share.
+>>>>>>> char:character/examples/starts_and_turns/turns.rs
 const DONE: (f32, f32) = (0.26, 0.15);
-/// Frames over which sway is taken out of headings and velocities.
+/// Sway is averaged out of headings and velocities over this many frames.
 const SWAY_FRAMES: usize = 8;
 
-/// One run, or one clip.
+/// The figures of one run or one clip.
 struct Figures {
     name: String,
     nearest: LimbDistances,
     /// Largest acceleration of the root over the ground, m/s².
     root_mps2: f64,
-    /// Highest turning rate of the pelvis without its sway, rad/s.
+    /// Highest turning rate of the pelvis, sway averaged out, rad/s.
     turn_rps: f64,
     skate_mm: f64,
     jitter_mps2: f64,
     joints_p999_mps2: f64,
+<<<<<<< HEAD:eval/src/networks/turns.rs
     /// Seconds until the turn is done; infinite if it is never done, NaN without a turn.
     done_s: f64,
 }
@@ -66,6 +93,13 @@ pub(crate) struct Turns {
 pub(crate) fn run(asked: &Turns) -> anyhow::Result<()> {
     let each = asked.played.each;
     let (mut crowd, clips) = asked.played.load()?;
+=======
+    /// Seconds until the turn is done; NaN if there is no turn.
+    done_s: f64,
+}
+
+pub fn run(simulation: &mut Simulation, clips: Option<&Clips>, each: bool) -> anyhow::Result<()> {
+>>>>>>> char:character/examples/starts_and_turns/turns.rs
     println!(
         "{:26} {:>5} {:>7} {:>6} {:>6} | {:>5} {:>5} {:>5} | {:>5} {:>5} | {:>6} {:>6} {:>6} | {:>5} {:>5} {:>5}",
         "",
@@ -101,18 +135,31 @@ pub(crate) fn run(asked: &Turns) -> anyhow::Result<()> {
         }
     }
     for degrees in TURNS {
+<<<<<<< HEAD:eval/src/networks/turns.rs
         let all = turns(&mut crowd, degrees)?;
         row(&format!("turns of {degrees:.0}°"), &all, each);
     }
     let (stops, starts) = stops(&mut crowd)?;
+=======
+        let all = turns(simulation, degrees)?;
+        row(&format!("turns of {degrees:.0}°"), &all, each);
+    }
+    let (stops, starts) = stops(simulation)?;
+>>>>>>> char:character/examples/starts_and_turns/turns.rs
     row("stops, by gait", &stops, each);
     row("starts again, by gait", &starts, each);
     Ok(())
 }
 
+<<<<<<< HEAD:eval/src/networks/turns.rs
 fn turns(crowd: &mut LocalCrowd, degrees: f32) -> anyhow::Result<Vec<Figures>> {
     let mut roles = Vec::new();
     for style in &crowd.styles {
+=======
+fn turns(simulation: &mut Simulation, degrees: f32) -> anyhow::Result<Vec<Figures>> {
+    let mut roles = Vec::new();
+    for style in &simulation.styles {
+>>>>>>> char:character/examples/starts_and_turns/turns.rs
         let Some(gait) = slowest_ahead(style) else {
             continue;
         };
@@ -134,7 +181,11 @@ fn turns(crowd: &mut LocalCrowd, degrees: f32) -> anyhow::Result<Vec<Figures>> {
             });
         }
     }
+<<<<<<< HEAD:eval/src/networks/turns.rs
     let takes = crowd.play(&roles)?;
+=======
+    let takes = simulation.play(&roles)?;
+>>>>>>> char:character/examples/starts_and_turns/turns.rs
     roles
         .iter()
         .zip(&takes)
@@ -150,11 +201,19 @@ fn turns(crowd: &mut LocalCrowd, degrees: f32) -> anyhow::Result<Vec<Figures>> {
         .collect()
 }
 
+<<<<<<< HEAD:eval/src/networks/turns.rs
 /// Goes, stops, and goes again, at the speed of every gait that goes straight ahead.
 fn stops(crowd: &mut LocalCrowd) -> anyhow::Result<(Vec<Figures>, Vec<Figures>)> {
     let mut roles = Vec::new();
     let mut names = Vec::new();
     for style in &crowd.styles {
+=======
+/// Goes, stops, and goes again, at the speed of every gait that goes straight.
+fn stops(simulation: &mut Simulation) -> anyhow::Result<(Vec<Figures>, Vec<Figures>)> {
+    let mut roles = Vec::new();
+    let mut names = Vec::new();
+    for style in &simulation.styles {
+>>>>>>> char:character/examples/starts_and_turns/turns.rs
         for gait in style.gaits.iter().filter(|gait| is_straight(gait)) {
             let velocity = Vec3::Z * gait.forward_mps;
             let at = STAND_FRAMES + BEFORE_FRAMES;
@@ -172,7 +231,11 @@ fn stops(crowd: &mut LocalCrowd) -> anyhow::Result<(Vec<Figures>, Vec<Figures>)>
             });
         }
     }
+<<<<<<< HEAD:eval/src/networks/turns.rs
     let takes = crowd.play(&roles)?;
+=======
+    let takes = simulation.play(&roles)?;
+>>>>>>> char:character/examples/starts_and_turns/turns.rs
     let (mut stops, mut starts) = (Vec::new(), Vec::new());
     for (name, (role, take)) in names.iter().zip(roles.iter().zip(&takes)) {
         let (at, again) = (role.commands[1].0, role.commands[2]);
@@ -201,7 +264,7 @@ fn figures(name: &str, clip: &Clip, frames: Range<usize>, goal: Option<Vec3>) ->
     })
 }
 
-/// Turning rates of the pelvis over 8 frames, rad/s.
+/// Turning rates of the pelvis, averaged over 8 frames, rad/s.
 fn turning_rates(clip: &Clip, frames: Range<usize>) -> Vec<f64> {
     let half = SWAY_FRAMES / 2;
     let first = frames.start.max(half);
@@ -216,8 +279,12 @@ fn turning_rates(clip: &Clip, frames: Range<usize>) -> Vec<f64> {
     (first..last).map(rate).collect()
 }
 
+<<<<<<< HEAD:eval/src/networks/turns.rs
 /// Seconds from the first of `frames` until the character first faces and goes where it should;
 /// infinite if it never does.
+=======
+/// Seconds from the first of `frames` until the character faces and travels as it should, for good.
+>>>>>>> char:character/examples/starts_and_turns/turns.rs
 fn done_s(clip: &Clip, frames: Range<usize>, goal: Vec3) -> f64 {
     let half = SWAY_FRAMES / 2;
     let wanted = goal.x.atan2(goal.z);

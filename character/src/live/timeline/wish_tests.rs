@@ -1,9 +1,9 @@
-//! Plans that are wished for, poses that are held, and frames that no plan made.
+//! Plans to given keyframes, held poses, and frames that no plan made.
 
 use troupe_motion::{Quat, Vec3};
 
 use super::super::super::{Arrival, Clock, LivePlan, PlanTrace, SUB_FRAMES, Stats};
-use super::super::Stop;
+use super::super::{Barrier, Stop};
 use super::*;
 use crate::live::testing::still_buffer;
 
@@ -11,13 +11,13 @@ fn timeline() -> Timeline {
     Timeline::new(still_buffer(), 4, 4)
 }
 
-/// Frames that go on by `step` a frame from `start`.
+/// `count` frames that advance by `step` metres each from `start`.
 fn columns(start: f32, step: f32, count: usize) -> (Vec<Vec3>, Vec<Quat>, Vec<u8>) {
     let roots = (1..=count).map(|frame| Vec3::Z * (start + step * frame as f32));
     (roots.collect(), vec![Quat::IDENTITY; count], vec![1; count])
 }
 
-/// A plan whose frames go on by 0.05 from `start`.
+/// A plan whose frames advance by 0.05 m each from `start`.
 fn plan(start: f32, frames: usize) -> LivePlan {
     let (roots, rotations, contacts) = columns(start - 0.2, 0.05, frames);
     LivePlan {
@@ -28,13 +28,13 @@ fn plan(start: f32, frames: usize) -> LivePlan {
     }
 }
 
-/// Settles every frame with this wish until the cursor is at `frame`; the tickets that came.
+/// Settles every frame with this wish until the cursor is at `frame`. Returns the tickets.
 fn go(timeline: &mut Timeline, frame: i64, clock: Clock, wish: Option<Wish>) -> Vec<Ticket> {
     let mut tickets = Vec::new();
     while timeline.frame() < frame {
         timeline.push(SUB_FRAMES);
         loop {
-            match timeline.run(clock) {
+            match timeline.run(clock, Barrier::default()) {
                 Stop::AtFrame(_) => tickets.extend(timeline.settle_for(wish)),
                 Stop::NeedsPlan => return tickets,
                 Stop::Done => break,
@@ -50,7 +50,7 @@ const WISH: Wish = Wish {
 };
 
 #[test]
-fn nothing_is_asked_for_that_is_not_wished_for() {
+fn without_a_wish_no_plan_is_asked_for() {
     let mut timeline = timeline();
     timeline.command_changed();
     timeline.hold(60);
@@ -75,12 +75,12 @@ fn a_wish_is_asked_for_once_and_takes_over_at_its_frame() {
     go(&mut timeline, 8, Clock::Runs, None);
     assert!(timeline.is_free());
     assert_eq!(timeline.stats().plans_for_object, 1);
-    // Its last frame is the plan's last, whatever it faded in over.
+    // Its last frame is the plan's last, wherever it faded in.
     assert_eq!(timeline.buffer().root(28), Vec3::Z);
 }
 
 #[test]
-fn of_a_late_plan_nothing_is_lost_where_the_character_stood_still() {
+fn a_late_plan_loses_no_frames_if_the_character_stood_still() {
     for (still, last) in [(true, 8 + 20 + 5), (false, 8 + 20)] {
         let mut timeline = timeline();
         timeline.hold(60);
@@ -98,25 +98,25 @@ fn a_plan_too_late_to_fade_in_before_its_keyframe_is_dropped() {
     timeline.hold(60);
     let moving = Wish { still: false, ..WISH };
     let tickets = go(&mut timeline, 20, Clock::Runs, Some(moving));
-    // 12 frames late: 8 of 20 are left, and as many it fades in over.
+    // 12 frames late: 8 of 20 are left, which is what the fade takes.
     assert_eq!(timeline.land(tickets[0].number, &plan(0.0, 24)), Arrival::Dropped);
     assert!(timeline.is_free());
 }
 
 #[test]
-fn a_clock_that_waits_does_so_for_a_wish() {
+fn a_clock_that_waits_does_so_for_a_wished_plan() {
     let mut timeline = timeline();
     timeline.hold(60);
     let tickets = go(&mut timeline, 30, Clock::Waits, Some(WISH));
     assert_eq!((tickets.len(), timeline.frame()), (1, 8));
     timeline.land(tickets[0].number, &plan(0.0, 24));
-    // Where the buffer ends and nobody wishes for anything, its last frame goes on.
+    // A buffer that ends without a wish repeats its last frame.
     assert_eq!(go(&mut timeline, 60, Clock::Waits, None), []);
     assert_eq!((timeline.frame(), timeline.buffer().root(60)), (60, Vec3::Z));
 }
 
 #[test]
-fn holding_on_does_not_make_the_buffer_grow() {
+fn holding_a_pose_does_not_grow_the_buffer() {
     let mut timeline = timeline();
     for frame in 1..2000 {
         timeline.hold(frame + 40);
@@ -149,7 +149,7 @@ fn frames_are_put_in_at_once_or_fade_in() {
 }
 
 #[test]
-fn a_plan_that_is_forgotten_changes_nothing_when_it_comes() {
+fn a_forgotten_plan_changes_nothing_when_it_arrives() {
     let mut timeline = timeline();
     timeline.hold(60);
     let tickets = go(&mut timeline, 2, Clock::Runs, Some(WISH));
@@ -162,7 +162,7 @@ fn a_plan_that_is_forgotten_changes_nothing_when_it_comes() {
 }
 
 #[test]
-fn plans_are_wished_for_as_far_ahead_as_they_take() {
+fn plans_take_over_as_far_ahead_as_they_take() {
     let mut timeline = timeline();
     timeline.hold(60);
     assert_eq!((timeline.ahead(), timeline.soonest(0)), (4, 4));

@@ -1,44 +1,46 @@
-//! What becomes of a performance from frame to frame.
+//! What a performance does at each frame.
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use troupe_motion::{GlobalRoot, SegmentFrame};
 
 use super::super::policy::MARGIN_FRAMES;
-use super::super::{CharacterEvent, Clock, EventKind};
+use super::super::{Clock, EventKind};
 use super::script::BEGIN_FRAMES;
-use super::{MAX_PAST_FRAMES, PerformCommand, Performance, PerformanceEnd, Stage, WordsPart, WordsRequest};
+use super::{
+    MAX_PAST_FRAMES, PerformCommand, Performance, PerformanceEnd, PerformanceState, WordsPart, WordsRequest,
+};
 use crate::keyframe::{Checked, KeyWriter};
 use crate::live::Character;
 use crate::primitives::{Locomotion, LocomotionCommand};
 
-/// Most frames beyond the reserve that a performance has in the buffer; others wait beside it.
+/// Most frames of a performance in the buffer beyond the reserve; more wait in the script.
 const FED_FRAMES: i64 = 48;
-/// With fewer, more are brought there.
+/// With fewer than this, more frames enter the buffer.
 const LOW_FRAMES: i64 = 24;
-/// Frames after which a performance has not begun in time: 10 s.
+/// A performance that has not begun after this many frames ends: 10 s.
 const MAX_WAIT_FRAMES: i64 = 300;
-/// Tells the seeds of words from those of plans.
+/// Keeps the random numbers of performances apart from those of plans.
 const WORDS_STREAM: u64 = 1 << 63;
 
 impl Character {
-    /// The words to ask a pack for, if there are any; to be called after every other call.
+    /// The frames to ask a pack of words for. To be called after every other call.
     pub fn take_words_request(&mut self) -> Option<WordsRequest> {
-        self.words_outbox.take()
+        self.performance.as_mut()?.request.take()
     }
 
-    /// Whether words that were asked for by this number may still be of use. Others are to be given
-    /// up.
+    /// Whether frames for request `number` may still be of use. Otherwise the request is to be
+    /// given up.
     pub fn wants_words(&self, number: u64) -> bool {
         (self.performance.as_ref()).is_some_and(|it| it.number == number && it.listens())
     }
 
-    /// The command of this number is being performed, or is to be.
+    /// Whether the command of this number is being performed, or waits for that.
     pub fn performs_as(&self, number: u64) -> bool {
         self.performance.as_ref().is_some_and(|it| it.number == number)
     }
 
-    /// Frames of words that were asked for have come. Those that nobody wants any more are ignored.
+    /// Takes frames that were asked for. Ignores them if the performance is over.
     pub fn words_arrived(&mut self, number: u64, part: WordsPart, is_last: bool) {
         let now = self.timeline.frame();
         if let Some(performance) = self.performance.as_mut().filter(|it| it.number == number) {
@@ -47,7 +49,8 @@ impl Character {
         }
     }
 
-    /// No more words will come, though they are not at their end. What has come is still shown.
+    /// Takes the news that no more frames will arrive although the text is not at its end. Frames
+    /// that have arrived are still shown.
     pub fn words_failed(&mut self, number: u64, reason: String) {
         let now = self.timeline.frame();
         if let Some(performance) = self.performance.as_mut().filter(|it| it.number == number) {
@@ -56,59 +59,61 @@ impl Character {
         }
     }
 
-    /// It acts out words, or is about to.
+    /// Whether a performance is under way, or waits to begin.
     pub(crate) fn performs(&self) -> bool {
         self.performance.is_some()
     }
 
-    /// Takes up a command to perform; whatever else the character does gives way.
+    /// Takes up a command to perform. Everything else that the character does gives way.
     pub(in crate::live) fn take_up_words(&mut self, number: u64, command: PerformCommand, frame: i64) {
         self.stop_performing(frame, PerformanceEnd::Interrupted);
-        if let Some((act, mut body)) = self.acting() {
-            act.make_way(frame, &mut body);
+        if let Some((behaviour, mut parts)) = self.acting() {
+            behaviour.make_way(frame, &mut parts);
         }
         self.performance = Some(Performance::new(number, command));
     }
 
-    /// Ends a performance, where there is one; locomotion goes on from wherever it has brought the
-    /// character.
+    /// Ends a performance, if there is one. Locomotion goes on from wherever the performance
+    /// brought the character.
     pub(in crate::live) fn stop_performing(&mut self, frame: i64, why: PerformanceEnd) {
-        let begun = |it: &Performance| matches!(it.stage, Stage::Playing { .. });
+        let begun = |it: &Performance| matches!(it.state, PerformanceState::Playing { .. });
         if self.performance.as_ref().is_some_and(begun) {
             self.walk_on(frame);
         }
         self.end_performance(frame, why);
     }
 
-    /// Something else than locomotion decides about a frame: what has begun ends.
+    /// Ends a performance that has been asked for, because something else decides about a frame.
     pub(in crate::live) fn performance_overtaken(&mut self, frame: i64) {
-        if self.performance.as_ref().is_some_and(|it| it.stage != Stage::Due) {
+        if self
+            .performance
+            .as_ref()
+            .is_some_and(|it| it.state != PerformanceState::Due)
+        {
             self.end_performance(frame, PerformanceEnd::Interrupted);
         }
     }
 
-    /// Notes the end of a performance. One that is over but for its last frames went through to it.
+    /// Notes the end of a performance. If only its last frames are left, it is done.
     fn end_performance(&mut self, frame: i64, why: PerformanceEnd) {
         let Some(performance) = self.performance.take() else {
             return;
         };
-        self.words_outbox = None;
-        self.timeline.await_words(None);
-        let why = match performance.stage {
-            Stage::Leaving { .. } if why == PerformanceEnd::Interrupted => PerformanceEnd::Done,
+        let why = match performance.state {
+            PerformanceState::Leaving { .. } if why == PerformanceEnd::Interrupted => PerformanceEnd::Done,
             _ => why,
         };
-        self.events.push(CharacterEvent {
-            frame: frame.max(0) as u64,
-            kind: EventKind::Performed {
+        self.events.push(
+            frame,
+            EventKind::Performed {
                 number: performance.number,
                 end: why,
             },
-        });
+        );
     }
 
-    /// Locomotion goes on from the frames in the buffer by the command that held before; where that
-    /// was a path, it stands.
+    /// Has locomotion go on from the frames in the buffer, by the command that held before. If that
+    /// was a path, the character stands.
     fn walk_on(&mut self, frame: i64) {
         let command = match self.locomotion.path() {
             Some(path) => LocomotionCommand::standing(&path.style),
@@ -117,22 +122,23 @@ impl Character {
         let heading = self.root_at(frame + self.timeline.look_ahead()).heading;
         self.locomotion = Locomotion::new(frame as u64, heading, self.rig.fps, command);
         self.timeline.command_changed();
-        self.unfinished = false;
-        if let Some(act) = &mut self.behaviour {
-            act.leave_off();
+        self.planning.forget_turn();
+        if let Some(behaviour) = &mut self.behaviour {
+            behaviour.leave_off();
         }
     }
 
-    /// Decides about a frame that is left to a character with a performance.
+    /// Decides about a frame that its behaviour leaves to the character's performance or
+    /// locomotion.
     pub(in crate::live) fn settle_performance(&mut self, frame: i64, clock: Clock) {
         let Some(performance) = &self.performance else {
             return self.settle_on_foot(frame, clock);
         };
-        match performance.stage {
-            Stage::Due => self.settle_due(frame, clock),
-            Stage::Asked { at, splice } => self.settle_asked(frame, clock, (at, splice)),
-            Stage::Playing { .. } => self.settle_playing(frame, clock),
-            Stage::Leaving { until } => {
+        match performance.state {
+            PerformanceState::Due => self.settle_due(frame, clock),
+            PerformanceState::Asked { at, splice } => self.settle_asked(frame, clock, (at, splice)),
+            PerformanceState::Playing { .. } => self.settle_playing(frame, clock),
+            PerformanceState::Leaving { until } => {
                 if frame >= until {
                     self.end_performance(frame, PerformanceEnd::Done);
                 }
@@ -141,7 +147,7 @@ impl Character {
         }
     }
 
-    /// Asks for words. For a clock that waits, no plan may change the frames that they go on from.
+    /// Asks for frames. On a clock that waits, no plan may change the frames that they start from.
     fn settle_due(&mut self, frame: i64, clock: Clock) {
         match clock {
             Clock::Waits => {
@@ -166,17 +172,17 @@ impl Character {
         let mut random = ChaCha8Rng::seed_from_u64(self.options.seed);
         random.set_stream(WORDS_STREAM | number);
         let past = self.past(splice, command.past_frames.min(MAX_PAST_FRAMES));
-        self.words_outbox = Some(WordsRequest {
-            number,
-            command,
-            past,
-            seed: random.next_u64(),
-            splice_in_frames: (splice - frame) as u32,
-        });
         if let Some(performance) = &mut self.performance {
-            performance.stage = Stage::Asked { at: frame, splice };
+            performance.request = Some(WordsRequest {
+                number,
+                command,
+                past,
+                seed: random.next_u64(),
+                splice_in_frames: (splice - frame) as u32,
+            });
+            performance.state = PerformanceState::Asked { at: frame, splice };
+            performance.barrier = Some(splice);
         }
-        self.timeline.await_words(Some(splice));
     }
 
     /// The last `count` frames up to `splice`, in the segment frame of the last.
@@ -203,7 +209,7 @@ impl Character {
         GlobalRoot::of_pose(buffer.root(frame), pelvis, self.rig.skeleton.left_axis)
     }
 
-    /// Begins where words have come, and goes on as before where they have not.
+    /// Begins if enough frames have arrived, and otherwise goes on as before.
     fn settle_asked(&mut self, frame: i64, clock: Clock, (at, splice): (i64, i64)) {
         let reserve = self.reserve();
         let Some(Performance { script, .. }) = &mut self.performance else {
@@ -240,7 +246,7 @@ impl Character {
         let Some(performance) = &mut self.performance else {
             return;
         };
-        performance.stage = Stage::Playing { origin };
+        performance.state = PerformanceState::Playing { origin };
         let first = performance.script.give(BEGIN_FRAMES, &lies);
         let kind = EventKind::Performing {
             number: performance.number,
@@ -248,25 +254,21 @@ impl Character {
             pack: performance.command.pack.clone(),
             unknown_words: performance.command.unknown_words.clone(),
         };
-        let frame_number = frame.max(0) as u64;
-        self.events.push(CharacterEvent {
-            frame: frame_number,
-            kind,
-        });
+        self.events.push(frame, kind);
         self.timeline.forget_flight();
         self.timeline.put(frame, first.columns(), true);
         self.moved(frame);
         self.settle_playing(frame, clock);
     }
 
-    /// Frames behind `frame` are others than they were.
+    /// Notes that the frames after `frame` have changed.
     fn moved(&mut self, frame: i64) {
-        if let Some((act, mut body)) = self.acting() {
-            act.moved(frame, &mut body);
+        if let Some((behaviour, mut parts)) = self.acting() {
+            behaviour.moved(frame, &mut parts);
         }
     }
 
-    /// Brings frames that have come into the buffer, as far as the cursor will be soon.
+    /// Moves frames that have arrived into the buffer, as far as the cursor needs them soon.
     fn feed(&mut self, frame: i64) {
         let reserve = self.reserve();
         let Some(performance) = &mut self.performance else {
@@ -274,7 +276,7 @@ impl Character {
         };
         let Some(lies) = performance.lies() else {
             if performance.script.is_enough(reserve) {
-                self.timeline.await_words(None);
+                performance.barrier = None;
             }
             return;
         };
@@ -287,10 +289,12 @@ impl Character {
             self.moved(last);
         }
         let lasts = self.timeline.buffer().last() - reserve;
-        self.timeline.await_words((!ends).then_some(lasts));
+        if let Some(performance) = &mut self.performance {
+            performance.barrier = (!ends).then_some(lasts);
+        }
     }
 
-    /// Shows its frames, until locomotion is to take over.
+    /// Shows the performance until locomotion is to take over.
     fn settle_playing(&mut self, frame: i64, clock: Clock) {
         self.feed(frame);
         let left = self.timeline.buffer().last() - frame;
@@ -313,7 +317,7 @@ impl Character {
             None => {
                 let until = (frame + left - MARGIN_FRAMES).max(frame + 1);
                 if let Some(performance) = &mut self.performance {
-                    performance.stage = Stage::Leaving { until };
+                    performance.state = PerformanceState::Leaving { until };
                 }
             }
         }

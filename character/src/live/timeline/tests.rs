@@ -3,13 +3,14 @@ use std::collections::VecDeque;
 use proptest::prelude::*;
 use troupe_motion::{Quat, Vec3};
 
+use super::cursor::SUB;
 use super::*;
 use crate::live::testing::still_buffer;
-use crate::live::{Arrival, LivePlan, PlanTrace};
+use crate::live::{Arrival, LivePlan, PlanTrace, SUB_FRAMES};
 
-/// Rise and turn of the one joint for each metre of the way, so that height and pose, which fade in
-/// alike, can be told to be of one frame: little, for joints that are far from a plan go over in
-/// their own time.
+/// Rise in metres and turn in radians of the one joint for each metre of travel. Height and pose
+/// fade in alike, so this shows whether both belong to the same frame. The value is small because
+/// joints far from a plan fade in their own time.
 const TURN: f32 = 0.1;
 const WALKS: Policy = Policy {
     interval_frames: Some(9),
@@ -22,11 +23,11 @@ const STANDS: Policy = Policy {
     unfinished: false,
 };
 
-/// A timeline and a planner whose plans go straight on, each at a speed of its own.
+/// A timeline and a planner whose plans go straight ahead, each at its own speed.
 struct Harness {
     timeline: Timeline,
     policy: Policy,
-    /// Plans that were asked for, with their frames, until they are delivered.
+    /// Plans that were asked for and not delivered yet, with their frames.
     asked: VecDeque<(Ticket, LivePlan)>,
     tickets: Vec<Ticket>,
     plan_frames: usize,
@@ -51,7 +52,7 @@ impl Harness {
     fn advance(&mut self, sub_frames: u32, clock: Clock) -> Stop {
         self.timeline.push(sub_frames);
         loop {
-            let stop = self.timeline.run(clock);
+            let stop = self.timeline.run(clock, Barrier::default());
             let Stop::AtFrame(frame) = stop else { return stop };
             assert_eq!((frame, self.timeline.cursor() % SUB), (self.timeline.frame(), 0));
             if let Some(ticket) = self.timeline.settle(clock, self.policy) {
@@ -90,7 +91,7 @@ impl Harness {
         root
     }
 
-    /// A tick at 30 Hz whose plans come at once.
+    /// A tick at 30 Hz whose plans arrive at once.
     fn tick(&mut self) -> Vec3 {
         assert_eq!(self.advance(SUB_FRAMES, Clock::Runs), Stop::Done);
         while self.deliver().is_some() {}
@@ -114,7 +115,7 @@ fn plans_follow_the_interval() {
 }
 
 #[test]
-fn the_interval_behind_a_command_goes_by_the_phase() {
+fn the_interval_after_a_command_depends_on_the_phase() {
     let first_interval = |phase| {
         let mut rig = Harness::new(WALKS, 34);
         rig.timeline.phase = phase;
@@ -141,19 +142,19 @@ fn a_static_style_plans_for_a_low_buffer_only() {
         rig.tick();
     }
     assert!(rig.tickets[1..].iter().all(|t| t.cause == PlanCause::LowBuffer));
-    // 30 frames behind the splice frame, of which look-ahead and margin stay unused.
+    // Each plan has 30 frames after its splice frame; look-ahead and margin stay unused.
     let asked: Vec<i64> = rig.tickets.iter().map(|t| t.asked_at).collect();
-    // They are asked for up to seven frames early, each a different number of them.
+    // They are asked for up to seven frames early, each by a different number.
     assert_eq!(asked, [0, 15, 31, 46, 68, 89]);
     assert_eq!(rig.timeline.stats().underruns, 0);
 }
 
 #[test]
 fn a_command_takes_over_sooner_than_a_plan_in_flight_or_waits_for_it() {
-    // Plans are asked for at frame 7, to take over at 11.
+    // A plan is asked for at frame 7, to take over at 11.
     for (commanded_at, asked_at, splice) in [(8, 8, 10), (9, 9, 11), (10, 11, 13)] {
         for delivered in [true, false] {
-            // One that has to be waited for comes.
+            // A plan that the command must wait for arrives.
             let delivered = delivered || asked_at > commanded_at;
             let mut rig = Harness::new(WALKS, 34);
             for _ in 1..7 {
@@ -187,7 +188,7 @@ fn a_command_takes_over_sooner_than_a_plan_in_flight_or_waits_for_it() {
 }
 
 #[test]
-fn commands_at_every_frame_are_answered_all_the_same() {
+fn commands_at_every_frame_are_answered() {
     for clock in [Clock::Runs, Clock::Waits] {
         let mut rig = Harness::new(WALKS, 34);
         for _ in 0..60 {
@@ -219,7 +220,7 @@ fn a_late_plan_fades_in_where_the_cursor_is() {
     assert_eq!(rig.deliver(), Some(Arrival::Late));
     assert_eq!(rig.sample(), before, "the cursor's own frames stay");
     assert_eq!(rig.timeline.stats().late_plans, 1);
-    // Behind the fade, frames of the timeline are the plan's.
+    // After the fade, the timeline's frames are the plan's.
     assert!(rig.timeline.buffer().root(20).abs_diff_eq(expected, 1e-6));
     assert_eq!(rig.timeline.stats().plans_for_command, 1);
 }
@@ -265,7 +266,7 @@ fn without_its_plan_the_character_slows_down_and_recovers() {
     assert!(rig.timeline.slowing());
     assert_eq!(rig.timeline.stats().underruns, 1);
 
-    // Little is left of the plan that comes now; the next one is in time.
+    // Little is left of the plan that arrives now; the next is in time.
     assert_eq!(rig.deliver(), Some(Arrival::Late));
     let mut paces = vec![];
     for _ in 0..30 {
@@ -324,7 +325,7 @@ fn a_clock_that_waits_asks_again_even_at_the_buffers_end() {
 }
 
 #[test]
-fn plans_make_no_difference_by_when_they_come_in_time() {
+fn plans_in_time_make_no_difference_by_when_they_arrive() {
     let mut at_once = Harness::new(WALKS, 34);
     let mut in_time = Harness::new(WALKS, 34);
     for tick in 1..300 {
@@ -338,8 +339,8 @@ fn plans_make_no_difference_by_when_they_come_in_time() {
     assert_eq!(at_once.tickets, in_time.tickets);
 }
 
-/// Drives a rig for `frames` frames at `rate` in steps of `k` ticks; plans come after as many tries
-/// to go on as `delays` says. Gives the position at every tick.
+/// Runs `ticks` ticks at `rate` Hz. A plan arrives after as many attempts to go on as `delays`
+/// says. Returns the position at every tick.
 fn waited(rate: u32, ticks: usize, delays: &[usize]) -> (Vec<Vec3>, Vec<Ticket>) {
     let mut rig = Harness::new(WALKS, 20);
     let mut delays = delays.iter().cycle();
@@ -386,7 +387,7 @@ fn rates_show_the_same_motion() {
     for rate in [50, 60] {
         let (roots, same) = run(rate);
         assert_eq!(same, tickets, "{rate} Hz asks for the same plans");
-        // Frames that both show: every one of 30 Hz at 60, every third at 50.
+        // Frames that both show: at 60 Hz every frame of 30 Hz, at 50 Hz every third.
         let (step, every) = if rate == 60 { (1, 2) } else { (3, 5) };
         for (a, b) in at_30
             .iter()
@@ -429,7 +430,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_happens_the_motion_goes_on(
+    fn motion_goes_on_whatever_happens(
         events in proptest::collection::vec(event(), 1..300), plan_frames in 12usize..=64, walks: bool,
     ) {
         let mut rig = Harness::new(if walks { WALKS } else { STANDS }, plan_frames);
@@ -437,7 +438,7 @@ proptest! {
         let mut last: Option<(Ticket, LivePlan)> = None;
         for event in events {
             let (tickets, stats) = (rig.tickets.len(), rig.timeline.stats());
-            // A command may have a plan asked for instead of one that is under way.
+            // A command may have a plan asked for instead of one under way.
             let free = usize::from(!rig.timeline.awaits_plan()) + usize::from(rig.timeline.command_waits());
             match event {
                 Event::Advance(sub_frames) => {
@@ -474,7 +475,7 @@ proptest! {
             let buffer = rig.timeline.buffer();
             prop_assert!(now <= buffer.last() * SUB && rig.timeline.frame() - 3 >= buffer.first());
             prop_assert!(buffer.last() - buffer.first() < 120, "the buffer grows");
-            // Plans differ by 0.02 m a frame at most, and fade over 9 frames.
+            // Plans differ by at most 0.02 m a frame, and fade over 9 frames.
             let frames = (now - cursor) as f32 / SUB as f32;
             let moved = rig.sample().distance(root);
             prop_assert!(moved <= frames * (0.06 + 0.02 * 70.0 / 6.0) + 1e-4, "{moved} m in {frames} frames");
@@ -483,5 +484,5 @@ proptest! {
     }
 }
 
-#[path = "timeline_load_tests.rs"]
+#[path = "load_tests.rs"]
 mod load;

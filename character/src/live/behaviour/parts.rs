@@ -1,4 +1,4 @@
-//! What acting works on: the character's motion, as it is planned and as it is shown.
+//! The parts of a character that its behaviour works on: its motion as planned and as shown.
 
 use troupe_motion::ik::Posed;
 use troupe_motion::robot::Fitted;
@@ -6,27 +6,26 @@ use troupe_motion::{GlobalRoot, Quat, Vec3};
 
 use super::super::timeline::Timeline;
 use super::super::{CROSSFADE_FRAMES, CharacterOptions};
-use super::{Carry, Footing};
+use super::PostProcess;
 use crate::primitives::{Locomotion, LocomotionCommand};
 use crate::scene::Scene;
 use crate::skill::Skills;
 use troupe_motion::model::Rig;
 
-/// Frames of motion that are kept beyond where the next plan takes over, while a pose is held.
+/// Frames that a held pose goes on beyond where the next plan takes over.
 const HELD_FRAMES: i64 = 16;
 
-/// What acting works on: the character, apart from what it is about.
-pub(in crate::live) struct Body<'a> {
+/// A character without its behaviour, borrowed while the behaviour decides.
+pub(in crate::live) struct CharacterParts<'a> {
     pub(in crate::live) rig: &'a Rig,
     pub(in crate::live) options: &'a CharacterOptions,
     pub(in crate::live) timeline: &'a mut Timeline,
     pub(in crate::live) locomotion: &'a mut Locomotion,
-    pub(in crate::live) footing: &'a mut Footing,
-    pub(in crate::live) carry: &'a mut Carry,
+    pub(in crate::live) post: &'a mut PostProcess,
     pub(in crate::live) skills: &'a Skills,
 }
 
-/// One frame as it is shown.
+/// The pose of one frame as it is shown.
 pub(super) struct Shown {
     pub(super) root: Vec3,
     pub(super) rotations: Vec<Quat>,
@@ -41,22 +40,21 @@ impl Shown {
     }
 }
 
-impl Body<'_> {
+impl CharacterParts<'_> {
     /// A frame of the buffer as it is shown.
     pub(super) fn shown(&self, frame: i64) -> Shown {
         let buffer = self.timeline.buffer();
         let mut root = buffer.root(frame);
         let mut rotations = buffer.pose(frame).to_vec();
         let skeleton = &self.rig.skeleton;
-        self.footing.lift(skeleton, frame, 0.0, &mut root, &mut rotations);
-        self.carry.bend(skeleton, frame, 0.0, root, &mut rotations);
+        self.post.apply(skeleton, (frame, 0.0), &mut root, &mut rotations);
         if let Some(robot) = &skeleton.robot {
             robot.fit(&mut rotations, &mut Fitted::default());
         }
         Shown { root, rotations }
     }
 
-    /// A frame of the buffer as it is: heights count from what the character stands on.
+    /// A frame of the buffer as planned: heights count from what the character stands on.
     pub(super) fn flat(&self, frame: i64) -> Posed<'_> {
         let buffer = self.timeline.buffer();
         Posed {
@@ -72,8 +70,8 @@ impl Body<'_> {
         GlobalRoot::of_pose(posed.root, pelvis, self.rig.skeleton.left_axis)
     }
 
-    /// Locomotion goes by `command` from `frame` on: further on its way, or again from wherever
-    /// something else has brought the character.
+    /// Has locomotion follow `command` from `frame` on. With `further` it continues its motion.
+    /// Otherwise it starts from wherever other motion has brought the character.
     pub(super) fn move_on(&mut self, frame: i64, command: LocomotionCommand, further: bool) {
         if further {
             self.locomotion.set_command(frame as u64, command);
@@ -84,26 +82,27 @@ impl Body<'_> {
         self.timeline.command_changed();
     }
 
-    /// The command to stand.
+    /// The command to stand, in the current style.
     pub(super) fn standing(&self) -> LocomotionCommand {
         LocomotionCommand::standing(&self.locomotion.command().style)
     }
 
-    /// The buffer's frames behind `shown` are others, or the ground is.
+    /// Works out the lifts after frame `shown`, because the buffer's frames or the ground changed.
     pub(super) fn renew_footing(&mut self, shown: i64, scene: &Scene) {
         let skeleton = &self.rig.skeleton;
-        self.footing.renew(shown, self.timeline.buffer(), scene, skeleton);
+        self.post
+            .footing
+            .renew(shown, self.timeline.buffer(), scene, skeleton);
     }
 
-    /// The ground is at `height` now where the character stands: it goes there from the frame
-    /// behind `shown` on.
+    /// Moves the character to ground of height `height`, from the frame after `shown` on.
     pub(super) fn shift_footing(&mut self, shown: i64, height: f32, scene: &Scene) {
-        if let Some(there) = self.footing.shift(shown, height) {
+        if let Some(there) = self.post.footing.shift(shown, height) {
             self.renew_footing(there, scene);
         }
     }
 
-    /// Has the last frame go on for as long as a plan may need.
+    /// Repeats the last frame for as long as a plan may take.
     pub(super) fn hold(&mut self, frame: i64) {
         let needed = frame + self.timeline.ahead() + CROSSFADE_FRAMES as i64 + 1;
         if self.timeline.buffer().last() < needed {
@@ -111,7 +110,7 @@ impl Body<'_> {
         }
     }
 
-    /// Mean velocity over the ground of the frames before `frame`, m/s.
+    /// Mean velocity over the ground in the `frames` frames before `frame`, m/s.
     pub(super) fn velocity(&self, frame: i64, frames: i64) -> Vec3 {
         let fps = self.rig.fps;
         self.timeline.buffer().velocity(frame, frames, fps)

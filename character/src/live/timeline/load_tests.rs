@@ -1,12 +1,12 @@
-//! Timelines where plans take long: how far ahead they are asked for, and which takes another's
-//! place.
+//! Timelines whose plans take long: how far ahead they are asked for, and which plan replaces
+//! another.
 
 use proptest::prelude::*;
 
 use super::super::*;
 use super::{Harness, WALKS};
-use crate::live::Arrival;
 use crate::live::budget::Pace;
+use crate::live::{Arrival, SUB_FRAMES};
 
 #[test]
 fn slow_plans_are_asked_for_further_ahead_as_far_as_the_buffer_lasts() {
@@ -35,8 +35,8 @@ fn slow_plans_are_asked_for_further_ahead_as_far_as_the_buffer_lasts() {
         let stats = rig.timeline.stats();
         assert_eq!((stats.late_plans, stats.underruns), (0, 0), "{expected}");
     }
-    // The first waits for as long as it takes, the others where there are eight frames left of the
-    // one before.
+    // The first may take as long as it needs. The others take over when eight frames of the plan
+    // before are left.
     let mut rig = Harness::new(WALKS, 34);
     rig.timeline.expect(60, 0);
     for _ in 0..200 {
@@ -65,7 +65,7 @@ fn what_plans_usually_take_is_waited_for_in_advance() {
 const QUEUED: u32 = 9;
 
 #[test]
-fn a_command_takes_the_place_of_a_plan_that_waits_in_a_long_queue() {
+fn a_command_replaces_a_plan_in_a_long_queue() {
     let mut rig = Harness::new(WALKS, 34);
     rig.timeline.expect(QUEUED, 0);
     rig.advance(SUB_FRAMES, Clock::Runs);
@@ -77,9 +77,9 @@ fn a_command_takes_the_place_of_a_plan_that_waits_in_a_long_queue() {
     assert_eq!(
         (first.splice, second.asked_at, second.splice),
         (10, 2, 10),
-        "it keeps the place"
+        "it keeps the place in the queue"
     );
-    // A plan that would take over within the look-ahead does so later.
+    // A plan that would take over within the look-ahead takes over later.
     rig.timeline.expect(QUEUED, 0);
     for _ in 0..6 {
         rig.advance(SUB_FRAMES, Clock::Runs);
@@ -88,7 +88,7 @@ fn a_command_takes_the_place_of_a_plan_that_waits_in_a_long_queue() {
     rig.advance(SUB_FRAMES, Clock::Runs);
     assert_eq!((rig.tickets[2].asked_at, rig.tickets[2].splice), (9, 13));
 
-    // The scheduler says that the older ones will not come, which is nobody's fault.
+    // The scheduler says that the older plans will not arrive, which is no failure.
     for number in [0, 1] {
         assert_eq!(rig.timeline.fail(number), Arrival::Stray);
         rig.asked.pop_front();
@@ -105,7 +105,7 @@ fn a_command_takes_the_place_of_a_plan_that_waits_in_a_long_queue() {
 }
 
 #[test]
-fn a_plan_that_was_under_way_when_a_newer_was_asked_for_counts() {
+fn a_replaced_plan_that_was_under_way_counts() {
     let mut rig = Harness::new(WALKS, 34);
     rig.timeline.expect(QUEUED, 0);
     rig.advance(SUB_FRAMES, Clock::Runs);
@@ -156,7 +156,7 @@ fn a_command_does_not_wait_for_a_plan_that_was_asked_for_far_ahead() {
 }
 
 #[test]
-fn a_turn_that_is_not_done_is_planned_on_as_soon_as_usual() {
+fn an_unfinished_turn_is_continued_at_the_usual_interval() {
     let dims = crate::testing::toy_rig().dims;
     let spacing = |unfinished| {
         let pace = Pace::new(1.0, Some(9), 0, &dims, 30.0);
@@ -184,7 +184,7 @@ fn a_clock_that_waits_never_replaces_a_plan() {
     assert_eq!(rig.tickets.len(), 1);
 }
 
-/// What a plan of 64 frames leaves for waiting, with 6 frames left where the next takes over.
+/// Frames that a plan of 64 leaves for waiting, if 6 are left when the next takes over.
 const LASTS: i64 = 54;
 
 proptest! {
@@ -202,8 +202,8 @@ proptest! {
         rig.timeline.expect(most as u32, most as u32 + 1);
         let (mut latency, mut command) = (latencies.iter().cycle(), commands.iter().cycle());
         let mut next_command = *command.next().unwrap();
-        // The frames at which plans come; one that takes another's place comes when that would
-        // have.
+        // The frames at which plans arrive. A plan that replaces another arrives when that one
+        // would have.
         let mut coming: Vec<i64> = Vec::new();
         for frame in 1..600 {
             if frame == next_command {
@@ -233,9 +233,9 @@ proptest! {
     }
 
     #[test]
-    fn a_late_plan_slows_nobody_down_while_the_buffer_lasts(late in 1i64..=6, plan_frames in 34usize..=64) {
-        // Of 30 frames 9 are an interval and 8 are kept; what remains is for the plan that is late
-        // and for the one after it.
+    fn a_late_plan_does_not_slow_down_a_character_with_a_long_buffer(late in 1i64..=6, plan_frames in 34usize..=64) {
+        // Of 30 frames, 9 are an interval and 8 are kept. The rest covers the late plan and the
+        // next.
         let mut rig = Harness::new(WALKS, plan_frames);
         for _ in 0..200 {
             prop_assert_eq!(rig.advance(SUB_FRAMES, Clock::Runs), Stop::Done);
