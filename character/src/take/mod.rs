@@ -1,9 +1,10 @@
-//! Takes: motions of any length, made window after window.
+//! Takes: motions of any length, made window by window.
 //!
-//! A [`Take`] says what a motion must meet: a path over the ground, poses, places of joints. A
-//! [`Making`] asks a generator for one window at a time. A body with styles goes from keyframe to
-//! keyframe and walks between them ([`walk`]); a body whose network takes paths follows one
-//! ([`follow`], [`path_plan`]). [`finish`] then has the whole motion meet what it must.
+//! A [`Take`] holds the constraints of a motion: a path over the ground, poses, positions of
+//! joints. A
+//! [`Making`] needs a generator for one window at a time. A body with styles goes from keyframe to
+//! keyframe and walks between them ([`walk`]). A body whose network follows paths gets one
+//! ([`follow`], [`path_plan`]). At the end, [`finish`] makes the whole motion meet its constraints.
 
 mod finish;
 mod follow;
@@ -27,7 +28,7 @@ pub use making::Making;
 pub use note::{Note, Severity};
 pub use path_plan::{PathPlan, PathRequest, speed_mps};
 pub use request::{
-    Clock, Effector, Follower, Knot, Look, MotionFrames, Part, PoseKey, Prompt, Subject, Take, Wanted,
+    Clock, Effector, Follower, Knot, Look, MotionFrames, PoseKey, Prompt, Subject, Take, TakeSegment, Wanted,
 };
 pub use track::Track;
 pub use trajectory::{Shape, Trajectory, trajectory};

@@ -1,7 +1,7 @@
-//! Motion of a body that goes from keyframe to keyframe, window after window.
+//! Motion of a body that goes from keyframe to keyframe, made window by window.
 //!
-//! A window ends with a keyframe that is near. Without one smart locomotion walks along the way in
-//! a style, as a live character does. Words are acted out from the newest frames.
+//! A window ends with a keyframe if one is near. Otherwise smart locomotion walks along the way in
+//! a style, as a live character does. Words become motion from the newest frames on.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use troupe_motion::root::wrap_angle;
 use troupe_motion::{GlobalRoot, SegmentFrame, Vec3};
 
 use super::note::Note;
-use super::request::{MotionFrames, Part, Prompt, Take};
+use super::request::{MotionFrames, Prompt, Take, TakeSegment};
 use super::seed::window_seed;
 use super::start::start;
 use super::track::Track;
@@ -26,14 +26,14 @@ use crate::primitives::{
     GapPose, Guide, Locomotion, LocomotionCommand, PathCommand, PlanContext, PlanTargets, TargetKey,
 };
 
-/// Frames that are taken of a window of smart locomotion. The next window begins behind them.
+/// Frames of a window of smart locomotion that are used. The next window begins after them.
 const FRESH: usize = 24;
-/// A window ends with a keyframe that is this many frames away, at least and at most.
+/// A window ends with a keyframe that is at least and at most so many frames ahead.
 const KEY_FRAMES: [usize; 2] = [8, 48];
 /// Frames over which the root's velocity is measured.
 const VELOCITY_FRAMES: usize = 10;
 
-/// A motion on its way.
+/// A motion in progress.
 #[derive(Debug)]
 pub(super) struct Walk {
     take: Arc<Take>,
@@ -41,24 +41,24 @@ pub(super) struct Walk {
     sample: usize,
     /// Frames of the track before the motion's first one.
     lead: usize,
-    /// Whether the end of a loop is still open.
+    /// Whether the end of a loop has no keyframes yet.
     is_open: bool,
     /// Whole poses, by frame of the track.
     keys: BTreeMap<usize, TargetKey>,
     way: Way,
-    /// Made for the first window that needs it.
+    /// Created for the first window that needs it.
     locomotion: Option<Locomotion>,
     track: Track,
     pending: Option<Pending>,
-    /// Words that the generator found for a motion, which are to be acted out.
-    heard: Option<String>,
+    /// The generator's description of a motion: the next window is motion for it.
+    description: Option<String>,
     windows: usize,
     /// Frames of the track at which windows begin.
     boundaries: Vec<usize>,
     notes: Vec<Note>,
 }
 
-/// A window that is being made.
+/// The window that the generator is making.
 #[derive(Debug)]
 enum Pending {
     Plan { shape: Box<LiveShape>, fresh: usize },
@@ -66,7 +66,7 @@ enum Pending {
 }
 
 impl Walk {
-    /// A sample of a take.
+    /// Begins a sample of a take.
     pub(super) fn new(take: &Arc<Take>, sample: usize) -> Self {
         let rig = take.subject.rig.clone();
         let mut notes = Vec::new();
@@ -97,14 +97,14 @@ impl Walk {
             locomotion: None,
             track,
             pending: None,
-            heard: None,
+            description: None,
             windows: 0,
             boundaries: Vec::new(),
             notes,
         }
     }
 
-    /// The task of the next window; none behind the last.
+    /// The task of the next window; none after the last.
     pub(super) fn next_task(&mut self) -> Option<Task> {
         let end = self.lead + self.take.frames;
         let begin = self.track.len();
@@ -112,14 +112,14 @@ impl Walk {
             return None;
         }
         self.close_loop();
-        let part = self.part(begin).clone();
-        let left = (self.lead + part.end).min(end) - begin;
-        let seed = window_seed(part.seed.unwrap_or(self.take.seed), self.sample, self.windows);
+        let segment = self.segment(begin).clone();
+        let left = (self.lead + segment.end).min(end) - begin;
+        let seed = window_seed(segment.seed.unwrap_or(self.take.seed), self.sample, self.windows);
         self.windows += 1;
-        let words = match part.prompt {
+        let words = match segment.prompt {
             Prompt::Free => None,
             Prompt::Words(text) => Some(text),
-            Prompt::Like(motion) => match self.heard.take() {
+            Prompt::Like(motion) => match self.description.take() {
                 Some(text) => Some(text),
                 None => return Some(self.describe(&motion, seed)),
             },
@@ -131,17 +131,17 @@ impl Walk {
         }
     }
 
-    /// Takes the words that the generator found for a motion. They are acted out next.
-    pub(super) fn hear(&mut self, text: &str) {
+    /// Takes the generator's description of a motion. The next window is motion for it.
+    pub(super) fn receive_text(&mut self, text: &str) {
         let message = format!("a motion of the request was read as {text:?}");
         self.notes.push(Note::info("motion_reference", message));
-        self.heard = Some(text.to_owned());
+        self.description = Some(text.to_owned());
     }
 
-    /// Takes what the generator made of [`next_task`](Self::next_task).
+    /// Appends the generator's answer to [`next_task`](Self::next_task).
     ///
     /// # Errors
-    /// [`NonFinite`] for numbers that are not usable.
+    /// [`NonFinite`] if the answer has values that are not finite.
     pub(super) fn receive(&mut self, motion: &Motion) -> Result<(), NonFinite> {
         let before = self.track.len();
         match self.pending.take() {
@@ -171,14 +171,14 @@ impl Walk {
                 }
             }
         }
-        // A generator that makes nothing would never end.
+        // Without this, a generator that makes no frames would never end.
         match self.track.len() > before {
             true => Ok(()),
             false => Err(NonFinite),
         }
     }
 
-    /// The frames, those at which windows begin, and what a caller should know.
+    /// The frames, the frames at which windows begin, and the notes.
     pub(super) fn done(self) -> (Track, Vec<usize>, Vec<Note>) {
         let inside = self
             .boundaries
@@ -189,16 +189,16 @@ impl Walk {
         (self.track.part(self.lead, frames), boundaries, self.notes)
     }
 
-    /// The segment of a frame of the track.
-    fn part(&self, frame: usize) -> &Part {
+    /// The segment that contains a frame of the track.
+    fn segment(&self, frame: usize) -> &TakeSegment {
         let frame = frame.saturating_sub(self.lead);
-        let parts = &self.take.parts;
-        let found = parts.iter().find(|part| frame < part.end);
-        found.unwrap_or(&parts[parts.len() - 1])
+        let segments = &self.take.segments;
+        let found = segments.iter().find(|segment| frame < segment.end);
+        found.unwrap_or(&segments[segments.len() - 1])
     }
 
-    /// Makes keys of the end of a loop once its first frame is there: the same frames, carried along
-    /// the way.
+    /// Makes keyframes for the end of a loop when its first frame is known: the same frames, moved
+    /// along the way.
     fn close_loop(&mut self) {
         if !self.is_open || self.track.len() <= self.lead {
             return;
@@ -238,12 +238,12 @@ impl Walk {
     fn words(&mut self, text: String, frames: usize, seed: u64) -> Task {
         let keys = self.last_keys();
         let origin = GlobalRoot::new(Vec3::ZERO, self.way.first_heading());
-        // With too few frames for a context the words begin at the newest one.
+        // With fewer frames than a context, the words begin at the newest one.
         let last = self.track.len().checked_sub(1);
         let last = last.map(|frame| self.track.root(frame, &self.rig.skeleton));
         let frame = SegmentFrame::from_root(last.unwrap_or(origin));
         self.pending = Some(Pending::Words { frame, fresh: frames });
-        // The words lead off the way: the next walk starts from their end.
+        // Motion for words leaves the way: the next walk starts at its end.
         self.locomotion = None;
         Task::Prompt(PromptTask {
             text,
@@ -267,7 +267,8 @@ impl Walk {
         (from..self.track.len()).map(key).collect()
     }
 
-    /// Repeats the first frame until there is a context: words may have made fewer frames.
+    /// Repeats the first frame until there are enough for a context: words may have given fewer
+    /// frames.
     fn fill_context(&mut self) {
         let missing = CONTEXT_FRAMES.saturating_sub(self.track.len());
         if missing == 0 || self.track.is_empty() {
@@ -286,7 +287,7 @@ impl Walk {
             .collect();
     }
 
-    /// A window of keyframes. At most `left` of its frames are taken.
+    /// A window between keyframes. At most `left` of its frames are used.
     fn plan(&mut self, left: usize, seed: u64) -> Option<Task> {
         self.fill_context();
         let now = self.track.len() - 1;
@@ -322,7 +323,7 @@ impl Walk {
         });
         match item {
             PlanItem::Keyframes(task) => Some(Task::Keyframes(task)),
-            // Only bodies that take paths have such plans, and they do not walk.
+            // Only bodies that follow paths have such plans, and those do not walk.
             PlanItem::Path(_) => None,
         }
     }
@@ -390,8 +391,8 @@ impl Walk {
         way * self.rig.fps / (now - from).max(1) as f32
     }
 
-    /// A window that ends with the keyframe `away` frames ahead and those right behind it, and how
-    /// many frames it makes.
+    /// A window that ends with the keyframe `away` frames ahead and those directly after it, and
+    /// its number of frames.
     fn to_key(&self, now: usize, away: usize) -> (PlanTargets, usize) {
         let first = now + away;
         let most = self.rig.dims.max_targets;
@@ -417,7 +418,7 @@ impl Walk {
         (targets, fresh)
     }
 
-    /// The keyed poses inside the window of `frames` frames that begins behind `now`.
+    /// The given poses inside the window of `frames` frames that begins after `now`.
     fn gap_poses(&self, now: usize, frames: usize) -> Vec<GapPose> {
         let inside = self
             .keys
@@ -433,7 +434,7 @@ impl Walk {
         inside.filter_map(pose).collect()
     }
 
-    /// The way of a window, which begins at the newest frame and ends at `to`.
+    /// The way of a window from the newest frame to `to`.
     fn guide(&self, now: usize, frames: usize, here: GlobalRoot, to: Option<GlobalRoot>) -> Guide {
         let first = now as f32 - self.lead as f32;
         let last = frames - CONTEXT_FRAMES;
@@ -469,7 +470,7 @@ impl Walk {
     }
 }
 
-/// The keyframes of a body without a style: it stays in its place.
+/// The keyframes of a body without a style: it stays in place.
 fn stand(here: GlobalRoot) -> PlanTargets {
     PlanTargets {
         targets: vec![TargetKey {
